@@ -1,0 +1,1 @@
+"""Outputs and health to other programs."""

@@ -1,0 +1,95 @@
+"""Drivers: bytes in, measurements out, and back again.  No input or output of their own, no clock, no threads.
+
+A driver is a module of this package whose name does not begin with ``_``.  In this order it has:
+
+    docstring        document, revision, section; the packet layout as a text table; what is open
+    ``DOCUMENT``     the citation, one line
+    ``MESSAGES``     {message name: what it carries}
+    ``CARRIERS``     the kinds of link it can be on: "serial", "udp", "can"
+    ``Options``      what the configuration may say (strict, frozen; ``fti.config.StrictModel``)
+    ``make_decoder(options) -> Decoder``    bytes of the link to measurements; never raises on bad bytes
+    ``make_encoder(options) -> Encoder``    measurements to bytes, for the emulator
+    ``on_connect(options) -> [bytes]``      what a device must be told after every connect
+    ``poll(options) -> (period_s, bytes) | None``   a question that must be repeated
+    ``command(name, args) -> bytes``        a command for ``fti send``; ValueError when unknown
+
+Every byte that is fed is framed, held or counted as skipped:
+``bytes_in == framed + held + sum(skipped.values())``.
+A message carries the arrival time of its first byte.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Protocol
+
+from fti.config import StrictModel
+from fti.types import Measurement
+
+
+@dataclass(slots=True)
+class Counters:
+    """What became of the bytes of a decoder, and how many messages of each name came out."""
+
+    bytes_in: int = 0
+    framed: int = 0
+    held: int = 0
+    skipped: Counter[str] = field(default_factory=Counter)
+    messages: Counter[str] = field(default_factory=Counter)
+
+
+class Decoder(Protocol):
+    """A stream decoder."""
+
+    counters: Counters
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        """Take one read, datagram or CAN frame that arrived at t_rx_ns; return what is complete now."""
+
+
+class Encoder(Protocol):
+    """The other end of the line, for the emulator.  Stateful: it may count frames."""
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        """Bytes of the message(s) that carry this measurement; empty when no message is due yet or none carries it."""
+
+    def respond(self, data: bytes) -> list[bytes]:
+        """What the device answers to bytes from the daemon."""
+
+
+class Driver(Protocol):
+    """What a driver module offers."""
+
+    DOCUMENT: str
+    MESSAGES: Mapping[str, str]
+    CARRIERS: frozenset[str]
+    Options: type[StrictModel]
+
+    def make_decoder(self, options: StrictModel) -> Decoder: ...
+
+    def make_encoder(self, options: StrictModel) -> Encoder: ...
+
+    def on_connect(self, options: StrictModel) -> Sequence[bytes]: ...
+
+    def poll(self, options: StrictModel) -> tuple[float, bytes] | None: ...
+
+    def command(self, name: str, args: Mapping[str, str]) -> bytes: ...
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Names of the drivers there are, sorted."""
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")))
+
+
+def load(name: str) -> Driver:
+    """The driver of that name.  Raises ValueError naming those that exist."""
+    if name not in names():
+        raise ValueError(f"no driver {name!r}; there are {', '.join(names())}")
+    module: Driver = importlib.import_module(f"{__name__}.{name}")
+    return module

@@ -1,0 +1,92 @@
+"""Framing for every driver: find a frame, wait for its end, stamp its first byte, account for every byte.
+
+A protocol is one pure function that looks at the bytes held and says what it sees at their beginning:
+
+    measure(buffer) -> n > 0    a whole, checked frame of n bytes stands at the beginning
+                    -> 0        it may become a frame: more bytes are needed
+                    -> Skip     the first ``size`` bytes are no frame, for ``reason``
+
+After a Skip the search goes on behind the skipped bytes, so a lost header costs as little as it can.
+``limit`` bounds what is held: a corrupted length must not swallow the stream.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from fti.drivers import Counters
+
+
+class Skip(NamedTuple):
+    """The first ``size`` bytes (>= 1) are not part of a frame."""
+
+    size: int
+    reason: str
+
+
+Measure = Callable[[bytearray], "int | Skip"]
+
+
+def skip_to(buffer: bytearray, sync: bytes, reason: str = "no_sync") -> Skip | None:
+    """The Skip to the next sync (or to a beginning of it at the end of the buffer); None when it stands first."""
+    at = buffer.find(sync)
+    if at < 0:
+        at = len(buffer) - _overlap(buffer, sync)
+    return Skip(at, reason) if at else None
+
+
+def _overlap(buffer: bytearray, sync: bytes) -> int:
+    """Length of the longest end of the buffer that is a beginning of sync."""
+    for n in range(min(len(sync) - 1, len(buffer)), 0, -1):
+        if buffer.endswith(sync[:n]):
+            return n
+    return 0
+
+
+class Framer:
+    """Cuts a byte stream into frames.  measure : see above; limit : most bytes held while waiting for a frame's end."""
+
+    def __init__(self, measure: Measure, counters: Counters, limit: int = 4096) -> None:
+        self._measure = measure
+        self._counters = counters
+        self._limit = limit
+        self._buffer = bytearray()
+        self._base = 0  # stream offset of the first byte held
+        self._stamps: deque[tuple[int, int]] = deque()  # (stream offset where a read begins, its time)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> Iterator[tuple[int, bytes]]:
+        """Yield (arrival of the first byte [ns], frame) for every frame that is complete with these bytes."""
+        if not data:
+            return
+        self._stamps.append((self._base + len(self._buffer), t_rx_ns))
+        self._buffer += data
+        self._counters.bytes_in += len(data)
+        while self._buffer:
+            seen = self._look()
+            if seen == 0:
+                break
+            if isinstance(seen, Skip):
+                self._counters.skipped[seen.reason] += seen.size
+                self._drop(seen.size)
+            else:
+                frame = bytes(self._buffer[:seen])
+                stamp = self._stamps[0][1]
+                self._counters.framed += seen
+                self._drop(seen)
+                self._counters.held = len(self._buffer)
+                yield stamp, frame
+        self._counters.held = len(self._buffer)
+
+    def _look(self) -> int | Skip:
+        seen = self._measure(self._buffer)
+        if seen == 0 and len(self._buffer) >= self._limit:
+            return Skip(1, "too_long")
+        return seen
+
+    def _drop(self, count: int) -> None:
+        del self._buffer[:count]
+        self._base += count
+        while len(self._stamps) > 1 and self._stamps[1][0] <= self._base:
+            self._stamps.popleft()

@@ -1,0 +1,178 @@
+"""FreeFlight RA-4000 / RA-4500 radar altimeter, RS-232, 25 Hz.
+
+Document: FreeFlight 84629 names the interface; its byte table is not public.  The layout is the one that a public
+airborne logger decodes (third party):
+
+    byte  0  1  2  | 3  4          | 5      | 6        | 7  8
+          10 DF 03 | altitude [ft] | status | checksum | 10 03       altitude: u16, big-endian
+
+    status bit 0 ascending, 1 self test, 2 failure, 3 unlocked or invalid, 4 in air
+
+Open, therefore options: the rule of byte 6 (default: not checked) and DLE stuffing (default: none).  The baud rate is
+the link's.  0x10 may stand inside the data; the trailer decides what is a frame.
+
+Quantisation [ft]: to 119: 1; to 199: 2; to 499: 5; to 999: 20; to 2099: 50; above: 100 (Spiegel 2018, table 7.9,
+first column as corrected in docs/errata.md).  Sigma is step / sqrt(12).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from fti.config import StrictModel
+from fti.drivers import Counters
+from fti.drivers._framing import Framer, Skip, skip_to
+from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
+
+DOCUMENT = "FreeFlight 84629 (interface); layout as decoded by a public airborne logger"
+MESSAGES = {"height": "radio height and status of the altimeter"}
+CARRIERS = frozenset({"serial", "udp"})
+
+FOOT = 0.3048
+HEADER = b"\x10\xdf\x03"
+TRAILER = b"\x10\x03"
+DLE = 0x10
+BODY = 4  # altitude, status, checksum
+STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: "in_air"}
+INVALIDATING = ("self_test", "failure", "unlocked")
+QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
+
+
+class Options(StrictModel):
+    """``checksum``: the rule of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice."""
+
+    checksum: Literal["none", "xor", "sum"] = "none"
+    dle_stuffing: bool = False
+
+
+def quantisation_step_ft(height_ft: float) -> int:
+    """Step of the altitude [ft] at a height [ft]."""
+    return next((step for top, step in QUANTISATION_FT if height_ft <= top), QUANTISATION_FT[-1][1])
+
+
+def quantise_ft(height_ft: float) -> int:
+    """The altitude [ft] that the instrument would show, 0..65535."""
+    step = quantisation_step_ft(max(height_ft, 0.0))
+    return min(max(round(height_ft / step) * step, 0), 65535)
+
+
+def _checksum(rule: str, data: bytes) -> int:
+    if rule == "xor":
+        return functools.reduce(lambda a, b: a ^ b, data, 0)
+    return sum(data) & 0xFF if rule == "sum" else 0
+
+
+def decode_height(body: bytes, t_rx_ns: int) -> list[Measurement]:
+    """Altitude and status of the four body bytes, in metres and flags."""
+    height_ft = int.from_bytes(body[:2], "big")
+    flags = tuple(name for bit, name in STATUS_FLAGS.items() if body[2] >> bit & 1)
+    ok = not any(flag in INVALIDATING for flag in flags)
+    stamp = Stamp(t_rx_ns)
+    sd = quantisation_step_ft(height_ft) * FOOT / math.sqrt(12)
+    return [
+        RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok),
+        DeviceStatus(stamp=stamp, ok=ok, flags=flags),
+    ]
+
+
+def encode_height(height_agl: float, flags: tuple[str, ...], options: Options) -> bytes:
+    """One frame; the height [m] is quantised as the instrument does."""
+    status = sum(1 << bit for bit, name in STATUS_FLAGS.items() if name in flags)
+    body = quantise_ft(height_agl / FOOT).to_bytes(2, "big") + bytes([status])
+    body += bytes([_checksum(options.checksum, body)])
+    if options.dle_stuffing:
+        body = body.replace(bytes([DLE]), bytes([DLE, DLE]))
+    return HEADER + body + TRAILER
+
+
+class Decoder:
+    """Frames of the altimeter to RadioHeight and DeviceStatus."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._options = options
+        self._framer = Framer(self._measure, self.counters, limit=64)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for stamp, frame in self._framer.feed(data, t_rx_ns):
+            self.counters.messages["height"] += 1
+            found += decode_height(self._body(frame)[:BODY], stamp)
+        return found
+
+    def _body(self, buffer: bytes | bytearray) -> bytes:
+        """The body without stuffing, as far as it has arrived."""
+        inner = bytes(buffer[len(HEADER) :])
+        return inner.replace(bytes([DLE, DLE]), bytes([DLE])) if self._options.dle_stuffing else inner
+
+    def _measure(self, buffer: bytearray) -> int | Skip:
+        if skip := skip_to(buffer, HEADER):
+            return skip
+        length = self._length(buffer)
+        if length is None or len(buffer) < length:
+            return 0
+        if buffer[length - 2 : length] != TRAILER:
+            return Skip(1, "bad_trailer")
+        body = self._body(buffer[: length - 2])
+        if self._options.checksum != "none" and _checksum(self._options.checksum, body[:3]) != body[3]:
+            return Skip(1, "bad_checksum")
+        return length
+
+    def _length(self, buffer: bytearray) -> int | None:
+        """Length of the frame that begins here; None while stuffing leaves it open."""
+        if not self._options.dle_stuffing:
+            return len(HEADER) + BODY + len(TRAILER)
+        at = len(HEADER)
+        for _ in range(BODY):
+            if at + 1 >= len(buffer):
+                return None
+            at += 2 if buffer[at] == DLE else 1
+        return at + len(TRAILER)
+
+
+class Encoder:
+    """The altimeter's end of the line: a frame for each RadioHeight, with the flags of the last DeviceStatus."""
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._flags: tuple[str, ...] = ("in_air",)
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        if isinstance(measurement, DeviceStatus):
+            self._flags = measurement.flags
+            return []
+        if not isinstance(measurement, RadioHeight):
+            return []
+        flags = self._flags if measurement.valid else (*self._flags, "unlocked")
+        return [encode_height(measurement.height_agl or 0.0, flags, self._options)]
+
+    def respond(self, data: bytes) -> list[bytes]:
+        return []
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder."""
+    return Encoder(options)
+
+
+def on_connect(options: Options) -> list[bytes]:
+    """The altimeter talks by itself."""
+    return []
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """Nothing is asked."""
+    return None
+
+
+def command(name: str, args: Mapping[str, str]) -> bytes:
+    """The altimeter takes no commands."""
+    raise ValueError(f"freeflight_ra4500 has no command {name!r}")

@@ -1,0 +1,1 @@
+"""WGS84, rotations, local frames."""

@@ -1,0 +1,1 @@
+"""Hardware in the loop: trajectory, sensor models, faults, emulator and replay."""

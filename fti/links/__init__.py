@@ -1,0 +1,1 @@
+"""Links: serial, UDP, CAN.  The only code that touches a port."""

@@ -1,0 +1,1 @@
+"""Recording: streaming MCAP writer, session folders, reading, closing what was killed, schemas."""

@@ -1,0 +1,1 @@
+"""Navigation: validity, compensation, ground-clearance integrity, glide slope, pipeline.  Pure."""

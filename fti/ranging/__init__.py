@@ -1,0 +1,1 @@
+"""Surface-ranging sensors over a terrain."""

@@ -1,0 +1,1 @@
+"""One main per process, and the guard under which every unit runs."""

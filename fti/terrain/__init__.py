@@ -1,0 +1,1 @@
+"""Elevation, synthetic surfaces, ray casting."""

@@ -1,0 +1,490 @@
+"""The central types: frozen, few, without numpy.  Units, frames and names as in ``fti``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+# --------------------------------------------------------------------------------------------------------- bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """Exactly one read of a serial line, one datagram or one CAN frame.
+
+    link    : name of the link
+    seq     : position in the session, one counter for all links in order of arrival
+    t_rx_ns : FTI time of arrival [ns]
+    data    : the bytes; CAN as a little-endian ``can_frame`` (16 B) or ``canfd_frame`` (72 B)
+    """
+
+    link: str
+    seq: int
+    t_rx_ns: int
+    data: bytes
+
+
+TICK_LINK = "fti_tick"
+#: The recorder numbers a tick frame every 20 ms, so that silence has a time too.
+TICK_PERIOD_NS = 20_000_000
+
+
+class LinkState(StrEnum):
+    """The one state of a link; each has a hint for the person at the connector."""
+
+    ABSENT = "absent"
+    DENIED = "denied"
+    BUSY = "busy"
+    SILENT = "silent"
+    NOISE = "noise"
+    INVALID = "invalid"
+    WRONG_RATE = "wrong rate"
+    GOOD = "good"
+
+
+# -------------------------------------------------------------------------------------------------- measurements
+
+
+class TimeScale(StrEnum):
+    """Scale of a device's own time."""
+
+    GPS = "gps"  # ns since 1980-01-06, no leap seconds
+    UTC = "utc"  # ns since 1970-01-01
+    BOOT = "boot"  # ns since the device was switched on
+
+
+@dataclass(frozen=True, slots=True)
+class Stamp:
+    """When a message arrived, what the device said, and when it was true.
+
+    t_valid_ns is None until the navigation process has filled it in.
+    """
+
+    t_rx_ns: int
+    t_dev_ns: int | None = None
+    time_scale: TimeScale | None = None
+    t_valid_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attitude:
+    """Orientation of the body [rad]; a message may carry a part of it."""
+
+    stamp: Stamp
+    roll: float | None = None
+    pitch: float | None = None
+    heading: float | None = None
+    roll_sd: float | None = None
+    pitch_sd: float | None = None
+    heading_sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Position:
+    """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message."""
+
+    stamp: Stamp
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    alt_msl: float | None = None
+    undulation: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Velocity:
+    """Velocity north, east, down [m/s]; or what a message carries of it: ground speed [m/s] and track [rad]."""
+
+    stamp: Stamp
+    north: float | None = None
+    east: float | None = None
+    down: float | None = None
+    ground_speed: float | None = None
+    track: float | None = None
+    sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuSample:
+    """Specific force accel_b [m/s^2] and angular rate gyro_b [rad/s], forward, right, down."""
+
+    stamp: Stamp
+    accel_b: tuple[float, float, float] | None = None
+    gyro_b: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """Slant range along the beam [m], as a laser measures it; ``lost`` when the device found no return."""
+
+    stamp: Stamp
+    slant_range: float | None
+    sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RadioHeight:
+    """Height above ground at the antenna [m], as a radar altimeter reports it (leading edge)."""
+
+    stamp: Stamp
+    height_agl: float | None
+    sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticPressure:
+    """Static pressure [Pa]."""
+
+    stamp: Stamp
+    p_static: float
+    sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImpactPressure:
+    """Impact pressure q_c = total - static [Pa]."""
+
+    stamp: Stamp
+    q_c: float
+    sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airspeed:
+    """Calibrated (cas), indicated (ias) and true (tas) airspeed [m/s]; what the message carries."""
+
+    stamp: Stamp
+    cas: float | None = None
+    ias: float | None = None
+    tas: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Temperature:
+    """Air temperature [K]."""
+
+    stamp: Stamp
+    static: float | None = None
+    total: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowAngles:
+    """Angle of attack (aoa, positive nose above the flow) and of sideslip (aos, wind from the right) [rad]."""
+
+    stamp: Stamp
+    aoa: float | None = None
+    aos: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressureAltitude:
+    """Altitude from static pressure [m]; ``setting_pa`` 101325 is the standard setting, None is unknown."""
+
+    stamp: Stamp
+    alt_press: float
+    setting_pa: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagneticField:
+    """Magnetic flux density in the body frame [T]."""
+
+    stamp: Stamp
+    field_b: tuple[float, float, float]
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceDeflection:
+    """Deflection of a control surface [rad] and the raw count that it was made from."""
+
+    stamp: Stamp
+    surface: str
+    deflection: float | None
+    raw: int | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DmeRange:
+    """Slant range to a DME station [m]."""
+
+    stamp: Stamp
+    station: str
+    slant_range: float | None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Satellite:
+    """One satellite: azimuth and elevation [rad], carrier-to-noise density [dB-Hz]."""
+
+    system: str
+    number: int
+    azimuth: float | None = None
+    elevation: float | None = None
+    cn0_dbhz: float | None = None
+    used: bool | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Satellites:
+    """The satellites of one epoch and the dilution of precision that the receiver states."""
+
+    stamp: Stamp
+    satellites: tuple[Satellite, ...] = ()
+    used: int | None = None
+    hdop: float | None = None
+    vdop: float | None = None
+    pdop: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """Approach deviation as a receiver states it [DDM]: localizer (fly right positive), glide slope (fly down)."""
+
+    stamp: Stamp
+    localizer_ddm: float | None = None
+    glide_slope_ddm: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceStatus:
+    """What a device says about itself; ``flags`` are the names of the conditions that it reports."""
+
+    stamp: Stamp
+    ok: bool
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceTime:
+    """The device's own time, when a message carries nothing but the time; the time is in the stamp."""
+
+    stamp: Stamp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ack:
+    """A device's answer to a command."""
+
+    stamp: Stamp
+    command: str
+    accepted: bool
+    detail: str = ""
+
+
+Measurement = (
+    Attitude
+    | Position
+    | Velocity
+    | ImuSample
+    | Range
+    | RadioHeight
+    | StaticPressure
+    | ImpactPressure
+    | Airspeed
+    | Temperature
+    | FlowAngles
+    | PressureAltitude
+    | MagneticField
+    | SurfaceDeflection
+    | DmeRange
+    | Satellites
+    | Deviation
+    | DeviceStatus
+    | DeviceTime
+    | Ack
+)
+
+# ------------------------------------------------------------------------------------------------------- outputs
+
+
+class Reason(StrEnum):
+    """Why a value is not valid, or why a monitor does not judge."""
+
+    DEVICE_FLAG = "device_flag"  # the device itself says so
+    NO_RETURN = "no_return"  # the device has no measurement
+    BELOW_RANGE = "below_range"
+    ABOVE_RANGE = "above_range"
+    ROLL = "roll"  # beyond the limit of the altimeter or the monitor
+    PITCH = "pitch"
+    STALE = "stale"  # older than max_age_ms
+    SILENT = "silent"  # never heard
+    NO_ATTITUDE = "no_attitude"
+    NO_POSITION = "no_position"
+    NO_VELOCITY = "no_velocity"
+    NO_ALTIMETER = "no_altimeter"
+    NO_PROFILE = "no_profile"
+    WRONG_SENSOR = "wrong_sensor"  # the reference was made for another altimeter
+    OUTSIDE_PROFILE = "outside_profile"
+    OFF_TRACK = "off_track"
+    GAPS = "gaps"
+    PROTECTION_LEVEL = "protection_level"
+    END = "end"  # past the glide path intercept
+    GO_AROUND = "go_around"
+    NOT_OBSERVABLE = "position_not_observable"
+    ABSOLUTE_MATCH = "absolute_match"  # T1
+    SHIFTED = "shifted"  # T2
+    HEIGHT_ERROR = "height_error"  # T3
+    OBSTACLE = "obstacle"  # T4
+    INTEGRITY = "integrity"  # the integrity monitor does not vouch for the height
+    BELOW_150_M = "below_150_m"  # too close for an angle; metres only
+    FULL_SCALE = "full_scale"
+
+
+class Datum(StrEnum):
+    """What a height is counted from."""
+
+    ELLIPSOID = "ellipsoid"
+    MSL = "msl"
+    PRESSURE = "pressure"
+    AGL = "agl"
+
+
+class Point(StrEnum):
+    """What a height is the height of."""
+
+    ANTENNA = "antenna"
+    P = "p"
+    WHEELS = "wheels"
+
+
+class IntegrityState(StrEnum):
+    """State of the ground-clearance integrity monitor."""
+
+    NO_PROFILE = "no_profile"
+    ACQUIRE = "acquire"
+    MONITOR = "monitor"
+    OK = "ok"
+    CAUTION = "caution"
+    ALERT = "alert"
+    UNAVAILABLE = "unavailable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightAboveGround:
+    """Height above ground from one altimeter.
+
+    t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
+    raw        : what the device said, at its antenna and along its beam [m]
+    height_agl : compensated for attitude, mounting and lever arm, at ``point`` [m]; sd : one sigma [m]
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    sensor: str
+    raw: float | None
+    height_agl: float | None
+    sd: float | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    datum: Datum = Datum.AGL
+    point: Point = Point.P
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClearanceIntegrity:
+    """Does the ground below match the approach that was published?
+
+    t1..t4_ratio  : test statistics over their limits (1 = limit); None where not tested
+    shift, shift_sd         : along-track shift d^ that explains the window best [m]; None when unknown
+    height_error, .._sd     : b(0), navigated height minus profile [m]
+    observability           : O; s_begin, s_end : window along the track before the intercept point [m]
+    alert_limit_v / _s      : alert limits, vertical and along the track [m]
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    state: IntegrityState
+    reasons: tuple[Reason, ...]
+    valid: bool
+    t1_ratio: float | None = None
+    t2_ratio: float | None = None
+    t3_ratio: float | None = None
+    t4_ratio: float | None = None
+    shift: float | None = None
+    shift_sd: float | None = None
+    height_error: float | None = None
+    height_error_sd: float | None = None
+    observability: float | None = None
+    s_begin: float | None = None
+    s_end: float | None = None
+    alert_limit_v: float | None = None
+    alert_limit_s: float | None = None
+    reference: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GlideSlope:
+    """Deviation from the published glide path.
+
+    s, y        : path length before the intercept point and offset right of the track [m]
+    dh, dh_nav  : height above the path from the altimeter and from navigation [m]
+    deviation   : angle above (+) the path as seen from the intercept point [rad]; sd : one sigma [rad]
+    dots        : deviation / 0.12 g, clamped to +-2; clamped : it was
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    s: float | None = None
+    y: float | None = None
+    dh: float | None = None
+    dh_nav: float | None = None
+    deviation: float | None = None
+    sd: float | None = None
+    dots: float | None = None
+    clamped: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NavSolution:
+    """Position, velocity and attitude that the pipeline uses, and where each came from."""
+
+    t_ns: int
+    t_valid_ns: int | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    position_source: str | None = None
+    attitude_source: str | None = None
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    vel_north: float | None = None
+    vel_east: float | None = None
+    vel_down: float | None = None
+    roll: float | None = None
+    pitch: float | None = None
+    heading: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something that a person should know: a source changed, a device came back, a mark was set."""
+
+    t_ns: int
+    level: str  # info | warning | error
+    source: str
+    text: str
+
+
+Output = HeightAboveGround | ClearanceIntegrity | GlideSlope | NavSolution
