@@ -1,0 +1,73 @@
+"""The ``fti`` command.
+
+Each other module of this package whose name does not begin with ``_`` is one command (``_`` in a name is read as
+``-``).  It has a docstring (its first line is the help, the rest the description), ``add_arguments(parser)`` and
+``run(args) -> exit code``.  A command exists when it works, not before.
+
+Exit codes: 0 done; 1 a result does not hold; 2 wrong call, configuration or missing thing (one sentence on standard
+error); 3 readable with losses; 130 interrupted, files closed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import inspect
+import pkgutil
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+
+import fti.cli
+from fti.errors import FtiError, RecordingError
+
+EXIT_WRONG = 2
+EXIT_LOSSES = 3
+EXIT_INTERRUPTED = 130
+
+
+def _commands() -> list[ModuleType]:
+    names = (m.name for m in pkgutil.iter_modules(fti.cli.__path__))
+    return [importlib.import_module(f"fti.cli.{n}") for n in sorted(names) if n != "main" and not n.startswith("_")]
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser with every command."""
+    parser = argparse.ArgumentParser(
+        prog="fti", description="Flight-test data service: records every byte, navigates live, plays the sensors."
+    )
+    sub = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for module in _commands():
+        text = inspect.getdoc(module) or ""
+        name = module.__name__.rsplit(".", 1)[1].strip("_").replace("_", "-")
+        command = sub.add_parser(
+            name,
+            help=text.partition("\n")[0].rstrip("."),
+            description=text,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(command)
+        command.set_defaults(run=module.run)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; what the user must know stands in one sentence on standard error."""
+    args = make_parser().parse_args(argv)
+    try:
+        return int(args.run(args))
+    except RecordingError as error:
+        print(f"fti: {error}", file=sys.stderr)
+        return EXIT_LOSSES
+    except FtiError as error:
+        print(f"fti: {error}", file=sys.stderr)
+        return EXIT_WRONG
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has had enough, as with ``| head``
+        sys.stderr.close()
+        return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
