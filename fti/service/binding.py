@@ -1,0 +1,128 @@
+"""Binding: from the configuration's tables to drivers with checked options.
+
+An option whose name ends in ``_file`` names a text file; the driver gets its content in the option without the
+ending (``dbc_file = "air.dbc"`` becomes ``dbc = "<text>"``), because a driver opens no files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fti import config as configuration
+from fti import drivers
+from fti.config import Config, Device, StrictModel
+from fti.drivers import Decoder, Driver
+from fti.errors import ConfigError, MissingError
+
+FILE_ENDING = "_file"
+
+
+@dataclass(frozen=True, slots=True)
+class BoundDevice:
+    """A device of the configuration with its driver and checked options."""
+
+    device: Device
+    driver: Driver
+    options: StrictModel
+
+    def make_decoder(self) -> Decoder:
+        """A fresh decoder."""
+        return self.driver.make_decoder(self.options)
+
+
+def read_text(path: Path) -> str:
+    """A text file named in the configuration.  Raises MissingError."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise MissingError(f"{path}: cannot be read: {reason}") from None
+
+
+def option_files(config: Config) -> dict[str, Path]:
+    """The files that options name, by the key path that names them."""
+    folder = Path(config.path).parent
+    return {
+        f"device[{i}].options.{key}": folder / value
+        for i, device in enumerate(config.device)
+        for key, value in device.options.items()
+        if key.endswith(FILE_ENDING) and isinstance(value, str)
+    }
+
+
+def read_texts(config: Config) -> dict[str, str]:
+    """The content of every file that options and ``nav.approach`` name, by key path.  Raises MissingError."""
+    texts = {key: _read_named(config, key, path) for key, path in option_files(config).items()}
+    if config.nav.approach:
+        key = "nav.approach.profile"
+        texts[key] = _read_named(config, key, Path(config.nav.approach.profile))
+    return texts
+
+
+def _read_named(config: Config, key: str, path: Path) -> str:
+    try:
+        return read_text(path)
+    except MissingError as error:
+        raise MissingError(f"{config.path}: {key}: {error}") from None
+
+
+def bind_devices(config: Config, texts: Mapping[str, str] | None = None) -> list[BoundDevice]:
+    """Every device with driver and checked options.  texts : see ``read_texts``, which is called when None.
+
+    Raises ConfigError with file, key path, value and what is allowed.
+    """
+    found = read_texts(config) if texts is None else texts
+    return [_bind(config, i, device, found) for i, device in enumerate(config.device)]
+
+
+def _bind(config: Config, index: int, device: Device, texts: Mapping[str, str]) -> BoundDevice:
+    key = f"device[{index}]"
+    try:
+        driver = drivers.load(device.driver)
+    except ValueError as error:
+        raise ConfigError(f"{config.path}: {key}.driver = {device.driver!r}: {error}") from None
+    kind = next(link.kind for link in config.link if link.name == device.link)
+    if kind not in driver.CARRIERS:
+        carriers = ", ".join(sorted(driver.CARRIERS))
+        raise ConfigError(
+            f"{config.path}: {key}.link = {device.link!r}: is a {kind} link; {device.driver} speaks on {carriers}"
+        )
+    table = _with_texts(device.options, f"{key}.options", texts)
+    options = configuration.bind(driver.Options, table, config.path, f"{key}.options")
+    bound = BoundDevice(device, driver, options)
+    _try(config, key, bound.make_decoder)
+    return bound
+
+
+def _with_texts(options: Mapping[str, Any], key: str, texts: Mapping[str, str]) -> dict[str, Any]:
+    named = {name[: -len(FILE_ENDING)]: texts[f"{key}.{name}"] for name in options if f"{key}.{name}" in texts}
+    return {**options, **named}
+
+
+def _try(config: Config, key: str, make: Callable[[], object]) -> None:
+    """What a driver refuses (a wrong DBC, say) is an error of the configuration."""
+    try:
+        make()
+    except ValueError as error:
+        raise ConfigError(f"{config.path}: {key}.options: {error}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Sending:
+    """What the recorder sends on a link by itself, and never understands."""
+
+    on_connect: tuple[bytes, ...]
+    polls: tuple[tuple[float, bytes], ...]  # (period [s], bytes)
+
+
+def sending_on(link: str, devices: Sequence[BoundDevice]) -> Sending:
+    """What the devices of a link must be told after every connect, and asked again and again."""
+    here = [d for d in devices if d.device.link == link]
+    questions = [d.driver.poll(d.options) for d in here]
+    return Sending(
+        on_connect=tuple(data for d in here for data in d.driver.on_connect(d.options)),
+        polls=tuple(q for q in questions if q is not None),
+    )

@@ -1,0 +1,107 @@
+"""The control channel between the supervisor and a child: JSON lines on a pair of Unix stream sockets.
+
+End of file means that the other side is gone: a child then finishes its work and exits.  Sending never waits: what
+the socket does not take is kept and goes with the next call.  What a child must know from the beginning does not
+come this way but in an inherited memory file, whole, before its first line runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+Message = dict[str, Any]
+#: More than this is only waiting when the other side has stopped reading; it is then worth nothing any more.
+MOST_PENDING = 2**20
+
+
+class Channel:
+    """One end of a control channel.  ``ended`` is true once the other side has closed."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        self._socket = sock
+        self._received = bytearray()
+        self._pending = bytearray()
+        self.ended = False
+
+    def fileno(self) -> int:
+        """Descriptor to wait on."""
+        return self._socket.fileno()
+
+    def send(self, message: Mapping[str, Any]) -> bool:
+        """Queue a message; False when the other side is gone or has stopped reading."""
+        if len(self._pending) > MOST_PENDING:
+            return False
+        self._pending += json.dumps(message, separators=(",", ":")).encode() + b"\n"
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Hand over what is queued, as far as the socket takes it; False when the other side is gone."""
+        try:
+            while self._pending:
+                del self._pending[: self._socket.send(self._pending)]
+        except BlockingIOError:
+            return True
+        except OSError:
+            self.ended = True
+            return False
+        return True
+
+    def receive(self) -> list[Message]:
+        """The messages that have arrived; empty when there is none."""
+        self.flush()
+        while not self.ended:
+            try:
+                data = self._socket.recv(65536)
+            except BlockingIOError:
+                break
+            except OSError:
+                data = b""
+            self.ended = not data
+            self._received += data
+        *lines, rest = bytes(self._received).split(b"\n")
+        self._received = bytearray(rest)
+        return [json.loads(line) for line in lines if line]
+
+    def close(self) -> None:
+        """Close this end."""
+        self._socket.close()
+
+
+def make_memory_file(name: str, data: bytes) -> int:
+    """A memory file that a child inherits; returns its descriptor."""
+    fd = os.memfd_create(name)
+    view = memoryview(data)
+    while view:
+        view = view[os.write(fd, view) :]
+    return fd
+
+
+def read_memory_file(fd: int) -> bytes:
+    """The content of an inherited memory file; closes it."""
+    with os.fdopen(fd, "rb") as file:
+        file.seek(0)
+        return file.read()
+
+
+def adopt_channel(fd: int) -> Channel:
+    """The child's end, from the inherited descriptor."""
+    return Channel(socket.socket(fileno=fd))
+
+
+def notify_systemd(state: str) -> None:
+    """Tell systemd (``READY=1``) when it started us; nothing otherwise."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        return
+    if address.startswith("@"):
+        address = "\0" + address[1:]
+    elif not Path(address).exists():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+        sock.sendto(state.encode(), address)
