@@ -1,0 +1,66 @@
+# Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
+#
+#   make demo     fly an emulated approach, record it, show it in the browser
+#   make test     every test: quick ones two at a time, those with real processes one after another
+#   make check    style, types, layers
+#   make bench    every benchmark
+#   make soak     the tests again, at full scale
+#   make lock     choose the versions anew from pyproject.toml (needs uv)
+
+BIN := .venv/bin
+READY := .venv/.installed
+PYTEST := $(BIN)/python -m pytest
+
+.PHONY: demo test check bench soak lock
+.DELETE_ON_ERROR:
+
+demo: $(READY)
+	$(BIN)/fti demo
+
+# Both runs happen; the first failure is the exit code.
+test: $(READY)
+	@rc=0; \
+	$(PYTEST) -n 2 -m "not e2e" || rc=$$?; \
+	$(PYTEST) -m e2e || { e2e=$$?; [ $$rc -ne 0 ] || rc=$$e2e; }; \
+	exit $$rc
+
+check: $(READY)
+	@rc=0; \
+	for step in "ruff check" "ruff format --check" mypy lint-imports; do \
+		echo "== $$step"; $(BIN)/$$step || rc=1; \
+	done; \
+	exit $$rc
+
+bench: $(READY)
+	@rc=0; \
+	for file in benchmarks/*.py; do \
+		echo "== $$file"; $(BIN)/python "$$file" || rc=1; \
+	done; \
+	exit $$rc
+
+soak: $(READY)
+	$(PYTEST) --scale full --timeout 3600
+
+lock:
+	@command -v uv >/dev/null || { echo "make lock needs uv (https://docs.astral.sh/uv) on the path" >&2; exit 2; }
+	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra test --output-file requirements.lock
+
+# PYTHON=... chooses the interpreter; otherwise the first of these that runs and is new enough.
+CANDIDATES := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+
+# Some systems have pip and no ensurepip: then the interpreter's own pip installs into the environment.
+$(READY): requirements.lock pyproject.toml
+	@set -e; \
+	for candidate in $(CANDIDATES); do \
+		if "$$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then python=$$candidate; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+		echo "fti needs Python 3.11 or newer; tried: $(CANDIDATES). Name one with: make PYTHON=/path/to/python" >&2; exit 2; \
+	fi; \
+	echo "Setting up .venv with $$("$$python" --version) (once, about a minute) ..."; \
+	"$$python" -m venv .venv >/dev/null 2>&1 || "$$python" -m venv --without-pip .venv; \
+	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; fi; \
+	pip="$$python -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore"; \
+	$$pip --require-hashes --requirement requirements.lock; \
+	$$pip --no-deps --no-build-isolation --editable .; \
+	touch $@

@@ -1,0 +1,36 @@
+"""What tests share: ``from tests.helpers import until`` (the repository's root is on pytest's path)."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+ROOT = Path(__file__).resolve().parent.parent
+POLL_S = 0.005
+
+Found = TypeVar("Found")
+
+
+def until(predicate: Callable[[], Found], timeout: float = 10.0, what: str = "") -> Found:
+    """Poll until the predicate is truthy and return its value; AssertionError after timeout [s], saying what."""
+    deadline = time.monotonic() + timeout
+    while not (found := predicate()):
+        assert time.monotonic() < deadline, f"waited {timeout:g} s for {what or predicate}; last seen: {found!r}"
+        time.sleep(POLL_S)
+    return found
+
+
+async def until_async(
+    predicate: Callable[[], Found],
+    timeout: float = 10.0,  # noqa: ASYNC109 - asyncio.timeout could not say what was waited for
+    what: str = "",
+) -> Found:
+    """``until`` inside a running loop, which goes on meanwhile."""
+    deadline = time.monotonic() + timeout
+    while not (found := predicate()):
+        assert time.monotonic() < deadline, f"waited {timeout:g} s for {what or predicate}; last seen: {found!r}"
+        await asyncio.sleep(POLL_S)
+    return found
