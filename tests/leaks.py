@@ -30,15 +30,19 @@ def _threads() -> dict[str, str]:
 
 def _children() -> dict[str, str]:
     found = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            text = stat.read_text()
-            command = (stat.parent / "cmdline").read_text().replace("\0", " ").strip()
-        except OSError:
-            continue  # it ended while we looked
-        if int(text.rpartition(")")[2].split()[1]) == os.getpid() and not any(i in command for i in IGNORED_CHILDREN):
-            found[f"process {stat.parent.name}"] = f"child process {stat.parent.name} {command or '(zombie)'}"
+    for pid in (p for task in Path("/proc/self/task").iterdir() for p in _read(task / "children").split()):
+        command = _read(Path("/proc", pid, "cmdline")).replace("\0", " ").strip()
+        if not any(ignored in command for ignored in IGNORED_CHILDREN):
+            found[f"process {pid}"] = f"child process {pid} {command or '(ended, nobody waited for it)'}"
     return found
+
+
+def _read(path: Path) -> str:
+    """Text of a file of /proc; empty when what it describes has ended."""
+    try:
+        return path.read_text()
+    except OSError:
+        return ""
 
 
 def _descriptors() -> dict[str, str]:
