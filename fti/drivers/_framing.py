@@ -7,7 +7,9 @@ A protocol is one pure function that looks at the bytes held and says what it se
                     -> Skip     the first ``size`` bytes are no frame, for ``reason``
 
 After a Skip the search goes on behind the skipped bytes, so a lost header costs as little as it can.
-``limit`` bounds what is held: a corrupted length must not swallow the stream.
+``limit`` bounds what is held and what ``measure`` sees: a corrupted length must not swallow the stream, and how the
+bytes were cut into reads must not change the result.  For the same reason ``measure`` may depend on nothing but a
+beginning of the buffer and on what it returned before.
 """
 
 from __future__ import annotations
@@ -61,6 +63,7 @@ class Framer:
         if not data:
             return
         self._stamps.append((self._base + len(self._buffer), t_rx_ns))
+        self._forget_old_stamps()
         self._buffer += data
         self._counters.bytes_in += len(data)
         while self._buffer:
@@ -80,13 +83,18 @@ class Framer:
         self._counters.held = len(self._buffer)
 
     def _look(self) -> int | Skip:
-        seen = self._measure(self._buffer)
-        if seen == 0 and len(self._buffer) >= self._limit:
+        window = self._buffer if len(self._buffer) <= self._limit else self._buffer[: self._limit]
+        seen = self._measure(window)
+        if seen == 0 and len(window) >= self._limit:
             return Skip(1, "too_long")
         return seen
 
     def _drop(self, count: int) -> None:
         del self._buffer[:count]
         self._base += count
+        self._forget_old_stamps()
+
+    def _forget_old_stamps(self) -> None:
+        """Keep the read that the first byte held came with, and later ones."""
         while len(self._stamps) > 1 and self._stamps[1][0] <= self._base:
             self._stamps.popleft()
