@@ -1,0 +1,45 @@
+"""Record every byte and navigate live, until Ctrl-C.
+
+The daemon of a test aircraft: opens the links of CONFIG, records each byte that arrives into MCAP, decodes the same
+bytes on a path of their own, navigates, and shows it on a page.
+
+  fti run configs/research_aircraft.toml
+  fti run configs/bench.toml --duration 60 --out /data/flights
+
+A session goes into a new folder below [session] directory.  Ctrl-C and SIGTERM leave finished files; what a killed
+session left open is closed by the next start in the same directory.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from fti.cli.main import EXIT_INTERRUPTED
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti run``."""
+    parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
+    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--out", metavar="DIR", help="record below DIR instead of [session] directory")
+    parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
+    parser.add_argument("--origin", choices=("flight", "hil", "replay"), help="what the bytes come from; shown always")
+    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch and fti mark find this daemon")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the daemon to its end."""
+    import asyncio
+
+    from fti import config as configuration
+    from fti.service.daemon import serve
+
+    config = configuration.load(args.config)
+    changes = {"directory": args.out, "origin": args.origin}
+    config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
+    if args.links:
+        config = configuration.with_links(config, args.links)
+    signalled = asyncio.run(
+        serve(config, announce=lambda line: print(line, flush=True), run_dir=args.run_dir, duration_s=args.duration)
+    )
+    return EXIT_INTERRUPTED if signalled else 0

@@ -1,0 +1,94 @@
+"""The chain: raw frames in, measurements and outputs out.  Live navigation and reprocessing run this same object.
+
+It is deterministic: it knows no time but the stamps and ticks of the frames, and takes them in order of ``seq``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+
+from fti.config import Config
+from fti.drivers import Decoder
+from fti.nav.pipeline import Pipeline
+from fti.nav.reference import Reference
+from fti.service.binding import BoundDevice
+from fti.service.guard import guarded
+from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame
+
+
+@dataclass(slots=True)
+class Products:
+    """What came out of some frames, in order."""
+
+    measurements: list[tuple[str, Measurement]] = field(default_factory=list)
+    outputs: list[Output | Event] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Listener:
+    """A device on its link: its decoder and what it has heard."""
+
+    bound: BoundDevice
+    decoder: Decoder
+    messages: int = 0
+    last_ns: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the device."""
+        return self.bound.device.name
+
+
+def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
+    """The reference profile of ``nav.approach``; None when no approach is configured.  Raises ConfigError."""
+    if config.nav.approach is None:
+        return None
+    return Reference.parse(texts["nav.approach.profile"], config.nav.approach.profile)
+
+
+class Chain:
+    """Decoders of all links and the navigation pipeline behind them."""
+
+    def __init__(self, config: Config, devices: Sequence[BoundDevice], reference: Reference | None) -> None:
+        self.listeners = [Listener(bound, bound.make_decoder()) for bound in devices]
+        self._on_link: dict[str, list[Listener]] = {}
+        for listener in self.listeners:
+            self._on_link.setdefault(listener.bound.device.link, []).append(listener)
+        self._pipeline = Pipeline(config, reference)
+
+    def feed(self, frame: RawFrame) -> Products:
+        """Take the next frame; return what follows from it."""
+        products = Products()
+        if frame.link == TICK_LINK:
+            with self._guard("pipeline", frame, products):
+                products.outputs += self._pipeline.tick(frame.t_rx_ns)
+        for listener in self._on_link.get(frame.link, ()):
+            for measurement in self._decode(listener, frame, products):
+                products.measurements.append((listener.name, measurement))
+                with self._guard("pipeline", frame, products):
+                    products.outputs += self._pipeline.feed(listener.name, measurement)
+        return products
+
+    def _decode(self, listener: Listener, frame: RawFrame, products: Products) -> list[Measurement]:
+        found: list[Measurement] = []
+        whole = False
+        with self._guard(listener.name, frame, products):
+            found = listener.decoder.feed(frame.data, frame.t_rx_ns)
+            whole = True
+        if not whole:  # a decoder must not fail; if one does, it alone starts again
+            listener.decoder = listener.bound.make_decoder()
+        if found:
+            listener.messages += len(found)
+            listener.last_ns = frame.t_rx_ns
+        return found
+
+    def _guard(self, unit: str, frame: RawFrame, products: Products) -> AbstractContextManager[None]:
+        """A failure becomes an event among the outputs, at the time of the frame: it is the same when reprocessed."""
+
+        def tell(unit: str, error: Exception) -> None:
+            text = f"failed at seq {frame.seq} and goes on: {type(error).__name__}: {error}"
+            products.outputs.append(Event(t_ns=frame.t_rx_ns, level="error", source=unit, text=text))
+
+        return guarded(unit, tell)

@@ -1,0 +1,29 @@
+"""A command to a running daemon, over its control socket."""
+
+from __future__ import annotations
+
+import json
+import socket
+from typing import Any
+
+from fti.errors import FtiError, MissingError
+from fti.service.rundir import find_daemon
+
+ANSWER_S = 5.0
+
+
+def ask(command: dict[str, Any], run_dir: str | None = None) -> dict[str, Any]:
+    """Send a command and return the answer.  Raises MissingError (no daemon) or FtiError (it refuses)."""
+    info = find_daemon(run_dir)
+    with socket.socket(socket.AF_UNIX) as sock:
+        sock.settimeout(ANSWER_S)
+        try:
+            sock.connect(info.sock)
+            sock.sendall(json.dumps(command).encode() + b"\n")
+            line = sock.makefile("rb").readline()
+        except OSError as error:
+            raise MissingError(f"{info.sock}: the daemon does not answer: {error}") from None
+    answer: dict[str, Any] = json.loads(line or b'{"fault": "the daemon has gone"}')
+    if "fault" in answer:
+        raise FtiError(f"the daemon refuses: {answer['fault']}")
+    return answer

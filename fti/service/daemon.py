@@ -1,0 +1,63 @@
+"""The daemon in one call: a supervisor, and the signals that end it."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections.abc import Awaitable, Callable
+
+from fti.clock import choose_epoch_ns
+from fti.config import Config
+from fti.service.supervisor import Announce, Supervisor
+
+#: What else runs with the daemon, from its first recorded moment on; it is cancelled when the daemon ends.
+Companion = Callable[[Supervisor], Awaitable[None]]
+
+
+async def serve(
+    config: Config,
+    *,
+    announce: Announce,
+    run_dir: str | None = None,
+    duration_s: float | None = None,
+    companion: Companion | None = None,
+) -> bool:
+    """Run one session to its end.  Ctrl-C and SIGTERM end it in good order.
+
+    duration_s : end after so long [s]; None runs until a signal comes
+    companion  : runs beside the daemon (the emulator of a demonstration)
+    Returns True when a signal ended it.
+    """
+    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, announce)
+    signalled = _stop_on_signals(supervisor)
+    beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
+    try:
+        await supervisor.run(duration_s)
+    finally:
+        if beside:
+            beside.cancel()
+            await asyncio.gather(beside, return_exceptions=True)
+    if beside and not beside.cancelled() and (error := beside.exception()):
+        raise error
+    return signalled.is_set()
+
+
+def _stop_on_signals(supervisor: Supervisor) -> asyncio.Event:
+    signalled = asyncio.Event()
+
+    def stop() -> None:
+        signalled.set()
+        supervisor.stop()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop)
+    return signalled
+
+
+async def _accompany(supervisor: Supervisor, companion: Companion) -> None:
+    """A companion that fails or ends takes the session with it."""
+    await supervisor.recording.wait()
+    try:
+        await companion(supervisor)
+    finally:
+        supervisor.stop()

@@ -1,0 +1,133 @@
+"""The state of each device, from what its decoder counts, with a hint for the person at the connector."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from fti import drivers
+from fti.config import Config
+from fti.service.chain import Chain, Listener
+from fti.types import LinkState, RawFrame
+
+#: A state is judged over so many health reports (twice a second).
+WINDOW = 8
+SILENT_NS = 1_000_000_000
+#: Bytes of a link kept for trying other drivers on.
+KEPT_BYTES = 8192
+BAD_SHARE = 0.05
+RATE_TOLERANCE = 0.3
+NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment"})
+
+
+@dataclass(slots=True)
+class Past:
+    """What a decoder had counted at the last health reports."""
+
+    times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    counts: deque[tuple[int, int, int, dict[str, int]]] = field(default_factory=lambda: deque(maxlen=WINDOW))
+
+
+def guess_drivers(data: bytes, carrier: str) -> list[str]:
+    """Names of the drivers that find messages in these bytes, most first; those that need options are not tried."""
+    found: list[tuple[int, str]] = []
+    for name in drivers.names():
+        driver = drivers.load(name)
+        if carrier not in driver.CARRIERS:
+            continue
+        try:
+            decoder = driver.make_decoder(driver.Options())
+        except (ValidationError, ValueError):
+            continue
+        decoder.feed(data, 0)
+        if decoder.counters.framed * 2 > len(data):
+            found.append((decoder.counters.framed, name))
+    return [name for _, name in sorted(found, reverse=True)]
+
+
+class Diagnosis:
+    """Looks at the listeners of a chain twice a second."""
+
+    def __init__(self, config: Config, chain: Chain) -> None:
+        self._chain = chain
+        self._kinds = {link.name: link.kind for link in config.link}
+        self._past = {listener.name: Past() for listener in chain.listeners}
+        self._recent: dict[str, bytearray] = {}  # the last bytes of links on which something is unclear
+        self._last_rx_ns: dict[str, int] = {}
+
+    def listen(self, frame: RawFrame) -> None:
+        """Note that a frame arrived; keep its bytes when its link is unclear."""
+        self._last_rx_ns[frame.link] = frame.t_rx_ns
+        recent = self._recent.get(frame.link)
+        if recent is not None:
+            recent += frame.data
+            del recent[:-KEPT_BYTES]
+
+    def devices(self, now_ns: int) -> dict[str, dict[str, Any]]:
+        """Health of every device."""
+        return {listener.name: self._device(listener, now_ns) for listener in self._chain.listeners}
+
+    def _device(self, listener: Listener, now_ns: int) -> dict[str, Any]:
+        counters, device = listener.decoder.counters, listener.bound.device
+        past = self._past[listener.name]
+        bad = sum(n for reason, n in counters.skipped.items() if reason not in NO_FRAME_REASONS)
+        past.times_ns.append(now_ns)
+        past.counts.append((counters.bytes_in, counters.framed, bad, dict(counters.messages)))
+        rate = _rate_hz(past)
+        state, hint = self._judge(listener, past, rate, now_ns)
+        return {
+            "link": device.link,
+            "driver": device.driver,
+            "state": state,
+            "hint": hint,
+            "messages": listener.messages,
+            "rate_hz": rate,
+            "age_ms": None if listener.last_ns is None else (now_ns - listener.last_ns) / 1e6,
+            "bytes_in": counters.bytes_in,
+            "framed": counters.framed,
+            "held": counters.held,
+            "skipped": dict(counters.skipped),
+        }
+
+    def _judge(self, listener: Listener, past: Past, rate: float, now_ns: int) -> tuple[LinkState, str]:
+        device = listener.bound.device
+        heard = self._last_rx_ns.get(device.link)
+        if heard is None or now_ns - heard > SILENT_NS:
+            self._recent.pop(device.link, None)
+            return LinkState.SILENT, "no bytes on the link; is the device powered, and the cable in?"
+        bytes_in, framed, bad = (past.counts[-1][i] - past.counts[0][i] for i in range(3))
+        if framed <= 0 and len(past.times_ns) > 2:
+            return self._judge_strange(listener, bytes_in)
+        self._recent.pop(device.link, None)
+        if bad > BAD_SHARE * max(bytes_in, 1):
+            return (
+                LinkState.INVALID,
+                f"{100 * bad / bytes_in:.0f} % of the bytes are damaged; look at cable and baud rate",
+            )
+        if device.rate_hz and len(past.times_ns) == WINDOW and abs(rate / device.rate_hz - 1) > RATE_TOLERANCE:
+            return LinkState.WRONG_RATE, f"{rate:.1f} messages a second where rate_hz = {device.rate_hz:g}"
+        return LinkState.GOOD, ""
+
+    def _judge_strange(self, listener: Listener, bytes_in: int) -> tuple[LinkState, str]:
+        """Bytes, but no frame of this device."""
+        device = listener.bound.device
+        carrier = self._kinds[device.link]
+        if carrier == "can" or bytes_in == 0:
+            return LinkState.SILENT, "the link is alive, but nothing on it is from this device"
+        recent = self._recent.setdefault(device.link, bytearray())
+        others = [name for name in guess_drivers(bytes(recent), carrier) if name != device.driver]
+        if others:
+            return LinkState.NOISE, f"not {device.driver}; it looks like {' or '.join(others)}: wrong cable?"
+        return LinkState.NOISE, f"bytes, but no frame of {device.driver}: look at baud rate, inversion and driver"
+
+
+def _rate_hz(past: Past) -> float:
+    """Rate of the most frequent message over the window [Hz]."""
+    span = past.times_ns[-1] - past.times_ns[0]
+    if span <= 0:
+        return 0.0
+    first, last = past.counts[0][3], past.counts[-1][3]
+    return max((n - first.get(name, 0) for name, n in last.items()), default=0) * 1e9 / span

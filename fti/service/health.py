@@ -1,0 +1,48 @@
+"""Health: what recorder, navigation and supervisor know, put together for the display, the bus and the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from fti.service.children import Child
+from fti.types import LinkState
+
+#: Order in which the state of a link's devices becomes the state of the link: the best one counts.
+BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
+
+
+@dataclass(slots=True)
+class HealthBoard:
+    """The last word of each process."""
+
+    session: dict[str, Any]
+    recorder: dict[str, Any] = field(default_factory=dict)
+    navigation: dict[str, Any] = field(default_factory=dict)
+
+    def compose(self, now_ns: int, children: Iterable[Child]) -> dict[str, Any]:
+        """One health message."""
+        devices = self.navigation.get("devices", {})
+        storage = self.recorder.get("storage", {})
+        links = self.recorder.get("links", {})
+        fault = storage.get("state", "ok") == "error"
+        return {
+            "t_ns": now_ns,
+            "session": {**self.session, "state": "storage_error" if fault else self.session["state"]},
+            "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
+            "links": {name: merge_link(name, link, devices) for name, link in links.items()},
+            "devices": devices,
+            "storage": storage,
+            "navigation": self.navigation.get("navigation", {}),
+        }
+
+
+def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """A link that hears bytes is as good as the best of its devices; what the port says comes first."""
+    here = {n: d for n, d in devices.items() if d["link"] == name}
+    if link["state"] != LinkState.GOOD or not here:
+        return link
+    best = min(here.items(), key=lambda item: BEST_FIRST.index(LinkState(item[1]["state"])))
+    hint = f"{best[0]}: {best[1]['hint']}" if best[1]["hint"] else link["hint"]
+    return {**link, "state": best[1]["state"], "hint": hint}

@@ -1,0 +1,173 @@
+"""What the navigation process does: ring -> chain -> derived file and bus, strictly in order of ``seq``."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Any
+
+from fti.buffers.ring import Ring, RingReader
+from fti.bus.message import stamped
+from fti.bus.zenoh_bus import Publisher
+from fti.clock import SystemClock
+from fti.config import Config, StrictModel
+from fti.logger.derived_log import DerivedLog, output_topic
+from fti.logger.session import SessionFolder
+from fti.service.binding import bind_devices
+from fti.service.chain import Chain, Products, parse_reference
+from fti.service.control import Channel
+from fti.service.derived import DerivedWriter
+from fti.service.diagnosis import Diagnosis
+from fti.types import TICK_LINK, Event, HeightAboveGround, Output, RawFrame
+
+#: The order in which a process appears on the bus and in health.
+PROCESS = "navigation"
+IDLE_S = 0.004
+READ_LIMIT = 2000
+HEALTH_PERIOD_S = 0.5
+#: When the supervisor is gone, the recorder ends the ring; so long is waited for that.
+ORPHAN_S = 10.0
+OUTPUT_MAX_AGE_MS = 500.0
+
+
+class NavigationOrder(StrictModel):
+    """All that the navigation process is told, once, by the supervisor."""
+
+    config: Config
+    folder: str
+    epoch_ns: int
+    texts: dict[str, str]
+    endpoint: str | None
+    attachments: dict[str, str]
+    metadata: dict[str, str]
+
+
+class Navigator:
+    """Consumes the ring until its end mark."""
+
+    def __init__(self, order: NavigationOrder, clock: SystemClock, channel: Channel, ring_fd: int) -> None:
+        config = order.config
+        self._clock = clock
+        self._channel = channel
+        self._ring = Ring.attach(ring_fd)
+        self._reader = RingReader(self._ring)
+        self._links = [link.name for link in config.link] + [TICK_LINK]
+        self._devices = bind_devices(config, order.texts)
+        self._config = config
+        self._chain = Chain(config, self._devices, parse_reference(config, order.texts))
+        self._diagnosis = Diagnosis(config, self._chain)
+        self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
+        self._derived = self._open_derived(order)
+        self._bus = Publisher.connect(order.endpoint, config.session.name) if order.endpoint else None
+        resumed = self._ring.reader_state()
+        self._last_seq = resumed.next_seq - 1
+        self._resumed = resumed.position > 0
+        self._last_ns = clock.now_ns()
+        self._hurry = False
+
+    def _open_derived(self, order: NavigationOrder) -> DerivedWriter:
+        session = order.config.session
+        log = DerivedLog(
+            SessionFolder.open(Path(order.folder)),
+            split_s=session.split_s,
+            split_mb=session.split_mb,
+            attachments=[(name, "text/plain", text.encode()) for name, text in order.attachments.items()],
+            metadata={"fti": order.metadata},
+        )
+        return DerivedWriter(log, order.folder, session.min_free_mb, self._report)
+
+    def run(self) -> None:
+        """Work until the ring has ended and is empty."""
+        self._derived.start()
+        if self._bus:
+            self._bus.alive(PROCESS)
+        self._channel.send({"ready": True})
+        try:
+            self._consume()
+        finally:
+            self._derived.close()
+            self._tell_health()
+            if self._bus:
+                self._bus.close()
+
+    def _consume(self) -> None:
+        health_due = time.monotonic()
+        orphaned: float | None = None
+        while not self._hurry:
+            frames = self._reader.read(READ_LIMIT)
+            for index, seq, t_rx_ns, data in frames:
+                self._take(index, seq, t_rx_ns, data)
+            now = time.monotonic()
+            if now >= health_due:
+                health_due = now + HEALTH_PERIOD_S
+                self._tell_health()
+            self._listen()
+            if frames:
+                continue
+            if self._ring.ended:
+                return
+            if self._channel.ended:
+                orphaned = orphaned or now + ORPHAN_S
+                if now > orphaned:
+                    return
+            time.sleep(IDLE_S)
+
+    def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
+        if self._resumed or seq != self._last_seq + 1:
+            self._note_gap(seq, t_rx_ns)
+        self._last_seq = seq
+        self._last_ns = t_rx_ns
+        if index >= len(self._links):
+            return  # sent by us: recorded, not received
+        frame = RawFrame(self._links[index], seq, t_rx_ns, data)
+        self._diagnosis.listen(frame)
+        self._deliver(self._chain.feed(frame))
+
+    def _deliver(self, products: Products) -> None:
+        for device, measurement in products.measurements:
+            self._derived.measurement(device, measurement)
+        for output in products.outputs:
+            self._derived.output(output)
+            self._publish(output)
+
+    def _publish(self, output: Output | Event) -> None:
+        if isinstance(output, Event):
+            self._channel.send({"event": dataclasses.asdict(output)})
+        elif self._bus:
+            max_age = OUTPUT_MAX_AGE_MS
+            if isinstance(output, HeightAboveGround):
+                max_age = self._max_age_ms.get(output.sensor, OUTPUT_MAX_AGE_MS)
+            payload = stamped(dataclasses.asdict(output), output.t_ns, self._clock.now_ns(), max_age)
+            self._bus.publish(output_topic(output), payload)
+
+    def _note_gap(self, seq: int, t_ns: int) -> None:
+        """What the ring lost, or where another process had stopped: into the file, so that it can be repeated."""
+        kind = "restart" if self._resumed else "ring"
+        self._resumed = False
+        self._derived.gap(t_ns, {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq})
+
+    def _listen(self) -> None:
+        for message in self._channel.receive():
+            self._hurry = self._hurry or "hurry" in message
+
+    def _tell_health(self) -> None:
+        now = self._clock.now_ns()
+        self._channel.send(
+            {
+                "health": {
+                    "devices": self._diagnosis.devices(now),
+                    "navigation": {
+                        "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
+                        "ring_lost_frames": self._reader.lost_frames,
+                        "last_seq": self._last_seq,
+                        "derived_lost": self._derived.lost,
+                        "derived_fault": self._derived.fault,
+                    },
+                }
+            }
+        )
+
+    def _report(self, unit: str, error: Exception) -> None:
+        event: dict[str, Any] = {"level": "error", "source": unit, "text": f"{type(error).__name__}: {error}"}
+        self._channel.send({"event": {**event, "t_ns": self._clock.now_ns()}})

@@ -1,0 +1,306 @@
+"""What the recorder process does: links, numbering, buffers, ring, health, sending, and the order of the end."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fti.buffers.ring import Ring
+from fti.buffers.triple import Entry, TripleBuffer
+from fti.clock import SystemClock, sample_clocks
+from fti.config import Config, StrictModel
+from fti.errors import LinkError
+from fti.links import Link, open_link
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.session import SessionFolder
+from fti.service.control import Channel, Message
+from fti.service.guard import guarded, keep_running
+from fti.service.writing import Source, Writer
+from fti.types import TICK_PERIOD_NS
+
+HEALTH_PERIOD_S = 0.5
+LEDGER_PERIOD_S = 1.0
+TICK_BUFFER_BYTES = 2**16
+SECOND_NS = 1_000_000_000
+
+
+class LinkOrder(StrictModel):
+    """What the recorder sends on a link by itself (hexadecimal; it never understands it)."""
+
+    on_connect: tuple[str, ...] = ()
+    polls: tuple[tuple[float, str], ...] = ()
+
+
+class RecorderOrder(StrictModel):
+    """All that the recorder is told, once, by the supervisor."""
+
+    config: Config
+    folder: str
+    epoch_ns: int
+    sending: dict[str, LinkOrder]
+    attachments: dict[str, str]  # file name: text, recorded in every split
+    metadata: dict[str, str]
+
+
+@dataclass(slots=True)
+class Unit:
+    """A link with its buffers.  index : in the ring; what is sent on it has index + ``sent_offset``."""
+
+    link: Link
+    kind: str
+    index: int
+    received: TripleBuffer
+    sent: TripleBuffer
+    frames_before: int = 0
+
+
+class Recorder:
+    """The recorder.  ``run`` returns when the supervisor says stop, or is gone, and every file is closed."""
+
+    def __init__(self, order: RecorderOrder, clock: SystemClock, channel: Channel, ring_fd: int) -> None:
+        self._order = order
+        self._clock = clock
+        self._channel = channel
+        self._ring = Ring.attach(ring_fd)
+        self._seq = self._ring.next_seq
+        self._stop = asyncio.Event()
+        self._jobs: set[asyncio.Task[None]] = set()
+        self._started_ns = clock.now_ns()
+        self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
+        self._tick_index = len(order.config.link)
+        self._log = self._open_log()
+        self._units = [self._make_unit(i) for i in range(len(order.config.link))]
+        self._writer = Writer(self._log, self._sources(), self._report)
+
+    # ------------------------------------------------------------------------------------------------- making
+
+    def _open_log(self) -> RawLog:
+        session = self._order.config.session
+        topics = [RawTopic(link.name, link.kind, _settings(link)) for link in self._order.config.link]
+        return RawLog(
+            SessionFolder.open(Path(self._order.folder)),
+            topics,
+            split_s=session.split_s,
+            split_mb=session.split_mb,
+            attachments=[(name, "text/plain", text.encode()) for name, text in self._order.attachments.items()],
+            metadata={"fti": self._order.metadata},
+        )
+
+    def _make_unit(self, index: int) -> Unit:
+        described = self._order.config.link[index]
+        orders = self._order.sending.get(described.name, LinkOrder())
+        received = TripleBuffer(described.buffer_bytes, on_ready=self._wake_writer)
+        sent = TripleBuffer(described.buffer_bytes, on_ready=self._wake_writer)
+        link = open_link(
+            described,
+            self._clock,
+            self._sink(index, received),
+            on_connect=[bytes.fromhex(text) for text in orders.on_connect],
+            sent=self._sink(self._tick_index + 1 + index, sent),
+        )
+        return Unit(link, described.kind, index, received, sent)
+
+    def _sink(self, index: int, buffer: TripleBuffer) -> Callable[[bytes, int], None]:
+        """Number a frame, buffer it for the file and offer it to the ring."""
+
+        def accept(data: bytes, t_ns: int) -> None:
+            seq = self._seq
+            self._seq = seq + 1
+            buffer.put(seq, t_ns, data)
+            self._ring.put(index, seq, t_ns, data)
+
+        return accept
+
+    def _sources(self) -> list[Source]:
+        log = self._log
+        sources = [Source(self._ticks, lambda e: log.tick(e.seq, e.t_rx_ns))]
+        for unit in self._units:
+            sources.append(Source(unit.received, _recorder_of(log.frame, unit.link.name)))
+            sources.append(Source(unit.sent, _recorder_of(log.sent, unit.link.name)))
+        return sources
+
+    def _wake_writer(self) -> None:
+        self._writer.wake()
+
+    # ------------------------------------------------------------------------------------------------ running
+
+    async def run(self) -> None:
+        """Record until told to stop."""
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._channel.fileno(), self._on_control)
+        self._writer.start()
+        self._channel.send({"ready": True, "file": str(self._log.path)})
+        readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
+        helpers = [self._start("ticks", self._tick), self._start("health", self._watch), *self._start_polls()]
+        await self._stop.wait()
+        await self._finish(readers, helpers)
+        loop.remove_reader(self._channel.fileno())
+
+    def _start(self, name: str, make: Callable[[], Any]) -> asyncio.Task[None]:
+        return asyncio.create_task(keep_running(name, make, self._report), name=name)
+
+    def _start_polls(self) -> list[asyncio.Task[None]]:
+        return [
+            self._start(f"poll {unit.link.name}", lambda u=unit, p=period, d=data: self._poll(u, p, d))
+            for unit in self._units
+            for period, data in self._order.sending.get(unit.link.name, LinkOrder()).polls
+        ]
+
+    async def _poll(self, unit: Unit, period_s: float, data: str) -> None:
+        while True:
+            await asyncio.sleep(period_s)
+            try:
+                await unit.link.send(bytes.fromhex(data))
+            except LinkError:
+                continue  # the state of the link tells it; the next period asks again
+
+    async def _tick(self) -> None:
+        """A frame every 20 ms, so that silence has a time too."""
+        accept = self._sink(self._tick_index, self._ticks)
+        while True:
+            now = self._clock.now_ns()
+            await asyncio.sleep((TICK_PERIOD_NS - now % TICK_PERIOD_NS) / SECOND_NS)
+            accept(b"", self._clock.now_ns())
+
+    async def _watch(self) -> None:
+        """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
+        turn = 0
+        while True:
+            now = self._clock.now_ns()
+            self._channel.send({"health": self._health(now)})
+            if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
+                self._writer.note("/fti/ledger", now, self._ledger(now))
+                self._writer.note("/fti/clock", now, {"t_ns": now, **sample_clocks()})
+            turn += 1
+            await asyncio.sleep(HEALTH_PERIOD_S)
+
+    def _on_control(self) -> None:
+        for message in self._channel.receive():
+            with guarded("control", self._report):
+                self._obey(message)
+        if self._channel.ended:
+            self._stop.set()
+
+    def _obey(self, message: Message) -> None:
+        if "stop" in message:
+            self._stop.set()
+        elif "note" in message:
+            note = message["note"]
+            self._writer.note(note["topic"], note["t_ns"], note["content"])
+        elif "send" in message:
+            job = asyncio.create_task(self._send(message["send"]), name="send")
+            self._jobs.add(job)
+            job.add_done_callback(self._jobs.discard)
+
+    async def _send(self, request: Message) -> None:
+        """Send the bytes of a request and say what became of it, exactly once."""
+        fault: str | None = None
+        try:
+            link = next(u.link for u in self._units if u.link.name == request["link"])
+            await link.send(bytes.fromhex(request["data"]))
+        except (LinkError, ValueError) as error:
+            fault = str(error)
+        self._channel.send({"sent": {"id": request["id"], "fault": fault}})
+
+    def _report(self, unit: str, error: Exception) -> None:
+        text = f"{type(error).__name__}: {error}"
+        self._channel.send({"event": {"level": "error", "source": unit, "text": text, "t_ns": self._clock.now_ns()}})
+
+    # ------------------------------------------------------------------------------------------------- ending
+
+    async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
+        """Kernel queues drained, readers stopped, buffers written, file closed, ring ended: in this order."""
+        for unit in self._units:
+            with guarded(unit.link.name, self._report):
+                await unit.link.drain()
+        for task in (*readers, *helpers, *self._jobs):
+            task.cancel()
+        await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
+        await asyncio.to_thread(self._writer.stop)
+        now = self._clock.now_ns()
+        self._writer.note("/fti/ledger", now, self._ledger(now))
+        self._writer.finish()
+        self._ring.end()
+        self._channel.send({"health": self._health(now)})
+        self._channel.send({"stopped": True})
+
+    # ------------------------------------------------------------------------------------------------- telling
+
+    def _ledger(self, now: int) -> dict[str, Any]:
+        return {"t_ns": now, "links": {unit.link.name: _account(unit) for unit in self._units}}
+
+    def _health(self, now: int) -> dict[str, Any]:
+        return {
+            "t_ns": now,
+            "links": {unit.link.name: self._link_health(unit, now) for unit in self._units},
+            "storage": self._storage_health(now),
+            "next_seq": self._seq,
+        }
+
+    def _link_health(self, unit: Unit, now: int) -> dict[str, Any]:
+        status, stats = unit.link.status, unit.received.stats
+        rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
+        unit.frames_before = status.frames
+        return {
+            "kind": unit.kind,
+            "state": status.state,
+            "hint": status.hint,
+            "frames": status.frames,
+            "bytes": status.bytes,
+            "rate_hz": rate,
+            "age_ms": None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
+            "connects": status.connects,
+            "dropped_frames": stats.dropped_frames + status.socket_dropped,
+            "dropped_bytes": stats.dropped_bytes,
+            "tx_frames": status.tx_frames,
+            "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
+        }
+
+    def _storage_health(self, now: int) -> dict[str, Any]:
+        free_mb = _free_mb(self._order.folder)
+        fault = self._writer.storage_fault
+        low = free_mb is not None and free_mb < self._order.config.session.min_free_mb
+        return {
+            "file": str(self._log.path),
+            "file_bytes": self._log.bytes_written,
+            "file_age_s": (now - self._started_ns) / SECOND_NS,
+            "free_mb": free_mb,
+            "state": "error" if fault else "full" if low else "ok",
+            "hint": fault or ("less space than session.min_free_mb is left" if low else ""),
+        }
+
+
+def _recorder_of(record: Callable[[str, int, int, bytes], None], link: str) -> Callable[[Entry], None]:
+    return lambda entry: record(link, entry.seq, entry.t_rx_ns, entry.data)
+
+
+def _settings(link: Any) -> dict[str, str]:
+    """What the channel metadata says of a link: everything that the configuration says."""
+    return {key: str(value) for key, value in link.model_dump().items() if key not in ("name", "kind")}
+
+
+def _account(unit: Unit) -> dict[str, Any]:
+    stats, status = unit.received.stats, unit.link.status
+    dropped = {
+        "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
+        "socket_queue": {"frames": status.socket_dropped, "bytes": 0},
+    }
+    return {
+        "in_frames": stats.frames_in + status.socket_dropped,
+        "in_bytes": stats.bytes_in,
+        "recorded_frames": stats.frames_out,
+        "recorded_bytes": stats.bytes_out,
+        "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
+    }
+
+
+def _free_mb(folder: str) -> float | None:
+    try:
+        state = os.statvfs(folder)
+    except OSError:
+        return None
+    return state.f_bavail * state.f_frsize / 2**20

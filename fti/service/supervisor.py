@@ -1,0 +1,310 @@
+"""The supervisor: reads the configuration once, starts and watches the three processes, tells everybody how it goes.
+
+It touches no device and decodes nothing.  The end goes in this order: readers stop, kernel queues drained, buffers
+flushed, raw file closed, ring ended (all in the recorder); navigation empties the ring and closes the derived file;
+the display; the supervisor.  A second interrupt shortens what comes after the raw file, never what comes before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fti.buffers.ring import Ring, ring_size
+from fti.bus.message import encode
+from fti.bus.zenoh_bus import Hub
+from fti.clock import SystemClock
+from fti.config import Config
+from fti.logger import repair
+from fti.logger.session import SessionFolder
+from fti.service import control, rundir
+from fti.service.children import Child, ProcessState
+from fti.service.control import Message
+from fti.service.guard import guarded
+from fti.service.health import HealthBoard
+from fti.service.orders import Preparation
+
+WATCH_PERIOD_S = 0.02
+HEALTH_PERIOD_S = 0.5
+NAVIGATION_END_S = 20.0
+DISPLAY_END_S = 3.0
+RECORDER = "recorder"
+NAVIGATION = "navigation"
+DISPLAY = "display"
+
+Announce = Callable[[str], None]
+
+
+class Supervisor:
+    """One session of the daemon.  announce : called with each line that the user should see."""
+
+    def __init__(self, config: Config, epoch_ns: int, run_dir: str | None, announce: Announce) -> None:
+        self._config = config
+        self._clock = SystemClock(epoch_ns)
+        self._announce = announce
+        self._preparation = Preparation(config, epoch_ns)
+        self._stop = asyncio.Event()
+        self._hurry = asyncio.Event()
+        self._recorded = asyncio.Event()
+        self.recording = asyncio.Event()
+        self.display_url: str | None = None
+        self.folder = self._create_folder(config, epoch_ns)
+        self._run_dir = rundir.make(config.session.name, run_dir)
+        self._ring = Ring.create(ring_size(config.link))
+        self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
+        self._children = self._make_children()
+        self._board = HealthBoard(self._describe_session())
+        self._stopping = False
+
+    def _create_folder(self, config: Config, epoch_ns: int) -> SessionFolder:
+        started = SystemClock(epoch_ns).now_ns()
+        return SessionFolder.create(Path(config.session.directory), config.session.name, started)
+
+    def _describe_session(self) -> dict[str, Any]:
+        session = self._config.session
+        return {
+            "name": session.name,
+            "folder": str(self.folder.path),
+            "origin": session.origin,
+            "started_ns": self._clock.now_ns(),
+            "state": "recording",
+        }
+
+    def _make_children(self) -> list[Child]:
+        folder, endpoint = str(self.folder.path), self._hub.endpoint if self._hub else None
+        made = [
+            Child(RECORDER, self._preparation.recorder_order(folder), self._ring.fd),
+            Child(NAVIGATION, self._preparation.navigation_order(folder, endpoint), self._ring.fd),
+        ]
+        if self._config.display.enabled and endpoint:
+            name, port = self._config.session.name, str(self._config.display.port)
+            made.append(Child(DISPLAY, arguments=("--endpoint", endpoint, "--session", name, "--port", port)))
+        return made
+
+    def _child(self, name: str) -> Child | None:
+        return next((child for child in self._children if child.name == name), None)
+
+    # ------------------------------------------------------------------------------------------------ running
+
+    def stop(self) -> None:
+        """End the session in good order; called again, shorten what comes after the raw file."""
+        (self._hurry if self._stop.is_set() else self._stop).set()
+
+    async def run(self, duration_s: float | None = None) -> None:
+        """Record until stopped, or for a duration [s] counted from the first recorded moment."""
+        self._start(self._children[0])
+        watching = asyncio.create_task(self._watch(), name="watch")
+        telling = asyncio.create_task(self._tell(), name="health")
+        closing = asyncio.create_task(asyncio.to_thread(self._close_killed_sessions), name="repair")
+        server = await self._open_socket()
+        try:
+            await self._wait_for_end(duration_s)
+        finally:
+            await self._end()
+            await self._cancel(watching, telling)
+            await closing
+            server.close()
+            rundir.withdraw(self._run_dir)
+            await asyncio.to_thread(self._close_own_files)
+            if self._hub:
+                self._hub.close()
+            self._ring.close()
+
+    async def _wait_for_end(self, duration_s: float | None) -> None:
+        if duration_s is not None:
+            await self.recording.wait()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._stop.wait(), duration_s)
+
+    async def _cancel(self, *tasks: asyncio.Task[None]) -> None:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _start(self, child: Child) -> None:
+        channel = child.start()
+        loop = asyncio.get_running_loop()
+        loop.add_reader(channel.fileno(), self._on_message, child)
+
+    def _on_message(self, child: Child) -> None:
+        channel = child.channel
+        if channel is None:
+            return
+        for message in channel.receive():
+            with guarded(child.name, self._report):
+                self._hear(child, message)
+        if channel.ended:
+            asyncio.get_running_loop().remove_reader(channel.fileno())
+
+    def _hear(self, child: Child, message: Message) -> None:
+        if "ready" in message:
+            self._on_ready(child)
+        if "health" in message and child.name == RECORDER:
+            self._board.recorder = message["health"]
+        elif "health" in message:
+            self._board.navigation = message["health"]
+        if "port" in message:
+            self.display_url = f"http://{self._config.display.address}:{message['port']}/"
+            self._announce(f"display at {self.display_url}")
+            self._publish_info()
+        if "event" in message:
+            self._tell_event(message["event"], record=child.name != NAVIGATION)
+        if "stopped" in message:
+            self._recorded.set()
+
+    def _on_ready(self, child: Child) -> None:
+        child.state = ProcessState.RUNNING
+        if child.name == RECORDER and not self.recording.is_set():
+            self.recording.set()
+            self._announce(f"recording to {self.folder.path}")
+            self._publish_info()
+            control.notify_systemd("READY=1")
+            for other in self._children[1:]:
+                self._start(other)
+
+    def _publish_info(self) -> None:
+        info = rundir.DaemonInfo(
+            pid=os.getpid(),
+            name=self._config.session.name,
+            session=str(self.folder.path),
+            display=self.display_url,
+            zenoh=self._hub.endpoint if self._hub else None,
+            epoch_ns=self._clock.epoch_ns,
+            sock=str(self._run_dir / rundir.SOCKET),
+        )
+        rundir.publish(self._run_dir, info)
+
+    async def _watch(self) -> None:
+        """Start again what has died."""
+        while True:
+            for child in self._children:
+                code = child.died()
+                if code is not None and not self._stopping:
+                    self._event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
+                if child.restart_is_due() and not self._stopping:
+                    child.restarts += 1
+                    self._start(child)
+            await asyncio.sleep(WATCH_PERIOD_S)
+
+    async def _tell(self) -> None:
+        turn = 0
+        while True:
+            with guarded("health", self._report):
+                health = self._board.compose(self._clock.now_ns(), self._children)
+                if self._hub:
+                    self._hub.publish("/health", encode(health))
+                if turn % 2 == 0:
+                    self._note("/fti/health", health["t_ns"], health)
+            turn += 1
+            await asyncio.sleep(HEALTH_PERIOD_S)
+
+    # ------------------------------------------------------------------------------------------------- events
+
+    def _report(self, unit: str, error: Exception) -> None:
+        self._event("error", unit, f"{type(error).__name__}: {error}")
+
+    def _event(self, level: str, source: str, text: str) -> None:
+        event = {"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text}
+        self._tell_event(event, record=True)
+
+    def _tell_event(self, event: dict[str, Any], *, record: bool) -> None:
+        """To whoever watches, and into the raw file unless navigation has it in its own."""
+        if event["level"] != "info":
+            self._announce(f"{event['level']}: {event['source']}: {event['text']}")
+        if self._hub:
+            self._hub.publish("/event", encode(event))
+        if record:
+            self._note("/fti/event", event["t_ns"], event)
+
+    def _note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
+        recorder = self._children[0]
+        if recorder.channel:
+            recorder.channel.send({"note": {"topic": topic, "t_ns": t_ns, "content": content}})
+
+    # ------------------------------------------------------------------------------------------ control socket
+
+    async def _open_socket(self) -> asyncio.Server:
+        path = self._run_dir / rundir.SOCKET
+        path.unlink(missing_ok=True)
+        server = await asyncio.start_unix_server(self._on_client, path)
+        path.chmod(0o600)
+        return server
+
+    async def _on_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """One command a line, one answer a line."""
+        with guarded("control socket", self._report):
+            while line := await reader.readline():
+                writer.write(json.dumps(self._obey(line)).encode() + b"\n")
+                await writer.drain()
+        writer.close()
+
+    def _obey(self, line: bytes) -> dict[str, Any]:
+        try:
+            command = json.loads(line)
+        except ValueError:
+            return {"fault": "not JSON"}
+        if isinstance(command, dict) and isinstance(command.get("mark"), str):
+            self._event("info", "mark", command["mark"])
+            return {"t_ns": self._clock.now_ns()}
+        return {"fault": "there is no such command"}
+
+    # ------------------------------------------------------------------------------------------------- ending
+
+    async def _end(self) -> None:
+        self._stopping = True
+        self._board.session["state"] = "stopping"
+        await self._end_recorder()
+        await self._end_child(NAVIGATION, {"hurry": True}, NAVIGATION_END_S)
+        display = self._child(DISPLAY)
+        if display and display.channel:
+            display.channel.send({"stop": True})
+        await self._end_child(DISPLAY, {"stop": True}, DISPLAY_END_S)
+        self._announce(f"recorded {self.folder.path}")
+
+    async def _end_recorder(self) -> None:
+        """However long it takes: what the buffers hold must come to the medium."""
+        recorder = self._children[0]
+        if recorder.channel:
+            recorder.channel.send({"stop": True})
+        if recorder.process:
+            await asyncio.to_thread(recorder.process.wait)
+        if not self._recorded.is_set():
+            self._ring.end()
+        recorder.state = ProcessState.STOPPED
+
+    async def _end_child(self, name: str, shorten: Message, patience_s: float) -> None:
+        child = self._child(name)
+        deadline = time.monotonic() + patience_s
+        while child and child.process and child.process.poll() is None:
+            if self._hurry.is_set() and child.channel:
+                child.channel.send(shorten)
+            if time.monotonic() > deadline:
+                self._announce(f"error: {name}: did not end within {patience_s:g} s and was killed")
+                child.kill()
+                deadline += patience_s
+            await asyncio.sleep(WATCH_PERIOD_S)
+        if child:
+            child.state = ProcessState.STOPPED
+            child.close()
+
+    def _close_killed_sessions(self) -> None:
+        with guarded("repair", self._report_later):
+            for closed in repair.close_all(Path(self._config.session.directory)):
+                self._announce(f"closed {closed.path}, which a killed session had left open")
+
+    def _close_own_files(self) -> None:
+        with guarded("repair", self._report_later):
+            repair.close_all(self.folder.path)
+
+    def _report_later(self, unit: str, error: Exception) -> None:
+        self._announce(f"error: {unit}: {error}")
+
+
+def _describe_exit(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
