@@ -328,6 +328,7 @@ class Reason(StrEnum):
     SILENT = "silent"  # never heard
     NO_ATTITUDE = "no_attitude"
     NO_POSITION = "no_position"
+    NO_ALTITUDE = "no_altitude"  # a mean-sea-level height without the undulation
     NO_VELOCITY = "no_velocity"
     NO_ALTIMETER = "no_altimeter"
     NO_PROFILE = "no_profile"

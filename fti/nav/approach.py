@@ -1,0 +1,92 @@
+"""The published approach: airfield file, glide path intercept (GPI), path along the track.
+
+    s    path length along the ground track to GPI [m], >= 0 before it       y    offset right of the track [m]
+    GPI  x_g beyond the threshold:  x_g = TCH / (tan g + r),  alt_g = alt_thr + r x_g
+    alt_path(s) = alt_g + s tan g + s^2 / (2 R_e)
+
+with glide angle g, runway slope r (> 0 uphill in the direction of landing), threshold crossing height TCH.  The last
+term is the Earth falling away under a line that is straight in space: 0.7 m at 3 km, 7.9 m at 10 km.
+Source: Spiegel 2018, 7.2.2, made exact; ICAO Doc 8168 for the geometry of GPI.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from fti.config import Positive, StrictModel, bind
+from fti.errors import ConfigError
+from fti.geodesy import wgs84
+from fti.geodesy.local import LocalFrame
+
+Array = NDArray[np.float64]
+
+#: Mean radius of the Earth, (2 a + b) / 3 [m].
+EARTH_RADIUS = (2 * wgs84.SEMI_MAJOR + wgs84.SEMI_MINOR) / 3
+
+
+class Airfield(StrictModel):
+    """The airfield file: the runway and its glide path.  Altitudes above the WGS84 ellipsoid."""
+
+    name: str
+    threshold_lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    threshold_lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    threshold_alt_m: float
+    course_deg: Annotated[float, Field(ge=0, lt=360)]  # true, direction of landing
+    runway_slope: Annotated[float, Field(ge=-0.05, le=0.05)] = 0.0  # rise over run, > 0 uphill
+    glide_deg: Annotated[float, Field(ge=1, le=10)] = 3.0
+    tch_m: Positive = 15.24
+    runway_length_m: Positive
+    survey_date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
+
+
+def load_airfield(text: str, file: str) -> Airfield:
+    """The airfield in a TOML text; file : its name, for messages.  Raises ConfigError."""
+    try:
+        return bind(Airfield, tomllib.loads(text), file)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{file}: is not valid TOML: {error}") from None
+
+
+class ApproachPath:
+    """The straight approach to an airfield."""
+
+    def __init__(self, airfield: Airfield) -> None:
+        self.airfield = airfield
+        self.glide = math.radians(airfield.glide_deg)
+        #: Distance of GPI beyond the threshold [m].
+        self.x_gpi = airfield.tch_m / (math.tan(self.glide) + airfield.runway_slope)
+        #: Altitude of GPI above the ellipsoid [m].
+        self.alt_gpi = airfield.threshold_alt_m + airfield.runway_slope * self.x_gpi
+        course = math.radians(airfield.course_deg)
+        self._sin, self._cos = math.sin(course), math.cos(course)
+        threshold = LocalFrame(
+            math.radians(airfield.threshold_lat_deg),
+            math.radians(airfield.threshold_lon_deg),
+            airfield.threshold_alt_m,
+        )
+        lat, lon, _ = threshold.to_geodetic((self.x_gpi * self._sin, self.x_gpi * self._cos, 0.0))
+        self.frame = LocalFrame(float(lat), float(lon), self.alt_gpi)
+
+    def along(self, lat: ArrayLike, lon: ArrayLike) -> tuple[Array, Array]:
+        """Path length s to GPI and offset y right of the track [m] of positions lat, lon [rad], any shape."""
+        enu = self.frame.to_local(lat, lon, self.alt_gpi)
+        east, north = enu[..., 0], enu[..., 1]
+        return -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
+
+    def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """lat, lon [rad] of path lengths s and offsets y [m]: the inverse of ``along``."""
+        s, y = np.broadcast_arrays(np.asarray(s, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        east, north = -s * self._sin + y * self._cos, -s * self._cos - y * self._sin
+        lat, lon, _ = self.frame.to_geodetic(np.stack((east, north, -(s**2 + y**2) / (2 * EARTH_RADIUS)), axis=-1))
+        return lat, lon
+
+    def alt_path(self, s: ArrayLike) -> Array:
+        """Altitude of the glide path above the ellipsoid [m] at path lengths s [m]."""
+        s = np.asarray(s, dtype=np.float64)
+        return np.asarray(self.alt_gpi + s * math.tan(self.glide) + s**2 / (2 * EARTH_RADIUS))

@@ -1,0 +1,111 @@
+"""Attitude compensation of altimeter ranges: from a range at the sensor to the height of the reference point P."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fti.config import Device, Vector
+
+#: One sigma of roll and pitch when the attitude source does not say [rad]: a small MEMS unit, 0.5 deg.
+ATTITUDE_SD_UNKNOWN = math.radians(0.5)
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """How a range sensor sits in the aircraft.
+
+    boresight_b : third column of mat_bs, the direction of the beam axis in the body frame, unit
+    lever_arm_b : reference point P to sensor, body frame [m]
+    half_beam   : half the width of a radar's beam [rad]; 0 for a laser
+    """
+
+    boresight_b: Vector
+    lever_arm_b: Vector
+    half_beam: float
+
+
+@dataclass(frozen=True, slots=True)
+class Height:
+    """A height above ground at P [m] and its one sigma [m]; sd is None when the sensor's is unknown."""
+
+    height_agl: float
+    sd: float | None
+
+
+def mounting_of(device: Device) -> Mounting:
+    """The mounting that a configuration states.  Raises ValueError when the device is no altimeter."""
+    if device.altimeter is None:
+        raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
+    half_beam = math.radians(device.altimeter.beam_deg) / 2 if device.altimeter.kind == "radar" else 0.0
+    return Mounting(boresight(device.rpy_bs_deg), device.lever_arm_b, half_beam)
+
+
+def boresight(rpy_bs_deg: Vector) -> Vector:
+    """The beam axis in the body frame: mat_bs (0 0 1)^T for the mounting angles roll, pitch, yaw [deg]."""
+    r, p, y = (math.radians(a) for a in rpy_bs_deg)
+    sr, cr, sp, cp, sy, cy = math.sin(r), math.cos(r), math.sin(p), math.cos(p), math.sin(y), math.cos(y)
+    return (cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)
+
+
+def down_row(roll: float, pitch: float) -> Vector:
+    """(0 0 1) mat_nb: what takes a body vector to its downward component.  roll, pitch : [rad]."""
+    cp = math.cos(pitch)
+    return (-math.sin(pitch), math.sin(roll) * cp, math.cos(roll) * cp)
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def tilt_of(mounting: Mounting, roll: float, pitch: float) -> float:
+    """Angle between the beam axis and the vertical [rad], 0..pi."""
+    return math.acos(max(-1.0, min(1.0, _dot(down_row(roll, pitch), mounting.boresight_b))))
+
+
+def height_at_p(
+    slant_range: float,
+    roll: float,
+    pitch: float,
+    mounting: Mounting,
+    *,
+    range_sd: float | None = None,
+    roll_sd: float | None = None,
+    pitch_sd: float | None = None,
+) -> Height:
+    """Height of P above level ground from a range, compensated for attitude, mounting and lever arm.
+
+        h_agl(P) = d cos(max(0, tilt - half_beam)) + (0 0 1) mat_nb lever_arm_b
+
+    Laser (half_beam 0): the full projection (0 0 1) mat_nb (mat_bs d_s + lever_arm_b).  Radar: a leading-edge receiver
+    reports the nearest return; as long as the vertical lies inside the beam that is the height itself, and only the
+    lever arm is compensated; beyond, the nearest return lies at the excess angle.  Never compensated for terrain.
+
+    slant_range : [m], >= 0, first return     roll, pitch : [rad]     *_sd : one sigma [m, rad]
+    Returns     : height of P [m], positive up, and its sigma: Var = (dh/dd sd_d)^2 + (dh/droll sd_roll)^2
+                  + (dh/dpitch sd_pitch)^2, with 0.5 deg where the attitude source states no sigma
+    Raises ValueError where the range is negative.
+    Source: Spiegel 2018, eq. 2.38, 2.47, 3.30, with the signs of docs/errata.md; checked against closed forms
+    (tests/nav/test_compensation.py: roll 20, pitch 5 deg, 300 m is a slant range of 320.5 m).
+    """
+    if slant_range < 0.0:
+        raise ValueError(f"slant_range = {slant_range} m: must be >= 0")
+    excess = max(0.0, tilt_of(mounting, roll, pitch) - mounting.half_beam)
+    height = slant_range * math.cos(excess) + _dot(down_row(roll, pitch), mounting.lever_arm_b)
+    if range_sd is None:
+        return Height(height, None)
+    by_roll, by_pitch = _attitude_gradient(slant_range, roll, pitch, mounting)
+    sd_r = ATTITUDE_SD_UNKNOWN if roll_sd is None else roll_sd
+    sd_p = ATTITUDE_SD_UNKNOWN if pitch_sd is None else pitch_sd
+    return Height(height, math.hypot(math.cos(excess) * range_sd, by_roll * sd_r, by_pitch * sd_p))
+
+
+def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: Mounting) -> tuple[float, float]:
+    """dh/droll and dh/dpitch [m/rad]."""
+    cp, sp, sr, cr = math.cos(pitch), math.sin(pitch), math.sin(roll), math.cos(roll)
+    rows = ((0.0, cr * cp, -sr * cp), (-cp, -sr * sp, -cr * sp))  # derivatives of down_row by roll and by pitch
+    tilt = tilt_of(mounting, roll, pitch)
+    excess = tilt - mounting.half_beam
+    beam = slant_range * math.sin(excess) / math.sin(tilt) if excess > 0.0 and tilt > 0.0 else 0.0
+    by_roll, by_pitch = (beam * _dot(row, mounting.boresight_b) + _dot(row, mounting.lever_arm_b) for row in rows)
+    return by_roll, by_pitch

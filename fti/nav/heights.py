@@ -1,0 +1,112 @@
+"""One altimeter's channel: from its samples, or its silence, to HeightAboveGround."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fti.config import Device
+from fti.nav.compensation import height_at_p, mounting_of
+from fti.nav.navigation import NavState
+from fti.nav.validity import Sample, reasons_against
+from fti.types import HeightAboveGround, RadioHeight, Range
+
+#: How often an altimeter that says nothing is reported [ns].
+REPEAT_NS = 500_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A sample as the device gave it, at the time at which it was true."""
+
+    t_ns: int
+    t_valid_ns: int
+    value: float | None
+    sd: float | None
+    flagged: bool
+
+
+class AltimeterChannel:
+    """Validity, compensation and age of one altimeter."""
+
+    def __init__(self, device: Device) -> None:
+        if device.altimeter is None:
+            raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
+        self.name = device.name
+        self.limits = device.altimeter
+        self._mounting = mounting_of(device)
+        self._max_age_ns = round(device.max_age_ms * 1e6)
+        self._started_ns: int | None = None
+        self._last: Reading | None = None
+        self._told_ns: int | None = None
+
+    def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
+        """What a measurement says; sigma from the configuration when the device states none."""
+        value = m.height_agl if isinstance(m, RadioHeight) else m.slant_range
+        sd = m.sd if m.sd is not None else self.limits.sd_m
+        return Reading(m.stamp.t_rx_ns, t_valid_ns, value, sd, not m.valid)
+
+    def take(self, reading: Reading, nav: NavState) -> HeightAboveGround:
+        """The output of a sample, with the attitude at its time."""
+        if self._last is None or reading.t_valid_ns >= self._last.t_valid_ns:
+            self._last = reading
+        self._told_ns = None
+        return self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns)
+
+    def tick(self, t_ns: int, nav: NavState) -> list[HeightAboveGround]:
+        """Nothing while samples come; when they stop, an invalid output at once and then twice a second."""
+        self._started_ns = t_ns if self._started_ns is None else self._started_ns
+        since = self._last.t_valid_ns if self._last else self._started_ns
+        if t_ns - since <= self._max_age_ns:
+            return []
+        if self._told_ns is not None and t_ns - self._told_ns < REPEAT_NS:
+            return []
+        self._told_ns = t_ns
+        return [self._output(t_ns, self._last, nav, t_ns - since)]
+
+    @property
+    def heard(self) -> bool:
+        """Whether a sample ever came."""
+        return self._last is not None
+
+    def is_stale(self, t_ns: int) -> bool:
+        """Whether the newest sample is older than max_age_ms."""
+        return self._last is not None and t_ns - self._last.t_valid_ns > self._max_age_ns
+
+    def _output(self, t_ns: int, reading: Reading | None, nav: NavState, age_ns: int) -> HeightAboveGround:
+        attitude = nav.attitude
+        sample = Sample(
+            value=reading.value if reading else None,
+            flagged=reading is not None and reading.flagged,
+            heard=reading is not None,
+            age_ns=age_ns,
+            max_age_ns=self._max_age_ns,
+            roll=attitude.roll if attitude else None,
+            pitch=attitude.pitch if attitude else None,
+        )
+        height, sd = self._compensated(reading, nav)
+        reasons = reasons_against(sample, self.limits)
+        return HeightAboveGround(
+            t_ns=t_ns,
+            t_valid_ns=reading.t_valid_ns if reading else None,
+            sensor=self.name,
+            raw=sample.value,
+            height_agl=height,
+            sd=sd,
+            valid=not reasons,
+            reasons=reasons,
+        )
+
+    def _compensated(self, reading: Reading | None, nav: NavState) -> tuple[float | None, float | None]:
+        attitude = nav.attitude
+        if reading is None or reading.value is None or reading.value < 0.0 or attitude is None:
+            return None, None
+        height = height_at_p(
+            reading.value,
+            attitude.roll,
+            attitude.pitch,
+            self._mounting,
+            range_sd=reading.sd,
+            roll_sd=attitude.roll_sd,
+            pitch_sd=attitude.pitch_sd,
+        )
+        return height.height_agl, height.sd

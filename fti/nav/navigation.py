@@ -1,0 +1,105 @@
+"""Roles: which device gives the attitude and which the position, and what they say at one time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fti.nav.sources import AttitudeState, PositionState, Source
+from fti.types import Event, NavSolution, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class NavState:
+    """Everything that is known at t_ns; None where nothing is."""
+
+    t_ns: int
+    attitude: AttitudeState | None
+    position: PositionState | None
+    attitude_source: str | None
+    position_source: str | None
+
+
+class Navigation:
+    """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer."""
+
+    def __init__(self, attitude: Sequence[Source], position: Sequence[Source]) -> None:
+        self._attitude = attitude
+        self._position = position
+        self._told: dict[str, str | None] = {"attitude": None, "position": None}
+
+    def at(self, t_ns: int) -> NavState:
+        """The state at t_ns."""
+        attitude, attitude_source = self._find_attitude(t_ns)
+        position, position_source = self._find_position(t_ns, attitude)
+        return NavState(t_ns, attitude, position, attitude_source, position_source)
+
+    def _find_attitude(self, t_ns: int) -> tuple[AttitudeState | None, str | None]:
+        for source in self._attitude:
+            if found := source.attitude(t_ns):
+                return found, source.name
+        return None, None
+
+    def _find_position(self, t_ns: int, attitude: AttitudeState | None) -> tuple[PositionState | None, str | None]:
+        """A whole position if any device has one, else the first horizontal one."""
+        flat: tuple[PositionState | None, str | None] = (None, None)
+        for source in self._position:
+            found = source.position(t_ns, attitude)
+            if found and found.alt is not None:
+                return found, source.name
+            if found and flat[0] is None:
+                flat = found, source.name
+        return flat
+
+    def changes(self, state: NavState) -> list[Event]:
+        """An event for every role whose source is another one than last time."""
+        now = {"attitude": state.attitude_source, "position": state.position_source}
+        events = [
+            _event(state.t_ns, role, self._told[role], now[role]) for role in now if now[role] != self._told[role]
+        ]
+        self._told = now
+        return events
+
+
+def _event(t_ns: int, role: str, before: str | None, now: str | None) -> Event:
+    if now is None:
+        return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: no source; {before} went away")
+    if before is None:
+        return Event(t_ns=t_ns, level="info", source="nav", text=f"{role}: from {now}")
+    return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: from {now} instead of {before}")
+
+
+def solution(state: NavState) -> NavSolution:
+    """The state as an output: valid when position, height, velocity and attitude are all known."""
+    position, attitude = state.position, state.attitude
+    reasons = _missing(state)
+    return NavSolution(
+        t_ns=state.t_ns,
+        t_valid_ns=state.t_ns if position or attitude else None,
+        valid=not reasons,
+        reasons=reasons,
+        position_source=state.position_source,
+        attitude_source=state.attitude_source,
+        lat=position.lat if position else None,
+        lon=position.lon if position else None,
+        alt=position.alt if position else None,
+        horizontal_sd=position.horizontal_sd if position else None,
+        vertical_sd=position.vertical_sd if position else None,
+        vel_north=position.north if position else None,
+        vel_east=position.east if position else None,
+        vel_down=position.down if position else None,
+        roll=attitude.roll if attitude else None,
+        pitch=attitude.pitch if attitude else None,
+        heading=attitude.heading if attitude else None,
+    )
+
+
+def _missing(state: NavState) -> tuple[Reason, ...]:
+    position = state.position
+    table = (
+        (Reason.NO_POSITION, position is None),
+        (Reason.NO_ALTITUDE, position is not None and position.alt is None),
+        (Reason.NO_VELOCITY, position is not None and (position.north is None or position.down is None)),
+        (Reason.NO_ATTITUDE, state.attitude is None),
+    )
+    return tuple(reason for reason, missing in table if missing)

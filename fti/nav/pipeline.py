@@ -1,0 +1,75 @@
+"""The live pipeline: measurements and ticks in, outputs and events out.
+
+Pure and deterministic: it knows no time but stamps and ticks, and takes its inputs in the order of ``seq``.  Stamps
+of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
+
+    t_valid_ns = t_rx_ns - latency of the device          first form of the device-clock model
+
+Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick;
+ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from fti.config import Config
+from fti.nav.heights import AltimeterChannel
+from fti.nav.navigation import Navigation, solution
+from fti.nav.reference import Reference
+from fti.nav.sources import Source
+from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Velocity
+
+SOLUTION_TICKS = 2
+
+
+class Pipeline:
+    """Joins the measurements of all devices.  reference : the published approach, or None."""
+
+    def __init__(self, config: Config, reference: Reference | None) -> None:
+        devices = {device.name: device for device in config.device}
+        self._latency_ns = {name: round(device.latency_ms * 1e6) for name, device in devices.items()}
+        roles = config.nav
+        self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
+        self._altimeters = {name: AltimeterChannel(devices[name]) for name in roles.altimeters}
+        self._navigation = Navigation(
+            [self._sources[name] for name in roles.attitude], [self._sources[name] for name in roles.position]
+        )
+        self._ticks = 0
+
+    def stamp(self, device: str, m: Measurement) -> Measurement:
+        """The same measurement with ``t_valid_ns`` filled in."""
+        t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
+        return dataclasses.replace(m, stamp=dataclasses.replace(m.stamp, t_valid_ns=t_valid_ns))
+
+    def feed(self, device: str, m: Measurement) -> list[Output | Event]:
+        """Take one measurement of a device."""
+        t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
+        if isinstance(m, (RadioHeight, Range)):
+            return self._feed_altimeter(device, m, t_valid_ns)
+        source = self._sources.get(device)
+        if source and isinstance(m, Attitude):
+            source.push_attitude(m, t_valid_ns)
+        elif source and isinstance(m, Position):
+            source.push_position(m, t_valid_ns)
+        elif source and isinstance(m, Velocity):
+            source.push_velocity(m, t_valid_ns)
+        return []
+
+    def _feed_altimeter(self, device: str, m: RadioHeight | Range, t_valid_ns: int) -> list[Output | Event]:
+        channel = self._altimeters.get(device)
+        if channel is None:
+            return []
+        nav = self._navigation.at(t_valid_ns)
+        return [channel.take(channel.read(m, t_valid_ns), nav)]
+
+    def tick(self, t_ns: int) -> list[Output | Event]:
+        """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
+        nav = self._navigation.at(t_ns)
+        out: list[Output | Event] = [*self._navigation.changes(nav)]
+        for channel in self._altimeters.values():
+            out += channel.tick(t_ns, nav)
+        self._ticks += 1
+        if self._ticks % SOLUTION_TICKS == 0:
+            out.append(solution(nav))
+        return out

@@ -1,0 +1,195 @@
+"""The reference of an approach: what one kind of altimeter sees along the published path, and the limits of the tests.
+
+A text file: lines ``# key = value`` (values as in TOML), then a table by commas.  The last header line is the hash:
+SHA-256 over the rest.  A reference made for another kind of sensor is refused by the monitor.
+
+    s_m      path length before the intercept point, step ds, from -200 to s_max + 200
+    z_ref_m  altitude of the terrain as this sensor sees it: altitude of the path minus expected height above ground
+    s_ref_m  its sigma over the draws of track, height and elevation error
+    s_alt_m  sigma of one sample of the altimeter at the expected height
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Positive, StrictModel, bind
+from fti.errors import ConfigError
+from fti.nav.approach import Airfield
+
+Array = NDArray[np.float64]
+
+TITLE = "# fti reference profile"
+COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
+MARGIN_M = 200.0
+
+
+class Sensor(StrictModel):
+    """The altimeter that the profile was made for."""
+
+    kind: Literal["radar", "laser"]
+    beam_deg: Positive
+
+
+class Profile(StrictModel):
+    """How the profile was made: surface, step, far end, draws, and the correlation length of nominal residuals."""
+
+    surface: str
+    ds_m: Positive
+    s_max_m: Positive
+    draws: int
+    seed: int
+    window_m: Positive
+    correlation_m: Positive
+    datum_sd_m: Positive  # sigma of the height datum of surface and navigation against each other
+
+
+class Limits(StrictModel):
+    """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches."""
+
+    t1: Positive
+    t2: Positive
+    t3: Positive
+    t4: Positive
+    pfa: Positive  # probability of a false alarm per approach, all tests together
+    runs: int
+    seed: int
+    method: str
+
+
+class Header(StrictModel):
+    """Everything but the table and the hash."""
+
+    airfield: Airfield
+    sensor: Sensor
+    profile: Profile
+    limits: Limits
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A published approach as one kind of altimeter sees it.  Arrays of shape (n,), ascending s."""
+
+    header: Header
+    s: Array
+    z_ref: Array
+    s_ref: Array
+    s_alt: Array
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 over the canonical content, hexadecimal."""
+        return hashlib.sha256("\n".join(self._lines()).encode()).hexdigest()
+
+    def to_text(self) -> str:
+        """The file's text."""
+        lines = self._lines()
+        at = lines.index(COLUMNS)
+        return "\n".join([*lines[:at], f'# hash = "{self.hash}"', *lines[at:]]) + "\n"
+
+    def _lines(self) -> list[str]:
+        head = [f"# {key} = {_toml(value)}" for key, value in _flat(self.header.model_dump(), "")]
+        columns = (self.s, self.z_ref, self.s_ref, self.s_alt)
+        return [TITLE, *head, COLUMNS, *(",".join(f"{v:.3f}" for v in row) for row in zip(*columns, strict=True))]
+
+    @classmethod
+    def parse(cls, text: str, file: str) -> Reference:
+        """The reference in a text; file : its name, for messages.  Raises ConfigError with file, line and key."""
+        lines = text.splitlines()
+        if not lines or lines[0] != TITLE:
+            raise ConfigError(f"{file}:1: the first line must be {TITLE!r}")
+        if COLUMNS not in lines:
+            raise ConfigError(f"{file}: the line {COLUMNS!r} is missing")
+        at = lines.index(COLUMNS)
+        table, where = _read_header(lines[1:at], file)
+        stated = table.pop("hash", None)
+        try:
+            header = bind(Header, table, file)
+        except ConfigError as error:
+            raise ConfigError(_with_line(str(error), file, where)) from None
+        rows = _read_rows(lines[at + 1 :], file, at + 2)
+        _check_grid(rows[:, 0], header.profile, file, at + 2)
+        reference = cls(header, *(np.ascontiguousarray(column) for column in rows.T))
+        if stated != reference.hash:
+            raise ConfigError(f"{file}:{where.get('hash', at)}: hash = {stated!r}: the content has {reference.hash!r}")
+        return reference
+
+
+def _flat(table: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
+    """Dotted keys and their values, in order."""
+    found: list[tuple[str, Any]] = []
+    for key, value in table.items():
+        found += _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else [(prefix + key, value)]
+    return found
+
+
+def _toml(value: str | float | int) -> str:
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return repr(value)
+
+
+def _read_header(lines: list[str], file: str) -> tuple[dict[str, Any], dict[str, int]]:
+    """The header as nested tables, and the line of every key."""
+    table: dict[str, Any] = {}
+    where: dict[str, int] = {}
+    for number, line in enumerate(lines, start=2):
+        key, equals, value = line.removeprefix("# ").partition(" = ")
+        if not line.startswith("# ") or not equals:
+            raise ConfigError(f"{file}:{number}: {line!r}: must be '# key = value'")
+        if key in where:
+            raise ConfigError(f"{file}:{number}: {key}: stands twice")
+        where[key] = number
+        *folders, name = key.split(".")
+        inner = table
+        for folder in folders:
+            inner = inner.setdefault(folder, {})
+        inner[name] = _read_value(value, f"{file}:{number}: {key}")
+    return table, where
+
+
+def _read_value(text: str, place: str) -> Any:
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{place} = {text}: is not a value: {error}") from None
+
+
+def _with_line(message: str, file: str, where: dict[str, int]) -> str:
+    """The same message with the line of the key that it names first."""
+    key = message.removeprefix(f"{file}: ").split(":")[0].split(" ")[0]
+    return message.replace(f"{file}:", f"{file}:{where[key]}:", 1) if key in where else message
+
+
+def _read_rows(lines: list[str], file: str, first: int) -> Array:
+    width = COLUMNS.count(",") + 1
+    rows = []
+    for number, line in enumerate(lines, start=first):
+        try:
+            row = [float(field) for field in line.split(",")]
+        except ValueError:
+            raise ConfigError(f"{file}:{number}: {line!r}: must be {width} numbers ({COLUMNS})") from None
+        if len(row) != width or not np.all(np.isfinite(row)):
+            raise ConfigError(f"{file}:{number}: {line!r}: must be {width} numbers ({COLUMNS})")
+        rows.append(row)
+    return np.array(rows, dtype=np.float64).reshape(-1, width)
+
+
+def _check_grid(s: Array, profile: Profile, file: str, first: int) -> None:
+    expected = grid(profile.ds_m, profile.s_max_m)
+    if len(s) != len(expected):
+        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {len(expected)}")
+    wrong = np.flatnonzero(np.abs(s - expected) > 1e-3)
+    if len(wrong):
+        raise ConfigError(f"{file}:{first + wrong[0]}: s_m = {s[wrong[0]]}: must be {expected[wrong[0]]}")
+
+
+def grid(ds: float, s_max: float) -> Array:
+    """The s of a reference [m]: from -200 to s_max + 200 in steps of ds."""
+    return np.asarray(-MARGIN_M + ds * np.arange(round((s_max + 2 * MARGIN_M) / ds) + 1))

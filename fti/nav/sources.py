@@ -1,0 +1,180 @@
+"""Joining: the parts that messages carry become position, velocity and attitude at one time.
+
+One place, by ``t_valid_ns``.  A device may send roll, pitch and heading, or latitude and longitude, in messages of
+their own (ARINC 429 does); each part has its own history.  Between two entries a part is interpolated; beyond the
+newest, a position is moved on with the velocity of the same device (60 m/s and 10 Hz would otherwise be 6 m), and an
+attitude is held.  Without a velocity the rate of the last second of positions is taken.  The age that counts is the
+device's ``max_age_ms``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fti.config import Device
+from fti.geodesy import wgs84
+from fti.nav.compensation import down_row
+from fti.nav.series import SECOND_NS, Series, Value, wrap
+from fti.types import Attitude, Position, Velocity
+
+#: One sigma of an extrapolating velocity when the source states none [m/s].
+VELOCITY_SD_UNKNOWN = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeState:
+    """Attitude at one time [rad]; heading may be unknown."""
+
+    roll: float
+    pitch: float
+    heading: float | None
+    roll_sd: float | None
+    pitch_sd: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class PositionState:
+    """Position of the reference point P at one time; alt is None when the source gives a mean-sea-level height alone.
+
+    newest_ns : when the newest entry that it was made from was true
+    """
+
+    lat: float
+    lon: float
+    alt: float | None
+    horizontal_sd: float | None
+    vertical_sd: float | None
+    north: float | None
+    east: float | None
+    down: float | None
+    newest_ns: int
+
+
+class Source:
+    """What one device says about position, velocity and attitude."""
+
+    PARTS = ("roll", "pitch", "heading", "lat", "lon", "alt", "north", "east", "down", "ground_speed", "track")
+    ANGLES = frozenset({"roll", "pitch", "heading", "lon", "track"})
+
+    def __init__(self, device: Device) -> None:
+        self.name = device.name
+        self._max_age_ns = round(device.max_age_ms * 1e6)
+        self._lever_arm_b = device.lever_arm_b
+        self._velocity_sd = VELOCITY_SD_UNKNOWN
+        self._parts = {name: Series(angle=name in self.ANGLES) for name in self.PARTS}
+
+    # ---------------------------------------------------------------------------------------------------- taking
+
+    def push_attitude(self, m: Attitude, t_ns: int) -> None:
+        """Take the parts of an attitude."""
+        parts = (("roll", m.roll, m.roll_sd), ("pitch", m.pitch, m.pitch_sd), ("heading", m.heading, m.heading_sd))
+        self._push(t_ns, m.valid, parts)
+
+    def push_position(self, m: Position, t_ns: int) -> None:
+        """Take the parts of a position; the ellipsoidal height from the undulation of the same message if need be."""
+        alt = m.alt
+        if alt is None and m.alt_msl is not None and m.undulation is not None:
+            alt = m.alt_msl + m.undulation
+        parts = (("lat", m.lat, m.horizontal_sd), ("lon", m.lon, m.horizontal_sd), ("alt", alt, m.vertical_sd))
+        self._push(t_ns, m.valid, parts)
+
+    def push_velocity(self, m: Velocity, t_ns: int) -> None:
+        """Take the parts of a velocity; ground speed and track of one message become north and east."""
+        north, east = m.north, m.east
+        if north is None and m.ground_speed is not None and m.track is not None:
+            north, east = m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
+        parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
+        alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
+        self._push(t_ns, m.valid, parts + alone)
+        self._velocity_sd = VELOCITY_SD_UNKNOWN if m.sd is None else m.sd
+
+    def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
+        silent = all(value is None for _, value, _ in parts)
+        for name, value, sd in parts:
+            if value is not None or (silent and not valid):
+                self._parts[name].push(t_ns, value if valid else None, sd)
+
+    # ---------------------------------------------------------------------------------------------------- joining
+
+    def _at(self, part: str, t_ns: int, rate: float = 0.0) -> Value | None:
+        return self._parts[part].at(t_ns, self._max_age_ns, rate)
+
+    def attitude(self, t_ns: int) -> AttitudeState | None:
+        """Attitude at t_ns; None unless roll and pitch are both known."""
+        roll, pitch, heading = (self._at(part, t_ns) for part in ("roll", "pitch", "heading"))
+        if roll is None or pitch is None:
+            return None
+        turned = heading.value % (2 * math.pi) if heading else None
+        return AttitudeState(roll.value, pitch.value, turned, roll.sd, pitch.sd)
+
+    def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
+        """Position of P at t_ns; None unless latitude and longitude are both known."""
+        north, east, down = self._velocity(t_ns)
+        here = self._at("lat", t_ns)
+        if here is None:
+            return None
+        high = self._at("alt", t_ns, -(down or 0.0))
+        meridian, parallel = _metres_per_radian(here.value, high.value if high else 0.0)
+        lat = self._at("lat", t_ns, (north or 0.0) / meridian)
+        lon = self._at("lon", t_ns, (east or 0.0) / parallel)
+        if lat is None or lon is None:
+            return None
+        arm_n, arm_e, arm_d = self._lever_arm_n(attitude)
+        return PositionState(
+            lat=lat.value - arm_n / meridian,
+            lon=wrap(lon.value - arm_e / parallel),
+            alt=high.value + arm_d if high else None,
+            horizontal_sd=self._grown(lat),
+            vertical_sd=self._grown(high) if high else None,
+            north=north,
+            east=east,
+            down=down,
+            newest_ns=self._parts["lat"].newest_ns or t_ns,
+        )
+
+    def _velocity(self, t_ns: int) -> tuple[float | None, float | None, float | None]:
+        north, east, down = (self._at(part, t_ns) for part in ("north", "east", "down"))
+        climb = None if down else self._parts["alt"].slope(t_ns)
+        vertical = down.value if down else -climb if climb is not None else None
+        if north and east:
+            return north.value, east.value, vertical
+        speed, track = self._at("ground_speed", t_ns), self._at("track", t_ns)
+        if speed and track:
+            return speed.value * math.cos(track.value), speed.value * math.sin(track.value), vertical
+        return *self._horizontal_slope(t_ns), vertical
+
+    def _horizontal_slope(self, t_ns: int) -> tuple[float | None, float | None]:
+        lat = self._at("lat", t_ns)
+        by_lat, by_lon = self._parts["lat"].slope(t_ns), self._parts["lon"].slope(t_ns)
+        if lat is None or by_lat is None or by_lon is None:
+            return None, None
+        meridian, parallel = _metres_per_radian(lat.value, 0.0)
+        return by_lat * meridian, by_lon * parallel
+
+    def _lever_arm_n(self, attitude: AttitudeState | None) -> tuple[float, float, float]:
+        """The sensor's lever arm in north, east, down [m]; zero as far as the attitude is unknown."""
+        if attitude is None or self._lever_arm_b == (0.0, 0.0, 0.0):
+            return 0.0, 0.0, 0.0
+        x, y, z = self._lever_arm_b
+        row = down_row(attitude.roll, attitude.pitch)
+        down = row[0] * x + row[1] * y + row[2] * z
+        if attitude.heading is None:
+            return 0.0, 0.0, down
+        sr, cr = math.sin(attitude.roll), math.cos(attitude.roll)
+        forward = math.cos(attitude.pitch) * x + math.sin(attitude.pitch) * (sr * y + cr * z)
+        right = cr * y - sr * z
+        sh, ch = math.sin(attitude.heading), math.cos(attitude.heading)
+        return ch * forward - sh * right, sh * forward + ch * right, down
+
+    def _grown(self, value: Value) -> float | None:
+        """Sigma of a value that was moved over its age with a velocity."""
+        if value.sd is None:
+            return None
+        return math.hypot(value.sd, self._velocity_sd * value.age_ns / SECOND_NS)
+
+
+def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:
+    """Metres per radian of latitude and of longitude."""
+    r_meridian, r_normal = wgs84.radii(lat)
+    return float(r_meridian) + alt, (float(r_normal) + alt) * math.cos(lat)

@@ -1,0 +1,227 @@
+"""The pipeline: joining, ages, roles, order; everything told by stamps and ticks."""
+
+import itertools
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.config import Config, parse
+from fti.nav.pipeline import Pipeline
+from fti.types import (
+    Attitude,
+    Event,
+    HeightAboveGround,
+    Measurement,
+    NavSolution,
+    Output,
+    Position,
+    RadioHeight,
+    Range,
+    Reason,
+    Stamp,
+    Velocity,
+)
+
+MS = 1_000_000
+S = 1_000_000_000
+T0 = 1_000 * S
+
+
+def config(**changes: Any) -> Config:
+    device = {"link": "l", "driver": "d"}
+    table: dict[str, Any] = {
+        "session": {"name": "t"},
+        "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
+        "device": [
+            {"name": "ins", "max_age_ms": 300.0, **device},
+            {"name": "gnss", "max_age_ms": 1500.0, **device},
+            {
+                "name": "radar",
+                "max_age_ms": 200.0,
+                "latency_ms": 100.0,
+                "lever_arm_b": [0.0, 0.0, 2.0],
+                "altimeter": {"kind": "radar", "range_m": [1.0, 700.0], "max_roll_deg": 20.0},
+                **device,
+            },
+            {"name": "laser", "altimeter": {"kind": "laser", "range_m": [1.0, 700.0], "sd_m": 0.1}, **device},
+        ],
+        "nav": {"attitude": ["ins"], "position": ["ins", "gnss"], "altimeters": ["radar", "laser"]},
+    }
+    table.update(changes)
+    return parse(table, "", Path("t.toml"))
+
+
+def attitude(t: int, roll: float = 0.0, **changes: Any) -> Attitude:
+    return replace(Attitude(stamp=Stamp(t), roll=roll, pitch=0.0, heading=1.0), **changes)
+
+
+def position(t: int, lat: float = 0.6, **changes: Any) -> Position:
+    filled = Position(stamp=Stamp(t), lat=lat, lon=0.1, alt=500.0, horizontal_sd=2.0, vertical_sd=3.0)
+    return replace(filled, **changes)
+
+
+def heights(out: list[Output | Event], sensor: str) -> list[HeightAboveGround]:
+    return [o for o in out if isinstance(o, HeightAboveGround) and o.sensor == sensor]
+
+
+def feed_all(pipeline: Pipeline, *pairs: tuple[str, Measurement]) -> list[Output | Event]:
+    return [o for device, m in pairs for o in pipeline.feed(device, m)]
+
+
+def test_radar_height_is_moved_to_p_and_stamped_back_by_its_latency() -> None:
+    pipeline = Pipeline(config(), None)
+    pipeline.feed("ins", attitude(T0))
+    (height,) = heights(
+        pipeline.feed("radar", RadioHeight(stamp=Stamp(T0 + 50 * MS), height_agl=98.0, sd=0.5)), "radar"
+    )
+    assert height.valid
+    assert height.height_agl == pytest.approx(100.0)
+    assert height.raw == 98.0
+    assert height.t_ns == T0 + 50 * MS
+    assert height.t_valid_ns == T0 - 50 * MS
+    assert height.sd == pytest.approx(0.5, abs=1e-3)
+
+
+def test_laser_is_projected_with_the_roll_at_its_own_time() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(pipeline, ("ins", attitude(T0, 0.0)), ("ins", attitude(T0 + 100 * MS, 0.4)))
+    (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0 + 50 * MS), slant_range=100.0)), "laser")
+    assert height.height_agl == pytest.approx(100 * math.cos(0.2))
+
+
+def test_parts_of_an_attitude_are_joined() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(
+        pipeline,
+        ("ins", Attitude(stamp=Stamp(T0), roll=0.1)),
+        ("laser", Range(stamp=Stamp(T0 + 1), slant_range=100.0)),
+        ("ins", Attitude(stamp=Stamp(T0 + 5 * MS), pitch=0.2)),
+    )
+    (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0 + 6 * MS), slant_range=100.0)), "laser")
+    assert height.height_agl == pytest.approx(100 * math.cos(0.1) * math.cos(0.2))
+
+
+def test_without_attitude_the_height_is_unknown_and_says_why() -> None:
+    pipeline = Pipeline(config(), None)
+    (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0), slant_range=100.0)), "laser")
+    assert (height.valid, height.height_agl, height.raw) == (False, None, 100.0)
+    assert height.reasons == (Reason.NO_ATTITUDE,)
+
+
+def test_an_invalid_part_takes_the_attitude_away() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(pipeline, ("ins", attitude(T0)), ("ins", Attitude(stamp=Stamp(T0 + 10 * MS), roll=0.0, valid=False)))
+    (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0 + 20 * MS), slant_range=100.0)), "laser")
+    assert Reason.NO_ATTITUDE in height.reasons
+
+
+def test_an_altimeter_that_stops_is_invalid_within_max_age_and_a_tick_then_twice_a_second() -> None:
+    pipeline = Pipeline(config(), None)
+    pipeline.feed("ins", attitude(T0))
+    pipeline.feed("radar", RadioHeight(stamp=Stamp(T0), height_agl=98.0))
+    told = []
+    for k in range(1, 200):
+        t = T0 + k * 20 * MS
+        pipeline.feed("ins", attitude(t))
+        told += heights(pipeline.tick(t), "radar")
+    assert told[0].t_ns - (T0 - 100 * MS) <= 200 * MS + 20 * MS
+    assert {o.reasons for o in told} == {(Reason.STALE,)}
+    gaps = [b.t_ns - a.t_ns for a, b in itertools.pairwise(told)]
+    assert set(gaps) == {500 * MS}
+
+
+def test_an_altimeter_never_heard_is_silent() -> None:
+    pipeline = Pipeline(config(), None)
+    told = [h for k in range(60) for h in heights(pipeline.tick(T0 + k * 20 * MS), "laser")]
+    assert told
+    assert told[0].reasons[0] is Reason.SILENT
+    assert told[0].t_ns == T0 + 1020 * MS
+
+
+def test_samples_return_after_silence() -> None:
+    pipeline = Pipeline(config(), None)
+    pipeline.feed("ins", attitude(T0))
+    pipeline.feed("radar", RadioHeight(stamp=Stamp(T0), height_agl=98.0))
+    pipeline.tick(T0 + 2 * S)
+    pipeline.feed("ins", attitude(T0 + 2 * S))
+    (height,) = heights(pipeline.feed("radar", RadioHeight(stamp=Stamp(T0 + 2 * S), height_agl=98.0)), "radar")
+    assert height.valid
+    assert not heights(pipeline.tick(T0 + 2 * S + 20 * MS), "radar")
+
+
+def solution_at(pipeline: Pipeline, t: int) -> NavSolution:
+    return next(o for k in (0, 1) for o in pipeline.tick(t + k) if isinstance(o, NavSolution))
+
+
+def test_position_is_moved_on_with_the_velocity() -> None:
+    pipeline = Pipeline(config(), None)
+    velocity = Velocity(stamp=Stamp(T0), north=60.0, east=0.0, down=3.0)
+    feed_all(pipeline, ("ins", attitude(T0)), ("ins", position(T0)), ("ins", velocity))
+    found = solution_at(pipeline, T0 + 100 * MS)
+    assert found.valid
+    assert found.lat is not None
+    assert found.alt is not None
+    assert (found.lat - 0.6) * 6.37e6 == pytest.approx(6.0, abs=0.05)
+    assert found.alt == pytest.approx(499.7, abs=1e-6)
+
+
+def test_position_without_velocity_moves_at_the_rate_of_its_positions() -> None:
+    pipeline = Pipeline(config(), None)
+    for k in range(3):
+        feed_all(pipeline, ("gnss", position(T0 + k * 200 * MS, 0.6 + k * 2e-6, alt=500.0 + k)))
+    found = solution_at(pipeline, T0 + 600 * MS)
+    assert found.position_source == "gnss"
+    assert found.lat == pytest.approx(0.6 + 6e-6, abs=1e-9)
+    assert found.alt == pytest.approx(503.0, abs=1e-5)
+    assert found.vel_down == pytest.approx(-5.0)
+
+
+def test_msl_height_needs_the_undulation_of_the_same_message() -> None:
+    pipeline = Pipeline(config(), None)
+    pipeline.feed("gnss", position(T0, alt=None, alt_msl=453.0))
+    assert Reason.NO_ALTITUDE in solution_at(pipeline, T0).reasons
+    pipeline.feed("gnss", position(T0 + S, alt=None, alt_msl=453.0, undulation=47.0))
+    found = solution_at(pipeline, T0 + S)
+    assert found.alt == pytest.approx(500.0)
+    assert Reason.NO_ALTITUDE not in found.reasons
+
+
+def test_a_change_of_source_is_an_event() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(pipeline, ("ins", position(T0)), ("gnss", position(T0 + S)))
+    first = [o for o in pipeline.tick(T0) if isinstance(o, Event)]
+    second = [o for o in pipeline.tick(T0 + S) if isinstance(o, Event)]
+    third = [o for o in pipeline.tick(T0 + 9 * S) if isinstance(o, Event)]
+    assert [e.text for e in first] == ["position: from ins"]
+    assert [e.text for e in second] == ["position: from gnss instead of ins"]
+    assert [(e.level, e.text) for e in third] == [("warning", "position: no source; gnss went away")]
+
+
+def test_stamps_of_two_links_out_of_order_change_nothing() -> None:
+    a, b = Pipeline(config(), None), Pipeline(config(), None)
+    early, late = attitude(T0, 0.1), attitude(T0 + 10 * MS, 0.2)
+    feed_all(a, ("ins", early), ("ins", late))
+    feed_all(b, ("ins", late), ("ins", early))
+    sample = Range(stamp=Stamp(T0 + 20 * MS), slant_range=100.0)
+    assert a.feed("laser", sample) == b.feed("laser", sample)
+
+
+def test_position_is_that_of_p_not_of_the_antenna() -> None:
+    table = config().model_dump()["device"]
+    devices = [{k: v for k, v in d.items() if v is not None} for d in table]
+    devices[0]["lever_arm_b"] = [0.0, 0.0, -2.0]
+    pipeline = Pipeline(config(device=devices), None)
+    feed_all(pipeline, ("ins", attitude(T0)), ("ins", position(T0)))
+    assert solution_at(pipeline, T0).alt == pytest.approx(498.0)
+
+
+def test_stamp_fills_t_valid_with_the_latency() -> None:
+    stamped = Pipeline(config(), None).stamp("radar", RadioHeight(stamp=Stamp(T0), height_agl=1.0))
+    assert stamped.stamp.t_valid_ns == T0 - 100 * MS
+
+
+def test_devices_without_a_role_are_ignored() -> None:
+    assert Pipeline(config(nav={}), None).feed("radar", RadioHeight(stamp=Stamp(T0), height_agl=1.0)) == []
