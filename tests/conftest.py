@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import AsyncIterator, Generator
 
+import hypothesis
 import pytest
 
 from tests.helpers import POLL_S, ROOT
@@ -25,6 +26,17 @@ before_key = pytest.StashKey[dict[str, str]]()
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--scale", choices=sorted(SCALES), default="quick", help="how many runs statistical tests do")
     parser.addoption("--no-skips", action="store_true", help="a skipped test is a failure")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    hypothesis.settings.register_profile(
+        "fti",
+        max_examples=100 * SCALES[config.getoption("--scale")],
+        deadline=None,  # no timed assertion: this may be a busy machine
+        suppress_health_check=[hypothesis.HealthCheck.too_slow],
+        derandomize=config.getoption("--no-skips"),  # the check of a change does not depend on luck
+    )
+    hypothesis.settings.load_profile("fti")
 
 
 @pytest.fixture
