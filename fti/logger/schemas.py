@@ -1,0 +1,162 @@
+"""Measurements, outputs and notes as JSON, and the JSON schemas that stand in the file beside them.
+
+Encoding: compact, fields in the order of the class, NaN and infinity are null, enums their values, tuples arrays.
+
+A viewer (Foxglove) wants one plain ``type`` per field, a validator must allow null.  The schemas are draft 7, where a
+validator takes ``$ref`` and ignores what stands beside it, and a viewer does the opposite: a field that may be null
+has both.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from typing import Any
+
+from fti.logger import foxglove
+from fti.types import Event
+
+JSON_SCHEMA = "jsonschema"
+DRAFT = "http://json-schema.org/draft-07/schema#"
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """A schema as MCAP has it."""
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+# ---------------------------------------------------------------------------------------------------------- values
+
+
+@cache
+def _field_names(cls: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(cls))
+
+
+def _plain(value: Any) -> Any:
+    """A value of plain JSON types."""
+    if value is None or isinstance(value, str | int):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, Sequence):
+        return [_plain(item) for item in value]
+    if dataclasses.is_dataclass(value):
+        cls: type = type(value)
+        return {name: _plain(getattr(value, name)) for name in _field_names(cls)}
+    raise TypeError(f"{type(value).__name__} has no form in JSON")
+
+
+def encode(obj: Any) -> bytes:
+    """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say."""
+    return json.dumps(_plain(obj), separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+# --------------------------------------------------------------------------------------------------------- schemas
+
+
+@cache
+def json_schema(cls: type) -> Json:
+    """JSON schema of a dataclass."""
+    definitions: Json = {}
+    root = _object_schema(cls, definitions)
+    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **root, "definitions": definitions}
+
+
+@cache
+def schema_of(cls: type) -> Schema:
+    """The same for a file."""
+    return Schema(f"fti.{cls.__name__}", JSON_SCHEMA, json.dumps(json_schema(cls), separators=(",", ":")).encode())
+
+
+def _object_schema(cls: type, definitions: Json) -> Json:
+    hints = typing.get_type_hints(cls)
+    names = _field_names(cls)
+    properties = {name: _field_schema(hints[name], definitions) for name in names}
+    return {"type": "object", "properties": properties, "required": list(names)}
+
+
+def _field_schema(hint: Any, definitions: Json) -> Json:
+    members = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    bare = next(member for member in members if member is not type(None))
+    schema = _bare_schema(bare, definitions)
+    return _nullable(schema, bare, definitions) if len(members) > 1 or bare is float else schema
+
+
+def _bare_schema(hint: Any, definitions: Json) -> Json:
+    simple = {bool: "boolean", int: "integer", float: "number", str: "string"}
+    if hint in simple:
+        return {"type": simple[hint]}
+    if typing.get_origin(hint) is tuple:
+        return {"type": "array", "items": _field_schema(typing.get_args(hint)[0], definitions)}
+    if issubclass(hint, StrEnum):
+        return {"type": "string", "enum": [member.value for member in hint]}
+    return _object_schema(hint, definitions)
+
+
+def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
+    """The type for viewers and, for validators, a reference to the same or null."""
+    name = f"{getattr(hint, '__name__', 'value')}_or_null"
+    definitions[name] = {"anyOf": [schema, {"type": "null"}]}
+    shown = {key: value for key, value in schema.items() if key in ("type", "items", "properties")}
+    return {**shown, "$ref": f"#/definitions/{name}"}
+
+
+# ------------------------------------------------------------------------------------------------------------ notes
+
+_INTEGER: Json = {"type": "integer"}
+_STRING: Json = {"type": "string"}
+_TABLE: Json = {"type": "object", "properties": {}}
+_NOTES: dict[str, tuple[str, Json]] = {
+    "/fti/clock": (
+        "fti.Clock",
+        {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER},
+    ),
+    "/fti/ledger": ("fti.Ledger", {"t_ns": _INTEGER, "links": _TABLE}),
+    "/fti/health": (
+        "fti.Health",
+        {"t_ns": _INTEGER, "session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
+        | {"storage": _TABLE, "navigation": _TABLE},
+    ),
+    "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
+}
+EVENT_TOPIC = "/fti/event"
+
+
+@cache
+def note_schema(topic: str) -> Schema:
+    """Schema of a note of the service.  Raises ValueError for a topic that has none."""
+    if topic == EVENT_TOPIC:
+        return foxglove_schema("Log")
+    if topic not in _NOTES:
+        raise ValueError(f"no note is kept on {topic!r}; there are {EVENT_TOPIC}, {', '.join(_NOTES)}")
+    name, properties = _NOTES[topic]
+    table = {"$schema": DRAFT, "title": name, "type": "object", "properties": properties}
+    return Schema(name, JSON_SCHEMA, json.dumps(table, separators=(",", ":")).encode())
+
+
+def encode_note(topic: str, obj: Any) -> bytes:
+    """A note as JSON; an event becomes a ``foxglove.Log``."""
+    if topic == EVENT_TOPIC:
+        return encode(foxglove.log(obj if isinstance(obj, Event) else Event(**obj)))
+    return encode(obj)
+
+
+@cache
+def foxglove_schema(name: str) -> Schema:
+    """A well-known schema of Foxglove, for a file."""
+    return Schema(f"foxglove.{name}", JSON_SCHEMA, foxglove.schema_text(name))

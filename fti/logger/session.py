@@ -1,0 +1,96 @@
+"""The folder of a session and the names of its files.  Nothing that exists is ever overwritten."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import count
+from pathlib import Path
+from typing import Literal
+
+from fti.errors import FtiError, MissingError, StorageError
+
+Kind = Literal["raw", "derived", "truth"]
+_SECOND_NS = 1_000_000_000
+_FILE = re.compile(r"(?:_(?P<kind>derived|truth))?_(?P<number>\d{3,})\.mcap$")
+
+
+@dataclass(frozen=True, slots=True)
+class SessionFolder:
+    """A folder ``<name>_<UTC>_<n>`` with files ``FOLDER_NNN.mcap``, ``FOLDER_derived_NNN.mcap`` and so on."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, directory: str | Path, name: str, started_ns: int) -> SessionFolder:
+        """Make a new folder in ``directory`` (made too); started_ns : real time [ns].
+
+        n is the smallest number that is free, also when the clock is wrong.  Raises StorageError.
+        """
+        parent = Path(directory)
+        stem = f"{name}_{datetime.fromtimestamp(started_ns // _SECOND_NS, UTC):%Y%m%dT%H%M%SZ}"
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            for n in count():
+                path = parent / f"{stem}_{n}"
+                if _made(path):
+                    return cls(path)
+        except OSError as error:
+            raise _refusal(parent, error) from error
+        raise AssertionError("unreachable: count() does not end")
+
+    @classmethod
+    def open(cls, path: str | Path) -> SessionFolder:
+        """The folder of a session that exists.  Raises MissingError."""
+        if not Path(path).is_dir():
+            raise MissingError(f"{path}: there is no such session folder")
+        return cls(Path(path))
+
+    @property
+    def name(self) -> str:
+        """Name of the folder, with which the names of its files begin."""
+        return self.path.absolute().name
+
+    def next_path(self, kind: Kind) -> Path:
+        """Path of the next file of a kind: the smallest number that is free."""
+        part = "" if kind == "raw" else f"_{kind}"
+        paths = (self.path / f"{self.name}{part}_{n:03d}.mcap" for n in count())
+        return next(path for path in paths if not os.path.lexists(path))
+
+    def files(self, kind: Kind) -> list[Path]:
+        """The files of a kind, in order of their numbers."""
+        found = [(number, path) for path in self.path.glob("*.mcap") for k, number in [name_parts(path)] if k == kind]
+        return [path for _, path in sorted(found)]
+
+
+def name_parts(path: Path) -> tuple[Kind, int]:
+    """Kind and number that the name of a file tells; a foreign name is raw, number 0."""
+    found = _FILE.search(path.name)
+    if found is None:
+        return "raw", 0
+    kind: Kind = "derived" if found["kind"] == "derived" else "truth" if found["kind"] == "truth" else "raw"
+    return kind, int(found["number"])
+
+
+def _made(path: Path) -> bool:
+    try:
+        path.mkdir()
+    except FileExistsError:
+        return False
+    return True
+
+
+def _refusal(directory: Path, error: OSError) -> FtiError:
+    reasons = {
+        errno.EACCES: "you have no permission to write there",
+        errno.EPERM: "you have no permission to write there",
+        errno.EROFS: "it is on a read-only file system",
+        errno.EEXIST: "it is a file, not a directory",
+        errno.ENOTDIR: "a part of the path is a file, not a directory",
+        errno.ENOSPC: "no space is left on the device",
+    }
+    reason = reasons.get(error.errno or 0, error.strerror or str(error))
+    return StorageError(f"{directory}: cannot hold the recording: {reason}")
