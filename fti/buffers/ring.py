@@ -1,0 +1,308 @@
+"""Ring between two processes: the recorder writes and never waits, navigation reads when it can.
+
+One memory file, inherited by descriptor (``pass_fds``) and mapped by both, so that a killed process takes nothing
+with it.  Its first page is the header, 64-bit words; the rest holds records, one behind the other, around the end.
+
+    word 0     magic                     8        writer's generation g       32       reader's generation
+    1          size of the data [B]      10..14   writer's state, g even      34..36   reader's state, g even
+    2          end mark                  18..22   writer's state, g odd       38..40   reader's state, g odd
+
+    writer's state: position behind the newest record | next seq | position of the oldest record | first seq
+    reader's state: position behind the last record consumed | next seq expected | frames lost
+    positions count bytes since the beginning of the ring and only grow
+
+    record: | length u32 | crc-32 u32 | seq u64 | t_rx_ns i64 | link u32 | data |
+            crc over the position (as its start value), everything behind it in the header, and the data
+
+A state is written beside the valid one and becomes valid with its generation, one 64-bit store: a process killed at
+any instruction leaves the old state or the new one.  The writer gives up the oldest records (and publishes that)
+before it overwrites them and publishes a record when it is whole.  A reader that was overrun meanwhile finds the
+oldest position beyond its own, or a wrong crc, and goes on at the oldest whole record; what it missed is the gap in
+``seq``.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fti.config import CanLink, Link, SerialLink
+
+MAGIC = 0x3130_676E_6972_7466  # "ftring01"
+PAGE = 4096
+RECORD = struct.Struct("<II")  # length, crc
+FIELDS = struct.Struct("<QqI")  # seq, t_rx_ns, link: covered by the crc
+HEAD = RECORD.size + FIELDS.size
+SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
+READ_BYTES = 2**18  # copied at once by the reader; no record is larger
+ATTEMPTS = 100
+
+MIN_SIZE = 16 * 2**20
+SECONDS = 30
+#: What a link brings at most [B/s], with the head of its records: bytes of a serial line in reads of 16, the shortest
+#: frames of a CAN bus, 2000 datagrams of 100 B.
+SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + HEAD)
+DEFAULT_BITRATE = 1_000_000
+TICKS = 50 * HEAD
+
+
+class Record(NamedTuple):
+    """One frame as it stands in the ring."""
+
+    link_index: int
+    seq: int
+    t_rx_ns: int
+    data: bytes
+
+
+def ring_size(links: Sequence[Link]) -> int:
+    """Size of a ring that holds 30 s of these links at their full rates, at least 16 MiB [B]."""
+    rate = TICKS + sum(_rate(link) for link in links)
+    return max(MIN_SIZE, -(-SECONDS * rate // PAGE) * PAGE)
+
+
+def _rate(link: Link) -> int:
+    if isinstance(link, SerialLink):
+        return link.baud // SERIAL_BITS * (SERIAL_READ + HEAD) // SERIAL_READ
+    if isinstance(link, CanLink):
+        return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + HEAD)
+    return UDP_RATE
+
+
+class WriterState(NamedTuple):
+    """Positions [B] and seq numbers that the writer publishes."""
+
+    end: int
+    next_seq: int
+    oldest: int
+    first_seq: int
+
+
+class ReaderState(NamedTuple):
+    """Where the reader is, and what it has lost."""
+
+    position: int
+    next_seq: int
+    lost: int
+
+
+def _slot(base: int, generation: int) -> int:
+    """First word of the state of that generation."""
+    return base + 2 + (8 if base == WRITER else 4) * (generation & 1)
+
+
+class Ring:
+    """The ring and its header; ``put`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
+
+    def __init__(self, fd: int) -> None:
+        self.fd = fd
+        self._map = mmap.mmap(fd, 0)
+        self._words = memoryview(self._map)[:PAGE].cast("Q")
+        if self._words[0] != MAGIC:
+            self.close()
+            raise ValueError(f"descriptor {fd} is not a ring")
+        self._size = self._words[SIZE]
+        self._state = self.writer_state()
+
+    @classmethod
+    def create(cls, size_bytes: int) -> Ring:
+        """A new ring with that much room for records (whole pages)."""
+        if size_bytes < PAGE:
+            raise ValueError(f"{size_bytes} B; a ring has at least {PAGE}")
+        size = size_bytes // PAGE * PAGE
+        fd = os.memfd_create("fti_ring", os.MFD_CLOEXEC)
+        os.ftruncate(fd, PAGE + size)
+        with mmap.mmap(fd, PAGE) as header, memoryview(header) as view, view.cast("Q") as words:
+            words[SIZE] = size
+            words[0] = MAGIC
+        return cls(fd)
+
+    @classmethod
+    def attach(cls, fd: int) -> Ring:
+        """The ring behind an inherited descriptor; a restarted writer goes on where the last one ended."""
+        return cls(fd)
+
+    def close(self) -> None:
+        """Give back the memory and the descriptor."""
+        self._words.release()
+        self._map.close()
+        os.close(self.fd)
+
+    # ------------------------------------------------------------------------------------------------------- writer
+
+    def put(self, link_index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
+        """Append one frame; never waits, the oldest frames are overwritten.
+
+        Raises ValueError for a frame larger than a quarter of the ring or than 256 KiB.
+        """
+        need = HEAD + len(data)
+        if need > min(self._size // 4, READ_BYTES):
+            raise ValueError(f"frame of {len(data)} B; allowed are {min(self._size // 4, READ_BYTES) - HEAD}")
+        end, _, oldest, first_seq = self._state
+        if end + need - oldest > self._size:
+            oldest = self._give_up(end + need - self._size)
+        fields = FIELDS.pack(seq, t_rx_ns, link_index)
+        crc = zlib.crc32(data, zlib.crc32(fields, end & 0xFFFF_FFFF))
+        self._store(end, RECORD.pack(len(data), crc) + fields + data)
+        self._publish(WriterState(end + need, seq + 1, oldest, seq if end == 0 else first_seq))
+
+    def _give_up(self, least: int) -> int:
+        """Give up whole records until position ``least`` and some more, so that it need not be done for each put."""
+        oldest, target = self._state.oldest, min(least + self._size // 16, self._state.end)
+        while oldest < target:
+            oldest += HEAD + RECORD.unpack(self.load(oldest, RECORD.size))[0]
+        self._publish(self._state._replace(oldest=oldest))
+        return oldest
+
+    def _publish(self, state: WriterState) -> None:
+        self._publish_words(WRITER, state)
+        self._state = state
+
+    def end(self) -> None:
+        """Mark the end: nothing follows."""
+        self._words[ENDED] = 1
+
+    # ------------------------------------------------------------------------------------------------ both processes
+
+    @property
+    def ended(self) -> bool:
+        """The writer has put everything."""
+        return bool(self._words[ENDED])
+
+    @property
+    def next_seq(self) -> int:
+        """The seq behind the newest frame in the ring; 0 while it is empty."""
+        return self.writer_state().next_seq
+
+    @property
+    def lag_bytes(self) -> int:
+        """Bytes that wait for the reader or were overwritten before it came."""
+        return self.writer_state().end - self.reader_state().position
+
+    @property
+    def oldest_seq(self) -> int | None:
+        """The seq of the oldest frame still there; None while the ring is empty."""
+        for _ in range(ATTEMPTS):  # the writer may give the record up while we look
+            state = self.writer_state()
+            if state.oldest == state.end:
+                return None
+            head = self.load(state.oldest, HEAD)
+            if self.writer_state().oldest == state.oldest:
+                return int(FIELDS.unpack_from(head, RECORD.size)[0])
+        return None
+
+    def writer_state(self) -> WriterState:
+        """What the writer published last."""
+        return WriterState(*self._consistent(WRITER, 4))
+
+    def reader_state(self) -> ReaderState:
+        """What the reader consumed last."""
+        return ReaderState(*self._consistent(READER, 3))
+
+    def publish_reader(self, state: ReaderState) -> None:
+        """For the reader alone."""
+        self._publish_words(READER, state)
+
+    def _publish_words(self, base: int, values: Sequence[int]) -> None:
+        generation = self._words[base] + 1
+        slot = _slot(base, generation)
+        struct.pack_into(f"={len(values)}Q", self._map, 8 * slot, *values)  # not valid yet, may be torn
+        self._words[base] = generation  # one aligned 64-bit store
+
+    def _consistent(self, base: int, count: int) -> list[int]:
+        """The valid state; read again when it was replaced twice meanwhile."""
+        while True:
+            generation = self._words[base]
+            slot = _slot(base, generation)
+            values = self._words[slot : slot + count].tolist()
+            if self._words[base] == generation:
+                return values
+
+    def load(self, position: int, count: int) -> bytes:
+        """Bytes of the data from a position on, around the end."""
+        at = position % self._size
+        first = min(count, self._size - at)
+        found = self._map[PAGE + at : PAGE + at + first]
+        return found if first == count else found + self._map[PAGE : PAGE + count - first]
+
+    def _store(self, position: int, data: bytes) -> None:
+        at = position % self._size
+        first = min(len(data), self._size - at)
+        self._map[PAGE + at : PAGE + at + first] = data[:first]
+        if first < len(data):
+            self._map[PAGE : PAGE + len(data) - first] = data[first:]
+
+
+class RingReader:
+    """The one reader.  A new reader on the same ring goes on exactly where the last one stopped.
+
+    Frames count as consumed with the next ``read`` or with ``commit``: a reader that is killed while it works on what
+    ``read`` returned gets the same frames again.
+    """
+
+    def __init__(self, ring: Ring) -> None:
+        self._ring = ring
+        self._state = ring.reader_state()
+
+    @property
+    def lost_frames(self) -> int:
+        """Frames that were overwritten before they were read, since the ring began."""
+        return self._state.lost
+
+    @property
+    def finished(self) -> bool:
+        """The writer has put everything and everything has been read."""
+        return self._ring.ended and self._state.position == self._ring.writer_state().end
+
+    def commit(self) -> None:
+        """What ``read`` returned has been worked on."""
+        self._ring.publish_reader(self._state)
+
+    def read(self, limit: int = 1000) -> list[Record]:
+        """The next frames in order, at most ``limit``; empty when there is none now."""
+        self.commit()
+        for _ in range(ATTEMPTS):
+            writer = self._ring.writer_state()
+            begin = max(self._state.position, writer.oldest)
+            if begin == writer.end:
+                return []
+            data = self._ring.load(begin, min(writer.end - begin, READ_BYTES))
+            oldest = self._ring.writer_state().oldest  # what lies before it may have been overwritten while we copied
+            found = self._parse(data, begin, max(begin, oldest), limit, writer.first_seq)
+            if found:
+                return found
+        self._skip_to_end(writer)
+        return []
+
+    def _skip_to_end(self, writer: WriterState) -> None:
+        """Damaged memory: go on with what comes."""
+        position, expected, lost = self._state
+        expected = expected if position else writer.first_seq
+        self._state = ReaderState(writer.end, writer.next_seq, lost + max(writer.next_seq - expected, 0))
+
+    def _parse(self, data: bytes, base: int, begin: int, limit: int, first_seq: int) -> list[Record]:
+        """Records from position ``begin`` on, in data that begins at position ``base``."""
+        found: list[Record] = []
+        position, _, lost = self._state
+        expected = self._state.next_seq if position else first_seq
+        at = begin - base
+        while len(found) < limit and at + HEAD <= len(data):
+            length, crc = RECORD.unpack_from(data, at)
+            end = at + HEAD + length
+            if end > len(data):
+                break
+            covered = memoryview(data)[at + RECORD.size : end]
+            if zlib.crc32(covered, (base + at) & 0xFFFF_FFFF) != crc:
+                break
+            seq, t_rx_ns, link_index = FIELDS.unpack_from(data, at + RECORD.size)
+            lost += max(seq - expected, 0)
+            expected = seq + 1
+            found.append(Record(link_index, seq, t_rx_ns, data[at + HEAD : end]))
+            at = end
+        if found:
+            self._state = ReaderState(base + at, expected, lost)
+        return found

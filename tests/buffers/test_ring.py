@@ -1,0 +1,265 @@
+"""Ring between processes: it never waits, counts what was overwritten, and survives kill -9 of either side."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fti.buffers.ring import HEAD, PAGE, Record, Ring, RingReader, ring_size
+from fti.config import CanLink, SerialLink, UdpLink
+from tests.helpers import ROOT, until
+
+
+@pytest.fixture
+def ring() -> Iterator[Ring]:
+    made = Ring.create(4 * PAGE)
+    yield made
+    made.close()
+
+
+def payload(seq: int) -> bytes:
+    """What a frame of that number carries, so that a mix-up shows."""
+    return seq.to_bytes(4, "little") * (seq % 40)
+
+
+def put(ring: Ring, *numbers: int) -> None:
+    for seq in numbers:
+        ring.put(seq % 7, seq, seq * 10, payload(seq))
+
+
+def check(records: list[Record]) -> list[int]:
+    for record in records:
+        seq = record.seq
+        assert record == Record(seq % 7, seq, seq * 10, payload(seq))
+    return [record.seq for record in records]
+
+
+def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
+    reader = RingReader(ring)
+    assert reader.read() == []
+    assert ring.oldest_seq is None
+    put(ring, 5, 6, 7)
+    assert check(reader.read(2)) == [5, 6]
+    assert ring.lag_bytes == 3 * HEAD + sum(len(payload(s)) for s in (5, 6, 7))
+    assert check(reader.read(2)) == [7]
+    assert reader.read() == []
+    assert (reader.lost_frames, ring.lag_bytes, ring.oldest_seq, ring.next_seq) == (0, 0, 5, 8)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(0, 300), st.integers(0, 60)), min_size=1, max_size=30))
+def test_every_frame_is_read_or_counted(turns: list[tuple[int, int]]) -> None:
+    """Any rhythm of writing and reading, several times around the ring."""
+    ring = Ring.create(2 * PAGE)
+    reader, seq, found = RingReader(ring), 0, list[int]()
+    for written, read in turns:
+        put(ring, *range(seq, seq + written))
+        seq += written
+        found += check(reader.read(read)) if read else []
+    while records := check(reader.read()):
+        found += records
+    ring.close()
+    assert found == sorted(set(found))
+    assert len(found) + reader.lost_frames == seq
+    assert not found or found[-1] == seq - 1
+
+
+def test_overrun_reader_goes_on_at_the_oldest(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, *range(2000))
+    oldest = ring.oldest_seq
+    assert oldest
+    assert check(reader.read())[0] == oldest
+    assert reader.lost_frames == oldest
+
+
+def test_frames_that_never_came_are_lost_too(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, 3, 4, 8)
+    assert check(reader.read()) == [3, 4, 8]
+    assert reader.lost_frames == 3
+
+
+def test_record_overwritten_while_it_is_copied_is_not_believed(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
+    reader = RingReader(ring)
+    put(ring, *range(100))
+    load, turn = ring.load, iter([range(100, 2000)])
+
+    def slow_load(position: int, count: int) -> bytes:
+        data = load(position, count)
+        for numbers in turn:  # the first time, the writer laps the reader
+            put(ring, *numbers)
+        return data
+
+    monkeypatch.setattr(ring, "load", slow_load)
+    found = check(reader.read(5))
+    assert found[0] == ring.oldest_seq == reader.lost_frames
+
+
+def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, 1, 2, 3)
+    ring._map[PAGE + HEAD + 2] ^= 1  # inside the data of the first frame
+    assert reader.read() == []
+    put(ring, 4, 5)
+    assert check(reader.read()) == [4, 5]
+    assert reader.lost_frames == 3
+
+
+def test_what_does_not_fit_is_refused(ring: Ring) -> None:
+    with pytest.raises(ValueError, match="allowed are 4"):
+        ring.put(0, 0, 0, bytes(PAGE))
+    with pytest.raises(ValueError, match="at least"):
+        Ring.create(100)
+
+
+def test_other_memory_is_refused() -> None:
+    fd = os.memfd_create("other")
+    os.ftruncate(fd, 2 * PAGE)
+    with pytest.raises(ValueError, match="not a ring"):
+        Ring.attach(fd)
+
+
+def test_end_mark(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, 1)
+    assert not ring.ended
+    ring.end()
+    assert ring.ended
+    assert not reader.finished
+    reader.read()
+    assert reader.finished
+
+
+def test_new_reader_goes_on_where_the_last_one_stopped(ring: Ring) -> None:
+    put(ring, *range(10))
+    first = RingReader(ring)
+    assert check(first.read(4)) == [0, 1, 2, 3]
+    assert check(RingReader(ring).read(4)) == [0, 1, 2, 3]  # nobody said that they were worked on
+    first.commit()
+    assert check(RingReader(ring).read(4)) == [4, 5, 6, 7]
+
+
+def test_size_holds_thirty_seconds() -> None:
+    assert ring_size([]) == 16 * 2**20
+    slow = [SerialLink(name=f"s{i}", kind="serial", port="x") for i in range(10)]
+    assert ring_size(slow) == 16 * 2**20
+    fast = [CanLink(name=f"c{i}", kind="can", interface="socketcan", channel="c", bitrate=1_000_000) for i in range(4)]
+    assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + HEAD)  # frames with 8 bytes of data
+    udp = [UdpLink(name=f"u{i}", kind="udp", bind="127.0.0.1:0") for i in range(9)]
+    assert ring_size(udp) >= 30 * 9 * 2000 * 100
+
+
+# ----------------------------------------------------------------------------------------------------- real processes
+
+WRITER = """
+import sys
+from fti.buffers.ring import Ring
+ring = Ring.attach(int(sys.argv[1]))
+seq, last = ring.next_seq, int(sys.argv[2])
+while seq < last:
+    ring.put(seq % 7, seq, seq * 10, seq.to_bytes(4, "little") * (seq % 40))
+    seq += 1
+ring.end()
+"""
+
+READER = """
+import os, sys
+from fti.buffers.ring import Ring, RingReader
+reader = RingReader(Ring.attach(int(sys.argv[1])))
+while not reader.finished:
+    lines = ""
+    for link, seq, t, data in reader.read(50):
+        assert data == seq.to_bytes(4, "little") * (seq % 40) and t == 10 * seq and link == seq % 7
+        lines += f"{seq}\\n"
+    os.write(1, lines.encode())  # whole lines, also when killed
+    reader.commit()
+print("lost", reader.lost_frames)
+"""
+
+
+def start(code: str, ring: Ring, *args: object, out: int | None = None) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-c", code, str(ring.fd), *map(str, args)]
+    return subprocess.Popen(command, pass_fds=[ring.fd], stdout=out, cwd=ROOT)
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+
+
+def test_killed_writer_leaves_whole_records_and_its_successor_goes_on(ring: Ring) -> None:
+    reader, found = RingReader(ring), list[int]()
+
+    def pump() -> int:
+        found.extend(check(reader.read()))
+        return len(found)
+
+    for _ in range(6):
+        process = start(WRITER, ring, 10**9)
+        before = ring.next_seq
+        until(lambda before=before: pump() and ring.next_seq > before + 500)  # type: ignore[misc]
+        kill(process)
+        while check_and_keep := check(reader.read()):
+            found.extend(check_and_keep)
+        assert found[-1] == ring.next_seq - 1
+    assert found == sorted(set(found))
+    assert len(found) + reader.lost_frames == ring.next_seq
+
+
+def test_killed_reader_is_followed_by_one_that_goes_on() -> None:
+    ring, frames = Ring.create(64 * PAGE), 3000
+    out = os.memfd_create("out")
+    reader = start(READER, ring, out=out)
+    for seq in range(frames):
+        put(ring, seq)
+        if seq in (700, 1400, 2100):
+            until(lambda seq=seq: ring.reader_state().next_seq > seq - 300)  # type: ignore[misc]
+            kill(reader)
+            reader = start(READER, ring, out=out)
+    ring.end()
+    assert reader.wait() == 0
+    lines = os.pread(out, 10**6, 0).decode().split("\n")
+    os.close(out)
+    ring.close()
+    assert lines[-2:] == ["lost 0", ""]
+    numbers = [int(line) for line in lines[:-2]]
+    assert sorted(set(numbers)) == list(range(frames))
+    assert len(numbers) - frames <= 3 * 50  # only what a killed reader had not yet reported as done comes again
+
+
+def test_stopped_reader_does_not_stop_the_writer(ring: Ring) -> None:
+    out = os.memfd_create("out")
+    reader = start(READER, ring, out=out)
+    put(ring, *range(100))
+    until(lambda: ring.reader_state().next_seq == 100)
+    reader.send_signal(signal.SIGSTOP)
+    put(ring, *range(100, 5000))
+    reader.send_signal(signal.SIGCONT)
+    ring.end()
+    assert reader.wait() == 0
+    lines = os.pread(out, 10**6, 0).decode().split()
+    os.close(out)
+    lost = int(lines[-1])
+    assert lost > 0
+    assert len(lines) - 2 + lost == 5000
+
+
+def test_reader_and_writer_race(ring: Ring) -> None:
+    """A writer at full speed laps a reader many times: every frame is read whole or counted."""
+    last, found, reader = 30_000, list[int](), RingReader(ring)
+    process = start(WRITER, ring, last)
+    deadline = time.monotonic() + 60
+    while not reader.finished and time.monotonic() < deadline:
+        found.extend(check(reader.read(20)))
+    assert process.wait() == 0
+    assert found == sorted(set(found))
+    assert len(found) + reader.lost_frames == last
