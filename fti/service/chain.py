@@ -66,9 +66,10 @@ class Chain:
                 products.outputs += self._pipeline.tick(frame.t_rx_ns)
         for listener in self._on_link.get(frame.link, ()):
             for measurement in self._decode(listener, frame, products):
-                products.measurements.append((listener.name, measurement))
+                stamped = self._pipeline.stamp(listener.name, measurement)
+                products.measurements.append((listener.name, stamped))
                 with self._guard("pipeline", frame, products):
-                    products.outputs += self._pipeline.feed(listener.name, measurement)
+                    products.outputs += self._pipeline.feed(listener.name, stamped)
         return products
 
     def _decode(self, listener: Listener, frame: RawFrame, products: Products) -> list[Measurement]:

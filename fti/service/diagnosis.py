@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -23,12 +23,21 @@ RATE_TOLERANCE = 0.3
 NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment"})
 
 
+class Count(NamedTuple):
+    """What a decoder had counted at one health report."""
+
+    bytes_in: int
+    framed: int
+    bad: int
+    messages: dict[str, int]
+
+
 @dataclass(slots=True)
 class Past:
     """What a decoder had counted at the last health reports."""
 
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
-    counts: deque[tuple[int, int, int, dict[str, int]]] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    counts: deque[Count] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
 
 def guess_drivers(data: bytes, carrier: str) -> list[str]:
@@ -75,7 +84,7 @@ class Diagnosis:
         past = self._past[listener.name]
         bad = sum(n for reason, n in counters.skipped.items() if reason not in NO_FRAME_REASONS)
         past.times_ns.append(now_ns)
-        past.counts.append((counters.bytes_in, counters.framed, bad, dict(counters.messages)))
+        past.counts.append(Count(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
         rate = _rate_hz(past)
         state, hint = self._judge(listener, past, rate, now_ns)
         return {
@@ -98,7 +107,8 @@ class Diagnosis:
         if heard is None or now_ns - heard > SILENT_NS:
             self._recent.pop(device.link, None)
             return LinkState.SILENT, "no bytes on the link; is the device powered, and the cable in?"
-        bytes_in, framed, bad = (past.counts[-1][i] - past.counts[0][i] for i in range(3))
+        first, last = past.counts[0], past.counts[-1]
+        bytes_in, framed, bad = last.bytes_in - first.bytes_in, last.framed - first.framed, last.bad - first.bad
         if framed <= 0 and len(past.times_ns) > 2:
             return self._judge_strange(listener, bytes_in)
         self._recent.pop(device.link, None)
@@ -129,5 +139,5 @@ def _rate_hz(past: Past) -> float:
     span = past.times_ns[-1] - past.times_ns[0]
     if span <= 0:
         return 0.0
-    first, last = past.counts[0][3], past.counts[-1][3]
+    first, last = past.counts[0].messages, past.counts[-1].messages
     return max((n - first.get(name, 0) for name, n in last.items()), default=0) * 1e9 / span

@@ -1,0 +1,47 @@
+"""Run navigation again over the raw bytes of a session.
+
+  fti reprocess data/da42_20261121T101500Z_0 --out again
+  fti reprocess SESSION configs/other.toml --out again
+
+With the recorded configuration the outputs are those of the flight, bit for bit (same software, same processor).  With
+CONFIG they are what another configuration would have said.  --as-flown repeats what navigation did not see in flight
+(a restart, an overrun ring) as well; without it, that is healed.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti reprocess``."""
+    parser.add_argument("session", metavar="SESSION", help="session folder or raw file")
+    parser.add_argument("config", metavar="CONFIG", nargs="?", help="another configuration")
+    parser.add_argument("--out", metavar="DIR", required=True, help="write the new session below DIR")
+    parser.add_argument("--as-flown", action="store_true", help="repeat also what navigation missed")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Reprocess with a progress bar on standard error."""
+    from pathlib import Path
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from fti.logger.recording import Recording
+    from fti.post.reprocess import other_setup, recorded_setup, reprocess
+
+    session = Path(args.session)
+    recording = Recording.open(session)
+    setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("frames", total=None)
+        folder = reprocess(
+            recording,
+            setup,
+            Path(args.out),
+            as_flown=args.as_flown,
+            progress=lambda seq: bar.update(task, completed=seq),
+        )
+    print(folder)
+    return 0

@@ -1,0 +1,83 @@
+"""The display process: hears the bus, serves the page.  It can be killed at any time without harm to the others."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import sys
+from collections.abc import Sequence
+
+from fti.bus.message import decode
+from fti.bus.zenoh_bus import Subscriber
+from fti.clock import SystemClock
+from fti.errors import FtiError
+from fti.service.control import Channel, adopt_channel
+from fti.web.feed import Feed
+from fti.web.server import PageServer
+
+EXIT_WRONG = 2
+
+
+def subscribe(feed: Feed, endpoint: str, session: str, clock: SystemClock) -> Subscriber:
+    """Let the feed hear the bus.  Raises MissingError when there is none."""
+
+    def take(topic: str, payload: bytes) -> None:
+        fields = decode(payload)
+        if fields is not None:
+            feed.take(topic, fields, clock.now_ns())
+
+    return Subscriber.connect(endpoint, session, take, feed.take_alive)
+
+
+async def wait_for_end(channel: Channel) -> None:
+    """Until the supervisor says stop or has gone, or SIGTERM."""
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+
+    def on_control() -> None:
+        messages = channel.receive()
+        if channel.ended or any(message.get("stop") for message in messages):
+            ended.set()
+
+    loop.add_reader(channel.fileno(), on_control)
+    loop.add_signal_handler(signal.SIGTERM, ended.set)
+    await ended.wait()
+    loop.remove_reader(channel.fileno())
+    loop.remove_signal_handler(signal.SIGTERM)
+
+
+async def serve(endpoint: str, session: str, port: int, channel: Channel) -> None:
+    """Serve the page until the supervisor ends it; tells the supervisor the port."""
+    clock = SystemClock(0)  # ages need differences only
+    feed = Feed(clock.now_ns())
+    server = PageServer(feed, clock.now_ns)
+    chosen = await server.start(port)
+    subscriber = await asyncio.to_thread(subscribe, feed, endpoint, session, clock)
+    channel.send({"ready": True, "port": chosen})
+    try:
+        await wait_for_end(channel)
+    finally:
+        await server.stop()
+        subscriber.close()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m fti.service.display``: started by the supervisor alone."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--endpoint", required=True)
+    parser.add_argument("--session", required=True)
+    parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--control-fd", type=int, required=True)
+    args = parser.parse_args(argv)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides when it ends
+    try:
+        asyncio.run(serve(args.endpoint, args.session, args.port, adopt_channel(args.control_fd)))
+    except FtiError as error:
+        print(f"fti display: {error}", file=sys.stderr)  # noqa: T201 - the supervisor passes it on
+        return EXIT_WRONG
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

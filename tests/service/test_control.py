@@ -1,0 +1,54 @@
+"""The control channel: messages whole and in order, never waiting, and the end of the other side seen."""
+
+import socket
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.service.control import MOST_PENDING, Channel, make_memory_file, read_memory_file
+
+
+def _pair() -> tuple[Channel, Channel]:
+    left, right = socket.socketpair()
+    return Channel(left), Channel(right)
+
+
+@given(st.lists(st.dictionaries(st.text(), st.integers() | st.text() | st.none(), max_size=5), max_size=20))
+def test_messages_arrive_whole_and_in_order(messages: list[dict[str, object]]) -> None:
+    left, right = _pair()
+    for message in messages:
+        assert left.send(message)
+    assert right.receive() == messages
+    left.close()
+    right.close()
+
+
+def test_a_reader_that_does_not_read_costs_no_time_and_bounded_memory() -> None:
+    left, right = _pair()
+    sent = 0
+    while left.send({"n": sent, "text": "x" * 10_000}):
+        sent += 1
+        assert sent * 10_000 < 8 * MOST_PENDING
+    found: list[dict[str, object]] = []
+    while len(found) <= sent - 1 and not right.ended:
+        found += right.receive()
+        left.flush()
+    assert [m["n"] for m in found] == list(range(sent))
+    left.close()
+    right.close()
+
+
+def test_the_end_of_the_other_side_is_seen_after_its_last_word() -> None:
+    left, right = _pair()
+    left.send({"last": True})
+    left.close()
+    assert right.receive() == [{"last": True}]
+    right.receive()
+    assert right.ended
+    assert not right.send({"anyone": "there"})
+    right.close()
+
+
+def test_a_memory_file_carries_any_amount() -> None:
+    data = bytes(range(256)) * 40_000
+    assert read_memory_file(make_memory_file("test", data)) == data

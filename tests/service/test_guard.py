@@ -1,0 +1,45 @@
+"""The guard: a failure is reported and only its unit starts again."""
+
+import asyncio
+
+import pytest
+
+from fti.service import guard
+
+
+def test_a_failure_is_reported_and_goes_no_further() -> None:
+    seen: list[tuple[str, str]] = []
+    with guard.guarded("unit", lambda unit, error: seen.append((unit, str(error)))):
+        raise ValueError("sick")
+    assert seen == [("unit", "sick")]
+
+
+def test_interrupts_pass() -> None:
+    with pytest.raises(KeyboardInterrupt), guard.guarded("unit", lambda unit, error: None):
+        raise KeyboardInterrupt
+
+
+async def test_a_unit_runs_again_until_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guard, "FIRST_DELAY_S", 0.001)
+    tries: list[int] = []
+
+    async def unit() -> None:
+        tries.append(len(tries))
+        if len(tries) < 4:
+            raise RuntimeError("not yet")
+
+    reports: list[str] = []
+    await guard.keep_running("unit", unit, lambda name, error: reports.append(name))
+    assert tries == [0, 1, 2, 3]
+    assert reports == ["unit"] * 3
+
+
+async def test_cancelling_ends_it() -> None:
+    async def unit() -> None:
+        await asyncio.Event().wait()
+
+    task = asyncio.create_task(guard.keep_running("unit", unit, lambda name, error: None))
+    await asyncio.sleep(0)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task

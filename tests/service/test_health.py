@@ -1,0 +1,31 @@
+"""The state of a link: what the port says comes first, then the best of its devices."""
+
+from typing import Any
+
+import pytest
+
+from fti.service.health import merge_link
+
+
+def _device(state: str, hint: str = "") -> dict[str, Any]:
+    return {"link": "a", "state": state, "hint": hint}
+
+
+@pytest.mark.parametrize(
+    ("port", "devices", "expected"),
+    [
+        ("absent", {"d": _device("good")}, "absent"),
+        ("silent", {"d": _device("noise")}, "silent"),
+        ("good", {}, "good"),
+        ("good", {"d": _device("noise", "baud?")}, "noise"),
+        ("good", {"d": _device("silent"), "e": _device("good")}, "good"),
+        ("good", {"d": _device("invalid"), "e": _device("noise")}, "invalid"),
+        ("good", {"d": {**_device("noise"), "link": "other"}}, "good"),
+    ],
+)
+def test_state(port: str, devices: dict[str, dict[str, Any]], expected: str) -> None:
+    assert merge_link("a", {"state": port, "hint": ""}, devices)["state"] == expected
+
+
+def test_the_hint_names_the_device() -> None:
+    assert merge_link("a", {"state": "good", "hint": ""}, {"d": _device("noise", "baud?")})["hint"] == "d: baud?"
