@@ -1,0 +1,288 @@
+"""The configuration: strict, frozen, and clear about what is wrong where."""
+
+from __future__ import annotations
+
+import copy
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pydantic
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti import config
+from fti.errors import ConfigError, MissingError
+from fti.service.binding import bind_devices
+from tests.helpers import ROOT
+
+EXAMPLES = sorted((ROOT / "configs").glob("*.toml"))
+FILE = Path("somewhere/test.toml")
+
+GOOD = """
+[session]
+name = "da42"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/ttyUSB0"
+baud = 57600
+
+[[link]]
+name = "net"
+kind = "udp"
+bind = "127.0.0.1:4000"
+
+[[link]]
+name = "bus"
+kind = "can"
+interface = "slcan"
+channel = "/dev/ttyACM0"
+
+[[device]]
+name = "radar"
+link = "line"
+driver = "freeflight_ra4500"
+lever_arm_b = [0.4, 0, 0.3]
+altimeter = { kind = "radar", range_m = [0, 800] }
+
+[[device]]
+name = "ins"
+link = "net"
+driver = "imar_ixcom"
+
+[nav]
+attitude = ["ins"]
+altimeters = ["radar"]
+terrain = { files = ["dem/a.npz"], vertical = "egm96" }
+approach = { profile = "profiles/27.csv" }
+"""
+
+
+def parse(text: str) -> config.Config:
+    return config.parse(tomllib.loads(text), text, FILE)
+
+
+def changed(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new, 1)
+
+
+def message(text: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        parse(text)
+    return str(caught.value)
+
+
+# ------------------------------------------------------------------------------------------------------- examples
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
+def test_every_example_loads_and_binds(path: Path) -> None:
+    loaded = config.load(path)
+    assert len(bind_devices(loaded)) == len(loaded.device)
+    assert loaded.text == path.read_text()
+
+
+def test_there_are_the_examples_that_the_readme_promises() -> None:
+    assert {"research_aircraft.toml", "uav_mavlink.toml", "bench.toml"} <= {p.name for p in EXAMPLES}
+
+
+def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
+    """Spiegel 2018, tables 6.1 and 6.2: label, interface, rate; five pickup computers on two buses."""
+    aircraft = config.load(ROOT / "configs" / "research_aircraft.toml")
+    kinds = {link.name: link.kind for link in aircraft.link}
+    rates = {d.name: d.rate_hz for d in aircraft.device}
+    assert kinds == {
+        "ins_serial": "serial",
+        "ins_ethernet": "udp",
+        "gnss": "serial",
+        "sensor_bus_1": "can",
+        "sensor_bus_2": "can",
+        "laser": "serial",
+        "radar": "serial",
+        "magnetometer": "serial",
+    }
+    assert (rates["ins"], rates["ins_fast"], rates["radar_altimeter"], rates["air_data"]) == (100, 300, 25, 10)
+    assert not any(link.transmit for link in aircraft.link)
+
+
+# --------------------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (changed('name = "da42"', 'name = "DA 42"'), ["session.name", "'DA 42'", "pattern"]),
+        (changed("baud = 57600", "boud = 57600"), ["link[0].boud", "no such key", "baud"]),
+        (changed("baud = 57600", 'baud = "57600"'), ["link[0].baud", "'57600'", "integer"]),
+        (changed("baud = 57600", "baud = 0"), ["link[0].baud", "0", "greater than 0"]),
+        (changed('kind = "serial"', 'kind = "usb"'), ["link[0]", "'usb'", "'serial', 'udp', 'can'"]),
+        (changed('kind = "serial"', ""), ["link[0]", "kind"]),
+        (changed('bind = "127.0.0.1:4000"', 'bind = "4000"'), ["link[1].bind", "'4000'"]),
+        (changed('port = "/dev/ttyUSB0"\n', ""), ["link[0].port", "missing"]),
+        (changed('link = "line"', 'link = "lien"'), ["device[0].link", "'lien'", "line, net, bus"]),
+        (changed('name = "net"', 'name = "line"'), ["link[1].name", "'line'", "twice"]),
+        (changed('name = "ins"', 'name = "radar"'), ["device[1].name", "'radar'", "twice"]),
+        (changed('attitude = ["ins"]', 'attitude = ["imu"]'), ["nav.attitude", "'imu'", "radar, ins"]),
+        (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, 0]"), ["device[0].lever_arm_b"]),
+        (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, nan, 0]"), ["device[0].lever_arm_b", "nan"]),
+        (changed("[0, 800]", "[800, 0]"), ["device[0].altimeter.range_m", "800", "below"]),
+        (
+            changed('kind = "radar", ', 'kind = "sonar", '),
+            ["altimeter.kind", "'sonar'", "'radar' or 'laser'"],
+        ),
+        (changed('altimeters = ["radar"]', 'altimeters = ["ins"]'), ["nav.altimeters", "'ins'", "altimeter"]),
+        (changed('vertical = "egm96"', 'vertical = "egm2008"'), ["nav.terrain.vertical", "'egm2008'", "'egm96'"]),
+        (changed('vertical = "egm96"', 'vertical = "egm96", datum = 1'), ["nav.terrain.datum", "files, vertical"]),
+        (changed("[nav]", "[navigation]"), ["navigation", "no such key", "bus, device, display, link, nav, session"]),
+        ("path = '/etc'\n" + GOOD, ["path", "no such key"]),
+        (changed('[session]\nname = "da42"', ""), ["session", "missing"]),
+        (GOOD + '[display]\naddress = "0.0.0.0"', ["display.address", "'0.0.0.0'", "127.0.0.1"]),
+    ],
+)
+def test_error_names_file_key_value_and_what_is_allowed(text: str, expected: list[str]) -> None:
+    said = message(text)
+    assert said.startswith(str(FILE))
+    for part in expected:
+        assert part in said
+    assert "\n" not in said
+
+
+def test_every_mistake_is_named_at_once() -> None:
+    said = message(changed("baud = 57600", "boud = 1").replace('bind = "127.0.0.1:4000"', 'bind = "x"'))
+    assert "link[0].boud" in said
+    assert "link[1].bind" in said
+
+
+def test_a_file_that_is_missing_no_text_or_no_toml_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(MissingError, match=r"none\.toml: cannot be read: No such file"):
+        config.load(tmp_path / "none.toml")
+    with pytest.raises(MissingError, match="Is a directory"):
+        config.load(tmp_path)
+    file = tmp_path / "bad.toml"
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="UTF-8"):
+        config.load(file)
+    file.write_text("[session\n")
+    with pytest.raises(ConfigError, match=r"bad\.toml: is not valid TOML: .*line 1"):
+        config.load(file)
+
+
+# ------------------------------------------------------------------------------------------------------- binding
+
+
+def test_binding_names_unknown_drivers_carriers_and_options() -> None:
+    radar = 'driver = "freeflight_ra4500"'
+    with pytest.raises(ConfigError, match=r"device\[0\]\.driver = 'ra4500': .*freeflight_ra4500"):
+        bind_without_files(changed(radar, 'driver = "ra4500"'))
+    with pytest.raises(ConfigError, match=r"device\[0\]\.link = 'bus': is a can link; .* speaks on serial, udp"):
+        bind_without_files(changed('link = "line"', 'link = "bus"'))
+    with pytest.raises(ConfigError, match=r"device\[0\]\.options\.checksum = 'crc': .*'none', 'xor' or 'sum'"):
+        bind_without_files(changed(radar, radar + '\noptions = { checksum = "crc" }'))
+    with pytest.raises(ConfigError, match=r"device\[0\]\.options\.check: there is no such key; .*checksum"):
+        bind_without_files(changed(radar, radar + '\noptions = { check = "xor" }'))
+
+
+def bind_without_files(text: str) -> None:
+    bind_devices(parse(text), texts={})
+
+
+# ---------------------------------------------------------------------------------------------------- paths, frozen
+
+
+def test_relative_paths_are_relative_to_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "sub" / "a.toml"
+    file.parent.mkdir()
+    file.write_text(GOOD)
+    loaded = config.load(file)
+    assert loaded.nav.terrain is not None
+    assert loaded.nav.approach is not None
+    assert loaded.nav.terrain.files == (str(file.parent / "dem/a.npz"),)
+    assert loaded.nav.approach.profile == str(file.parent / "profiles/27.csv")
+    assert loaded.session.directory == str(file.parent / "data")
+
+
+def test_frozen() -> None:
+    loaded = parse(GOOD)
+    with pytest.raises(pydantic.ValidationError):
+        loaded.session.name = "other"
+
+
+def test_links_moved_to_a_folder() -> None:
+    """Serial and slcan ports go where an emulator puts them; the rest stays."""
+    line, net, bus = config.with_links(parse(GOOD), "/run/links").link
+    assert isinstance(line, config.SerialLink)
+    assert isinstance(bus, config.CanLink)
+    assert (line.port, bus.channel) == ("/run/links/line", "/run/links/bus")
+    assert net == parse(GOOD).link[1]
+    real_bus = parse(
+        changed('interface = "slcan"\nchannel = "/dev/ttyACM0"', 'interface = "socketcan"\nchannel = "can0"')
+    )
+    assert config.with_links(real_bus, "/run/links").link[2] == real_bus.link[2]
+
+
+def test_session_replaced_and_devices_found() -> None:
+    loaded = config.with_session(parse(GOOD), origin="hil", directory="/data")
+    assert (loaded.session.origin, loaded.session.directory, loaded.session.name) == ("hil", "/data", "da42")
+    assert [d.name for d in loaded.devices_on("net")] == ["ins"]
+    assert loaded.find_device("radar") == loaded.device[0]
+    assert loaded.find_device("nobody") is None
+
+
+# ------------------------------------------------------------------------------------------------- random tables
+
+TABLE_NAMES = {"session", "link", "device", "nav", "display", "x", "path", "text"}
+KEYS = st.sampled_from(sorted({*re.findall(r"(\w+) =", GOOD), *TABLE_NAMES}))
+LEAVES = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=8)
+    | st.sampled_from(["serial", "udp", "can", "line", "radar", "egm96"])
+    | st.dates()
+)
+TABLES = st.recursive(
+    LEAVES, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=4), max_leaves=10
+)
+
+
+@given(table=st.dictionaries(KEYS, TABLES, max_size=5))
+def test_any_table_loads_or_is_refused_by_name(table: dict[str, Any]) -> None:
+    try:
+        config.parse(table, "", FILE)
+    except ConfigError as error:
+        check_names_file_and_key(error, table)
+
+
+@st.composite
+def damaged(draw: st.DrawFn) -> dict[str, Any]:
+    """The good table with one value replaced, somewhere."""
+    table = copy.deepcopy(tomllib.loads(GOOD))
+    node: Any = table
+    while True:
+        key = draw(st.sampled_from(sorted(node) if isinstance(node, dict) else range(len(node))))
+        if not (isinstance(node[key], dict | list) and node[key]) or draw(st.booleans()):
+            node[key] = draw(TABLES)
+            return table
+        node = node[key]
+
+
+@given(table=damaged())
+def test_one_wrong_value_is_refused_by_name(table: dict[str, Any]) -> None:
+    try:
+        config.parse(table, "", FILE)
+    except ConfigError as error:
+        check_names_file_and_key(error, table)
+
+
+def check_names_file_and_key(error: ConfigError, table: dict[str, Any]) -> None:
+    """Each sentence begins with the file; its key path begins with a key of the table or one that is missing."""
+    first = str(error).split("; ")[0]
+    file, key = first.split(": ")[:2]
+    assert file == str(FILE)
+    assert key.split(" = ")[0].split(".")[0].split("[")[0] in {*table, *config.Config.model_fields}

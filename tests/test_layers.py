@@ -1,0 +1,50 @@
+"""The layers hold, and what the recorder is made of loads nothing heavy and understands nothing."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.helpers import ROOT
+
+#: What the recorder may be made of.
+BYTES_ONLY = ["fti.types", "fti.errors", "fti.clock", "fti.config", "fti.canframe", "fti.buffers", "fti.links"]
+BYTES_ONLY += ["fti.buffers.triple", "fti.buffers.ring", "fti.logger.raw_log"]
+HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
+UNDERSTANDING = ["fti.drivers", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
+
+SHOW_MODULES = (
+    "import importlib, json, sys; importlib.import_module(sys.argv[1]); print(json.dumps(sorted(sys.modules)))"
+)
+
+
+def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """A fresh interpreter in the repository that must succeed."""
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+def test_every_contract_holds() -> None:
+    """The contracts stand in pyproject.toml."""
+    run = "from importlinter.cli import lint_imports_command; lint_imports_command()"
+    assert " 0 broken" in python("-c", run, "--no-cache").stdout
+
+
+@pytest.mark.parametrize("module", [*BYTES_ONLY, "fti.service.recorder"])
+def test_the_recorder_loads_nothing_heavy(module: str) -> None:
+    loaded = set(json.loads(python("-c", SHOW_MODULES, module).stdout))
+    assert module in loaded
+    assert not loaded & {*HEAVY, *UNDERSTANDING}
+
+
+def test_the_command_line_answers_without_the_heavy_parts() -> None:
+    """``fti --help`` imports every command; what a command needs is imported when it runs."""
+    told = python("-X", "importtime", "-m", "fti.cli.main", "--help").stderr
+    imported = {line.rpartition("|")[2].strip() for line in told.splitlines()}
+    assert "argparse" in imported
+    assert not imported & set(HEAVY)
