@@ -1,0 +1,171 @@
+"""The emulator: the far end of every link of the daemon's configuration, flown through a scenario.
+
+Life: made -> ``prepare`` (terrain, beams and sensors of the whole flight; seconds) -> ``run`` opens the endpoints and
+sets ``ready`` -> ``start`` lets the flight begin (it may be called before) -> the flight ends, or ``stop`` is set.
+Endpoints exist, and answer, before the flight begins: a daemon can connect to a device that does not talk yet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fti.clock import SystemClock
+from fti.config import Config
+from fti.hil.endpoints import Endpoint, make_endpoint
+from fti.hil.faults import DeviceFaults
+from fti.hil.pty import Sent
+from fti.hil.scenario import Scenario
+from fti.hil.scheduler import Lateness, Scheduler, Stream
+from fti.hil.sensors import Sensor, make_sensors
+from fti.hil.truth import TruthLog
+from fti.hil.world import World
+from fti.nav.approach import ApproachPath, load_airfield
+from fti.terrain import scenes
+
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was sent, per link, and how late [ms]."""
+
+    links: Mapping[str, Sent]
+    lateness: Lateness
+
+
+class SensorStream:
+    """The messages of one simulated device, as a stream of the scheduler."""
+
+    def __init__(self, sensor: Sensor, faults: DeviceFaults, endpoint: Endpoint, start_ns: int) -> None:
+        self._sensor, self._faults, self._endpoint, self._start_ns = sensor, faults, endpoint, start_ns
+        self._k = 0
+
+    def due_s(self) -> float | None:
+        """When the next message leaves."""
+        return float(self._sensor.due[self._k]) if self._k < len(self._sensor.due) else None
+
+    async def send(self) -> None:
+        """Measure, spoil, encode, send."""
+        t = float(self._sensor.t[self._k])
+        measurements = self._sensor.measure(self._k, self._start_ns)
+        self._k += 1
+        for measurement in self._faults.apply(t, measurements):
+            for message in self._sensor.encoder.encode(measurement):
+                self._endpoint.send(message)
+
+
+class Emulator:
+    """Plays the devices of a configuration.
+
+    links_dir : where the symlinks to ptys stand; truth : file for the truth, or None
+    epoch_ns  : FTI time - CLOCK_MONOTONIC, the daemon's
+    world     : made from the scenario when None
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        scenario: Scenario,
+        links_dir: Path,
+        *,
+        truth: Path | None = None,
+        epoch_ns: int,
+        world: World | None = None,
+    ) -> None:
+        self.ready = asyncio.Event()
+        self._config, self._scenario, self._folder = config, scenario, links_dir
+        self._truth, self._clock, self._world = truth, SystemClock(epoch_ns), world
+        self._sensors: list[Sensor] | None = None
+        self._started = asyncio.Event()
+
+    def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
+        """Make the terrain and compute what every sensor will measure.  progress : told each step."""
+        if self._sensors is not None:
+            return
+        progress(f"terrain of {self._scenario.airfield}")
+        self._world = self._world or make_world(self._scenario)
+        self._sensors = make_sensors(self._config, self._world, self._scenario.seed, progress)
+
+    def start(self) -> None:
+        """Let the flight begin (as soon as the endpoints are there)."""
+        self._started.set()
+
+    async def run(self, duration_s: float | None = None, stop: asyncio.Event | None = None) -> Report:
+        """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight."""
+        self.prepare()
+        assert self._sensors is not None
+        ended = stop or asyncio.Event()
+        with self._truth_log() as truth:
+            async with opened(self._endpoints(self._sensors)) as endpoints:
+                self.ready.set()
+                await first_of(self._started, ended)
+                scheduler = await self._fly(self._sensors, endpoints, truth, duration_s, ended)
+        return Report({name: e.sent for name, e in endpoints.items()}, scheduler.lateness)
+
+    def _endpoints(self, sensors: list[Sensor]) -> dict[str, Endpoint]:
+        def respond(link: str) -> Callable[[bytes], list[bytes]]:
+            encoders = [s.encoder for s in sensors if s.link == link]
+            return lambda data: [answer for encoder in encoders for answer in encoder.respond(data)]
+
+        return {link.name: make_endpoint(link, self._folder, respond(link.name)) for link in self._config.link}
+
+    def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
+        if self._truth is None:
+            return contextlib.nullcontext()
+        assert self._world is not None
+        return contextlib.closing(TruthLog(self._truth, self._world))
+
+    async def _fly(
+        self,
+        sensors: list[Sensor],
+        endpoints: Mapping[str, Endpoint],
+        truth: TruthLog | None,
+        duration_s: float | None,
+        stop: asyncio.Event,
+    ) -> Scheduler:
+        start_ns = self._clock.now_ns()
+        scheduler = Scheduler(lambda: (self._clock.now_ns() - start_ns) / SECOND_NS)
+        streams: list[Stream] = [
+            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), endpoints[s.link], start_ns) for s in sensors
+        ]
+        if truth is not None:
+            streams.append(truth.stream(start_ns))
+        await scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
+        return scheduler
+
+
+#: Geoid above the ellipsoid at the demo airfield [m] (EGM96, rounded).
+DEMO_UNDULATION = -31.0
+
+
+def make_world(scenario: Scenario) -> World:
+    """The demo airfield and its ground, with what the scenario puts on it."""
+    airfield = load_airfield(scenes.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(scenes.DEMO_AIRFIELD))
+    return World(scenario, ApproachPath(airfield), scenes.demo_scene(), undulation=DEMO_UNDULATION)
+
+
+async def first_of(*events: asyncio.Event) -> None:
+    """Wait until one of the events is set."""
+    tasks = [asyncio.create_task(e.wait(), name="fti-hil-wait") for e in events]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+@contextlib.asynccontextmanager
+async def opened(endpoints: dict[str, Endpoint]) -> AsyncIterator[dict[str, Endpoint]]:
+    """The endpoints, open; closed at the end."""
+    try:
+        for endpoint in endpoints.values():
+            await endpoint.open()
+        yield endpoints
+    finally:
+        for endpoint in endpoints.values():
+            endpoint.close()

@@ -1,0 +1,317 @@
+"""The other end of each link of the daemon's configuration.
+
+serial                       pty, symlink ``DIR/<link>``
+can, interface slcan         Lawicel adapter on a pty, symlink ``DIR/<link>``
+can, socketcan and the like  the same channel through python-can; udp_multicast with hop limit 0
+udp                          datagrams to ``bind``, sent from ``source`` (``peer`` when the daemon answers there)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+from fti.canframe import pack_can, unpack_can
+from fti.config import CanLink, SerialLink, UdpLink
+from fti.errors import MissingError
+from fti.hil.lawicel import Adapter, to_lawicel
+from fti.hil.pty import POLL_S, PtyEndpoint, Sent
+
+Respond = Callable[[bytes], list[bytes]]
+#: python-can interfaces whose channel two programs of one machine can share.
+SHARED_INTERFACES = ("slcan", "socketcan", "udp_multicast", "virtual")
+RETRY_S = 0.002
+#: Where a datagram to "any address" goes without leaving the machine.
+LOOPBACK_OF = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  nothing is bound to these
+
+
+class Endpoint(Protocol):
+    """One end of a link.  A message is a piece of a byte stream, a datagram or a CAN frame."""
+
+    sent: Sent
+
+    async def open(self) -> None:
+        """Make the port.  MissingError in one sentence when it cannot be made."""
+
+    async def reader_ready(self) -> None:
+        """Wait until the daemon has opened its end, as far as that can be seen."""
+
+    def send(self, data: bytes) -> None:
+        """Send now; what does not fit is dropped and counted."""
+
+    async def send_all(self, data: bytes) -> None:
+        """Send without loss; wait while the port is full."""
+
+    def close(self) -> None:
+        """Take the port away."""
+
+
+def make_endpoint(
+    link: SerialLink | UdpLink | CanLink, folder: Path, respond: Respond, *, hold_slave: bool = True
+) -> Endpoint:
+    """The far end of a link.  folder : where symlinks to ptys stand; hold_slave : see ``PtyEndpoint``."""
+    if isinstance(link, UdpLink):
+        return UdpEndpoint(link, respond)
+    if isinstance(link, SerialLink):
+        return PtyEndpoint(folder / link.name, respond, hold_slave=hold_slave)
+    if link.interface == "slcan":
+        return SlcanEndpoint(folder / link.name, respond, hold_slave=hold_slave)
+    if link.interface not in SHARED_INTERFACES:
+        raise MissingError(
+            f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
+            f"the emulator offers {', '.join(SHARED_INTERFACES)}"
+        )
+    return CanBusEndpoint(link, respond)
+
+
+class SlcanEndpoint(PtyEndpoint):
+    """A Lawicel adapter on a pty: frames are passed on while the host has the channel open."""
+
+    def __init__(self, place: Path, respond: Respond, *, hold_slave: bool = True) -> None:
+        super().__init__(place, self._answer, hold_slave=hold_slave)
+        self._frames: list[bytes] = []
+        self._adapter = Adapter(self._frames.append)
+        self._respond_to_frame = respond
+
+    async def reader_ready(self) -> None:
+        """Wait until the host has opened the channel."""
+        await super().reader_ready()
+        while not self._adapter.is_open:  # noqa: ASYNC110  the same wait as for the reader
+            await asyncio.sleep(POLL_S)
+
+    def send(self, data: bytes) -> None:
+        """Send a ``can_frame``; with a closed channel it is dropped."""
+        if self._adapter.is_open:
+            super().send(to_lawicel(data))
+        else:
+            self.sent.dropped_messages += 1
+            self.sent.dropped_bytes += len(data)
+
+    async def send_all(self, data: bytes) -> None:
+        """Send a ``can_frame`` without loss."""
+        await super().send_all(to_lawicel(data))
+
+    def _answer(self, data: bytes) -> list[bytes]:
+        for answer in self._adapter.feed(data):
+            super().send(answer)
+        taken, self._frames[:] = list(self._frames), []
+        for frame in taken:
+            for reply in self._respond_to_frame(frame):
+                self.send(reply)
+        return []
+
+
+class UdpEndpoint:
+    """Datagrams from a simulated device."""
+
+    def __init__(self, link: UdpLink, respond: Respond) -> None:
+        self.sent = Sent()
+        self._link = link
+        self._respond = respond
+        self._target = _target(link)
+        family = socket.AF_INET6 if ":" in self._target[0] else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+
+    async def open(self) -> None:
+        """Bind to the device's address.  Only addresses of this machine are used, so nothing leaves it."""
+        address, port = _source(self._link)
+        try:
+            self._socket.bind((address, port))
+        except OSError as error:
+            raise MissingError(
+                f"link {self._link.name!r}: cannot send as {address}:{port} to {self._target[0]}:{self._target[1]}: "
+                f"{error.strerror}; the emulator needs addresses of this machine, such as 127.0.0.1"
+            ) from None
+        if self._link.group:
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
+        self._socket.setblocking(False)
+        asyncio.get_running_loop().add_reader(self._socket, self._receive)
+
+    async def reader_ready(self) -> None:
+        """Wait until somebody has bound the port that we send to."""
+        while not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
+            await asyncio.sleep(POLL_S)
+
+    def send(self, data: bytes) -> None:
+        """Send one datagram, or count it as dropped."""
+        if not self._try(data):
+            self.sent.dropped_messages += 1
+            self.sent.dropped_bytes += len(data)
+
+    async def send_all(self, data: bytes) -> None:
+        """Send one datagram; wait while the socket is full."""
+        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
+            await asyncio.sleep(RETRY_S)
+
+    def close(self) -> None:
+        """Close the socket."""
+        asyncio.get_running_loop().remove_reader(self._socket)
+        self._socket.close()
+
+    def _try(self, data: bytes) -> bool:
+        try:
+            self._socket.sendto(data, self._target)
+        except BlockingIOError:
+            return False
+        self.sent.messages += 1
+        self.sent.bytes += len(data)
+        return True
+
+    def _receive(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            data = self._socket.recv(65536)
+            self.sent.received_bytes += len(data)
+            for answer in self._respond(data):
+                self.send(answer)
+
+
+class CanBusEndpoint:
+    """A node on a bus that python-can reaches."""
+
+    def __init__(self, link: CanLink, respond: Respond) -> None:
+        self.sent = Sent()
+        self._link = link
+        self._respond = respond
+        self._bus: Any = None
+        self._own: Counter[bytes] = Counter()  # frames that this bus will hand back to us
+
+    async def open(self) -> None:
+        """Open the channel."""
+        import can  # noqa: PLC0415  most benches have no CAN hardware, and python-can is slow to import
+
+        settings = dict(self._link.settings)
+        if self._link.interface == "udp_multicast":
+            settings["hop_limit"] = 0
+        if self._link.bitrate and self._link.interface == "socketcan":
+            settings["bitrate"] = self._link.bitrate
+        try:
+            self._bus = can.Bus(
+                interface=self._link.interface, channel=self._link.channel, fd=self._link.fd, **settings
+            )
+        except (OSError, can.CanError) as error:
+            raise MissingError(
+                f"link {self._link.name!r}: {self._link.interface} channel {self._link.channel!r} "
+                f"cannot be opened: {error}"
+            ) from None
+        if (descriptor := self._descriptor()) is not None:
+            asyncio.get_running_loop().add_reader(descriptor, self._receive)
+
+    async def reader_ready(self) -> None:
+        """A bus does not tell who listens."""
+
+    def send(self, data: bytes) -> None:
+        """Send one frame, or count it as dropped."""
+        if not self._try(data):
+            self.sent.dropped_messages += 1
+            self.sent.dropped_bytes += len(data)
+
+    async def send_all(self, data: bytes) -> None:
+        """Send one frame; wait while the bus is full."""
+        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
+            await asyncio.sleep(RETRY_S)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._bus is None:
+            return
+        if (descriptor := self._descriptor()) is not None:
+            asyncio.get_running_loop().remove_reader(descriptor)
+        self._bus.shutdown()
+
+    def _descriptor(self) -> int | None:
+        """What the loop can wait for; some interfaces have nothing of the kind, and then the device only talks."""
+        try:
+            descriptor = int(self._bus.fileno())
+        except (NotImplementedError, OSError):
+            return None
+        return descriptor if descriptor >= 0 else None
+
+    def _try(self, data: bytes) -> bool:
+        import can  # noqa: PLC0415
+
+        try:
+            self._bus.send(to_message(data), timeout=0)
+        except can.CanError:
+            return False
+        if self._link.interface == "udp_multicast":
+            self._own[data] += 1
+        self.sent.messages += 1
+        self.sent.bytes += len(data)
+        return True
+
+    def _receive(self) -> None:
+        message = self._bus.recv(timeout=0)
+        if message is None:
+            return
+        frame = from_message(message)
+        if self._own[frame] > 0:
+            self._own[frame] -= 1
+            return
+        self.sent.received_bytes += len(frame)
+        for answer in self._respond(frame):
+            self.send(answer)
+
+
+def to_message(frame: bytes) -> Any:
+    """A ``can_frame`` (16 B) or ``canfd_frame`` (72 B) as python-can's Message."""
+    import can  # noqa: PLC0415
+
+    found = unpack_can(frame)
+    return can.Message(
+        arbitration_id=found.can_id,
+        is_extended_id=found.extended,
+        is_remote_frame=found.remote,
+        is_error_frame=found.error,
+        is_fd=found.fd,
+        dlc=len(found.data),
+        data=None if found.remote else found.data,
+    )
+
+
+def from_message(message: Any) -> bytes:
+    """python-can's Message as a ``can_frame`` or ``canfd_frame``."""
+    return pack_can(
+        message.arbitration_id,
+        bytes(message.dlc) if message.is_remote_frame else bytes(message.data),
+        extended=message.is_extended_id,
+        remote=message.is_remote_frame,
+        error=message.is_error_frame,
+        fd=message.is_fd,
+    )
+
+
+def split_endpoint(text: str) -> tuple[str, int]:
+    """``address:port`` (IPv6 in brackets) as a pair."""
+    address, _, port = text.rpartition(":")
+    return address.strip("[]"), int(port)
+
+
+def _target(link: UdpLink) -> tuple[str, int]:
+    address, port = split_endpoint(link.bind)
+    if link.group:
+        return link.group, port
+    return LOOPBACK_OF.get(address, address), port
+
+
+def _source(link: UdpLink) -> tuple[str, int]:
+    """Address and port that the simulated device sends from; port 0 takes a free one."""
+    if link.peer:
+        return split_endpoint(link.peer)
+    bound = _target(link)[0] if not link.group else "127.0.0.1"
+    return link.source or bound, 0
+
+
+def _is_bound(port: int) -> bool:
+    """Does a UDP socket of this machine listen on the port?  As /proc/net/udp says."""
+    suffix = f":{port:04X}"
+    for table in ("/proc/net/udp", "/proc/net/udp6"):
+        with contextlib.suppress(OSError), Path(table).open(encoding="ascii") as lines:
+            if any(line.split()[1].endswith(suffix) for line in lines if ":" in line):
+                return True
+    return False

@@ -1,0 +1,45 @@
+"""Faults of devices, applied between the sensor model and the wire.  Faults of the world are in ``fti.hil.world``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fti.hil.scenario import Cut, Fault, Invalid, Stuck
+from fti.types import Ack, DeviceStatus, DeviceTime, ImuSample, Measurement, Satellites
+
+OnDevice = Cut | Stuck | Invalid
+WITHOUT_VALIDITY = (ImuSample, Satellites, DeviceTime, Ack)
+
+
+class DeviceFaults:
+    """The faults of one device, in the order of the scenario."""
+
+    def __init__(self, device: str, faults: Sequence[Fault]) -> None:
+        self._faults = [
+            f for f in faults if isinstance(f, Cut | Stuck | Invalid) and (not f.devices or device in f.devices)
+        ]
+        self._held: dict[int, list[Measurement]] = {}
+
+    def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
+        """What the device sends at t [s] instead of these measurements."""
+        for i, fault in enumerate(self._faults):
+            if fault.from_s <= t < fault.to_s:
+                measurements = self._applied(i, fault, measurements)
+        return measurements
+
+    def _applied(self, index: int, fault: OnDevice, measurements: list[Measurement]) -> list[Measurement]:
+        if isinstance(fault, Cut):
+            return []
+        if isinstance(fault, Stuck):
+            held = self._held.setdefault(index, measurements)
+            return [replace(old, stamp=measurements[0].stamp) for old in held] if measurements else []
+        return [_invalidated(m, fault.flags) for m in measurements]
+
+
+def _invalidated(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:
+    if isinstance(measurement, DeviceStatus):
+        return replace(measurement, ok=False, flags=(*measurement.flags, *flags))
+    if isinstance(measurement, WITHOUT_VALIDITY):
+        return measurement
+    return replace(measurement, valid=False)

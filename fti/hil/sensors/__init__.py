@@ -1,0 +1,38 @@
+"""Models of sensors, one per driver, and the table that says which."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fti.config import Config
+from fti.errors import ConfigError
+from fti.hil.sensors.altimeters import RadarAltimeter
+from fti.hil.sensors.base import ModelType, Sensor
+from fti.hil.sensors.inertial import InertialNavigation
+from fti.hil.world import World
+from fti.service.binding import bind_devices
+
+#: Driver name -> what stands at the other end of its line.
+MODELS: dict[str, ModelType] = {
+    "freeflight_ra4500": RadarAltimeter,
+    "imar_ixcom": InertialNavigation,
+}
+
+
+def make_sensors(config: Config, world: World, seed: int, progress: Callable[[str], None]) -> list[Sensor]:
+    """A sensor for every device of the configuration.  Raises ConfigError where no model speaks a driver."""
+    found = []
+    for bound in bind_devices(config):
+        device = bound.device
+        if device.driver not in MODELS:
+            known = ", ".join(sorted(MODELS))
+            raise ConfigError(
+                f"{config.path}: device {device.name!r}: the emulator has no model for driver {device.driver!r}; "
+                f"it has {known}"
+            )
+        progress(f"sensor {device.name}")
+        found.append(Sensor(bound, MODELS[device.driver], world, seed))
+    return found
+
+
+__all__ = ["MODELS", "Sensor", "make_sensors"]

@@ -1,0 +1,99 @@
+"""What a simulated sensor is: a model of what it measures, sampled by a clock of its own.
+
+A sensor samples at its own rate, with its own phase and its own drift, and its message leaves ``latency_ms`` of the
+configuration later (that is what the configuration says, so that is what the emulated device does), with a little
+jitter.  Everything random comes from the seed of the scenario and the name of the device.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers import Encoder
+from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import radii
+from fti.hil.trajectory import State
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import Measurement, Stamp, TimeScale
+
+Array = NDArray[np.float64]
+
+DRIFT_PPM_SD = 20.0
+JITTER_SD_S = 0.0003
+SECOND_NS = 1_000_000_000
+
+
+class Model(Protocol):
+    """One kind of device, with the whole flight computed."""
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """The measurements of sample k, in the order in which the encoder wants them."""
+
+
+class ModelType(Protocol):
+    """How a model is made, and what its device does unless the configuration says otherwise."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second."""
+
+    @property
+    def time_scale(self) -> TimeScale | None:
+        """Scale of the time that the device sends; None when it sends none."""
+
+    def __call__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> Model:
+        """A model that is sampled at the times t, shape (n,) [s]."""
+
+
+class Sensor:
+    """A device of the configuration, simulated.
+
+    t   : true times of its samples [s after the start], shape (n,)
+    due : when their messages leave [s], shape (n,), never before the sample
+    """
+
+    def __init__(self, bound: BoundDevice, model: ModelType, world: World, seed: int) -> None:
+        device = bound.device
+        rng = np.random.default_rng([seed, zlib.crc32(device.name.encode())])
+        self.name, self.link = device.name, device.link
+        self.rate_hz = device.rate_hz or model.rate_hz
+        self.drift_ppm = float(rng.normal(0.0, DRIFT_PPM_SD))
+        self.boot_s = float(rng.uniform(20.0, 120.0))  # how long the device had been on when the flight started
+        self.t = sample_times(self.rate_hz, world.duration, float(rng.uniform()), self.drift_ppm)
+        jitter = np.abs(rng.normal(0.0, JITTER_SD_S, len(self.t)))
+        self.due = np.maximum.accumulate(self.t + 1e-3 * device.latency_ms + jitter)
+        self.encoder: Encoder = bound.driver.make_encoder(bound.options)
+        self._model = model(bound, world, self.t, rng)
+        self._time_scale = model.time_scale
+
+    def measure(self, k: int, start_ns: int) -> list[Measurement]:
+        """Measurements of sample k of a flight that began at start_ns (FTI time)."""
+        return self._model.measure(k, self._stamp(float(self.t[k]), start_ns))
+
+    def _stamp(self, t: float, start_ns: int) -> Stamp:
+        true_ns = start_ns + round(t * SECOND_NS)
+        if self._time_scale is TimeScale.BOOT:
+            on_s = (self.boot_s + t) * (1.0 + 1e-6 * self.drift_ppm)
+            return Stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
+        return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
+
+
+def sample_times(rate_hz: float, duration: float, phase: float, drift_ppm: float) -> Array:
+    """True times [s] in [0, duration) at which a clock that is drift_ppm fast samples.  phase : 0..1 of a period."""
+    period = 1.0 / rate_hz / (1.0 + 1e-6 * drift_ppm)
+    return np.asarray(np.arange(phase * period, duration, period))
+
+
+def position_at(state: State, lever_arm_b: tuple[float, float, float]) -> tuple[Array, Array, Array]:
+    """lat, lon [rad], alt [m] of a point of the aircraft; lever_arm_b : from the reference point P [m]."""
+    mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
+    arm_n = mat_nb @ np.asarray(lever_arm_b)
+    r_meridian, r_normal = radii(state.lat)
+    lat = state.lat + arm_n[:, 0] / (r_meridian + state.alt)
+    lon = state.lon + arm_n[:, 1] / ((r_normal + state.alt) * np.cos(state.lat))
+    return lat, lon, state.alt - arm_n[:, 2]

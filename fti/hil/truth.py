@@ -1,0 +1,105 @@
+"""The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from fti.hil.world import World
+from fti.logger.stream_writer import StreamWriter
+
+RATE_HZ = 25.0
+FLUSH_EVERY = 5
+SECOND_NS = 1_000_000_000
+TOPIC = "/truth/state"
+QUANTITIES = {
+    "lat": "latitude [rad]",
+    "lon": "longitude [rad]",
+    "alt": "height of P above the WGS84 ellipsoid [m]",
+    "vel_north": "[m/s]",
+    "vel_east": "[m/s]",
+    "vel_down": "[m/s]",
+    "roll": "right wing down [rad]",
+    "pitch": "nose up [rad]",
+    "heading": "clockwise from true north [rad]",
+    "tas": "true airspeed [m/s]",
+    "s": "path length before the glide path intercept point [m]",
+    "y": "offset right of the track [m]",
+    "height_agl": "height of P above the surface below it [m]",
+    "dh": "height above the glide path [m]",
+    "deviation": "angle above the glide path as seen from its intercept point [rad]; null behind it",
+}
+SCHEMA = {
+    "type": "object",
+    "title": "fti.Truth",
+    "properties": {
+        "t_ns": {"type": "integer", "description": "FTI time [ns]"},
+        **{name: {"type": ["number", "null"], "description": text} for name, text in QUANTITIES.items()},
+    },
+}
+
+
+class TruthLog:
+    """The truth file of one flight; everything in it is computed before the flight begins."""
+
+    def __init__(self, path: Path, world: World) -> None:
+        self._t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
+        self._columns = _columns(world, self._t)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = StreamWriter(path)
+        schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(SCHEMA).encode())
+        self._channel = self._writer.add_channel(TOPIC, "json", schema)
+
+    def stream(self, start_ns: int) -> TruthStream:
+        """The rows as a stream of the scheduler, for a flight that begins at start_ns (FTI time)."""
+        return TruthStream(self, self._t, start_ns)
+
+    def write(self, k: int, start_ns: int) -> None:
+        """Write row k."""
+        t_ns = start_ns + round(float(self._t[k]) * SECOND_NS)
+        row = {name: _number(float(column[k])) for name, column in self._columns.items()}
+        self._writer.write(self._channel, t_ns, json.dumps({"t_ns": t_ns, **row}).encode(), k)
+        if k % FLUSH_EVERY == 0:
+            self._writer.flush()
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+
+class TruthStream:
+    """Rows of the truth at their instants."""
+
+    def __init__(self, log: TruthLog, t: np.ndarray[tuple[int], np.dtype[np.float64]], start_ns: int) -> None:
+        self._log, self._t, self._start_ns = log, t, start_ns
+        self._k = 0
+
+    def due_s(self) -> float | None:
+        """Instant of the next row."""
+        return float(self._t[self._k]) if self._k < len(self._t) else None
+
+    async def send(self) -> None:
+        """Write the row."""
+        self._log.write(self._k, self._start_ns)
+        self._k += 1
+
+
+def _columns(world: World, t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, np.ndarray]:
+    now = world.state(t)
+    path = world.path
+    s, y = path.along(now.lat, now.lon)
+    dh = now.alt - path.alt_path(s)
+    deviation = np.where(s > 0.0, np.arctan2(s * math.tan(path.glide) + dh, s) - path.glide, np.nan)
+    north, east, down = now.vel_n.T
+    values = (
+        now.lat, now.lon, now.alt, north, east, down, now.roll, now.pitch, now.heading, now.tas,
+        s, y, now.alt - world.ground(now), dh, deviation,
+    )  # fmt: skip
+    return dict(zip(QUANTITIES, values, strict=True))
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

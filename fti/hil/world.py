@@ -1,0 +1,129 @@
+"""The world that simulated sensors measure: the flight, the ground below it, and the air around it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.config import Device
+from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.scenario import Flight, Obstacle, Scenario
+from fti.hil.trajectory import State, Trajectory
+from fti.nav.approach import ApproachPath
+from fti.ranging.laser import Laser
+from fti.ranging.radar import RadarAltimeter
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: Standard atmosphere (ISO 2533): sea level temperature [K], pressure [Pa], lapse [K/m], gas constant [J/(kg K)].
+ISA_TEMPERATURE, ISA_PRESSURE, ISA_LAPSE, GAS_CONSTANT = 288.15, 101325.0, 0.0065, 287.05287
+ISA_EXPONENT = 9.80665 / (ISA_LAPSE * GAS_CONSTANT)
+HEAT_RATIO = 1.4
+LASER_RANGE = 2000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Atmosphere:
+    """Standard atmosphere with another pressure at sea level and another temperature.
+
+    qnh [Pa]; deviation [K] from the standard temperature
+    """
+
+    qnh: float = ISA_PRESSURE
+    deviation: float = 0.0
+
+    def p_static(self, alt_msl: ArrayLike) -> Array:
+        """Static pressure [Pa] at a height above mean sea level [m]."""
+        at_qnh = np.asarray(alt_msl) + pressure_altitude(self.qnh)
+        return np.asarray(ISA_PRESSURE * (1.0 - ISA_LAPSE * at_qnh / ISA_TEMPERATURE) ** ISA_EXPONENT)
+
+    def temperature(self, alt_msl: ArrayLike) -> Array:
+        """Static air temperature [K]."""
+        return np.asarray(ISA_TEMPERATURE + self.deviation - ISA_LAPSE * np.asarray(alt_msl))
+
+
+def pressure_altitude(p_static: ArrayLike) -> Array:
+    """Altitude [m] in the standard atmosphere of a static pressure [Pa]."""
+    return np.asarray(ISA_TEMPERATURE / ISA_LAPSE * (1.0 - (np.asarray(p_static) / ISA_PRESSURE) ** (1 / ISA_EXPONENT)))
+
+
+def impact_pressure(tas: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
+    """q_c [Pa] of subsonic flow at a true airspeed [m/s]; isentropic, source: ISO 2533 constants."""
+    mach_sq = np.asarray(tas) ** 2 / (HEAT_RATIO * GAS_CONSTANT * np.asarray(temperature))
+    return np.asarray(np.asarray(p_static) * ((1.0 + 0.2 * mach_sq) ** 3.5 - 1.0))
+
+
+def calibrated_airspeed(q_c: ArrayLike) -> Array:
+    """CAS [m/s] of an impact pressure [Pa]."""
+    ratio = np.asarray(q_c) / ISA_PRESSURE + 1.0
+    return np.asarray(np.sqrt(5.0 * HEAT_RATIO * GAS_CONSTANT * ISA_TEMPERATURE * (ratio ** (1 / 3.5) - 1.0)))
+
+
+class World:
+    """Everything that is true during one scenario.
+
+    path : the published approach; terrain : the ground as the reference knows it; undulation : geoid above WGS84 [m]
+    """
+
+    def __init__(self, scenario: Scenario, path: ApproachPath, terrain: Terrain, undulation: float) -> None:
+        flight: Flight = scenario.flight
+        self.path = path
+        self.terrain = with_obstacles(terrain, path, scenario.obstacles)
+        self.undulation = undulation
+        self.atmosphere = Atmosphere(qnh=flight.qnh_hpa * 100.0, deviation=flight.isa_deviation_k)
+        self.duration = flight.duration_s
+        self._trajectory = Trajectory(path, path.x_gpi, scenario.plan, scenario.seed)
+        self._radars = functools.cache(RadarAltimeter)
+
+    def state(self, t: Array) -> State:
+        """Truth at t [s], shape (n,)."""
+        return self._trajectory.state(t)
+
+    def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
+        """Leading-edge range [m] of a radar altimeter at times t [s]; NaN without return.  beam_width : full [rad]."""
+        return self._ranges(self._radars(beam_width), t, device)
+
+    def laser_ranges(self, t: Array, device: Device) -> Array:
+        """Slant range [m] along the boresight of a laser altimeter at times t [s]; NaN without return."""
+        return self._ranges(Laser(max_range=LASER_RANGE), t, device)
+
+    def _ranges(self, sensor: RadarAltimeter | Laser, t: Array, device: Device) -> Array:
+        now = self.state(t)
+        pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
+        return sensor.along(self.terrain, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device))
+
+    def ground(self, state: State) -> Array:
+        """Height of the surface below the aircraft above the ellipsoid [m]."""
+        return self.terrain.height(state.lat, state.lon)
+
+
+def mounting(device: Device) -> Array:
+    """mat_bs of a device."""
+    roll, pitch, yaw = (math.radians(a) for a in device.rpy_bs_deg)
+    return mat_from_rpy(roll, pitch, yaw)
+
+
+def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:
+    """The terrain with boxes on it, aligned with the track; at least one post each."""
+    if not obstacles:
+        return terrain
+    heights = terrain.heights.copy()
+    rows, columns = heights.shape
+    east = terrain.east0 + terrain.cell_m * np.arange(columns)
+    north = terrain.north0 + terrain.cell_m * np.arange(rows)
+    grid = np.stack(np.broadcast_arrays(east[None, :], north[:, None], 0.0), axis=-1)
+    lat, lon, _ = terrain.frame.to_geodetic(grid)
+    s, y = path.along(lat, lon)
+    for box in obstacles:
+        along, across = np.abs(s - path.x_gpi - box.before_threshold_m), np.abs(y - box.right_m)
+        inside = (along <= box.length_m / 2) & (across <= box.width_m / 2)
+        if not inside.any():
+            raise ValueError(f"an obstacle {box.before_threshold_m} m before the threshold is outside the terrain")
+        heights[inside] += box.height_m
+    return replace(terrain, heights=heights)
