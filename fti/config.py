@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -234,11 +235,16 @@ def _key_path(key: str, loc: tuple[int | str, ...]) -> str:
 
 def _known_keys(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
     """The keys of the model at a place inside another one, found through its JSON schema."""
-    schema: dict[str, Any] = model.model_json_schema()
+    schema = _json_schema(model)
     node = _resolve(schema, schema)
     for part in loc:
         node = _resolve(schema, _step(node, part, schema))
     return set(node.get("properties", {})) - {"path", "text"}
+
+
+@cache
+def _json_schema(model: type[BaseModel]) -> dict[str, Any]:
+    return model.model_json_schema()
 
 
 def _step(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> dict[str, Any]:
