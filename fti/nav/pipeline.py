@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 
 from fti.config import Config
+from fti.nav.approach_channel import make_channel
 from fti.nav.heights import AltimeterChannel
 from fti.nav.navigation import Navigation, solution
 from fti.nav.reference import Reference
@@ -35,6 +36,7 @@ class Pipeline:
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude], [self._sources[name] for name in roles.position]
         )
+        self._approach = make_channel(config, reference)
         self._ticks = 0
 
     def stamp(self, device: str, m: Measurement) -> Measurement:
@@ -61,14 +63,17 @@ class Pipeline:
         if channel is None:
             return []
         nav = self._navigation.at(t_valid_ns)
-        return [channel.take(channel.read(m, t_valid_ns), nav)]
+        height = channel.take(channel.read(m, t_valid_ns), nav)
+        return [height, *self._approach.take(height, nav)]
 
     def tick(self, t_ns: int) -> list[Output | Event]:
         """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
         nav = self._navigation.at(t_ns)
         out: list[Output | Event] = [*self._navigation.changes(nav)]
         for channel in self._altimeters.values():
-            out += channel.tick(t_ns, nav)
+            for height in channel.tick(t_ns, nav):
+                out += [height, *self._approach.take(height, nav)]
+        out += self._approach.tick(t_ns, nav)
         self._ticks += 1
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav))

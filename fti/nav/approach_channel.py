@@ -1,0 +1,146 @@
+"""The approach in the pipeline: one altimeter and the navigation to ClearanceIntegrity and GlideSlope."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from fti.config import Approach, Config, Device
+from fti.errors import ConfigError
+from fti.nav.clearance import REPEAT_NS, ClearanceMonitor, ClearanceSample
+from fti.nav.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.navigation import NavState
+from fti.nav.reference import Reference, Sensor
+from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
+
+#: How far the beam may differ from the reference's [deg].
+BEAM_TOLERANCE_DEG = 1.0
+
+Outputs = list[ClearanceIntegrity | GlideSlope]
+
+
+class IdleChannel:
+    """There is no approach, or no altimeter that fits its reference: said twice a second."""
+
+    def __init__(self, state: IntegrityState, reason: Reason, reference: str | None) -> None:
+        self._state, self._reason, self._reference = state, reason, reference
+        self._told_ns: int | None = None
+
+    def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
+        """Nothing follows from a height."""
+        return []
+
+    def tick(self, t_ns: int, nav: NavState) -> Outputs:
+        """The state, twice a second."""
+        if self._told_ns is not None and t_ns - self._told_ns < REPEAT_NS:
+            return []
+        self._told_ns = t_ns
+        reasons = (self._reason,)
+        integrity = ClearanceIntegrity(
+            t_ns=t_ns, t_valid_ns=None, state=self._state, reasons=reasons, valid=False, reference=self._reference
+        )
+        return [integrity, GlideSlope(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=reasons)]
+
+
+class ApproachChannel:
+    """Feeds the monitor with the heights of one altimeter.  sensor : the name of that altimeter."""
+
+    def __init__(self, reference: Reference, settings: Approach, sensor: str) -> None:
+        self._monitor = ClearanceMonitor(reference, settings)
+        self._sensor = sensor
+        self._vertical_source: str | None = None
+        self._slope: GlideSlope | None = None
+
+    def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
+        """Take an output of an altimeter and the navigation at its time."""
+        if height.sensor != self._sensor:
+            return []
+        self._follow_source(nav.position_source)
+        place = self._place(nav)
+        sample = _sample(height, nav, place)
+        if sample is None:
+            reasons = height.reasons + _missing(nav)
+            return self._with_slope(self._monitor.refuse(height.t_ns, height.t_valid_ns, reasons), place)
+        return self._with_slope(self._monitor.step(sample), place)
+
+    def tick(self, t_ns: int, nav: NavState) -> Outputs:
+        """Repeat what is half a second old."""
+        repeated = self._monitor.tick(t_ns)
+        if repeated is None or self._slope is None:
+            return []
+        return [repeated, dataclasses.replace(self._slope, t_ns=t_ns)]
+
+    def _follow_source(self, source: str | None) -> None:
+        """Another source of the height is another datum error: a new window."""
+        if source is not None and self._vertical_source not in (None, source):
+            self._monitor.restart()
+        self._vertical_source = source or self._vertical_source
+
+    def _place(self, nav: NavState) -> Place | None:
+        position = nav.position
+        if position is None or position.alt is None:
+            return None
+        s, y = self._monitor.path.along(position.lat, position.lon)
+        return Place(float(s), float(y), position.alt)
+
+    def _with_slope(self, integrity: ClearanceIntegrity | None, place: Place | None) -> Outputs:
+        if integrity is None:
+            return []
+        bins = self._monitor.bins
+        height = mean_deviation(bins, self._monitor.reference) if bins else None
+        self._slope = glide_slope(integrity, self._monitor.path, place, height)
+        return [integrity, self._slope]
+
+
+def make_channel(config: Config, reference: Reference | None) -> ApproachChannel | IdleChannel:
+    """The channel that configuration and reference allow.
+
+    Raises ConfigError when the window is not the one that the reference's limits were made with.
+    """
+    settings = config.nav.approach
+    if reference is None or settings is None:
+        return IdleChannel(IntegrityState.NO_PROFILE, Reason.NO_PROFILE, None)
+    made_with = reference.header.profile.window_m
+    if settings.window_m != made_with:
+        raise ConfigError(
+            f"{config.path}: nav.approach.window_m = {settings.window_m}: the limits of {settings.profile} "
+            f"were made with {made_with}"
+        )
+    devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
+    fitting = [device.name for device in devices if _fits(device, reference.header.sensor)]
+    if fitting:
+        return ApproachChannel(reference, settings, fitting[0])
+    reason = Reason.WRONG_SENSOR if devices else Reason.NO_ALTIMETER
+    return IdleChannel(IntegrityState.UNAVAILABLE, reason, reference.hash)
+
+
+def _fits(device: Device, sensor: Sensor) -> bool:
+    altimeter = device.altimeter
+    if altimeter is None or altimeter.kind != sensor.kind:
+        return False
+    return sensor.kind == "laser" or abs(altimeter.beam_deg - sensor.beam_deg) <= BEAM_TOLERANCE_DEG
+
+
+def _sample(height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:
+    attitude, position = nav.attitude, nav.position
+    if not height.valid or height.height_agl is None or height.t_valid_ns is None:
+        return None
+    if place is None or position is None or attitude is None:
+        return None
+    return ClearanceSample(
+        t_ns=height.t_ns,
+        t_valid_ns=height.t_valid_ns,
+        s=place.s,
+        y=place.y,
+        alt=place.alt,
+        agl=height.height_agl,
+        roll=attitude.roll,
+        pitch=attitude.pitch,
+        climb=-position.down if position.down is not None else None,
+        vertical_sd=position.vertical_sd,
+    )
+
+
+def _missing(nav: NavState) -> tuple[Reason, ...]:
+    if nav.position is None:
+        return (Reason.NO_POSITION,)
+    return (Reason.NO_ALTITUDE,) if nav.position.alt is None else ()

@@ -1,0 +1,241 @@
+"""The ground-clearance integrity monitor: does the ground below match the approach that was published?
+
+Per altimeter sample: terrain as this sensor sees it, z = alt - agl, into the window; per update (10 m and 0.2 s, the
+later of the two) the window against the reference; then the alarm logic.  The height is the raw one moved to P, never
+compensated for terrain.
+
+    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), or less than 80 % of the bins are filled
+    ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
+                  after s grew by more than 20 m everything begins again from here.
+    others        see fti.nav.clearance_states
+
+Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the reference.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.config import Approach
+from fti.nav.approach import ApproachPath
+from fti.nav.clearance_states import AlarmLogic, Ratios
+from fti.nav.clearance_tests import Matcher, Statistics
+from fti.nav.clearance_window import Bins, Window, has_gaps
+from fti.nav.reference import Reference
+from fti.types import ClearanceIntegrity, IntegrityState, Reason
+
+UPDATE_NS = 200_000_000
+UPDATE_M = 10.0
+REPEAT_NS = 500_000_000
+HOLD_NS = UPDATE_NS
+GO_AROUND_CLIMB = 2.0
+GO_AROUND_NS = 3_000_000_000
+#: The margin over sqrt(t2) that makes a shift of AL_s visible with 95 %: O >= (sqrt(t2) + 1.64)^2.
+OBSERVABLE_MARGIN = 1.64
+
+
+@dataclass(frozen=True, slots=True)
+class ClearanceSample:
+    """One altimeter sample with navigation at the time at which it was true.
+
+    agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
+    s, y : path length and offset [m]                 climb : [m/s], None when unknown      roll, pitch : [rad]
+    """
+
+    t_ns: int
+    t_valid_ns: int
+    s: float
+    y: float
+    alt: float
+    agl: float
+    roll: float
+    pitch: float
+    climb: float | None
+    vertical_sd: float | None
+
+
+Rule = Callable[[ClearanceSample, Approach], bool]
+
+#: Why a sample is not used.  A rule is True when the sample breaks it.
+RULES: tuple[tuple[Reason, Rule], ...] = (
+    (Reason.OFF_TRACK, lambda x, a: abs(x.y) > a.y_max_m),
+    (Reason.ROLL, lambda x, a: abs(x.roll) > math.radians(a.max_roll_deg)),
+    (Reason.PITCH, lambda x, a: abs(x.pitch) > math.radians(a.max_pitch_deg)),
+)
+
+
+class GoAround:
+    """Climbing at more than 2 m/s for 3 s begins it, 3 s without ends it."""
+
+    def __init__(self) -> None:
+        self._active = False
+        self._since_ns: int | None = None
+
+    def step(self, t_ns: int, climb: float | None) -> bool:
+        """Whether a go-around is being flown."""
+        climbing = climb is not None and climb > GO_AROUND_CLIMB
+        if climbing == self._active:
+            self._since_ns = None
+        elif self._since_ns is None:
+            self._since_ns = t_ns
+        elif t_ns - self._since_ns >= GO_AROUND_NS:
+            self._active, self._since_ns = climbing, None
+        return self._active
+
+
+class ClearanceMonitor:
+    """The monitor of one approach."""
+
+    def __init__(self, reference: Reference, settings: Approach) -> None:
+        self.reference = reference
+        self.path = ApproachPath(reference.header.airfield)
+        self.bins: Bins | None = None  # of the last update
+        self.statistics: Statistics | None = None  # of the last update that was judged
+        self._settings = settings
+        self._limits = reference.header.limits
+        self._observable = (math.sqrt(self._limits.t2) + OBSERVABLE_MARGIN) ** 2
+        self._window = Window(reference)
+        self._matcher = Matcher(reference, settings.alert_s_m)
+        self._agl_ref = self.path.alt_path(reference.s) - reference.z_ref
+        self._hash = reference.hash
+        self._go_around = GoAround()
+        self._last: ClearanceIntegrity | None = None
+        self._used_ns: int | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with an empty window, as after a change of the source of the height."""
+        self._window.clear()
+        self._logic = AlarmLogic()
+        self._updated: tuple[int, float] | None = None
+        self._bad_bin = len(self.reference.s)
+
+    # ------------------------------------------------------------------------------------------------- stepping
+
+    def step(self, x: ClearanceSample) -> ClearanceIntegrity | None:
+        """Take a sample; the output when there is a new one."""
+        outside = self._outside(x)
+        if outside:
+            self.restart()
+            return self._say(self._unavailable(x.t_ns, x.t_valid_ns, (outside,)))
+        reasons = tuple(reason for reason, broken in RULES if broken(x, self._settings))
+        if reasons:
+            return self.refuse(x.t_ns, x.t_valid_ns, reasons)
+        self._used_ns = x.t_ns
+        self._collect(x)
+        if not self._is_due(x):
+            return None
+        self._updated = (x.t_valid_ns, x.s)
+        return self._say(self._judge(x), always=True)
+
+    def _collect(self, x: ClearanceSample) -> None:
+        z = x.alt - x.agl
+        dh = x.agl - float(np.interp(x.s, self.reference.s, self._agl_ref))
+        if self._window.goes_backward(x.s):
+            self.restart()
+        self._window.add(x.s, z, dh)
+
+    def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
+        """There is no usable sample; said once none was for 0.2 s, at every change, and twice a second."""
+        if self._used_ns is not None and t_ns - self._used_ns < HOLD_NS:
+            return None
+        return self._say(self._unavailable(t_ns, t_valid_ns, reasons))
+
+    def tick(self, t_ns: int) -> ClearanceIntegrity | None:
+        """Repeat the last output when it is half a second old."""
+        if self._last is None or t_ns - self._last.t_ns < REPEAT_NS:
+            return None
+        self._last = dataclasses.replace(self._last, t_ns=t_ns)
+        return self._last
+
+    def _outside(self, x: ClearanceSample) -> Reason | None:
+        going_around = self._go_around.step(x.t_valid_ns, x.climb)
+        if x.s < 0.0:
+            return Reason.END
+        if x.s > self.reference.header.profile.s_max_m:
+            return Reason.OUTSIDE_PROFILE
+        return Reason.GO_AROUND if going_around else None
+
+    def _is_due(self, x: ClearanceSample) -> bool:
+        if self._updated is None:
+            return True
+        t_ns, s = self._updated
+        return x.t_valid_ns - t_ns >= UPDATE_NS and abs(s - x.s) >= UPDATE_M
+
+    # -------------------------------------------------------------------------------------------------- judging
+
+    def _judge(self, x: ClearanceSample) -> ClearanceIntegrity:
+        self.bins = self._window.bins(x.s)
+        if not self._window.is_full(x.s):
+            return self._output(x, IntegrityState.ACQUIRE, ())
+        if has_gaps(self.bins):
+            return self._output(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,))
+        found = self._matcher.evaluate(self.bins, x.vertical_sd)
+        self.statistics = found
+        self._remember_obstacle(found)
+        limits = self._limits
+        t2 = found.t2 / limits.t2 if found.observability >= self._observable else None
+        ratios = Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
+        window_is_new = found.first_bin + len(self.bins.z) - 1 < self._bad_bin
+        state, reasons = self._logic.step(ratios, window_is_new)
+        return dataclasses.replace(
+            self._output(x, state, reasons),
+            valid=True,
+            t1_ratio=ratios.t1,
+            t2_ratio=ratios.t2,
+            t3_ratio=ratios.t3,
+            t4_ratio=ratios.t4,
+            shift=found.shift,
+            shift_sd=found.shift_sd,
+            height_error=found.height_error,
+            height_error_sd=found.height_error_sd,
+            observability=found.observability,
+        )
+
+    def _remember_obstacle(self, found: Statistics) -> None:
+        """The newest bin at which T4 was over its limit."""
+        over = np.flatnonzero(found.obstacle > self._limits.t4)
+        if len(over):
+            self._bad_bin = found.first_bin + int(over[0])
+
+    # ---------------------------------------------------------------------------------------------------- output
+
+    def _output(self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
+        settings = self._settings
+        return ClearanceIntegrity(
+            t_ns=x.t_ns,
+            t_valid_ns=x.t_valid_ns,
+            state=state,
+            reasons=reasons,
+            valid=False,
+            s_begin=x.s + self._window.length,
+            s_end=x.s,
+            alert_limit_v=max(settings.alert_v_m, math.radians(settings.alert_v_deg) * x.s),
+            alert_limit_s=settings.alert_s_m,
+            reference=self._hash,
+        )
+
+    def _unavailable(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
+        self.bins = None
+        return ClearanceIntegrity(
+            t_ns=t_ns,
+            t_valid_ns=t_valid_ns,
+            state=IntegrityState.UNAVAILABLE,
+            reasons=reasons,
+            valid=False,
+            reference=self._hash,
+        )
+
+    def _say(self, new: ClearanceIntegrity, always: bool = False) -> ClearanceIntegrity | None:
+        """The output, unless it says what was said less than half a second ago."""
+        last = self._last
+        same = last is not None and (last.state, last.reasons) == (new.state, new.reasons)
+        if same and not always and last is not None and new.t_ns - last.t_ns < REPEAT_NS:
+            return None
+        self._last = new
+        return new

@@ -1,0 +1,71 @@
+"""The alarm logic of the integrity monitor: ratios of the statistics to their limits in, state and reasons out.
+
+ALERT    T4 over its limit in 2 consecutive updates, or T1, T2 or T3 in 2 of 3
+CAUTION  T2 or T3 over its limit once
+ALERT -> OK when every T_i is below 0.8 of its limit, in 3 consecutive updates, for a window that holds no sample
+         at which T4 was over.  (T1 to T3 are sums over the whole window: they fall when the affected samples
+         have left it, so this is one window and less than a second after the last of them.)
+MONITOR instead of OK while the shift is not observable: T2 is then not judged.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from fti.types import IntegrityState, Reason
+
+CALM_RATIO = 0.8
+CALM_UPDATES = 3
+MEMORY = 3
+
+TESTS = (Reason.ABSOLUTE_MATCH, Reason.SHIFTED, Reason.HEIGHT_ERROR, Reason.OBSTACLE)
+
+
+@dataclass(frozen=True, slots=True)
+class Ratios:
+    """Statistics over their limits; t2 is None while the shift is not observable."""
+
+    t1: float
+    t2: float | None
+    t3: float
+    t4: float
+
+    def over(self, limit: float) -> frozenset[Reason]:
+        """The tests whose ratio is above ``limit``."""
+        values = (self.t1, self.t2, self.t3, self.t4)
+        return frozenset(test for test, v in zip(TESTS, values, strict=True) if v is not None and v > limit)
+
+
+class AlarmLogic:
+    """Hysteresis and confirmation."""
+
+    def __init__(self) -> None:
+        self._recent: deque[frozenset[Reason]] = deque(maxlen=MEMORY)
+        self._causes: frozenset[Reason] = frozenset()
+        self._calm = 0
+
+    def step(self, ratios: Ratios, window_is_new: bool) -> tuple[IntegrityState, tuple[Reason, ...]]:
+        """The state after an update.  window_is_new : the window holds no sample at which T4 was over."""
+        self._recent.append(ratios.over(1.0))
+        self._calm = 0 if ratios.over(CALM_RATIO) else self._calm + 1
+        if self._calm >= CALM_UPDATES and window_is_new:
+            self._causes = frozenset()
+        self._causes |= self._confirmed()
+        not_observable = (Reason.NOT_OBSERVABLE,) if ratios.t2 is None else ()
+        if self._causes:
+            return IntegrityState.ALERT, _ordered(self._causes) + not_observable
+        doubts = frozenset().union(*self._recent) & {Reason.SHIFTED, Reason.HEIGHT_ERROR}
+        if doubts:
+            return IntegrityState.CAUTION, _ordered(doubts) + not_observable
+        return (IntegrityState.MONITOR if not_observable else IntegrityState.OK), not_observable
+
+    def _confirmed(self) -> frozenset[Reason]:
+        recent = list(self._recent)
+        obstacle = len(recent) >= 2 and all(Reason.OBSTACLE in over for over in recent[-2:])
+        often = {test for test in TESTS[:3] if sum(test in over for over in recent) >= 2}
+        return frozenset(often | ({Reason.OBSTACLE} if obstacle else set()))
+
+
+def _ordered(tests: frozenset[Reason]) -> tuple[Reason, ...]:
+    return tuple(test for test in TESTS if test in tests)
