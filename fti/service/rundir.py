@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import tempfile
@@ -38,13 +39,24 @@ def base() -> Path:
 
 
 def make(name: str, run_dir: str | None) -> Path:
-    """The run directory of a daemon, created for the owner alone.  Raises MissingError when that is impossible."""
-    path = Path(run_dir) if run_dir else base() / name
+    """The run directory of a daemon, created for the owner alone.
+
+    A second daemon of the same name gets one with a number.  Raises MissingError when the directory cannot be made or
+    the one asked for is in use.
+    """
+    path = Path(run_dir) if run_dir else _first_free(name)
+    if run_dir and _try_read(path / INFO):
+        raise MissingError(f"{path}: another daemon is running there")
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:
         raise MissingError(f"{path}: the run directory cannot be made: {error.strerror}") from None
     return path
+
+
+def _first_free(name: str) -> Path:
+    candidates = (base() / (name if n == 1 else f"{name}_{n}") for n in itertools.count(1))
+    return next(path for path in candidates if _try_read(path / INFO) is None)
 
 
 def publish(path: Path, info: DaemonInfo) -> None:

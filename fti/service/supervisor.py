@@ -53,6 +53,7 @@ class Supervisor:
         self._hurry = asyncio.Event()
         self._recorded = asyncio.Event()
         self.recording = asyncio.Event()
+        self.displayed = asyncio.Event()
         self.display_url: str | None = None
         self.folder = self._create_folder(config, epoch_ns)
         self._run_dir = rundir.make(config.session.name, run_dir)
@@ -151,6 +152,7 @@ class Supervisor:
             self._board.navigation = message["health"]
         if "port" in message:
             self.display_url = f"http://{self._config.display.address}:{message['port']}/"
+            self.displayed.set()
             self._announce(f"display at {self.display_url}")
             self._publish_info()
         if "event" in message:

@@ -47,3 +47,14 @@ def test_a_run_directory_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(MissingError, match="file/below"):
         rundir.make("x", str(tmp_path / "file" / "below"))
+
+
+def test_a_second_daemon_of_the_same_name_gets_a_directory_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    first = rundir.make("da42", None)
+    rundir.publish(first, _info(first, os.getpid()))
+    assert rundir.make("da42", None) == tmp_path / "fti" / "da42_2"
+    with pytest.raises(MissingError, match="another daemon"):
+        rundir.make("da42", str(first))

@@ -1,0 +1,112 @@
+"""Fly an emulated approach, record it, and show it in the browser.
+
+Emulator, daemon and display in one: sensors on real ptys, UDP and CAN of this machine fly three-degree approaches
+over real terrain, again and again, until Ctrl-C.
+
+  fti demo
+  fti demo --scenario obstacle
+  fti demo --headless --duration 60 --out /tmp/demo
+
+The recording stays; the last line names its folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from fti.cli.main import EXIT_INTERRUPTED
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from fti.config import Config
+    from fti.service.supervisor import Supervisor
+
+EMULATOR_END_S = 10.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti demo``."""
+    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--headless", action="store_true", help="do not open the browser")
+    parser.add_argument("--out", metavar="DIR", default="data", help="record below DIR (default: data)")
+    parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="which flight; fti hil --list")
+    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch and fti mark find this daemon")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run emulator and daemon to their end."""
+    import asyncio
+    import tempfile
+    from pathlib import Path
+
+    from fti.hil import scenario as scenarios
+    from fti.service.daemon import serve
+
+    scenario = scenarios.find(args.scenario)
+    with tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
+        config = _configure(scenarios.load_config(scenarios.load(scenario)), args.out, links)
+
+        async def fly(supervisor: Supervisor) -> None:
+            if not args.headless:
+                await _open_browser(supervisor)
+            while True:
+                await _fly_once(scenario, Path(links), supervisor.folder.next_path("truth"))
+
+        signalled = asyncio.run(
+            serve(
+                config,
+                announce=lambda line: print(line, flush=True),
+                run_dir=args.run_dir,
+                duration_s=args.duration,
+                companion=fly,
+            )
+        )
+    return EXIT_INTERRUPTED if signalled else 0
+
+
+def _configure(config: Config, out: str, links: str) -> Config:
+    """The scenario's configuration with the emulator's ports, on free ports of this machine."""
+    from fti import config as configuration
+
+    moved = configuration.with_session(configuration.with_links(config, links), directory=out, origin="hil")
+    return moved.model_copy(update={"display": moved.display.model_copy(update={"port": 0})})
+
+
+async def _open_browser(supervisor: Supervisor) -> None:
+    """Open the page where there is a screen; the address is printed in any case."""
+    import asyncio
+    import os
+    import webbrowser
+
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        await supervisor.displayed.wait()
+        await asyncio.to_thread(webbrowser.open, supervisor.display_url or "")
+
+
+async def _fly_once(scenario: Path, links: Path, truth: Path) -> None:
+    """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
+
+    Raises FtiError when the emulator fails.
+    """
+    import asyncio
+    import sys
+
+    from fti.errors import FtiError
+
+    emulator = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
+        *("--links", str(links), "--truth", str(truth)),
+        stdin=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.DEVNULL,
+        process_group=0,
+    )
+    try:
+        code = await emulator.wait()
+    except asyncio.CancelledError:
+        emulator.terminate()
+        await asyncio.wait_for(emulator.wait(), EMULATOR_END_S)
+        raise
+    if code:
+        raise FtiError(f"the emulator ended with exit code {code}")
