@@ -1,0 +1,150 @@
+"""Quantities by name, for protocols whose messages are a table that the user can change (ARINC 429 labels, a DBC).
+
+A quantity is one field of one measurement; a unit of the wire is a factor and an offset to SI.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from fti.drivers._units import DEGREE, FOOT, FOOT_PER_MINUTE, HECTOPASCAL, INCH_HG, KELVIN_AT_0_C, KNOT, wrap_heading
+from fti.types import (
+    Airspeed,
+    Attitude,
+    Deviation,
+    DmeRange,
+    FlowAngles,
+    ImpactPressure,
+    Measurement,
+    Position,
+    PressureAltitude,
+    RadioHeight,
+    Stamp,
+    StaticPressure,
+    SurfaceDeflection,
+    Temperature,
+    Velocity,
+)
+
+#: Unit as written in a DBC or label set: (factor, offset) to SI.
+UNITS = {
+    "m": (1.0, 0.0),
+    "ft": (FOOT, 0.0),
+    "m/s": (1.0, 0.0),
+    "kt": (KNOT, 0.0),
+    "km/h": (1 / 3.6, 0.0),
+    "ft/min": (FOOT_PER_MINUTE, 0.0),
+    "rad": (1.0, 0.0),
+    "deg": (DEGREE, 0.0),
+    "Pa": (1.0, 0.0),
+    "hPa": (HECTOPASCAL, 0.0),
+    "mbar": (HECTOPASCAL, 0.0),
+    "inHg": (INCH_HG, 0.0),
+    "K": (1.0, 0.0),
+    "degC": (1.0, KELVIN_AT_0_C),
+    "ddm": (1.0, 0.0),
+}
+DIMENSIONS = (
+    ("m", "ft"),
+    ("m/s", "kt", "km/h", "ft/min"),
+    ("rad", "deg"),
+    ("Pa", "hPa", "mbar", "inHg"),
+    ("K", "degC"),
+    ("ddm",),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One field of one measurement class.
+
+    unit  : the SI unit; sign : -1 where the wire counts the other way; constant : fixed fields of the measurement
+    """
+
+    measurement: type[Any]
+    field: str
+    unit: str
+    sign: int = 1
+    constant: tuple[tuple[str, object], ...] = ()
+
+    def make(self, stamp: Stamp, value: float | None, valid: bool) -> Measurement | None:
+        """The measurement that carries this value; None when there is no value and the class must have one."""
+        if value is None and self.field in _REQUIRED:
+            return None
+        found: Measurement = self.measurement(
+            stamp=stamp, valid=valid, **dict(self.constant), **{self.field: self._signed(value)}
+        )
+        return found
+
+    def pick(self, measurement: Measurement) -> float | None:
+        """The value in a measurement that this quantity carries; None when it carries none of it."""
+        if type(measurement) is not self.measurement:
+            return None
+        if any(getattr(measurement, name) != value for name, value in self.constant):
+            return None
+        value: float | None = getattr(measurement, self.field)
+        return None if value is None else value * self.sign
+
+    def is_empty(self, measurement: Measurement) -> bool:
+        """True when the measurement is of this class and says nothing but that it is not valid."""
+        return (
+            type(measurement) is self.measurement
+            and not getattr(measurement, "valid", True)
+            and all(getattr(measurement, f.name) is None for f in fields(measurement) if f.name in _VALUES)
+        )
+
+    def _signed(self, value: float | None) -> float | None:
+        if value is None:
+            return None
+        return wrap_heading(value) if self.field in ("heading", "track") else value * self.sign
+
+
+_REQUIRED = frozenset({"p_static", "q_c", "alt_press"})
+STANDARD_PA = 101_325.0
+
+QUANTITIES = {
+    "radio_height": Quantity(RadioHeight, "height_agl", "m"),
+    "roll": Quantity(Attitude, "roll", "rad"),
+    "pitch": Quantity(Attitude, "pitch", "rad"),
+    "true_heading": Quantity(Attitude, "heading", "rad"),
+    "latitude": Quantity(Position, "lat", "rad"),
+    "longitude": Quantity(Position, "lon", "rad"),
+    "altitude": Quantity(Position, "alt", "m"),
+    "altitude_msl": Quantity(Position, "alt_msl", "m"),
+    "north_velocity": Quantity(Velocity, "north", "m/s"),
+    "east_velocity": Quantity(Velocity, "east", "m/s"),
+    "vertical_speed": Quantity(Velocity, "down", "m/s", sign=-1),  # the wire counts up
+    "ground_speed": Quantity(Velocity, "ground_speed", "m/s"),
+    "track": Quantity(Velocity, "track", "rad"),
+    "static_pressure": Quantity(StaticPressure, "p_static", "Pa"),
+    "impact_pressure": Quantity(ImpactPressure, "q_c", "Pa"),
+    "pressure_altitude": Quantity(PressureAltitude, "alt_press", "m", constant=(("setting_pa", STANDARD_PA),)),
+    "baro_corrected_altitude": Quantity(PressureAltitude, "alt_press", "m", constant=(("setting_pa", None),)),
+    "calibrated_airspeed": Quantity(Airspeed, "cas", "m/s"),
+    "indicated_airspeed": Quantity(Airspeed, "ias", "m/s"),
+    "true_airspeed": Quantity(Airspeed, "tas", "m/s"),
+    "static_air_temperature": Quantity(Temperature, "static", "K"),
+    "total_air_temperature": Quantity(Temperature, "total", "K"),
+    "angle_of_attack": Quantity(FlowAngles, "aoa", "rad"),
+    "sideslip": Quantity(FlowAngles, "aos", "rad"),
+    "localizer_deviation": Quantity(Deviation, "localizer_ddm", "ddm"),
+    "glide_slope_deviation": Quantity(Deviation, "glide_slope_ddm", "ddm"),
+}
+for _surface in ("rudder", "stabilizer", "elevator", "left_aileron", "right_aileron", "left_flap", "right_flap"):
+    QUANTITIES[f"{_surface}_position"] = Quantity(
+        SurfaceDeflection, "deflection", "rad", constant=(("surface", _surface),)
+    )
+for _n in range(1, 5):
+    QUANTITIES[f"dme_{_n}_distance"] = Quantity(DmeRange, "slant_range", "m", constant=(("station", f"dme_{_n}"),))
+
+_VALUES = frozenset(q.field for q in QUANTITIES.values())
+
+
+def to_si(quantity: str, unit: str) -> tuple[float, float]:
+    """Factor and offset from a unit of the wire.  Raises ValueError when the unit does not measure that quantity."""
+    si = QUANTITIES[quantity].unit
+    allowed = next(group for group in DIMENSIONS if si in group)
+    if unit not in allowed:
+        raise ValueError(f"{quantity}: unit {unit!r}; allowed here: {', '.join(allowed)}")
+    return UNITS[unit]
