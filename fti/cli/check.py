@@ -1,0 +1,216 @@
+"""Validate a configuration and say what it means.
+
+Checks every key, the drivers' options, and the files that are named; prints links, devices and roles, one per line,
+and how long storage may stall before a link loses its first byte.
+
+  fti check configs/research_aircraft.toml
+  fti check configs/bench.toml --json
+
+The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
+A role without a device is no error: its outputs are invalid, with the reason that is named here.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from fti.types import Reason
+
+if TYPE_CHECKING:
+    from fti.config import CanLink, Config, Device, SerialLink, UdpLink
+    from fti.service.binding import BoundDevice
+
+#: Where a link's devices name no rate.
+ASSUMED_RATE_HZ = 100.0
+#: Reads in which one message of a serial line arrives, in the mean (Spiegel 2018, eq. 6.2, c_msg).
+SERIAL_RECEPTIONS = 2.0
+#: The largest payload of a datagram that Ethernet carries in one piece [B].
+DATAGRAM_BYTES = 1472.0
+#: A CAN frame with 8 bytes of data and the pause behind it [bit], stuff bits not counted.
+CAN_FRAME_BITS = 111
+CAN_HIGHEST_BITRATE = 1_000_000
+
+#: What is missing when a role has no device.
+ROLES = {"attitude": Reason.NO_ATTITUDE, "position": Reason.NO_POSITION, "altimeters": Reason.NO_ALTIMETER}
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """The most that a link can bring: messages per second, their length [B], reads in which one arrives."""
+
+    rate_hz: float
+    message_bytes: float
+    receptions: float
+    words: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti check``."""
+    parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check and print; what is wrong is raised as one sentence."""
+    import json
+
+    from fti import config as configuration
+
+    found = describe(configuration.load(args.config))
+    print(json.dumps(found, indent=2) if args.json else "\n".join(lines(found)))
+    return 0
+
+
+# --------------------------------------------------------------------------------------------------------- checking
+
+
+def describe(config: Config) -> dict[str, Any]:
+    """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
+    from fti.service.binding import bind_devices, read_texts
+    from fti.service.chain import parse_reference
+
+    texts = read_texts(config)
+    bound = bind_devices(config, texts)
+    parse_reference(config, texts)
+    _check_terrain(config)
+    session = config.session
+    return {
+        "config": config.path,
+        "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb"})},
+        "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
+        "devices": [_describe_device(b) for b in bound],
+        "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
+        "terrain": list(config.nav.terrain.files) if config.nav.terrain else [],
+        "approach": config.nav.approach.profile if config.nav.approach else None,
+        "missing": list(_missing(config)),
+        "warnings": list(_shared_ports(config)),
+    }
+
+
+def _check_terrain(config: Config) -> None:
+    from pathlib import Path
+
+    from fti.errors import MissingError
+
+    for i, file in enumerate(config.nav.terrain.files if config.nav.terrain else ()):
+        if not Path(file).is_file():
+            raise MissingError(f"{config.path}: nav.terrain.files[{i}] = {file!r}: there is no such file")
+
+
+def _missing(config: Config) -> Iterator[dict[str, str]]:
+    for role, reason in ROLES.items():
+        if not getattr(config.nav, role):
+            yield {"role": role, "reason": reason.value}
+    if config.nav.approach is None:
+        yield {"role": "approach", "reason": Reason.NO_PROFILE.value}
+
+
+def _shared_ports(config: Config) -> Iterator[str]:
+    """Links that want the same port; the second would find it busy."""
+    owners: dict[str, str] = {}
+    for link in config.link:
+        port = port_of(link)
+        if port in owners:
+            yield f"links {owners[port]} and {link.name} want the same port {port}"
+        owners[port] = link.name
+
+
+def _describe_link(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> dict[str, Any]:
+    from fti.buffers.triple import TripleBuffer
+
+    load = worst_load(link, devices)
+    stall = TripleBuffer(link.buffer_bytes).capacity_s(load.rate_hz, load.message_bytes, load.receptions)
+    return {
+        "name": link.name,
+        "kind": link.kind,
+        "port": port_of(link),
+        "transmit": link.transmit,
+        "devices": [d.name for d in devices],
+        "stall_s": round(stall, 1),
+        "stall_at": load.words,
+    }
+
+
+def _describe_device(bound: BoundDevice) -> dict[str, Any]:
+    device = bound.device
+    return {
+        "name": device.name,
+        "link": device.link,
+        "driver": device.driver,
+        "document": bound.driver.DOCUMENT,
+        "rate_hz": device.rate_hz,
+        "max_age_ms": device.max_age_ms,
+    }
+
+
+def port_of(link: SerialLink | UdpLink | CanLink) -> str:
+    """What a link is plugged into, in one word."""
+    if link.kind == "serial":
+        return link.port
+    return link.bind if link.kind == "udp" else f"{link.interface}:{link.channel}"
+
+
+def worst_load(link: SerialLink | UdpLink | CanLink, devices: Sequence[Device]) -> Load:
+    """The most that a link can bring at the rates of its devices."""
+    rate = sum(d.rate_hz or 0.0 for d in devices) or ASSUMED_RATE_HZ
+    if link.kind == "serial":
+        bits = 1 + link.data_bits + (link.parity != "none") + link.stop_bits
+        return Load(rate, link.baud / bits / rate, SERIAL_RECEPTIONS, f"a full line of {link.baud} baud")
+    if link.kind == "udp":
+        return Load(rate, DATAGRAM_BYTES, 1.0, f"{rate:g} datagrams/s of {DATAGRAM_BYTES:g} B")
+    bitrate = link.bitrate or CAN_HIGHEST_BITRATE
+    size = 72.0 if link.fd else 16.0
+    return Load(bitrate / CAN_FRAME_BITS, size, 1.0, f"a full bus of {bitrate / 1000:g} kbit/s")
+
+
+# --------------------------------------------------------------------------------------------------------- printing
+
+
+def lines(found: dict[str, Any]) -> Iterator[str]:
+    """The description for people, one thing per line, name first."""
+    session = found["session"]
+    yield f"{found['config']}: good"
+    yield (
+        f"session {session['name']} -> {session['directory']}; a new file every {session['split_s']:g} s or "
+        f"{session['split_mb']:g} MB; {session['min_free_mb']:g} MB stay free"
+    )
+    yield "links"
+    yield from _table([_link_cells(link) for link in found["links"]])
+    yield "devices"
+    yield from _table([_device_cells(device) for device in found["devices"]])
+    yield "roles"
+    yield from _table(list(_role_cells(found)))
+    for warning in found["warnings"]:
+        yield f"warning: {warning}"
+
+
+def _link_cells(link: dict[str, Any]) -> tuple[str, ...]:
+    devices = ", ".join(link["devices"]) or "(recorded, not decoded)"
+    sends = "may send" if link["transmit"] else "listens"
+    stall = f"survives {link['stall_s']:g} s without storage ({link['stall_at']})"
+    return (link["name"], link["kind"], link["port"], sends, stall, devices)
+
+
+def _device_cells(device: dict[str, Any]) -> tuple[str, ...]:
+    rate = f"{device['rate_hz']:g} Hz" if device["rate_hz"] else "any rate"
+    age = f"stale after {device['max_age_ms']:g} ms"
+    return (device["name"], f"on {device['link']}", device["driver"], rate, age)
+
+
+def _role_cells(found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    reasons = {m["role"]: m["reason"] for m in found["missing"]}
+    named = {role: ", ".join(names) for role, names in found["roles"].items()}
+    for role, what in {**named, "approach": found["approach"]}.items():
+        yield (role, what or f"none: what needs it stays invalid ({reasons[role]})")
+
+
+def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
+    if not rows:
+        yield "  none"
+        return
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

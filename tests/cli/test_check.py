@@ -1,0 +1,132 @@
+"""``fti check``: what a configuration means, and one sentence for what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fti import config
+from fti.cli.check import worst_load
+from fti.cli.main import main
+
+BENCH = """
+[session]
+name = "bench"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/ttyUSB0"
+baud = 57600
+
+[[link]]
+name = "spare"
+kind = "serial"
+port = "/dev/ttyUSB0"
+
+[[device]]
+name = "radar"
+link = "line"
+driver = "freeflight_ra4500"
+rate_hz = 25
+altimeter = { kind = "radar", range_m = [0, 800] }
+
+[nav]
+altimeters = ["radar"]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH)
+    return path
+
+
+def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(file)]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    first_words = [line.split()[0] for line in printed]
+    assert first_words == [
+        f"{file}:", "session", "links", "line", "spare", "devices", "radar",
+        "roles", "attitude", "position", "altimeters", "approach", "warning:",
+    ]  # fmt: skip
+    assert "radar" in printed[3]
+    assert "recorded, not decoded" in printed[4]
+    assert "no_attitude" in printed[8]
+    assert printed[-1].endswith("links line and spare want the same port /dev/ttyUSB0")
+
+
+def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [link["name"] for link in found["links"]] == ["line", "spare"]
+    assert found["roles"] == {"attitude": [], "position": [], "altimeters": ["radar"]}
+    assert {m["role"]: m["reason"] for m in found["missing"]} == {
+        "attitude": "no_attitude",
+        "position": "no_position",
+        "approach": "no_profile",
+    }
+
+
+def test_stall_is_that_of_a_full_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """57600 baud 8N1 are 5760 B/s; 25 messages a second in two reads cost 400 B/s more; two buffers, one to 90 %."""
+    main(["check", str(file), "--json"])
+    stall = json.loads(capsys.readouterr().out)["links"][0]["stall_s"]
+    assert stall == pytest.approx(1.9 * 2**19 / (5760 + 25 * 2 * 8), abs=0.1)
+
+
+def test_a_larger_buffer_survives_longer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stalls = []
+    for size in (2**19, 2**20):
+        file = tmp_path / f"{size}.toml"
+        file.write_text(BENCH.replace("baud = 57600", f"baud = 57600\nbuffer_bytes = {size}"))
+        main(["check", str(file), "--json"])
+        stalls.append(json.loads(capsys.readouterr().out)["links"][0]["stall_s"])
+    assert stalls[1] == pytest.approx(2 * stalls[0], abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("link", "rate_hz", "message_bytes"),
+    [
+        (config.CanLink(name="a", kind="can", interface="slcan", channel="x", bitrate=500_000), 500_000 / 111, 16),
+        (config.CanLink(name="a", kind="can", interface="slcan", channel="x", fd=True), 1_000_000 / 111, 72),
+        (config.UdpLink(name="a", kind="udp", bind="127.0.0.1:1"), 100, 1472),
+        (config.SerialLink(name="a", kind="serial", port="x", baud=12000, parity="even", stop_bits=2), 100, 10),
+    ],
+    ids=["can", "can_fd", "udp", "serial_8e2"],
+)
+def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_bytes: float) -> None:
+    load = worst_load(link, ())
+    assert load.rate_hz == pytest.approx(rate_hz)
+    assert load.message_bytes == pytest.approx(message_bytes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("baud = 57600", "bauds = 57600", "link[0].bauds: there is no such key; allowed here: baud, "),
+        ('driver = "freeflight_ra4500"', 'driver = "ra4500"', "device[0].driver = 'ra4500': no driver"),
+        ("rate_hz = 25", "options = { checksum = 1 }", "device[0].options.checksum = 1: input should be 'none', "),
+        ("[nav]", '[nav]\nterrain = { files = ["no.npz"], vertical = "egm96" }', "nav.terrain.files[0] = "),
+        ("[nav]", '[nav]\napproach = { profile = "no.csv" }', "no.csv: cannot be read: No such file"),
+        ('kind = "serial"', 'kind = "udp"\nbind = "127.0.0.1:1"', "link[0].port: there is no such key"),
+    ],
+)
+def test_a_mistake_is_one_sentence_on_standard_error(
+    file: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, expected: str
+) -> None:
+    file.write_text(BENCH.replace(old, new, 1))
+    assert main(["check", str(file)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"fti: {file}: ")
+    assert printed.err.count("\n") == 1
+    assert expected in printed.err
+
+
+def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(tmp_path / "none.toml")]) == 2
+    assert "none.toml: cannot be read: No such file" in capsys.readouterr().err
