@@ -124,7 +124,7 @@ def _cast_ray(p: Pyramid, ox: float, oy: float, oz: float, dx: float, dy: float,
     ny, nx = p.heights.shape[0] - 1, p.heights.shape[1] - 1
     x0, y0 = (ox - p.east0) / p.cell, (oy - p.north0) / p.cell
     vx, vy = dx / p.cell, dy / p.cell
-    if math.isnan(x0 + y0 + oz + vx + vy + dz):
+    if math.isnan(x0 + y0 + oz + vx + vy + dz + max_range):
         return math.nan
     begin, end = _clip(0.0, max_range, x0, vx, nx)
     begin, end = _clip(begin, end, y0, vy, ny)

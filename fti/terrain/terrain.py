@@ -129,10 +129,13 @@ class Terrain:
         directions : ndarray, shape (n, 3) or (3,)       of any length but zero; the result is in metres
         Returns    : ndarray, shape (n,), or () for one origin and one direction.  0 where the origin is on or under
                      the surface; NaN for a ray that enters the coverage from its side below the surface.
+        Raises ValueError for a direction without length or a max_range that is not positive.
         """
         origins, rays = np.broadcast_arrays(np.asarray(origin, np.float64), np.asarray(directions, np.float64))
         norm = np.linalg.norm(rays, axis=-1, keepdims=True)
         if not (norm > 0.0).all():
             raise ValueError("a direction has no length")
+        if not max_range > 0.0:
+            raise ValueError(f"max_range is {max_range}, must be positive")
         flat = np.ascontiguousarray(origins.reshape(-1, 3)), np.ascontiguousarray((rays / norm).reshape(-1, 3))
         return casting.cast_rays(self.pyramid, *flat, float(max_range)).reshape(origins.shape[:-1])

@@ -1,0 +1,71 @@
+"""Leading-edge radar altimeter, first form: the nearest return within the beam.
+
+The beam is a cone of the full width ``beam_width`` around the boresight (sensor +z), sampled by a centre ray and
+concentric rings of 6, 12, 18 ... rays at equal angular steps: 1 + 3 r (r + 1) rays for r rings.  A leading-edge
+tracker locks to the first echo above its threshold, so every ray inside the beam counts alike and the beam's edge is
+the threshold: no weight by gain, incidence or range.  The nearest ray is refined by a local search inside the beam;
+over level ground h below the antenna the range is at most h (delta / 2^steps)^2 too long, delta the ring step: 0.6 mm
+at 300 m.  What it leaves out: side lobes, reflectivity, averaging, receiver noise.
+
+Sources: Spiegel 2018, sections 2.2.5 (bundle of rays) and 2.2.7, fig. 2.53 (leading edge); eq. 2.68 weighs every ray
+alike as well, where it sums power.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.ranging.sensor import RangingSensor, checked_poses
+from fti.terrain import cast
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+REFINE_STEPS = 5
+
+
+def ring_angles(beam_width: float, rings: int) -> Array:
+    """Angles of the rays, shape (1 + 3 r (r + 1), 2) [rad]: off the boresight, times the direction across it.
+
+    The outermost ring lies on the edge of the beam; ring k has 6 k rays, alternately turned by half a step.
+    """
+    found = [np.zeros((1, 2))]
+    for ring in range(1, rings + 1):
+        around = 2.0 * np.pi * (np.arange(6 * ring) + 0.5 * (ring % 2)) / (6 * ring)
+        found.append(0.5 * beam_width * ring / rings * np.stack((np.cos(around), np.sin(around)), axis=-1))
+    return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
+class RadarAltimeter(RangingSensor):
+    """A radar altimeter with a fixed antenna.
+
+    beam_width : full width of the beam [rad], in (0, pi)
+    rings      : rings of rays; 8 rings are 217 rays, 2.5 deg apart in a beam of 40 deg
+    max_range  : beyond it there is no return [m]
+    """
+
+    beam_width: float = float(np.radians(40.0))
+    rings: int = 8
+    max_range: float = 762.0
+    _angles: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.beam_width < np.pi:
+            raise ValueError(f"beam_width is {self.beam_width} rad, must lie between 0 and pi")
+        if self.rings < 1:
+            raise ValueError(f"rings is {self.rings}, must be at least 1")
+        if not self.max_range > 0.0:
+            raise ValueError(f"max_range is {self.max_range} m, must be positive")
+        object.__setattr__(self, "_angles", ring_angles(self.beam_width, self.rings))
+
+    def ranges(self, terrain: Terrain, origins_m: ArrayLike, mats_ms: ArrayLike) -> Array:
+        """Range of the leading edge [m], shape (n,); NaN without a return; poses as in ``RangingSensor``."""
+        origins, mats = checked_poses(origins_m, mats_ms)
+        half = 0.5 * self.beam_width
+        return cast.cast_bundle_min(
+            terrain.pyramid, origins, mats, self._angles, half, REFINE_STEPS, float(self.max_range)
+        )

@@ -1,0 +1,166 @@
+"""The scene of the demonstration: real elevation around an imaginary airfield, refined by synthetic detail.
+
+The elevation is resampled (cubic) from 3 arc seconds to 5 m.  On it lie fractal relief, forest and buildings; the
+runway and its strip are level with the runway plane, and nothing stands in the approach: below the obstacle limit
+
+    limit = max(0.02 (d - 60), 15.24 + d tan g - 65) + 0.15 max(0, |y| - 150)     d before the threshold, y sideways [m]
+
+(2 % as in ICAO Annex 14, table 4-1) so that the glide path clears everything under it by 60 m and more beyond 1500 m.
+What is natural above the limit is cut, trees and houses above it are left out.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.geodesy.local import LocalFrame
+from fti.geodesy.wgs84 import radii
+from fti.terrain.grid import ElevationGrid, cubic_weights, load_jacksboro
+from fti.terrain.synthetic import buildings, forest, fractal_relief
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: The published approach that the scene is built for; the one place that holds its numbers.
+DEMO_AIRFIELD = Path(__file__).parent / "data" / "demo_airfield.toml"
+
+CELL_M = 5.0
+#: The elevation is read at every fourth post and interpolated between: its own posts are 75 to 93 m apart.
+COARSE = 4
+#: The strip that the scene covers, before and behind the threshold and to each side of the track [m].
+BEFORE_M, BEHIND_M, SIDE_M = 7500.0, 1700.0, 1000.0
+#: Half width and overrun of the level runway strip, and the distance over which it runs out into the country [m].
+STRIP_HALF_M, STRIP_END_M, BLEND_M = 75.0, 60.0, 150.0
+
+
+#: Standard deviation of the fractal relief (30 to 500 m) that the elevation is too coarse to hold.
+RELIEF_SD_M = 3.0
+
+
+@dataclass(frozen=True)
+class _Runway:
+    """What of the airfield file shapes the ground; angles in radians."""
+
+    lat: float
+    lon: float
+    alt: float
+    course: float
+    slope: float
+    length: float
+    glide: float
+    tch: float
+
+    def east_north(self, before: ArrayLike, right: ArrayLike) -> tuple[Array, Array]:
+        """East, north [m] of points before the threshold and right of the track [m]."""
+        along, across = -np.asarray(before, dtype=np.float64), np.asarray(right, dtype=np.float64)
+        sin, cos = np.sin(self.course), np.cos(self.course)
+        return along * sin + across * cos, along * cos - across * sin
+
+    def before_right(self, east: Array, north: Array) -> tuple[Array, Array]:
+        """The inverse of ``east_north``."""
+        sin, cos = np.sin(self.course), np.cos(self.course)
+        return -(east * sin + north * cos), east * cos - north * sin
+
+
+def _load_runway(path: Path) -> _Runway:
+    keys = tomllib.loads(path.read_text(encoding="utf-8"))
+    lat, lon, course, glide = (
+        float(np.radians(keys[name])) for name in ("threshold_lat_deg", "threshold_lon_deg", "course_deg", "glide_deg")
+    )
+    alt, slope, length, tch = (
+        float(keys[name]) for name in ("threshold_alt_m", "runway_slope", "runway_length_m", "tch_m")
+    )
+    return _Runway(lat, lon, alt, course, slope, length, glide, tch)
+
+
+def track_point(before: ArrayLike, right: ArrayLike = 0.0) -> tuple[Array, Array]:
+    """East, north [m] in the demo scene's frame of points before the threshold and right of the track [m]."""
+    return _load_runway(DEMO_AIRFIELD).east_north(before, right)
+
+
+def _upsample(values: Array, factor: int) -> Array:
+    """Cubic interpolation along the first axis: (n, ...) to ((n - 3) factor, ...), from the second post on."""
+    intervals = len(values) - 3
+    weights = cubic_weights(np.arange(factor) / factor)
+    fine = sum(w[:, None] * values[k : k + intervals, None] for k, w in enumerate(weights))
+    return np.asarray(fine).reshape(intervals * factor, *values.shape[1:])
+
+
+def _surface_up(elevation: ElevationGrid, frame: LocalFrame, east: Array, north: Array) -> Array:
+    """``up`` of the elevation at east, north [m]: fixed-point steps on the ellipsoidal height."""
+    up = np.zeros(np.broadcast_shapes(east.shape, north.shape))
+    for _ in range(3):
+        lat, lon, alt = frame.to_geodetic(np.stack(np.broadcast_arrays(east, north, up), axis=-1))
+        up = up + elevation.height(lat, lon) - alt
+    return up
+
+
+def _resample(
+    elevation: ElevationGrid, frame: LocalFrame, east0: float, north0: float, shape: tuple[int, int]
+) -> Array:
+    """The elevation on posts of CELL_M from east0, north0 on."""
+    step = COARSE * CELL_M
+    rows, columns = (-(-size // COARSE) + 3 for size in shape)
+    east, north = east0 + step * np.arange(-1.0, columns - 1), north0 + step * np.arange(-1.0, rows - 1)
+    coarse = _surface_up(elevation, frame, east[None, :], north[:, None])
+    fine = _upsample(_upsample(coarse, COARSE).T, COARSE).T
+    return np.ascontiguousarray(fine[: shape[0], : shape[1]])
+
+
+def _country(before: Array, right: Array, length: float) -> Array:
+    """0 on the level strip of the runway, 1 in the country, smooth between."""
+    beyond_end = np.maximum(before - STRIP_END_M, -before - length - STRIP_END_M)
+    outside = np.hypot(np.maximum(beyond_end, 0.0), np.maximum(np.abs(right) - STRIP_HALF_M, 0.0))
+    share = np.clip(outside / BLEND_M, 0.0, 1.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share))
+
+
+def _plane(runway: _Runway, before: Array, right: Array) -> Array:
+    """``up`` of the runway plane, bent with the Earth (1 mm off at 2 km) [m]."""
+    r_meridian, r_normal = radii(runway.lat)
+    return -runway.slope * before - (before**2 + right**2) / (2.0 * np.sqrt(r_meridian * r_normal))
+
+
+def _limit(runway: _Runway, before: Array, right: Array) -> Array:
+    """The highest ``up`` of ground, trees and houses [m]; the glide path is a straight line in this frame."""
+    path = runway.tch + before * np.tan(runway.glide)
+    rise = np.maximum(0.02 * (before - STRIP_END_M), path - 65.0)
+    limit = np.maximum(rise, _plane(runway, before, right)) + 0.15 * np.maximum(np.abs(right) - 150.0, 0.0)
+    return np.where(before > -runway.length, limit, np.inf)
+
+
+def _posts(runway: _Runway) -> tuple[Array, Array]:
+    """East and north [m] of the columns and rows of posts around the strip."""
+    corners = runway.east_north([BEFORE_M, BEFORE_M, -BEHIND_M, -BEHIND_M], [SIDE_M, -SIDE_M, SIDE_M, -SIDE_M])
+    east, north = (
+        CELL_M * np.arange(np.floor(side.min() / CELL_M), np.ceil(side.max() / CELL_M) + 1) for side in corners
+    )
+    return east, north
+
+
+def demo_scene(seed: int = 2018) -> Terrain:
+    """The terrain around the demo airfield: posts of 5 m, 7.5 km before to 1.7 km behind the threshold, +-1 km.
+
+    The frame's origin is the threshold, at its height.  The same seed gives the same bytes.
+    """
+    runway, rng = _load_runway(DEMO_AIRFIELD), np.random.default_rng(seed)
+    frame = LocalFrame(runway.lat, runway.lon, runway.alt)
+    east, north = _posts(runway)
+    shape = len(north), len(east)
+    before, right = runway.before_right(east[None, :], north[:, None])
+    country = _country(before, right, runway.length)
+    limit = _limit(runway, before, right)
+
+    natural = _resample(load_jacksboro(), frame, east[0], north[0], shape)
+    natural += fractal_relief(shape, CELL_M, rng, sd=RELIEF_SD_M, longest_m=500.0, shortest_m=30.0)
+    ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
+    cover = np.maximum(forest(shape, CELL_M, rng), buildings(shape, CELL_M, rng))
+    surface = ground + np.where((country == 1.0) & (ground + cover <= limit), cover, 0.0)
+    return Terrain.from_array(
+        surface, CELL_M, lat0=runway.lat, lon0=runway.lon, alt0=runway.alt, east0=float(east[0]), north0=float(north[0])
+    )

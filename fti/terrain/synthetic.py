@@ -1,0 +1,86 @@
+"""Seeded synthetic surfaces: fractal relief, forest, buildings, an obstacle.
+
+Each function takes a numpy Generator and returns an array of heights [m] on the posts of a grid; the same seed gives
+the same bytes.  The figures are those of wooded hill country; they are stated, not measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+Shape = tuple[int, int]
+
+_FFT_BLOCK = 64  # sizes for the transform are multiples of this: small prime factors
+
+
+def fractal_relief(
+    shape: Shape, cell_m: float, rng: Rng, *, sd: float, longest_m: float, shortest_m: float, hurst: float = 0.8
+) -> Array:
+    """Gaussian relief with a power-law spectrum between two wavelengths, mean 0 and standard deviation ``sd`` [m].
+
+        S(k) ~ k^-(2 H + 2),   2 pi / longest <= k <= 2 pi / shortest;   H = 0.8 smooth hills, 0.3 broken ground
+
+    Source: Turcotte 1997, ch. 7 (self-affine surfaces, spectral synthesis).
+    """
+    rows, columns = (size + -size % _FFT_BLOCK for size in shape)
+    fy, fx = np.fft.fftfreq(rows, cell_m)[:, None], np.fft.rfftfreq(columns, cell_m)[None, :]
+    frequency = np.hypot(fx, fy)
+    band = (frequency >= 1.0 / longest_m) & (frequency <= 1.0 / shortest_m)
+    amplitude = np.where(band, np.maximum(frequency, 1.0 / longest_m) ** -(hurst + 1.0), 0.0)
+    noise = np.fft.rfft2(rng.standard_normal((rows, columns)))
+    relief = np.fft.irfft2(noise * amplitude, s=(rows, columns))[: shape[0], : shape[1]]
+    return np.ascontiguousarray(sd * (relief - relief.mean()) / relief.std())
+
+
+def forest(
+    shape: Shape, cell_m: float, rng: Rng, *, cover: float = 0.45, stand_m: float = 350.0, crown_sd: float = 1.5
+) -> Array:
+    """Canopy height of stands with sharp edges, 0 in the open: 10 to 25 m, one height a stand, rough crowns.
+
+    cover    : share of the ground under trees
+    stand_m  : typical size of a stand and of a clearing [m]
+    crown_sd : roughness of the crowns from post to post [m]
+    """
+    smooth = {"sd": 1.0, "longest_m": 3.0 * stand_m, "shortest_m": stand_m / 3.0, "hurst": 0.3}
+    pattern = fractal_relief(shape, cell_m, rng, **smooth)
+    age = np.clip(0.5 + 0.3 * fractal_relief(shape, cell_m, rng, **smooth), 0.0, 1.0)
+    stand = np.clip(10.0 + 15.0 * age + crown_sd * rng.standard_normal(shape), 10.0, 25.0)
+    return np.where(pattern > np.quantile(pattern, 1.0 - cover), stand, 0.0)
+
+
+def buildings(shape: Shape, cell_m: float, rng: Rng, *, per_km2: float = 25.0) -> Array:
+    """Heights of flat-roofed blocks, 4 to 18 m high and 10 to 40 m wide, scattered at random; 0 between them."""
+    heights = np.zeros(shape)
+    count = round(per_km2 * shape[0] * shape[1] * cell_m**2 / 1e6)
+    rows, columns = rng.integers(0, shape[0], count), rng.integers(0, shape[1], count)
+    widths = np.rint(rng.uniform(10.0, 40.0, (count, 2)) / cell_m).astype(int)
+    for row, column, (deep, wide), height in zip(rows, columns, widths, rng.uniform(4.0, 18.0, count), strict=True):
+        block = heights[row : row + deep, column : column + wide]
+        np.maximum(block, height, out=block)
+    return heights
+
+
+def with_obstacle(terrain: Terrain, east: float, north: float, height: float, width: float) -> Terrain:
+    """The terrain with a flat-topped square block around east, north [m] of its frame.
+
+    height : of the roof above the surface at east, north [m]; width : of the square [m].  The walls lean over one cell.
+    Raises ValueError outside the coverage or when the block holds no post.
+    """
+    roof = float(terrain.up(east, north)) + height
+    if np.isnan(roof):
+        raise ValueError(f"an obstacle at east {east:.1f} m, north {north:.1f} m is outside the terrain")
+    rows, columns = terrain.heights.shape
+    posts_east = terrain.east0 + terrain.cell_m * np.arange(columns)
+    posts_north = terrain.north0 + terrain.cell_m * np.arange(rows)
+    under_east, under_north = np.abs(posts_east - east) <= width / 2, np.abs(posts_north - north) <= width / 2
+    inside = under_north[:, None] & under_east[None, :]
+    if not inside.any():
+        raise ValueError(f"an obstacle {width:.1f} m wide holds no post of a grid of {terrain.cell_m:.1f} m")
+    return dataclasses.replace(terrain, heights=np.where(inside, np.maximum(terrain.heights, roof), terrain.heights))
