@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.config import Config
-from fti.hil.endpoints import Endpoint, make_endpoint
+from fti.hil.endpoints import Endpoint, make_endpoint, opened, until
 from fti.hil.faults import DeviceFaults
-from fti.hil.pty import Sent
 from fti.hil.scenario import Scenario
-from fti.hil.scheduler import Lateness, Scheduler, Stream
+from fti.hil.scheduler import Report, Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
@@ -27,14 +25,6 @@ from fti.nav.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
 
 SECOND_NS = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What was sent, per link, and how late [ms]."""
-
-    links: Mapping[str, Sent]
-    lateness: Lateness
 
 
 class SensorStream:
@@ -102,7 +92,7 @@ class Emulator:
         with self._truth_log() as truth:
             async with opened(self._endpoints(self._sensors)) as endpoints:
                 self.ready.set()
-                await first_of(self._started, ended)
+                await until(self._started.wait(), ended)
                 scheduler = await self._fly(self._sensors, endpoints, truth, duration_s, ended)
         return Report({name: e.sent for name, e in endpoints.items()}, scheduler.lateness)
 
@@ -146,26 +136,3 @@ def make_world(scenario: Scenario) -> World:
     """The demo airfield and its ground, with what the scenario puts on it."""
     airfield = load_airfield(scenes.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(scenes.DEMO_AIRFIELD))
     return World(scenario, ApproachPath(airfield), scenes.demo_scene(), undulation=DEMO_UNDULATION)
-
-
-async def first_of(*events: asyncio.Event) -> None:
-    """Wait until one of the events is set."""
-    tasks = [asyncio.create_task(e.wait(), name="fti-hil-wait") for e in events]
-    try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-
-
-@contextlib.asynccontextmanager
-async def opened(endpoints: dict[str, Endpoint]) -> AsyncIterator[dict[str, Endpoint]]:
-    """The endpoints, open; closed at the end."""
-    try:
-        for endpoint in endpoints.values():
-            await endpoint.open()
-        yield endpoints
-    finally:
-        for endpoint in endpoints.values():
-            endpoint.close()

@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import socket
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -47,20 +47,21 @@ class Endpoint(Protocol):
     async def send_all(self, data: bytes) -> None:
         """Send without loss; wait while the port is full."""
 
+    async def drained(self) -> None:
+        """Wait until the reader has everything, as far as that can be seen."""
+
     def close(self) -> None:
         """Take the port away."""
 
 
-def make_endpoint(
-    link: SerialLink | UdpLink | CanLink, folder: Path, respond: Respond, *, hold_slave: bool = True
-) -> Endpoint:
-    """The far end of a link.  folder : where symlinks to ptys stand; hold_slave : see ``PtyEndpoint``."""
+def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: Respond) -> Endpoint:
+    """The far end of a link.  folder : where symlinks to ptys stand."""
     if isinstance(link, UdpLink):
         return UdpEndpoint(link, respond)
     if isinstance(link, SerialLink):
-        return PtyEndpoint(folder / link.name, respond, hold_slave=hold_slave)
+        return PtyEndpoint(folder / link.name, respond)
     if link.interface == "slcan":
-        return SlcanEndpoint(folder / link.name, respond, hold_slave=hold_slave)
+        return SlcanEndpoint(folder / link.name, respond)
     if link.interface not in SHARED_INTERFACES:
         raise MissingError(
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
@@ -69,11 +70,36 @@ def make_endpoint(
     return CanBusEndpoint(link, respond)
 
 
+@contextlib.asynccontextmanager
+async def opened(endpoints: Mapping[str, Endpoint]) -> AsyncIterator[Mapping[str, Endpoint]]:
+    """The endpoints, open; closed at the end."""
+    try:
+        for endpoint in endpoints.values():
+            await endpoint.open()
+        yield endpoints
+    finally:
+        for endpoint in endpoints.values():
+            endpoint.close()
+
+
+async def until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
+    """Do the work, or leave it where it is when ``stop`` is set."""
+    tasks = [asyncio.create_task(w, name=f"fti-hil-{n}") for n, w in (("work", work), ("stop", stop.wait()))]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.wait(tasks)
+    if not tasks[0].cancelled():
+        tasks[0].result()
+
+
 class SlcanEndpoint(PtyEndpoint):
     """A Lawicel adapter on a pty: frames are passed on while the host has the channel open."""
 
-    def __init__(self, place: Path, respond: Respond, *, hold_slave: bool = True) -> None:
-        super().__init__(place, self._answer, hold_slave=hold_slave)
+    def __init__(self, place: Path, respond: Respond) -> None:
+        super().__init__(place, self._answer)
         self._frames: list[bytes] = []
         self._adapter = Adapter(self._frames.append)
         self._respond_to_frame = respond
@@ -149,6 +175,9 @@ class UdpEndpoint:
         while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
             await asyncio.sleep(RETRY_S)
 
+    async def drained(self) -> None:
+        """What was sent lies in the receiver's queue already."""
+
     def close(self) -> None:
         """Close the socket."""
         asyncio.get_running_loop().remove_reader(self._socket)
@@ -215,6 +244,9 @@ class CanBusEndpoint:
         """Send one frame; wait while the bus is full."""
         while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
             await asyncio.sleep(RETRY_S)
+
+    async def drained(self) -> None:
+        """What was sent is on the bus."""
 
     def close(self) -> None:
         """Leave the bus."""

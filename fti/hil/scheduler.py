@@ -9,9 +9,11 @@ from __future__ import annotations
 import asyncio
 import heapq
 from array import array
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+from fti.hil.pty import Sent
 
 #: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
 MAX_SLEEP_S = 0.05
@@ -36,6 +38,14 @@ class Lateness:
     p50_ms: float
     p99_ms: float
     max_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What was sent, per link, and how late."""
+
+    links: Mapping[str, Sent]
+    lateness: Lateness
 
 
 def lateness_of(late_s: Sequence[float]) -> Lateness:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.hil.sensors.altimeters import RadarAltimeter
+from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.world import World
@@ -14,6 +15,8 @@ from fti.service.binding import bind_devices
 
 #: Driver name -> what stands at the other end of its line.
 MODELS: dict[str, ModelType] = {
+    "arinc429": Avionics,
+    "canaerospace": Avionics,
     "freeflight_ra4500": RadarAltimeter,
     "imar_ixcom": InertialNavigation,
 }
