@@ -1,0 +1,131 @@
+"""What a display knows: the latest of every topic, how old it is now, and what a person must be told at once.
+
+Fed from any thread; without clock, port or thread of its own.  ``now_ns`` is monotonic time [ns] throughout.
+A value that lies here grows older: ``age_ms`` = age when it was published + time since it arrived.  Above its own
+``max_age_ms``, or when navigation or the daemon has stopped, it is late for every consumer, and late is not valid.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fti.web.alarms import Sight, find_alarms
+from fti.web.history import History
+from fti.web.words import STATES, describe_reasons
+
+Fields = Mapping[str, Any]
+
+NS_PER_MS = 1_000_000
+EVENTS_KEPT = 50
+TOPICS_KEPT = 256
+DEFAULT_MAX_AGE_MS = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A message and the moment of its arrival."""
+
+    fields: Fields
+    at_ns: int
+
+    def held_ms(self, now_ns: int) -> float:
+        """Time since it arrived [ms]."""
+        return (now_ns - self.at_ns) / NS_PER_MS
+
+    def age_ms(self, now_ns: int) -> float:
+        """Age of the value now [ms]."""
+        return number(self.fields.get("age_ms")) + self.held_ms(now_ns)
+
+
+def number(value: object, otherwise: float = 0.0) -> float:
+    """A number from the bus, which is not trusted to be one."""
+    return float(value) if isinstance(value, int | float) else otherwise
+
+
+class Feed:
+    """The picture behind the page and ``fti watch``."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._lock = threading.Lock()
+        self._started = Received({}, now_ns)
+        self._health: Received | None = None
+        self._outputs: dict[str, Received] = {}
+        self._last_nav: Received | None = None
+        self._events: deque[Fields] = deque(maxlen=EVENTS_KEPT)
+        self._alive: dict[str, bool] = {}
+        self._history = History()
+
+    def take(self, topic: str, fields: Fields, now_ns: int) -> None:
+        """Take one message of the bus."""
+        with self._lock:
+            if topic == "/health":
+                self._health = Received(fields, now_ns)
+            elif topic == "/event":
+                self._events.append(fields)
+            elif topic in self._outputs or len(self._outputs) < TOPICS_KEPT:
+                self._last_nav = self._outputs[topic] = Received(fields, now_ns)
+                self._history.take(topic, fields)
+
+    def take_alive(self, process: str, is_alive: bool) -> None:
+        """Take what the bus says about the life of a process."""
+        with self._lock:
+            self._alive[process] = is_alive
+
+    def state(self, now_ns: int) -> dict[str, Any]:
+        """Everything that a display shows now, ready for JSON."""
+        with self._lock:
+            alarms = find_alarms(self._sight(now_ns))
+            stopped = any(alarm["id"] in ("navigation_stopped", "daemon_stopped") for alarm in alarms)
+            health = self._health
+            return {
+                "type": "state",
+                "t_ns": self._fti_time_ns(now_ns),
+                "health": health.fields if health else None,
+                "health_age_ms": round((health or self._started).held_ms(now_ns), 1),
+                "outputs": {topic: _shown(o, now_ns, stopped) for topic, o in sorted(self._outputs.items())},
+                "events": list(self._events),
+                "alarms": alarms,
+                "stale_bus_ms": round(self._silence_ms(now_ns), 1),
+            }
+
+    def history(self) -> dict[str, Any]:
+        """The last two minutes for the plots, ready for JSON."""
+        with self._lock:
+            return self._history.message()
+
+    def _fti_time_ns(self, now_ns: int) -> int | None:
+        """FTI time now, counted on from the last health message."""
+        if self._health is None or "t_ns" not in self._health.fields:
+            return None
+        return int(number(self._health.fields["t_ns"])) + now_ns - self._health.at_ns
+
+    def _silence_ms(self, now_ns: int) -> float:
+        """Time since anything arrived [ms]."""
+        last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
+        return (now_ns - last) / NS_PER_MS
+
+    def _sight(self, now_ns: int) -> Sight:
+        last = self._last_nav
+        return Sight(
+            health=self._health.fields if self._health else {},
+            health_silence_ms=(self._health or self._started).held_ms(now_ns),
+            nav_silence_ms=(last or self._started).held_ms(now_ns),
+            nav_age_ms=last.age_ms(now_ns) if last else None,
+            nav_seen=last is not None,
+            dead=frozenset(process for process, alive in self._alive.items() if not alive),
+        )
+
+
+def _shown(received: Received, now_ns: int, stopped: bool) -> dict[str, Any]:
+    fields = dict(received.fields)
+    age_ms = received.age_ms(now_ns)
+    late = stopped or bool(fields.get("late")) or age_ms > number(fields.get("max_age_ms"), DEFAULT_MAX_AGE_MS)
+    fields |= {"age_ms": round(age_ms, 1), "late": late, "valid": bool(fields.get("valid")) and not late}
+    fields["reasons_text"] = describe_reasons(fields.get("reasons"))
+    if "state" in fields:
+        fields["state_text"] = STATES.get(str(fields["state"]), "")
+    return fields

@@ -1,0 +1,51 @@
+"""The last two minutes of what is plotted, thinned to five rows a second, on one time axis."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+SPAN_S = 120.0
+PERIOD_S = 0.2
+GAP_S = 1.0  # a longer silence is a gap in the lines
+HEIGHT = "/nav/height_above_ground/"
+GLIDE = "/nav/glide_slope"
+
+
+class History:
+    """Rows of ``{series: value}``; a series is ``topic:field``, a value that is not valid is None."""
+
+    def __init__(self) -> None:
+        self._rows: deque[tuple[float, dict[str, float | None]]] = deque()
+        self._now: dict[str, float | None] = {}
+
+    def take(self, topic: str, fields: Mapping[str, Any]) -> None:
+        """Take one output; a row is added when the last one is old enough."""
+        if not topic.startswith((HEIGHT, GLIDE)) or not isinstance(fields.get("t_ns"), int):
+            return
+        self._now |= _values(topic, fields)
+        t = fields["t_ns"] / 1e9
+        last = self._rows[-1][0] if self._rows else t - PERIOD_S
+        if t - last > GAP_S:
+            self._rows.append((last + PERIOD_S, {}))
+        if t - last >= PERIOD_S:
+            self._rows.append((t, dict(self._now)))
+            self._forget(t - SPAN_S)
+
+    def _forget(self, before: float) -> None:
+        while self._rows and self._rows[0][0] < before:
+            self._rows.popleft()
+
+    def message(self) -> dict[str, Any]:
+        """``{"type": "history", "t": [s], "series": {name: [value]}}``."""
+        series = {name: [row.get(name) for _, row in self._rows] for name in sorted(self._now)}
+        return {"type": "history", "span_s": SPAN_S, "t": [t for t, _ in self._rows], "series": series}
+
+
+def _values(topic: str, fields: Mapping[str, Any]) -> dict[str, float | None]:
+    valid = bool(fields.get("valid")) and not fields.get("late")
+    if topic.startswith(HEIGHT):
+        raw = None if fields.get("late") else fields.get("raw")
+        return {f"{topic}:raw": raw, f"{topic}:height_agl": fields.get("height_agl") if valid else None}
+    return {f"{topic}:{name}": fields.get(name) if valid else None for name in ("deviation", "dh")}

@@ -1,0 +1,153 @@
+"""The page's server: HTTP and one WebSocket on loopback, read-only, for its own origin alone.
+
+``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
+``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; what a client says is not listened to.
+
+A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
+here), or when its Origin is another one; the WebSocket, which a browser lets any page open, demands an Origin.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Iterator
+from importlib import resources
+from importlib.resources.abc import Traversable
+from weakref import WeakSet
+
+from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp.typedefs import Handler
+
+from fti.errors import MissingError
+from fti.web.feed import Feed
+
+LOOPBACK = "127.0.0.1"
+NAMES = ("127.0.0.1", "localhost", "[::1]")
+PERIOD_S = 0.1
+LONGEST_MESSAGE = 1024
+CONTENT_TYPES = {
+    ".html": "text/html",
+    ".css": "text/css",
+    ".js": "text/javascript",
+    ".svg": "image/svg+xml",
+    ".woff2": "font/woff2",
+    ".txt": "text/plain",
+}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
+
+
+def static_files() -> dict[str, tuple[bytes, str]]:
+    """Path on the server to content and content type, of everything that the page is made of."""
+    root = resources.files("fti.web") / "static"
+    files = {path: (entry.read_bytes(), _content_type(entry.name)) for path, entry in _walk(root, "/")}
+    return files | {"/": files["/index.html"]}
+
+
+def _walk(folder: Traversable, path: str) -> Iterator[tuple[str, Traversable]]:
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            yield from _walk(entry, f"{path}{entry.name}/")
+        else:
+            yield path + entry.name, entry
+
+
+def _content_type(name: str) -> str:
+    return CONTENT_TYPES.get("." + name.rpartition(".")[2], "application/octet-stream")
+
+
+def is_welcome(request: web.Request) -> bool:
+    """The request names this server on loopback and comes from its own page, or from no page at all."""
+    port = request.transport.get_extra_info("sockname")[1] if request.transport else None
+    host = request.headers.get("Host")
+    if host not in [f"{name}:{port}" for name in NAMES]:
+        return False
+    origin = request.headers.get("Origin")
+    return origin == f"http://{host}" or (origin is None and request.path != "/ws")
+
+
+@web.middleware
+async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Refuse strangers."""
+    if not is_welcome(request):
+        raise web.HTTPForbidden(text="only this server's own page on loopback is served", headers=HEADERS)
+    return await handler(request)
+
+
+class PageServer:
+    """Serves the page of one feed.  ``now_ns`` is the monotonic clock of the feed."""
+
+    def __init__(self, feed: Feed, now_ns: Callable[[], int]) -> None:
+        self._feed = feed
+        self._now_ns = now_ns
+        self._files = static_files()
+        self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
+        self._runner: web.AppRunner | None = None
+
+    def make_app(self) -> web.Application:
+        """The application; ``start`` serves it."""
+        app = web.Application(middlewares=[guard_origin])
+        app.router.add_get("/ws", self._serve_socket)
+        app.router.add_get("/{path:.*}", self._serve_file)
+        app.on_shutdown.append(self._close_sockets)
+        return app
+
+    async def start(self, port: int) -> int:
+        """Listen on a port of loopback, 0 for a free one; returns the port.  Raises MissingError when it is in use."""
+        self._runner = web.AppRunner(self.make_app(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        await self._runner.setup()
+        try:
+            await web.TCPSite(self._runner, LOOPBACK, port).start()
+        except OSError as error:
+            await self.stop()
+            raise MissingError(f"display.port = {port}: cannot be served on {LOOPBACK}: {error.strerror}") from None
+        chosen: int = self._runner.addresses[0][1]
+        return chosen
+
+    async def stop(self) -> None:
+        """Close every connection and stop listening."""
+        if self._runner:
+            await self._runner.cleanup()
+
+    async def _serve_file(self, request: web.Request) -> web.Response:
+        found = self._files.get(request.path)
+        if found is None:
+            raise web.HTTPNotFound(text="there is no such file", headers=HEADERS)
+        body, content_type = found
+        charset = "utf-8" if content_type.startswith("text/") else None
+        return web.Response(body=body, content_type=content_type, charset=charset, headers=HEADERS)
+
+    async def _serve_socket(self, request: web.Request) -> web.WebSocketResponse:
+        socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=5.0)
+        await socket.prepare(request)
+        self._sockets.add(socket)
+        try:
+            await socket.send_str(json.dumps(self._feed.history()))
+            while not socket.closed:
+                await socket.send_str(json.dumps(self._feed.state(self._now_ns())))
+                await self._pause(socket)
+        except ConnectionResetError:
+            pass  # the browser has gone
+        return socket
+
+    async def _pause(self, socket: web.WebSocketResponse) -> None:
+        """Wait for the next turn; what arrives meanwhile is thrown away, a closing handshake is answered."""
+        end = asyncio.get_running_loop().time() + PERIOD_S
+        while (left := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
+            try:
+                message = await socket.receive(timeout=left)
+            except TimeoutError:
+                return
+            if message.type in CLOSED:
+                await socket.close()
+
+    async def _close_sockets(self, app: web.Application) -> None:
+        for socket in set(self._sockets):
+            await socket.close(code=WSCloseCode.GOING_AWAY, message=b"the display ends")

@@ -1,0 +1,37 @@
+// The page: one message of the server goes to every panel.
+
+import { Alarms } from "./alarms.js";
+import { Attitude } from "./attitude.js";
+import { Banner } from "./banner.js";
+import { Connection } from "./connection.js";
+import { Events } from "./events.js";
+import { Glide } from "./glide.js";
+import { Heights } from "./heights.js";
+import { Integrity } from "./integrity.js";
+import { Devices, Links } from "./tables.js";
+
+const place = (id) => document.getElementById(id);
+
+const panels = [
+  new Banner(place("banner")),
+  new Alarms(place("alarms")),
+  new Heights(place("heights")),
+  new Integrity(place("integrity")),
+  new Glide(place("glide")),
+  new Attitude(place("attitude")),
+  new Links(place("links")),
+  new Devices(place("devices")),
+  new Events(place("events")),
+];
+
+function onMessage(message) {
+  if (message.type === "history") {
+    for (const panel of panels) panel.load?.(message);
+    return;
+  }
+  const stopped = message.alarms.some((alarm) => alarm.id === "daemon_stopped");
+  document.body.classList.toggle("daemon-stopped", stopped);
+  for (const panel of panels) panel.show(message);
+}
+
+document.fonts.load("12px B612").finally(() => new Connection(onMessage));

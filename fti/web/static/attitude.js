@@ -1,0 +1,129 @@
+// The artificial horizon with the heading, and the position that navigation uses.
+
+import { degrees, fixed, isNumber, latLon, UNKNOWN } from "./format.js";
+import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
+import { showValidity } from "./validity.js";
+
+const TOPIC = "/nav/nav_solution";
+const PER_DEGREE = 5.2; // drawing units
+const HEADING_STEP = 4.2;
+const KNOT = 1852 / 3600;
+const FOOT = 0.3048;
+
+export class Attitude {
+  constructor(root) {
+    this.horizon = new Horizon();
+    this.verdict = h("span", { class: "verdict", "data-testid": "attitude-verdict" });
+    this.cells = Object.fromEntries(CELLS.map(([name, label, unit]) => [name, makeCell(name, label, unit)]));
+    const { root: heading, side } = panelTitle("Attitude and position");
+    this.sources = side;
+    const cells = Object.values(this.cells);
+    this.values = cells.map((cell) => cell.value);
+    root.append(heading, this.horizon.root, this.verdict, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)));
+  }
+
+  show({ outputs }) {
+    const output = outputs[TOPIC];
+    showValidity(output, this.values, this.verdict);
+    this.horizon.show(output);
+    for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
+    const sources = [output?.attitude_source, output?.position_source].filter(Boolean);
+    setText(this.sources, [...new Set(sources)].join(", "));
+  }
+}
+
+const CELLS = [
+  ["roll", "roll", "°"],
+  ["pitch", "pitch", "°"],
+  ["heading", "heading", "°"],
+  ["speed", "ground speed", "kt"],
+  ["climb", "vertical", "ft/min"],
+  ["alt", "height, ellipsoid", "m"],
+  ["lat", "latitude", ""],
+  ["lon", "longitude", ""],
+];
+
+function makeCell(name, label, unit) {
+  const value = h("b", { "data-testid": `attitude-${name}` }, UNKNOWN);
+  return { root: h("div", { class: name }, h("dt", {}, label), h("dd", {}, value, h("span", { class: "unit" }, unit))), value };
+}
+
+function read(output) {
+  const { vel_north: north, vel_east: east, vel_down: down } = output;
+  const speed = isNumber(north) && isNumber(east) ? Math.hypot(north, east) / KNOT : null;
+  const [lat, lon] = latLon(output.lat, output.lon);
+  return {
+    roll: fixed(degrees(output.roll), 1, { sign: true }),
+    pitch: fixed(degrees(output.pitch), 1, { sign: true }),
+    heading: fixed(degrees(output.heading), 1).padStart(5, "0").replace(/^0+–$/, UNKNOWN),
+    speed: fixed(speed, 0),
+    climb: fixed(isNumber(down) ? (-down / FOOT) * 60 : null, 0, { sign: true }),
+    alt: fixed(output.alt, 1),
+    lat,
+    lon,
+  };
+}
+
+class Horizon {
+  constructor() {
+    this.ladder = svg("g", { class: "ladder" }, ...ladder());
+    this.bank = svg("g", {}, this.ladder);
+    this.bankMark = svg("path", { class: "bank-mark", d: "M0 -96 l-7 13 h14 Z" });
+    this.tape = svg("g", { class: "tape" }, ...tape());
+    const clip = svg("clipPath", { id: "horizon-clip" }, svg("rect", { x: -150, y: -110, width: 300, height: 220, rx: 8 }));
+    const tapeClip = svg("clipPath", { id: "tape-clip" }, svg("rect", { x: -150, y: 84, width: 300, height: 26 }));
+    this.root = svg(
+      "svg",
+      { class: "horizon", viewBox: "-150 -110 300 220", role: "img", "aria-label": "artificial horizon" },
+      svg("defs", {}, clip, tapeClip),
+      svg("g", { "clip-path": "url(#horizon-clip)" }, this.bank, svg("g", { class: "bank-scale" }, ...bankScale()), this.bankMark),
+      svg("path", { class: "aircraft", d: "M-78 0 h42 v9 M78 0 h-42 v9 M-4 -4 h8 v8 h-8 Z" }),
+      svg("g", { "clip-path": "url(#tape-clip)" }, svg("rect", { class: "tape-face", x: -150, y: 84, width: 300, height: 26 }), this.tape),
+      svg("path", { class: "lubber", d: "M0 88 l-6 -9 h12 Z" }),
+      svg("g", { class: "flag" }, svg("path", { d: "M-150 -110 L150 110 M150 -110 L-150 110" }), svg("rect", { x: -46, y: -22, width: 92, height: 44, rx: 3 }), svg("text", { y: 11 }, "ATT")),
+    );
+  }
+
+  show(output) {
+    const roll = degrees(output?.roll);
+    const pitch = degrees(output?.pitch);
+    const heading = degrees(output?.heading);
+    setAttribute(this.bank, "transform", `rotate(${(-(roll ?? 0)).toFixed(2)})`);
+    setAttribute(this.ladder, "transform", `translate(0 ${((pitch ?? 0) * PER_DEGREE).toFixed(2)})`);
+    setAttribute(this.bankMark, "transform", `rotate(${(-(roll ?? 0)).toFixed(2)})`);
+    setAttribute(this.tape, "transform", `translate(${(-(heading ?? 0) * HEADING_STEP).toFixed(1)} 0)`);
+    setClass(this.root, "unusable", !output?.valid || roll === null || pitch === null);
+    setClass(this.root, "no-heading", heading === null);
+  }
+}
+
+function ladder() {
+  const parts = [svg("rect", { class: "sky", x: -400, y: -900, width: 800, height: 900 }), svg("rect", { class: "ground", x: -400, y: 0, width: 800, height: 900 })];
+  for (let angle = -60; angle <= 60; angle += 5) {
+    const y = -angle * PER_DEGREE;
+    const half = angle === 0 ? 400 : angle % 10 === 0 ? 34 : 17;
+    parts.push(svg("path", { class: angle === 0 ? "horizon-line" : "rung", d: `M${-half} ${y} H${half}` }));
+    if (angle && angle % 10 === 0) for (const x of [-46, 46]) parts.push(svg("text", { x, y: y + 4 }, String(Math.abs(angle))));
+  }
+  return parts;
+}
+
+function bankScale() {
+  return [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60].map((angle) =>
+    svg("path", { d: `M0 -98 v${angle % 30 === 0 ? -11 : -6}`, transform: `rotate(${angle})` }),
+  );
+}
+
+function tape() {
+  const parts = [];
+  for (let angle = -60; angle <= 420; angle += 5) {
+    const x = angle * HEADING_STEP;
+    parts.push(svg("path", { d: `M${x} 84 v${angle % 10 === 0 ? 6 : 4}` }));
+    if (angle % 10 === 0) parts.push(svg("text", { x, y: 104 }, nameOf((angle + 360) % 360)));
+  }
+  return parts;
+}
+
+function nameOf(angle) {
+  return { 0: "N", 90: "E", 180: "S", 270: "W" }[angle] ?? String(angle).padStart(3, "0");
+}

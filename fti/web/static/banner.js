@@ -1,0 +1,82 @@
+// Where the bytes come from, whether they are recorded, and where to.
+
+import { age, bytes, clock, duration, title } from "./format.js";
+import { h, Keyed, setAttribute, setText } from "./dom.js";
+
+const ORIGINS = {
+  hil: ["HIL", "emulated sensors, no flight"],
+  replay: ["REPLAY", "bytes of an earlier session"],
+  flight: ["FLIGHT", ""],
+};
+const RECORDING = { recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
+
+function field(label, testid) {
+  const value = h("b", { "data-testid": testid }, "–");
+  return { root: h("div", { class: "field" }, h("span", {}, label), value), value };
+}
+
+export class Banner {
+  constructor(root) {
+    this.root = root;
+    this.origin = h("strong", { class: "origin", "data-testid": "origin" }, "–");
+    this.originText = h("span", { class: "origin-text" });
+    this.session = field("session", "session");
+    this.state = h("strong", { class: "recording", "data-testid": "recording" }, "–");
+    this.file = field("file", "file");
+    this.size = field("size", "file-size");
+    this.written = field("written", "file-age");
+    this.free = field("free", "free-space");
+    this.elapsed = field("elapsed", "elapsed");
+    this.utc = field("FTI time", "utc");
+    const list = h("div", { class: "processes" });
+    this.processes = new Keyed(list, makeProcess);
+    const fields = [this.file, this.size, this.written, this.free].map((f) => f.root);
+    root.append(
+      h("div", { class: "origin-block" }, this.origin, this.originText),
+      this.session.root,
+      h("div", { class: "record-block" }, this.state, ...fields),
+      list,
+      h("div", { class: "times" }, this.elapsed.root, this.utc.root),
+    );
+  }
+
+  show({ health, t_ns: tNs, health_age_ms: silence }) {
+    if (!health) return;
+    const { session, storage, processes } = health;
+    this.#showOrigin(session.origin);
+    setText(this.session.value, session.name);
+    document.title = `${session.name} · fti`;
+    setText(this.state, RECORDING[session.state] ?? session.state);
+    setAttribute(this.state, "data-state", session.state);
+    setText(this.file.value, storage.file?.split("/").pop() ?? "–");
+    setText(this.size.value, bytes(storage.file_bytes));
+    setText(this.written.value, age(storage.file_age_s * 1000 + silence));
+    setText(this.free.value, bytes(storage.free_mb * 1e6));
+    setText(this.elapsed.value, duration(tNs - session.started_ns));
+    setText(this.utc.value, `${clock(tNs)} UTC`);
+    this.#showProcesses(processes);
+  }
+
+  #showOrigin(origin) {
+    const [word, text] = ORIGINS[origin] ?? [origin, ""];
+    setAttribute(this.root, "data-origin", origin);
+    setText(this.origin, word);
+    setText(this.originText, text);
+  }
+
+  #showProcesses(processes) {
+    const items = this.processes.sync(Object.keys(processes));
+    for (const [name, process] of Object.entries(processes)) {
+      const item = items.get(name);
+      const restarts = process.restarts ? ` · ${process.restarts} restarts` : "";
+      setAttribute(item.root, "data-state", process.state);
+      setAttribute(item.root, "title", `${title(name)}: ${process.state}${restarts}`);
+      setText(item.state, process.state + (process.restarts ? ` ↻${process.restarts}` : ""));
+    }
+  }
+}
+
+function makeProcess(name) {
+  const state = h("b", {}, "–");
+  return { root: h("div", { class: "process", "data-testid": `process-${name}` }, h("span", {}, name), state), state };
+}

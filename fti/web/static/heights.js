@@ -1,0 +1,85 @@
+// Heights above ground: compensated (large) and raw, for each altimeter, with their history.
+
+import { fixed, plusMinus, title } from "./format.js";
+import { h, Keyed, panelTitle, setText } from "./dom.js";
+import { HistoryPlot } from "./plot.js";
+import { showValidity } from "./validity.js";
+
+const PREFIX = "/nav/height_above_ground/";
+const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
+
+const colourOf = (place) => COLOURS[place % COLOURS.length];
+
+export class Heights {
+  constructor(root) {
+    this.list = h("div", { class: "sensors" });
+    this.plotPlace = h("div", { class: "plot", "data-testid": "heights-plot" });
+    const { root: heading } = panelTitle("Height above ground", "compensated, at P — line; raw — dotted · m");
+    root.append(heading, this.list, this.plotPlace);
+    this.rows = new Keyed(this.list, (topic) => new Sensor(topic));
+    this.topics = [];
+    this.history = null;
+  }
+
+  load(history) {
+    this.history = history;
+    this.plot?.load(history);
+  }
+
+  show({ outputs, t_ns: tNs }) {
+    const topics = Object.keys(outputs).filter((topic) => topic.startsWith(PREFIX));
+    if (topics.join() !== this.topics.join()) this.#arrange(topics);
+    const rows = this.rows.sync(topics);
+    topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], colourOf(place)));
+    if (this.plot && tNs) this.plot.add(tNs / 1e9, topics.flatMap((topic) => plotted(outputs[topic])));
+  }
+
+  #arrange(topics) {
+    this.topics = topics;
+    this.list.dataset.count = topics.length;
+    this.plot?.close();
+    const series = topics.flatMap((topic, place) => [
+      { key: `${topic}:raw`, color: colourOf(place), dash: [2, 4], width: 1 },
+      { key: `${topic}:height_agl`, color: colourOf(place) },
+    ]);
+    this.plot = new HistoryPlot(this.plotPlace, { series, digits: 0, range });
+    if (this.history) this.plot.load(this.history);
+  }
+}
+
+function range(min, max) {
+  if (min === null) return [0, 100];
+  const margin = Math.max(2, (max - min) * 0.08);
+  return [Math.max(0, min - margin), max + margin];
+}
+
+function plotted(output) {
+  return [output.late ? null : output.raw, output.valid ? output.height_agl : null];
+}
+
+class Sensor {
+  constructor(topic) {
+    const name = topic.slice(PREFIX.length);
+    const id = `height-${name}`;
+    this.swatch = h("i", { class: "swatch" });
+    this.value = h("b", { "data-testid": `${id}-agl` }, "–");
+    this.sd = h("span", { class: "sd" });
+    this.raw = h("b", { "data-testid": `${id}-raw` }, "–");
+    this.verdict = h("span", { class: "verdict", "data-testid": `${id}-verdict` });
+    this.root = h(
+      "div",
+      { class: "sensor", "data-testid": id },
+      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.verdict),
+      h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
+      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
+    );
+  }
+
+  show(output, colour) {
+    this.swatch.style.background = colour;
+    setText(this.value, fixed(output.height_agl, 1));
+    setText(this.sd, plusMinus(output.sd, 1));
+    setText(this.raw, fixed(output.raw, 1));
+    showValidity(output, [this.value, this.raw], this.verdict);
+  }
+}

@@ -1,0 +1,84 @@
+// A history plot: the last two minutes on one time axis, with gaps where nothing valid was there.
+
+import uPlot from "./vendor/uplot-1.6.32/uPlot.esm.js";
+import { clock } from "./format.js";
+
+const PERIOD_S = 0.2;
+const GAP_S = 1.0;
+const SPAN_S = 120;
+const AXIS = { stroke: "#8fa1b3", font: "11px B612", grid: { stroke: "#1d2936", width: 1 }, ticks: { show: false } };
+
+export class HistoryPlot {
+  // series : [{key, color, dash?, width?, scale?}], scale : factor on the values; range : (min, max) => [min, max]
+  constructor(parent, { series, range, digits }) {
+    this.series = series;
+    this.data = [[], ...series.map(() => [])];
+    this.plot = new uPlot(this.#options(range, digits), this.data, parent);
+    this.observer = new ResizeObserver(() => this.#fit(parent));
+    this.observer.observe(parent);
+  }
+
+  #options(range, digits) {
+    return {
+      width: 100,
+      height: 100,
+      legend: { show: false },
+      cursor: { show: false },
+      padding: [6, 8, 0, 0],
+      scales: { x: { time: false, range: () => this.#span() }, y: { range: (_, min, max) => range(min, max) } },
+      axes: [
+        { ...AXIS, size: 20, gap: 2, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
+        { ...AXIS, size: 44, gap: 4, space: 28, values: (_, splits) => splits.map((v) => v.toFixed(digits)) },
+      ],
+      series: [{}, ...this.series.map(lineOf)],
+    };
+  }
+
+  #span() {
+    const times = this.data[0];
+    const end = times.length ? times[times.length - 1] : 0;
+    return [end - SPAN_S, end];
+  }
+
+  #fit(parent) {
+    const { clientWidth: width, clientHeight: height } = parent;
+    if (width > 0 && height > 0) this.plot.setSize({ width, height });
+  }
+
+  load(history) {
+    this.data = [
+      history.t,
+      ...this.series.map(({ key, scale = 1 }) => history.t.map((_, i) => scaled(history.series[key]?.[i], scale))),
+    ];
+    this.plot.setData(this.data);
+  }
+
+  // Add one row; values in the order of the series, null where there is none.
+  add(t, values) {
+    const times = this.data[0];
+    const last = times.length ? times[times.length - 1] : -Infinity;
+    if (t - last < PERIOD_S) return;
+    if (times.length && t - last > GAP_S) this.#push(last + PERIOD_S, values.map(() => null));
+    this.#push(t, values);
+    while (times[0] < t - SPAN_S) this.data.forEach((column) => column.shift());
+    this.plot.setData(this.data);
+  }
+
+  #push(t, values) {
+    this.data[0].push(t);
+    values.forEach((value, i) => this.data[i + 1].push(scaled(value, this.series[i].scale ?? 1)));
+  }
+
+  close() {
+    this.observer.disconnect();
+    this.plot.destroy();
+  }
+}
+
+function lineOf({ color, dash, width = 2 }) {
+  return { stroke: color, width, dash, points: { show: false }, spanGaps: false };
+}
+
+function scaled(value, factor) {
+  return value === null || value === undefined ? null : value * factor;
+}

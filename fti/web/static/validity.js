@@ -1,0 +1,20 @@
+// How a value that must not be used is shown: struck out, grey, with the reason beside it.
+
+import { age } from "./format.js";
+import { setAttribute, setClass, setText } from "./dom.js";
+
+export function describe(output) {
+  if (!output) return { text: "NO DATA", kind: "none" };
+  if (output.late) return { text: `STALE ${age(output.age_ms)}`, kind: "stale" };
+  if (!output.valid) return { text: output.reasons_text.join(", ") || "invalid", kind: "invalid" };
+  return { text: "VALID", kind: "valid" };
+}
+
+// Strike the values and write the verdict.
+export function showValidity(output, values, verdict) {
+  const { text, kind } = describe(output);
+  for (const value of values) setClass(value, "struck", kind === "stale" || kind === "invalid");
+  setText(verdict, text);
+  setAttribute(verdict, "data-kind", kind);
+  setAttribute(verdict, "title", text);
+}

@@ -1,0 +1,51 @@
+"""The words that a person reads for reasons and states; the page and the terminal say the same."""
+
+from __future__ import annotations
+
+from fti.types import IntegrityState, Reason
+
+REASONS: dict[str, str] = {
+    Reason.DEVICE_FLAG: "device reports invalid",
+    Reason.NO_RETURN: "no return from the ground",
+    Reason.BELOW_RANGE: "below the range of the sensor",
+    Reason.ABOVE_RANGE: "above the range of the sensor",
+    Reason.ROLL: "roll beyond limit",
+    Reason.PITCH: "pitch beyond limit",
+    Reason.STALE: "stale",
+    Reason.SILENT: "never heard",
+    Reason.NO_ATTITUDE: "no attitude",
+    Reason.NO_POSITION: "no position",
+    Reason.NO_VELOCITY: "no velocity",
+    Reason.NO_ALTIMETER: "no altimeter",
+    Reason.NO_PROFILE: "no approach profile",
+    Reason.WRONG_SENSOR: "profile is of another altimeter",
+    Reason.OUTSIDE_PROFILE: "outside the profile",
+    Reason.OFF_TRACK: "off track",
+    Reason.GAPS: "gaps in the window",
+    Reason.PROTECTION_LEVEL: "protection level above alert limit",
+    Reason.END: "past the glide path intercept",
+    Reason.GO_AROUND: "go-around",
+    Reason.NOT_OBSERVABLE: "position not observable",
+    Reason.ABSOLUTE_MATCH: "ground does not match the profile",
+    Reason.SHIFTED: "another position fits better",
+    Reason.HEIGHT_ERROR: "height error",
+    Reason.OBSTACLE: "obstacle",
+    Reason.INTEGRITY: "not vouched for by integrity",
+    Reason.BELOW_150_M: "closer than 150 m: metres only",
+    Reason.FULL_SCALE: "beyond full scale",
+}
+
+STATES: dict[str, str] = {
+    IntegrityState.NO_PROFILE: "no approach profile loaded",
+    IntegrityState.ACQUIRE: "collecting the first window",
+    IntegrityState.MONITOR: "heights match; position not observable here",
+    IntegrityState.OK: "ground matches the published approach",
+    IntegrityState.CAUTION: "one test over its limit",
+    IntegrityState.ALERT: "do not trust height or position",
+    IntegrityState.UNAVAILABLE: "monitor does not judge",
+}
+
+
+def describe_reasons(reasons: object) -> list[str]:
+    """Words for the reasons of an output; an unknown one is shown as it is."""
+    return [REASONS.get(str(r), str(r).replace("_", " ")) for r in reasons] if isinstance(reasons, list) else []
