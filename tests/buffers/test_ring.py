@@ -45,7 +45,6 @@ def check(records: list[Record]) -> list[int]:
 def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
     reader = RingReader(ring)
     assert reader.read() == []
-    assert ring.oldest_seq is None
     put(ring, 5, 6, 7)
     assert check(reader.read(2)) == [5, 6]
     assert ring.lag_bytes == 3 * HEAD + sum(len(payload(s)) for s in (5, 6, 7))
@@ -263,3 +262,8 @@ def test_reader_and_writer_race(ring: Ring) -> None:
     assert process.wait() == 0
     assert found == sorted(set(found))
     assert len(found) + reader.lost_frames == last
+
+
+def test_empty_ring_has_no_oldest_frame(ring: Ring) -> None:
+    assert ring.oldest_seq is None
+    assert ring.next_seq == 0

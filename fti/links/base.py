@@ -1,0 +1,222 @@
+"""What every link does: open, tell the device what it must hear, read, and come back when the device was lost.
+
+A link has one task, ``run``.  It opens the port and stays until it is cancelled; a port that cannot be opened or is
+lost is tried again after 0.1 s, then twice as long each time, to 2 s.  The reading itself is a callback of the loop:
+the time from arrival to stamp is one call.  Nothing here looks into the bytes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fti.clock import SECOND_NS, Clock
+from fti.errors import LinkError
+from fti.types import LinkState
+
+#: Gets one read, one datagram or one CAN frame, and its FTI time of arrival [ns].  It must not raise.
+Sink = Callable[[bytes, int], None]
+
+FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
+WATCH_S = 0.25
+#: A link on which nothing came for so long is silent.
+SILENT_NS = 2 * SECOND_NS
+#: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
+QUIET_S, DRAIN_S = 0.01, 2.0
+
+
+@dataclass(slots=True)
+class LinkStatus:
+    """State of a link from its own point of view, a sentence for the person at the connector, and its counters.
+
+    frames, bytes, last_rx_ns : what was received, and when last (FTI time; None before the first)
+    connects       : how often the port was opened
+    refused        : datagrams from others than the configured source; frames that the bus library could not read
+    noise_bytes    : bytes of an adapter's protocol that are no frame and no answer
+    socket_dropped : frames that the kernel dropped because nobody read in time
+    stamp_refused  : kernel stamps that were not believed
+    """
+
+    state: LinkState = LinkState.ABSENT
+    hint: str = "not opened yet"
+    frames: int = 0
+    bytes: int = 0
+    last_rx_ns: int | None = None
+    connects: int = 0
+    refused: int = 0
+    noise_bytes: int = 0
+    socket_dropped: int = 0
+    stamp_refused: int = 0
+    tx_frames: int = 0
+    tx_bytes: int = 0
+
+
+class BaseLink(ABC):
+    """The life of a link; a transport says how to open, read, write and close.
+
+    name      : of the configuration; transmit : it may send
+    sink      : see ``Sink``
+    on_connect: sent after every connect, when the link may send
+    on_sent   : gets what was sent, and when; None until somebody wants to know
+    """
+
+    def __init__(self, name: str, transmit: bool, clock: Clock, sink: Sink, on_connect: Sequence[bytes]) -> None:
+        self.name = name
+        self.status = LinkStatus()
+        self._transmit = transmit
+        self._clock = clock
+        self._sink = sink
+        self.on_sent: Sink | None = None
+        self._on_connect = tuple(on_connect)
+        self._send_lock = asyncio.Lock()
+        self._lost: asyncio.Future[LinkError] | None = None  # pending while the port is open
+
+    # -------------------------------------------------------------------------------------------------- transport
+
+    @abstractmethod
+    async def _open(self) -> None:
+        """Open the port and begin to read.  Raises LinkError; then ``_close`` is called too."""
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Give everything back, also after half an ``_open``."""
+
+    @abstractmethod
+    def _read(self) -> bool:
+        """Take what the kernel has now, up to a bounded amount; false when there was nothing.  May raise OSError."""
+
+    @abstractmethod
+    async def _write(self, data: bytes) -> None:
+        """Write everything; cancelled when the time is over.  May raise OSError or LinkError."""
+
+    @abstractmethod
+    def _silent_hint(self) -> str:
+        """What to look for when the port is open and nothing comes."""
+
+    # ------------------------------------------------------------------------------------------------------- life
+
+    async def run(self) -> None:
+        """Keep the link up until cancelled; then everything is closed."""
+        delay = FIRST_RETRY_S
+        while True:
+            connects = self.status.connects
+            try:
+                await self._connection()
+            except LinkError as error:
+                self.status.state, self.status.hint = LinkState(error.state), str(error)
+            delay = FIRST_RETRY_S if self.status.connects > connects else min(2 * delay, LAST_RETRY_S)
+            await asyncio.sleep(delay)
+
+    async def _connection(self) -> None:
+        """One connection, from opening to loss; always ends with an exception."""
+        self._lost = asyncio.get_running_loop().create_future()
+        try:
+            await self._open()
+            self.status.connects += 1
+            self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
+            if self._transmit:
+                for data in self._on_connect:
+                    await self.send(data)
+            await self._watch(self._lost)
+        except OSError as error:
+            raise LinkError(f"link {self.name}: {error.strerror or error}") from None
+        finally:
+            self._fail(LinkError(f"link {self.name}: closed"))  # whoever waits to send
+            self._lost = None
+            self._close()
+
+    async def _watch(self, lost: asyncio.Future[LinkError]) -> None:
+        while True:
+            await asyncio.wait([lost], timeout=WATCH_S)
+            if lost.done():
+                raise lost.result()
+            self._judge()
+
+    def _judge(self) -> None:
+        """Four times a second while open.  Raises LinkError when the port is no longer the right one."""
+        last = self.status.last_rx_ns
+        if last is not None and self._clock.now_ns() - last < SILENT_NS:
+            self.status.state, self.status.hint = LinkState.GOOD, ""
+        else:
+            self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
+
+    def _fail(self, error: LinkError) -> None:
+        """The port is lost; ``run`` closes it and tries again."""
+        if self._lost and not self._lost.done():
+            self._lost.set_result(error)
+
+    def _on_readable(self) -> None:
+        """Callback of the loop."""
+        try:
+            self._read()
+        except LinkError as error:
+            self._fail(error)
+        except OSError as error:
+            self._fail(LinkError(f"link {self.name}: {error.strerror or error}"))
+
+    def _receive(self, data: bytes, t_rx_ns: int) -> None:
+        status = self.status
+        status.frames += 1
+        status.bytes += len(data)
+        status.last_rx_ns = t_rx_ns
+        self._sink(data, t_rx_ns)
+
+    async def drain(self) -> None:
+        """Read what the kernel still holds, before the link is cancelled."""
+        loop = asyncio.get_running_loop()
+        end, quiet = loop.time() + DRAIN_S, 0
+        while self._lost and not self._lost.done() and quiet < 2 and loop.time() < end:
+            before = self.status.frames
+            self._on_readable()
+            quiet = 0 if self.status.frames > before else quiet + 1
+            await asyncio.sleep(QUIET_S if quiet else 0)
+
+    # ------------------------------------------------------------------------------------------------------- sending
+
+    async def send(self, data: bytes, timeout_s: float = 1.0) -> int:
+        """Send bytes (serial), one datagram or one CAN frame; returns its length.
+
+        Raises LinkError when the link is down or the device takes nothing for timeout_s; ValueError when the
+        configuration does not allow this link to send.
+        """
+        if not self._transmit:
+            raise ValueError(f"link {self.name}: transmit is false in the configuration")
+        try:
+            async with asyncio.timeout(timeout_s), self._send_lock:
+                if self._lost is None or self._lost.done():
+                    raise LinkError(f"link {self.name}: is not connected: {self.status.hint}")
+                await self._write(data)
+        except TimeoutError:
+            raise LinkError(f"link {self.name}: {len(data)} bytes could not be sent within {timeout_s:g} s") from None
+        except OSError as error:
+            raise LinkError(f"link {self.name}: cannot send: {error.strerror or error}") from None
+        self.status.tx_frames += 1
+        self.status.tx_bytes += len(data)
+        if self.on_sent:
+            self.on_sent(data, self._clock.now_ns())
+        return len(data)
+
+    async def _writable(self, fd: int) -> None:
+        """Wait until the kernel takes more.  Raises LinkError when the link is lost meanwhile."""
+        loop = asyncio.get_running_loop()
+        lost = self._lost
+        assert lost
+        ready: asyncio.Future[Any] = loop.create_future()
+        waited: list[asyncio.Future[Any]] = [ready, lost]
+        loop.add_writer(fd, _done, ready)
+        try:
+            await asyncio.wait(waited, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            if not lost.done():  # else the descriptor is closed already, or another one
+                loop.remove_writer(fd)
+        if lost.done():
+            raise lost.result()
+
+
+def _done(future: asyncio.Future[Any]) -> None:
+    """A writer's callback may come more than once before it is removed."""
+    if not future.done():
+        future.set_result(None)

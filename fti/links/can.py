@@ -1,0 +1,289 @@
+"""CAN buses through python-can.
+
+SocketCAN is read with ``recvmsg`` on the bus's own socket: the kernel's stamp, its drop counter, a receive buffer of
+4 MiB (the default loses frames silently).  An interface that goes down is reported once by the kernel; the same
+socket works again when it is up.  Other interfaces are read by the loop when they have a descriptor, else by one
+blocking thread that hands each frame to the loop; their frames are stamped when they are read.
+
+Frames are ``can_frame`` (16 B) or ``canfd_frame`` (72 B), see ``fti.canframe``.  Frames that this link sent itself
+are recorded as sent, not as received.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import functools
+import socket
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+import can
+from can.interfaces.socketcan import SocketcanBus
+
+from fti import canframe
+from fti.clock import Clock
+from fti.config import CanLink
+from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
+from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
+from fti.links.base import BaseLink, Sink
+from fti.links.ports import can_interfaces
+from fti.types import LinkState
+
+RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
+THREAD_WAIT_S = 0.05
+MAX_ERRORS = 100  # one after the other, without a frame: then the bus is opened again
+MAX_ECHOES = 64
+#: Interfaces whose bit rate is not set by the program.
+NO_BITRATE = ("socketcan", "udp_multicast", "virtual")
+
+
+def pack_message(message: can.Message) -> bytes:
+    """The bytes of a python-can message."""
+    data = bytes(message.dlc) if message.is_remote_frame else bytes(message.data)
+    frame = canframe.pack_can(
+        message.arbitration_id,
+        data,
+        extended=message.is_extended_id and not message.is_error_frame,
+        remote=message.is_remote_frame,
+        error=message.is_error_frame,
+        fd=message.is_fd,
+    )
+    return frame if not message.bitrate_switch else frame[:5] + bytes([frame[5] | canframe.FD_BRS]) + frame[6:]
+
+
+def unpack_message(frame: bytes) -> can.Message:
+    """The python-can message of a frame."""
+    found = canframe.unpack_can(frame)
+    return can.Message(
+        arbitration_id=found.can_id,
+        is_extended_id=found.extended,
+        is_remote_frame=found.remote,
+        is_error_frame=found.error,
+        is_fd=found.fd,
+        bitrate_switch=found.fd and bool(frame[5] & canframe.FD_BRS),
+        dlc=len(found.data),
+        data=None if found.remote else found.data,
+    )
+
+
+class BusLink(BaseLink):
+    """One CAN bus."""
+
+    def __init__(self, config: CanLink, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
+        super().__init__(config.name, config.transmit, clock, sink, on_connect)
+        self._config = config
+        self._bus: can.BusABC | None = None
+        self._socket: socket.socket | None = None  # SocketCAN's own
+        self._arrival = Arrival(clock, self.status)
+        self._reader: _Reader | None = None
+        self._fd = -1
+        self._errors = 0
+        self._echoes: deque[bytes] = deque(maxlen=MAX_ECHOES)  # sent, and not yet heard again
+
+    # --------------------------------------------------------------------------------------------- opening, closing
+
+    async def _open(self) -> None:
+        self._bus = await self._make_bus()
+        self._errors = 0
+        loop = asyncio.get_running_loop()
+        if self._config.interface == "socketcan":
+            self._socket = cast(SocketcanBus, self._bus).socket
+            self._arrival = Arrival(self._clock, self.status)
+            prepare(self._socket)
+        self._fd = _fileno(self._bus)
+        if self._fd >= 0:
+            loop.add_reader(self._fd, self._on_readable)
+        else:
+            self._reader = _Reader(self._bus, self._clock, self._on_message, self._on_error, self.name)
+
+    async def _make_bus(self) -> can.BusABC:
+        """Open the bus in a thread: drivers of vendors take their time, and other links must be read meanwhile."""
+        config = self._config
+        make = functools.partial(can.Bus, config.channel, config.interface, ignore_config=True, **self._arguments())
+        opening = asyncio.get_running_loop().run_in_executor(None, make)
+        try:
+            return await asyncio.shield(opening)
+        except asyncio.CancelledError:
+            opening.add_done_callback(_shut_down)
+            raise
+        except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
+            raise self._explained(error) from None
+
+    def _arguments(self) -> dict[str, Any]:
+        config = self._config
+        rate = {} if config.bitrate is None or config.interface in NO_BITRATE else {"bitrate": config.bitrate}
+        fixed = {"hop_limit": 0} if config.interface == "udp_multicast" else {}  # never leaves this machine
+        return {**rate, **({"fd": True} if config.fd else {}), **config.settings, **fixed}
+
+    def _explained(self, error: Exception) -> LinkError:
+        config, number = self._config, getattr(error, "errno", None)
+        place = f"{config.interface} {config.channel}"
+        if number in (errno.EACCES, errno.EPERM):
+            return PortDenied(f"{place}: permission denied")
+        if number == errno.EBUSY:
+            return PortBusy(f"{place}: in use by another program")
+        if config.interface == "socketcan" and number in (errno.ENODEV, errno.ENXIO):
+            there = ", ".join(f"{p.name} ({p.state})" for p in can_interfaces())
+            return PortAbsent(f"{place}: no such interface; there are {there or 'none'}")
+        if number == errno.EAFNOSUPPORT:
+            return PortAbsent(f"{place}: this kernel has no SocketCAN")
+        return PortAbsent(f"{place}: cannot be opened: {error}")
+
+    def _close(self) -> None:
+        if self._fd >= 0:
+            loop = asyncio.get_running_loop()
+            loop.remove_reader(self._fd)
+            loop.remove_writer(self._fd)
+        if self._reader:
+            self._reader.stop()
+        if self._bus:
+            self._bus.shutdown()
+        self._bus = self._socket = self._reader = None
+        self._fd = -1
+
+    # ------------------------------------------------------------------------------------------------------ reading
+
+    def _read(self) -> bool:
+        if self._socket:
+            return self._read_socket(self._socket)
+        if self._fd < 0 or self._bus is None:
+            return False
+        for count in range(BATCH):
+            try:
+                message = self._bus.recv(timeout=0)
+            except (can.CanError, ValueError) as error:
+                self._on_error(error)
+                return count > 0
+            if message is None:
+                return count > 0
+            self._on_message(message, self._clock.now_ns())
+        return True
+
+    def _read_socket(self, sock: socket.socket) -> bool:
+        for count in range(BATCH):
+            try:
+                frame, ancillary, flags, _ = sock.recvmsg(canframe.CANFD_SIZE, ANCILLARY_BYTES)
+            except BlockingIOError:
+                return count > 0
+            except OSError as error:
+                if error.errno != errno.ENETDOWN:
+                    raise
+                continue  # told once; frames come again when the interface is up
+            t_rx_ns = self._arrival.time_ns(ancillary)
+            if not flags & socket.MSG_CONFIRM:
+                self._receive(frame, t_rx_ns)
+        return True
+
+    def _on_message(self, message: can.Message, t_rx_ns: int) -> None:
+        self._errors = 0
+        if self._bus is None or not message.is_rx:
+            return
+        try:
+            frame = pack_message(message)
+        except ValueError:
+            self.status.refused += 1
+            return
+        if frame in self._echoes:
+            self._echoes.remove(frame)
+        else:
+            self._receive(frame, t_rx_ns)
+
+    def _on_error(self, error: Exception) -> None:
+        """The library could not read a frame; one bad frame is no lost bus, a hundred in a row are."""
+        self.status.refused += 1
+        self._errors += 1
+        if self._errors >= MAX_ERRORS or isinstance(error, OSError):
+            self._fail(LinkError(f"{self._config.interface} {self._config.channel}: {error}"))
+
+    def _judge(self) -> None:
+        super()._judge()
+        state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
+        if self._socket and state != "up":
+            self.status.state = LinkState.ABSENT
+            self.status.hint = f"{self._config.channel} is {state or 'gone'}: ip link set {self._config.channel} up"
+
+    def _silent_hint(self) -> str:
+        return (
+            f"{self._config.interface} {self._config.channel} is open and no frame arrives: is the bus connected, "
+            "terminated, and its bit rate right?"
+        )
+
+    # ------------------------------------------------------------------------------------------------------ sending
+
+    async def _write(self, data: bytes) -> None:
+        if self._socket is None:
+            if self._config.interface == "udp_multicast":
+                self._echoes.append(data)  # a multicast group hears itself
+            await self._write_bus(unpack_message(data))
+            return
+        while self._socket:
+            try:
+                self._socket.send(data)
+                return
+            except BlockingIOError:
+                await self._writable(self._fd)
+            except OSError as error:
+                if error.errno != errno.ENOBUFS:
+                    raise
+                await asyncio.sleep(RETRY_S)
+
+    async def _write_bus(self, message: can.Message) -> None:
+        assert self._bus
+        try:
+            await asyncio.to_thread(self._bus.send, message, 1.0)
+        except can.CanError as error:
+            raise LinkError(f"link {self.name}: cannot send: {error}") from None
+
+
+def _fileno(bus: can.BusABC) -> int:
+    """The descriptor of a bus; -1 when it has none."""
+    try:
+        return bus.fileno()
+    except (NotImplementedError, can.CanError):
+        return -1
+
+
+def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
+    """A bus that nobody waits for any more."""
+    if opening.exception() is None:
+        opening.result().shutdown()
+
+
+class _Reader:
+    """One thread that waits for frames of a bus without a descriptor and hands them to the loop, stamped."""
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        clock: Clock,
+        on_message: Callable[[can.Message, int], object],
+        on_error: Callable[[Exception], object],
+        name: str,
+    ) -> None:
+        self._bus = bus
+        self._clock = clock
+        self._on_message = on_message
+        self._on_error = on_error
+        self._loop = asyncio.get_running_loop()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._read, name=f"fti-can-{name}", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                message = self._bus.recv(timeout=THREAD_WAIT_S)
+            except (can.CanError, OSError, ValueError) as error:
+                self._loop.call_soon_threadsafe(self._on_error, error)
+                self._stopping.wait(THREAD_WAIT_S)
+                continue
+            if message is not None:
+                self._loop.call_soon_threadsafe(self._on_message, message, self._clock.now_ns())
+
+    def stop(self) -> None:
+        """End the thread; takes one wait at most, more only when a driver ignores its time limit."""
+        self._stopping.set()
+        self._thread.join(timeout=20 * THREAD_WAIT_S)

@@ -1,0 +1,107 @@
+"""What there is to plug in: serial ports, CAN interfaces, addresses; and in which state, without opening any.
+
+Opening a serial port would raise its modem lines, which resets some devices.  So a port is busy when a process that
+we may look at has it open; the processes of other users are hidden from all but root.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from serial.tools import list_ports
+
+NET = Path("/sys/class/net")
+BY_ID = Path("/dev/serial/by-id")
+CAN_TYPE = "280"  # ARPHRD_CAN
+IFF_UP = 1
+SIOCGIFADDR = 0x8915
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """name : as the configuration wants it; kind : serial, can or udp; state : free, busy, denied, up, down."""
+
+    name: str
+    kind: str
+    state: str
+    detail: str
+
+
+def serial_names() -> list[str]:
+    """Paths of the serial ports of this machine."""
+    return sorted(str(port.device) for port in list_ports.comports())
+
+
+def serial_ports(folder: Path | None = None) -> list[Port]:
+    """The serial ports, their stable names, and the ports that an emulator has put into a folder."""
+    opened = _opened_devices()
+    described = {str(p.device): str(p.description or "") for p in list_ports.comports()}
+    found = [Port(name, "serial", _serial_state(Path(name), opened), described[name]) for name in sorted(described)]
+    for place in (BY_ID, folder):
+        links = sorted(place.iterdir()) if place and place.is_dir() else []
+        links = [link for link in links if link.is_symlink() and link.exists()]
+        found += [Port(str(link), "serial", _serial_state(link, opened), f"-> {link.resolve()}") for link in links]
+    return found
+
+
+def _serial_state(path: Path, opened: set[int]) -> str:
+    if not os.access(path, os.R_OK | os.W_OK):
+        return "denied"
+    return "busy" if path.stat().st_rdev in opened else "free"
+
+
+def _opened_devices() -> set[int]:
+    """Device numbers that some process has open, as far as we may look."""
+    found = set()
+    for entry in Path("/proc").glob("[0-9]*/fd/*"):
+        try:
+            if str(entry.readlink()).startswith("/dev/"):
+                found.add(entry.stat().st_rdev)
+        except OSError:
+            continue  # closed meanwhile, or not ours to see
+    return found
+
+
+def can_interfaces() -> list[Port]:
+    """The CAN interfaces that the kernel knows."""
+    return [
+        Port(net.name, "can", "up" if _flags(net) & IFF_UP else "down", _driver(net))
+        for net in sorted(NET.iterdir())
+        if _text(net / "type") == CAN_TYPE
+    ]
+
+
+def _flags(net: Path) -> int:
+    return int(_text(net / "flags") or "0", 16)
+
+
+def _driver(net: Path) -> str:
+    driver = net / "device" / "driver"
+    return driver.resolve().name if driver.exists() else "virtual"
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text().strip()
+    except OSError:
+        return ""
+
+
+def ipv4_addresses() -> list[Port]:
+    """The first IPv4 address of every network interface that has one."""
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode())
+            try:
+                answer = fcntl.ioctl(sock.fileno(), SIOCGIFADDR, request)
+            except OSError:
+                continue  # an interface without an address
+            state = "up" if _flags(NET / name) & IFF_UP else "down"
+            found.append(Port(socket.inet_ntoa(answer[20:24]), "udp", state, name))
+    return found

@@ -1,0 +1,160 @@
+"""Serial lines: RS-232, RS-422, RS-485 behind a tty, or a pty.
+
+Opened exclusively, raw, without discarding what has already arrived.  One read is one frame.  The port is known by
+its path, not by what the path leads to: when a symbolic link changes to another device, that one is opened.
+A pty has no wire, so it has no parity, no data bits other than 8 and no flow control: there these settings are left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import grp
+import os
+import stat
+import termios
+from collections.abc import Sequence
+from pathlib import Path
+
+import serial as pyserial
+
+from fti.clock import Clock
+from fti.config import SerialLink as SerialConfig
+from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
+from fti.links.base import BaseLink, Sink
+from fti.links.ports import serial_names
+
+READ_BYTES = 65536
+LAST_READS = 1000  # from a device that is about to be left
+PTY_MAJORS = range(136, 144)
+PARITIES = {"none": "N", "even": "E", "odd": "O", "mark": "M", "space": "S"}
+DENIED = (errno.EACCES, errno.EPERM)
+BUSY = (errno.EAGAIN, errno.EBUSY)
+
+
+class _Port(pyserial.Serial):
+    """pyserial, without its habit of discarding what arrived before the port was opened."""
+
+    def _reset_input_buffer(self) -> None:
+        pass
+
+
+def open_port(config: SerialConfig) -> _Port:
+    """The opened port.  Raises PortAbsent, PortDenied, PortBusy with a hint, or LinkError."""
+    port = _Port(
+        baudrate=config.baud,
+        bytesize=config.data_bits,
+        parity=PARITIES[config.parity],
+        stopbits=config.stop_bits,
+        rtscts=config.flow == "rtscts",
+        xonxoff=config.flow == "xonxoff",
+        exclusive=True,
+        inter_byte_timeout=0,  # VMIN 1: else a read of nothing looks like a device that went away
+    )
+    if is_pty(config.port):
+        port.bytesize, port.parity, port.rtscts, port.xonxoff = 8, PARITIES["none"], False, False
+    port.port = config.port
+    try:
+        port.open()
+    except (OSError, ValueError, termios.error) as error:  # pyserial's exception is an OSError
+        raise _explained(config, error) from None
+    return port
+
+
+def is_pty(port: str) -> bool:
+    """The path leads to the slave of a pseudo terminal."""
+    try:
+        status = Path(port).stat()
+    except OSError:
+        return False
+    return stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) in PTY_MAJORS
+
+
+def _explained(config: SerialConfig, error: Exception) -> LinkError:
+    """Why the port cannot be opened, in words that help."""
+    port, number = config.port, getattr(error, "errno", None)
+    if number in DENIED:
+        return PortDenied(f"{port}: permission denied; the user must be in group {_group(port)}")
+    if number in BUSY:
+        return PortBusy(f"{port}: in use by another program")
+    if number is None and Path(port).exists():
+        settings = f"{config.baud} baud, {config.data_bits} bits, parity {config.parity}, {config.stop_bits} stop bits"
+        return LinkError(f"{port}: does not take {settings}: {error}")
+    return PortAbsent(f"{port}: no such port; there are {', '.join(serial_names()) or 'none'}")
+
+
+def _group(port: str) -> str:
+    try:
+        return grp.getgrgid(Path(port).stat().st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"
+
+
+class SerialPortLink(BaseLink):
+    """The life of anything on a serial line; ``_deliver`` says what becomes of a read."""
+
+    def __init__(self, config: SerialConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
+        super().__init__(config.name, config.transmit, clock, sink, on_connect)
+        self._config = config
+        self._port: _Port | None = None
+        self._fd = -1
+        self._device = 0
+
+    async def _open(self) -> None:
+        self._port = open_port(self._config)
+        self._fd = self._port.fileno()
+        self._device = os.fstat(self._fd).st_rdev
+        asyncio.get_running_loop().add_reader(self._fd, self._on_readable)
+
+    def _close(self) -> None:
+        if self._port is None:
+            return
+        loop = asyncio.get_running_loop()
+        loop.remove_reader(self._fd)
+        loop.remove_writer(self._fd)
+        if os.major(self._device) not in PTY_MAJORS:
+            with contextlib.suppress(termios.error):
+                termios.tcflush(self._fd, termios.TCOFLUSH)  # else closing waits up to 30 s for a stopped device
+        self._port.close()
+        self._port, self._fd = None, -1
+
+    def _read(self) -> bool:
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except BlockingIOError:
+            return False
+        t_rx_ns = self._clock.now_ns()
+        if not data:
+            raise PortAbsent(f"{self._config.port}: the device went away")
+        self._deliver(data, t_rx_ns)
+        return True
+
+    def _deliver(self, data: bytes, t_rx_ns: int) -> None:
+        self._receive(data, t_rx_ns)
+
+    async def _write(self, data: bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            try:
+                rest = rest[os.write(self._fd, rest) :]
+            except BlockingIOError:
+                await self._writable(self._fd)
+
+    def _judge(self) -> None:
+        super()._judge()
+        try:
+            device = Path(self._config.port).stat().st_rdev
+        except OSError:
+            return  # the name is gone; the device itself still answers, or reading says that it does not
+        if device != self._device:
+            for _ in range(LAST_READS):
+                if not self._read():
+                    break
+            raise PortAbsent(f"{self._config.port}: leads to another device now")
+
+    def _silent_hint(self) -> str:
+        return (
+            f"{self._config.port} is open at {self._config.baud} baud and nothing arrives: is the device on, "
+            "are RX and TX the right way round?"
+        )

@@ -1,0 +1,216 @@
+"""CAN through a Lawicel (slcan) adapter on a serial line, parsed directly.
+
+Document: Lawicel AB, CAN232 manual, version 3 (2013), ASCII commands; CAN FD letters as Linux-side adapters use them.
+
+    to the adapter     C close   S0..S8 bit rate   O open   L open, listen only; each ends with CR
+    frames, both ways  tiiil[dd..]  standard     Tiiiiiiiil[dd..]  extended     r, R  remote request, no data
+                       d, D  CAN FD; b, B  with bit-rate switch; l is then a data length code 0..F
+                       from the adapter: 4 hex digits of its clock [ms] may follow; CR
+    answers            CR done   BEL refused   z, Z  a frame was taken; V N F with their values
+
+What is delivered are ``can_frame`` bytes (see ``fti.canframe``), stamped with the read that brought the first letter.
+Text that is no frame and no answer is counted as noise; a frame behind a lost CR is found again by its letter.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from fti import canframe
+from fti.clock import Clock
+from fti.config import CanLink, SerialLink
+from fti.errors import ConfigError, LinkError
+from fti.links.base import Sink
+from fti.links.serial import SerialPortLink
+
+BITRATES = {
+    10_000: b"S0",
+    20_000: b"S1",
+    50_000: b"S2",
+    100_000: b"S3",
+    125_000: b"S4",
+    250_000: b"S5",
+    500_000: b"S6",
+    800_000: b"S7",
+    1_000_000: b"S8",
+}
+#: The longest line: letter, 8 digits, length code, 64 bytes of data, time.
+LONGEST = 1 + 8 + 1 + 128 + 4
+DEFAULT_BAUD = 115200
+OPEN_S = 1.0
+ANSWER = re.compile(rb"[zZ]?|V[0-9A-Fa-f]{4}|v[0-9A-Za-z]*|N[0-9A-Za-z]{4}|F[0-9A-Fa-f]{2}")
+CLASSIC_LETTERS = b"tTrR"  # no hex digits: they cannot stand inside a frame
+
+
+class Form(NamedTuple):
+    """What the letter of a frame means."""
+
+    digits: int
+    remote: bool = False
+    fd: bool = False
+    switch: bool = False
+
+
+FORMS = {
+    ord("t"): Form(3),
+    ord("T"): Form(8),
+    ord("r"): Form(3, remote=True),
+    ord("R"): Form(8, remote=True),
+    ord("d"): Form(3, fd=True),
+    ord("D"): Form(8, fd=True),
+    ord("b"): Form(3, fd=True, switch=True),
+    ord("B"): Form(8, fd=True, switch=True),
+}
+
+
+def parse_line(line: bytes) -> bytes | None:
+    """The frame of one line without its CR; None when it is none."""
+    form = FORMS.get(line[0]) if line else None
+    if form is None or not _all_hex(line[1:]):
+        return None
+    begin = 2 + form.digits
+    can_id, code = line[1 : begin - 1], line[begin - 1 : begin]
+    if len(can_id) < form.digits or not code or int(can_id, 16) > (0x7FF if form.digits == 3 else 0x1FFF_FFFF):
+        return None
+    length = canframe.FD_LENGTHS[int(code, 16)]
+    size = 0 if form.remote else 2 * length
+    if (length > 8 and not form.fd) or len(line) - begin not in (size, size + 4):
+        return None
+    data = bytes(length) if form.remote else bytes.fromhex(line[begin : begin + size].decode("ascii"))
+    frame = canframe.pack_can(int(can_id, 16), data, extended=form.digits == 8, remote=form.remote, fd=form.fd)
+    return _with_switch(frame) if form.switch else frame
+
+
+def _all_hex(text: bytes) -> bool:
+    return not text.strip(b"0123456789abcdefABCDEF")
+
+
+def _with_switch(frame: bytes) -> bytes:
+    return frame[:5] + bytes([frame[5] | canframe.FD_BRS]) + frame[6:]
+
+
+def format_frame(frame: bytes) -> bytes:
+    """A frame as the adapter wants it, with CR.  Raises ValueError for an error frame."""
+    found = canframe.unpack_can(frame)
+    if found.error:
+        raise ValueError("an error frame cannot be sent")
+    switch = found.fd and bool(frame[5] & canframe.FD_BRS)
+    letter = "b" if switch else "d" if found.fd else "r" if found.remote else "t"
+    shown = f"{letter.upper()}{found.can_id:08X}" if found.extended else f"{letter}{found.can_id:03X}"
+    code = canframe.FD_LENGTHS.index(len(found.data))
+    return f"{shown}{code:X}{'' if found.remote else found.data.hex().upper()}\r".encode()
+
+
+class Lawicel:
+    """Text of an adapter to frames.  Every byte is part of a frame, of an answer, held, or noise.
+
+    deliver : called with (frame, arrival of its first letter [ns])
+    """
+
+    def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
+        self._deliver = deliver
+        self._line = bytearray()
+        self._reads: list[tuple[int, int]] = []  # where in the line a read began, and when it arrived
+        self.framed = self.answers = self.refusals = self.noise = 0
+
+    @property
+    def held(self) -> int:
+        """Bytes of a line that has not ended yet."""
+        return len(self._line)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> None:
+        """Take what one read brought at t_rx_ns."""
+        *lines, rest = data.replace(b"\a", b"\a\r").split(b"\r")
+        for line in lines:
+            self._hold(line, t_rx_ns)
+            self._end_line()
+        self._hold(rest, t_rx_ns)
+
+    def _hold(self, text: bytes, t_rx_ns: int) -> None:
+        if text or not self._reads:
+            self._reads.append((len(self._line), t_rx_ns))
+            self._line += text
+        if (surplus := len(self._line) - LONGEST) > 0:
+            self.noise += surplus
+            del self._line[:surplus]
+            self._reads = [(max(at - surplus, 0), t) for at, t in self._reads]
+            while len(self._reads) > 1 and self._reads[1][0] == 0:
+                del self._reads[0]
+
+    def _end_line(self) -> None:
+        line, reads = bytes(self._line), self._reads
+        self._line.clear()
+        self._reads = []
+        if line.endswith(b"\a"):
+            self.refusals += 1
+            self.answers += 1
+            self.noise += len(line) - 1
+        elif ANSWER.fullmatch(line):
+            self.answers += len(line) + 1
+        else:
+            self._find_frame(line, reads)
+
+    def _find_frame(self, line: bytes, reads: list[tuple[int, int]]) -> None:
+        """The line is a frame, or its end is one, or it is noise."""
+        at, frame = 0, parse_line(line)
+        if frame is None:
+            at = max(line.rfind(letter) for letter in CLASSIC_LETTERS)
+            frame = parse_line(line[at:]) if at > 0 else None
+        if frame is None:
+            self.noise += len(line) + 1
+            return
+        self.noise += at
+        self.framed += len(line) + 1 - at
+        self._deliver(frame, next(t for begin, t in reversed(reads) if begin <= at))
+
+
+class SlcanLink(SerialPortLink):
+    """A CAN bus behind a Lawicel adapter; ``settings``: tty_baudrate (115200), listen_only (false)."""
+
+    def __init__(self, config: CanLink, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
+        settings = dict(config.settings)
+        baud, listen_only = settings.pop("tty_baudrate", DEFAULT_BAUD), settings.pop("listen_only", False)
+        if settings:
+            where = f"link {config.name}: settings.{min(settings)}"
+            raise ConfigError(f"{where}: there is no such key; allowed here: listen_only, tty_baudrate")
+        port = SerialLink(name=config.name, kind="serial", port=config.channel, baud=baud, transmit=config.transmit)
+        super().__init__(port, clock, sink, on_connect)
+        self._commands = _open_commands(config, listen_only)
+        self._parser = Lawicel(self._receive)
+        self._noise_before = 0
+
+    async def _open(self) -> None:
+        await super()._open()
+        self._noise_before = self.status.noise_bytes
+        self._parser = Lawicel(self._receive)
+        try:
+            async with asyncio.timeout(OPEN_S):
+                await super()._write(self._commands)
+        except TimeoutError:
+            raise LinkError(f"{self._config.port}: the adapter takes no command") from None
+
+    def _deliver(self, data: bytes, t_rx_ns: int) -> None:
+        self._parser.feed(data, t_rx_ns)
+        self.status.noise_bytes = self._noise_before + self._parser.noise
+
+    async def _write(self, data: bytes) -> None:
+        await super()._write(format_frame(data))
+
+    def _silent_hint(self) -> str:
+        if self._parser.refusals:
+            return f"{self._config.port}: the adapter refused a command: does it know the bit rate?"
+        if self._parser.noise:
+            return f"{self._config.port}: text that is no CAN frame: is it a Lawicel adapter, is tty_baudrate right?"
+        return f"{self._config.port}: the adapter is open and no frame arrives: is the bus there, its bit rate right?"
+
+
+def _open_commands(config: CanLink, listen_only: bool) -> bytes:
+    """Close (it may be open), bit rate, open."""
+    if config.bitrate is not None and config.bitrate not in BITRATES:
+        allowed = ", ".join(map(str, BITRATES))
+        raise ConfigError(f"link {config.name}: bitrate = {config.bitrate}: a Lawicel adapter knows {allowed}")
+    rate = [BITRATES[config.bitrate]] if config.bitrate else []
+    return b"".join(command + b"\r" for command in (b"C", *rate, b"L" if listen_only else b"O"))

@@ -1,0 +1,148 @@
+"""UDP: one datagram is one frame, with the kernel's time stamp.
+
+Bound to the address of the configuration; only datagrams of the configured source are taken, others are counted.
+A link with a ``group`` is bound to the multicast group at the port of ``bind`` and joins it on the interface that has
+the address of ``bind``: it hears the group and nothing else.  Sends to ``peer``, else to whom it heard last.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import ipaddress
+import socket
+from collections.abc import Sequence
+
+from fti.clock import Clock
+from fti.config import UdpLink as UdpConfig
+from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
+from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
+from fti.links.base import BaseLink, Sink
+from fti.links.ports import ipv4_addresses
+
+MAX_DATAGRAM = 65535
+Address = tuple[str, int]
+
+
+def split_endpoint(text: str) -> Address:
+    """Address and port of ``1.2.3.4:5`` or ``[::1]:5``.  Raises ConfigError when one of them cannot be."""
+    address, _, port = text.rpartition(":")
+    try:
+        shown = str(ipaddress.ip_address(address.strip("[]")))
+    except ValueError:
+        raise ConfigError(f"{text}: {address} is not an IP address") from None
+    if int(port) > 65535:
+        raise ConfigError(f"{text}: port {port}; allowed is 0 to 65535")
+    return shown, int(port)
+
+
+class UdpLink(BaseLink):
+    """Datagrams of one port."""
+
+    def __init__(self, config: UdpConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
+        super().__init__(config.name, config.transmit, clock, sink, on_connect)
+        self._bind = split_endpoint(config.bind)
+        self._peer: Address | None = split_endpoint(config.peer) if config.peer else None
+        self._answer_last = self._peer is None
+        self._source = _address(config.source, config.name, "source") if config.source else None
+        self._group = _group(config.group, config.name) if config.group else None
+        self._socket: socket.socket | None = None
+        self._arrival = Arrival(clock, self.status)
+
+    @property
+    def address(self) -> Address:
+        """Where the link listens; the real port when 0 was asked for.  Raises LinkError while it is down."""
+        if self._socket is None:
+            raise LinkError(f"link {self.name}: is not open")
+        host, port = self._socket.getsockname()[:2]
+        return str(host), int(port)
+
+    async def _open(self) -> None:
+        host, port = self._bind
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = sock = socket.socket(family, socket.SOCK_DGRAM)
+        self._arrival = Arrival(self._clock, self.status)
+        try:
+            prepare(sock)
+            if self._group:
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # every listener of a group gets a copy
+                sock.bind((self._group, port))
+                self._join(sock, self._group)
+            else:
+                sock.bind((host, port))
+        except OSError as error:
+            raise self._explained(error) from None
+        asyncio.get_running_loop().add_reader(sock.fileno(), self._on_readable)
+
+    def _join(self, sock: socket.socket, group: str) -> None:
+        """Join the group on the interface of ``bind``, and send to groups through it, never beyond the first router."""
+        interface = socket.inet_aton(self._bind[0])
+        sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + interface)
+        sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
+
+    def _explained(self, error: OSError) -> LinkError:
+        host, port = self._bind
+        if error.errno == errno.EADDRINUSE:
+            return PortBusy(f"{host}:{port}: in use by another program")
+        if error.errno in (errno.EACCES, errno.EPERM):
+            return PortDenied(f"{host}:{port}: permission denied; ports below 1024 belong to root")
+        if error.errno in (errno.EADDRNOTAVAIL, errno.ENODEV):
+            there = ", ".join(f"{p.name} ({p.detail})" for p in ipv4_addresses())
+            return PortAbsent(f"{host}: is not an address of this machine; there are {there or 'none'}")
+        return LinkError(f"{host}:{port}: cannot listen: {error.strerror}")
+
+    def _close(self) -> None:
+        if self._socket is None:
+            return
+        loop = asyncio.get_running_loop()
+        loop.remove_reader(self._socket.fileno())
+        loop.remove_writer(self._socket.fileno())
+        self._socket.close()
+        self._socket = None
+
+    def _read(self) -> bool:
+        assert self._socket
+        receive, time_ns = self._socket.recvmsg, self._arrival.time_ns
+        for count in range(BATCH):
+            try:
+                data, ancillary, _, sender = receive(MAX_DATAGRAM, ANCILLARY_BYTES)
+            except BlockingIOError:
+                return count > 0
+            t_rx_ns = time_ns(ancillary)
+            if self._source is not None and sender[0] != self._source:
+                self.status.refused += 1
+                continue
+            if self._answer_last:
+                self._peer = sender
+            self._receive(data, t_rx_ns)
+        return True
+
+    async def _write(self, data: bytes) -> None:
+        if self._peer is None:
+            raise LinkError(f"link {self.name}: nobody to send to; no peer is configured and none was heard")
+        while self._socket:
+            try:
+                self._socket.sendto(data, self._peer)
+                return
+            except BlockingIOError:
+                await self._writable(self._socket.fileno())
+
+    def _silent_hint(self) -> str:
+        place = f"{self._group or self._bind[0]}:{self._bind[1]}"
+        if self.status.refused:
+            return f"{self.status.refused} datagrams at {place}, none from {self._source}: is the source right?"
+        return f"listening at {place} and nothing arrives: is the device on, and does it send to this address?"
+
+
+def _address(text: str, link: str, key: str) -> str:
+    try:
+        return str(ipaddress.ip_address(text))
+    except ValueError:
+        raise ConfigError(f"link {link}: {key} = {text!r}: is not an IP address") from None
+
+
+def _group(text: str, link: str) -> str:
+    group = ipaddress.ip_address(_address(text, link, "group"))
+    if group.version != 4 or not group.is_multicast:
+        raise ConfigError(f"link {link}: group = {text!r}: allowed are IPv4 multicast groups, 224.0.0.0 and above")
+    return str(group)
