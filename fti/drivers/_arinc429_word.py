@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from fti.drivers._bits import REVERSED
+
 WORD_BITS = 32
 BNR_TOP = 28  # bit of the most significant data bit
 BNR_BITS_BESIDE_SDI = 18
@@ -19,7 +21,6 @@ _BCD_SHIFT = 10
 _SDI_SHIFT = 8
 _SSM_SHIFT = 29
 _PARITY = 1 << 31
-REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 class BnrState(IntEnum):

@@ -13,7 +13,7 @@ _TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{1,9})\d*)?")
 _ANGLE = re.compile(r"(\d{1,3})(\d\d(?:\.\d*)?)")
 
 
-def checksum(body: bytes) -> int:
+def checksum(body: bytes | bytearray) -> int:
     """Exclusive or of the bytes between the start and the asterisk."""
     return functools.reduce(operator.xor, body, 0)
 

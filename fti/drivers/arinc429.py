@@ -31,6 +31,7 @@ from fti.config import StrictModel, bind
 from fti.drivers import Counters
 from fti.drivers import _arinc429_word as wire
 from fti.drivers._arinc429_word import BcdState, BnrState
+from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
 from fti.types import DeviceStatus, Measurement, Stamp
@@ -189,7 +190,7 @@ class Decoder:
 
     def _word(self, data: bytes | bytearray) -> int:
         word = int.from_bytes(data, self._order)
-        return word & ~0xFF | wire.REVERSED[word & 0xFF] if self._turned else word
+        return word & ~0xFF | REVERSED[word & 0xFF] if self._turned else word
 
     def _entry(self, word: int) -> Entry | None:
         for entry in self._entries.get(word & 0xFF, ()):
@@ -238,7 +239,7 @@ class Encoder:
 
     def _bytes(self, word: int) -> bytes:
         if not self._options.label_reversed:
-            word = word & ~0xFF | wire.REVERSED[word & 0xFF]
+            word = word & ~0xFF | REVERSED[word & 0xFF]
         return word.to_bytes(WORD_BYTES, self._options.byte_order)
 
 
