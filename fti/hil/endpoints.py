@@ -11,16 +11,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections import Counter
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from fti.canframe import pack_can, unpack_can
 from fti.config import CanLink, SerialLink, UdpLink
 from fti.errors import MissingError
-from fti.hil.lawicel import Adapter, to_lawicel
+from fti.hil.lawicel import Adapter
 from fti.hil.pty import POLL_S, PtyEndpoint, Sent
+from fti.links.slcan import format_frame
 
 Respond = Callable[[bytes], list[bytes]]
 #: python-can interfaces whose channel two programs of one machine can share.
@@ -67,6 +66,8 @@ def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: R
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
             f"the emulator offers {', '.join(SHARED_INTERFACES)}"
         )
+    from fti.hil.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
+
     return CanBusEndpoint(link, respond)
 
 
@@ -113,14 +114,14 @@ class SlcanEndpoint(PtyEndpoint):
     def send(self, data: bytes) -> None:
         """Send a ``can_frame``; with a closed channel it is dropped."""
         if self._adapter.is_open:
-            super().send(to_lawicel(data))
+            super().send(format_frame(data))
         else:
             self.sent.dropped_messages += 1
             self.sent.dropped_bytes += len(data)
 
     async def send_all(self, data: bytes) -> None:
         """Send a ``can_frame`` without loss."""
-        await super().send_all(to_lawicel(data))
+        await super().send_all(format_frame(data))
 
     def _answer(self, data: bytes) -> list[bytes]:
         for answer in self._adapter.feed(data):
@@ -198,124 +199,6 @@ class UdpEndpoint:
             self.sent.received_bytes += len(data)
             for answer in self._respond(data):
                 self.send(answer)
-
-
-class CanBusEndpoint:
-    """A node on a bus that python-can reaches."""
-
-    def __init__(self, link: CanLink, respond: Respond) -> None:
-        self.sent = Sent()
-        self._link = link
-        self._respond = respond
-        self._bus: Any = None
-        self._own: Counter[bytes] = Counter()  # frames that this bus will hand back to us
-
-    async def open(self) -> None:
-        """Open the channel."""
-        import can  # noqa: PLC0415  most benches have no CAN hardware, and python-can is slow to import
-
-        settings = dict(self._link.settings)
-        if self._link.interface == "udp_multicast":
-            settings["hop_limit"] = 0
-        if self._link.bitrate and self._link.interface == "socketcan":
-            settings["bitrate"] = self._link.bitrate
-        try:
-            self._bus = can.Bus(
-                interface=self._link.interface, channel=self._link.channel, fd=self._link.fd, **settings
-            )
-        except (OSError, can.CanError) as error:
-            raise MissingError(
-                f"link {self._link.name!r}: {self._link.interface} channel {self._link.channel!r} "
-                f"cannot be opened: {error}"
-            ) from None
-        if (descriptor := self._descriptor()) is not None:
-            asyncio.get_running_loop().add_reader(descriptor, self._receive)
-
-    async def reader_ready(self) -> None:
-        """A bus does not tell who listens."""
-
-    def send(self, data: bytes) -> None:
-        """Send one frame, or count it as dropped."""
-        if not self._try(data):
-            self.sent.dropped_messages += 1
-            self.sent.dropped_bytes += len(data)
-
-    async def send_all(self, data: bytes) -> None:
-        """Send one frame; wait while the bus is full."""
-        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
-            await asyncio.sleep(RETRY_S)
-
-    async def drained(self) -> None:
-        """What was sent is on the bus."""
-
-    def close(self) -> None:
-        """Leave the bus."""
-        if self._bus is None:
-            return
-        if (descriptor := self._descriptor()) is not None:
-            asyncio.get_running_loop().remove_reader(descriptor)
-        self._bus.shutdown()
-
-    def _descriptor(self) -> int | None:
-        """What the loop can wait for; some interfaces have nothing of the kind, and then the device only talks."""
-        try:
-            descriptor = int(self._bus.fileno())
-        except (NotImplementedError, OSError):
-            return None
-        return descriptor if descriptor >= 0 else None
-
-    def _try(self, data: bytes) -> bool:
-        import can  # noqa: PLC0415
-
-        try:
-            self._bus.send(to_message(data), timeout=0)
-        except can.CanError:
-            return False
-        if self._link.interface == "udp_multicast":
-            self._own[data] += 1
-        self.sent.messages += 1
-        self.sent.bytes += len(data)
-        return True
-
-    def _receive(self) -> None:
-        message = self._bus.recv(timeout=0)
-        if message is None:
-            return
-        frame = from_message(message)
-        if self._own[frame] > 0:
-            self._own[frame] -= 1
-            return
-        self.sent.received_bytes += len(frame)
-        for answer in self._respond(frame):
-            self.send(answer)
-
-
-def to_message(frame: bytes) -> Any:
-    """A ``can_frame`` (16 B) or ``canfd_frame`` (72 B) as python-can's Message."""
-    import can  # noqa: PLC0415
-
-    found = unpack_can(frame)
-    return can.Message(
-        arbitration_id=found.can_id,
-        is_extended_id=found.extended,
-        is_remote_frame=found.remote,
-        is_error_frame=found.error,
-        is_fd=found.fd,
-        dlc=len(found.data),
-        data=None if found.remote else found.data,
-    )
-
-
-def from_message(message: Any) -> bytes:
-    """python-can's Message as a ``can_frame`` or ``canfd_frame``."""
-    return pack_can(
-        message.arbitration_id,
-        bytes(message.dlc) if message.is_remote_frame else bytes(message.data),
-        extended=message.is_extended_id,
-        remote=message.is_remote_frame,
-        error=message.is_error_frame,
-        fd=message.is_fd,
-    )
 
 
 def split_endpoint(text: str) -> tuple[str, int]:

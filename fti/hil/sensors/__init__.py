@@ -7,8 +7,10 @@ from collections.abc import Callable
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.hil.sensors.altimeters import RadarAltimeter
+from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
+from fti.hil.sensors.gnss import Receiver
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.world import World
 from fti.service.binding import bind_devices
@@ -19,6 +21,8 @@ MODELS: dict[str, ModelType] = {
     "canaerospace": Avionics,
     "freeflight_ra4500": RadarAltimeter,
     "imar_ixcom": InertialNavigation,
+    "mavlink": Autopilot,
+    "nmea0183": Receiver,
 }
 
 

@@ -1,0 +1,103 @@
+"""A CAN bus through python-can: the emulator is one more node on the channel that the daemon listens to."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+
+import can
+
+from fti.config import CanLink
+from fti.errors import MissingError
+from fti.hil.pty import Sent
+from fti.links.can import pack_message, unpack_message
+
+RETRY_S = 0.002
+
+
+class CanBusEndpoint:
+    """A node on a bus that python-can reaches."""
+
+    def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]]) -> None:
+        self.sent = Sent()
+        self._link = link
+        self._respond = respond
+        self._bus: can.BusABC | None = None
+        self._own: Counter[bytes] = Counter()  # frames that this bus will hand back to us
+
+    async def open(self) -> None:
+        """Open the channel."""
+        settings = dict(self._link.settings)
+        if self._link.interface == "udp_multicast":
+            settings["hop_limit"] = 0
+        try:
+            self._bus = can.Bus(
+                self._link.channel, self._link.interface, ignore_config=True, fd=self._link.fd, **settings
+            )
+        except (OSError, can.CanError) as error:
+            raise MissingError(
+                f"link {self._link.name!r}: {self._link.interface} channel {self._link.channel!r} "
+                f"cannot be opened: {error}"
+            ) from None
+        if (descriptor := _descriptor(self._bus)) is not None:
+            asyncio.get_running_loop().add_reader(descriptor, self._receive)
+
+    async def reader_ready(self) -> None:
+        """A bus does not tell who listens."""
+
+    def send(self, data: bytes) -> None:
+        """Send one frame, or count it as dropped."""
+        if not self._try(data):
+            self.sent.dropped_messages += 1
+            self.sent.dropped_bytes += len(data)
+
+    async def send_all(self, data: bytes) -> None:
+        """Send one frame; wait while the bus is full."""
+        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
+            await asyncio.sleep(RETRY_S)
+
+    async def drained(self) -> None:
+        """What was sent is on the bus."""
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._bus is None:
+            return
+        if (descriptor := _descriptor(self._bus)) is not None:
+            asyncio.get_running_loop().remove_reader(descriptor)
+        self._bus.shutdown()
+
+    def _try(self, data: bytes) -> bool:
+        assert self._bus is not None
+        try:
+            self._bus.send(unpack_message(data), timeout=0)
+        except can.CanError:
+            return False
+        if self._link.interface == "udp_multicast":
+            self._own[data] += 1
+        self.sent.messages += 1
+        self.sent.bytes += len(data)
+        return True
+
+    def _receive(self) -> None:
+        assert self._bus is not None
+        message = self._bus.recv(timeout=0)
+        if message is None:
+            return
+        frame = pack_message(message)
+        if self._own[frame] > 0:
+            self._own[frame] -= 1
+            return
+        self.sent.received_bytes += len(frame)
+        for answer in self._respond(frame):
+            self.send(answer)
+
+
+def _descriptor(bus: can.BusABC) -> int | None:
+    """What the loop can wait for; some interfaces have nothing of the kind, and then the device only talks."""
+    try:
+        descriptor = int(bus.fileno())
+    except (NotImplementedError, OSError):
+        return None
+    return descriptor if descriptor >= 0 else None

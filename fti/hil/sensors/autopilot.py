@@ -1,0 +1,56 @@
+"""An autopilot: attitude at its own rate, position, pressure and rangefinder more seldom."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.sensors.avionics import AirData, Reference
+from fti.hil.sensors.errors import white
+from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import ImpactPressure, ImuSample, Measurement, Range, Stamp, StaticPressure, TimeScale
+
+
+class Autopilot:
+    """Stamped with the time since it was switched on; a rangefinder where the device is an altimeter."""
+
+    rate_hz = 50.0
+    time_scale = TimeScale.BOOT
+
+    RANGE_EVERY, POSITION_EVERY, PRESSURE_EVERY = 2, 5, 10  # samples
+    ACCEL_SD, GYRO_SD, LASER_SD = 0.05, np.deg2rad(0.2), 0.05
+    LASER_RANGE_M = (0.2, 500.0)
+
+    def __init__(self, bound: BoundDevice, world: World, t: NDArray[np.float64], rng: np.random.Generator) -> None:
+        state, limits = world.state(t), bound.device.altimeter
+        self._reference = Reference(bound, state, world, t, rng)
+        self._air = AirData(state, world, t, rng)
+        self._accel = specific_force_b(state) + rng.normal(0.0, self.ACCEL_SD, (len(t), 3))
+        self._gyro = angular_rate_b(state) + rng.normal(0.0, self.GYRO_SD, (len(t), 3))
+        self._limits = limits.range_m if limits else self.LASER_RANGE_M
+        self._ranges = world.laser_ranges(t, bound.device) + white(t, self.LASER_SD, rng) if limits else None
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """What is due in cycle k."""
+        ax, ay, az = map(float, self._accel[k])
+        gx, gy, gz = map(float, self._gyro[k])
+        found: list[Measurement] = [
+            ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            self._reference.attitude(k, stamp),
+        ]
+        if self._ranges is not None and k % self.RANGE_EVERY == 0:
+            found.append(self._range(float(self._ranges[k]), stamp))
+        if k % self.POSITION_EVERY == 0:
+            found += [self._reference.velocity(k, stamp), self._reference.position(k, stamp)]
+        if k % self.PRESSURE_EVERY == 0:
+            found += [
+                ImpactPressure(stamp=stamp, q_c=float(self._air.q_c[k])),
+                StaticPressure(stamp=stamp, p_static=float(self._air.p_static[k])),
+            ]
+        return found
+
+    def _range(self, slant_range: float, stamp: Stamp) -> Range:
+        seen = self._limits[0] <= slant_range <= self._limits[1]
+        return Range(stamp=stamp, slant_range=slant_range if seen else None, sd=self.LASER_SD, valid=seen)
