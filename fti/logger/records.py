@@ -58,6 +58,13 @@ def _text(value: str) -> bytes:
     return struct.pack("<I", len(data)) + data
 
 
+def read_text(data: bytes, at: int) -> tuple[str, int]:
+    """String at an offset, and where it ends.  Raises struct.error or UnicodeDecodeError when there is none."""
+    (length,) = struct.unpack_from("<I", data, at)
+    end = at + 4 + length
+    return data[at + 4 : end].decode(), end
+
+
 def _text_map(table: Mapping[str, str]) -> bytes:
     data = b"".join(_text(key) + _text(value) for key, value in table.items())
     return struct.pack("<I", len(data)) + data
@@ -66,6 +73,11 @@ def _text_map(table: Mapping[str, str]) -> bytes:
 def header(profile: str, library: str) -> bytes:
     """Header record."""
     return record(Op.HEADER, _text(profile), _text(library))
+
+
+def file_head(profile: str = "fti", library: str = "fti") -> bytes:
+    """Magic and header: the begin of a file."""
+    return MAGIC + header(profile, library)
 
 
 def schema(schema_id: int, name: str, encoding: str, data: bytes) -> bytes:

@@ -56,7 +56,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Sequence):
         return [_plain(item) for item in value]
     if dataclasses.is_dataclass(value):
-        cls: type = type(value)
+        cls: Any = type(value)
         return {name: _plain(getattr(value, name)) for name in _field_names(cls)}
     raise TypeError(f"{type(value).__name__} has no form in JSON")
 
@@ -69,7 +69,9 @@ def encode(obj: Any) -> bytes:
 # --------------------------------------------------------------------------------------------------------- schemas
 
 
-@cache
+_SCHEMAS: dict[type, Schema] = {}
+
+
 def json_schema(cls: type) -> Json:
     """JSON schema of a dataclass."""
     definitions: Json = {}
@@ -77,10 +79,12 @@ def json_schema(cls: type) -> Json:
     return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **root, "definitions": definitions}
 
 
-@cache
 def schema_of(cls: type) -> Schema:
     """The same for a file."""
-    return Schema(f"fti.{cls.__name__}", JSON_SCHEMA, json.dumps(json_schema(cls), separators=(",", ":")).encode())
+    if cls not in _SCHEMAS:
+        text = json.dumps(json_schema(cls), separators=(",", ":"))
+        _SCHEMAS[cls] = Schema(f"fti.{cls.__name__}", JSON_SCHEMA, text.encode())
+    return _SCHEMAS[cls]
 
 
 def _object_schema(cls: type, definitions: Json) -> Json:

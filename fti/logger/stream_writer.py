@@ -51,7 +51,7 @@ class StreamWriter:
         self._pending = bytearray()
         self._begin_chunk()
         try:
-            self._append(records.MAGIC + records.header(profile, library))
+            self._append(records.file_head(profile, library))
         except StorageError:
             self.abandon()
             path.unlink(missing_ok=True)

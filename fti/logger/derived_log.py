@@ -1,0 +1,136 @@
+"""The derived recording: measurements (decimated), outputs, events and gaps as JSON."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fti.logger import foxglove, schemas
+from fti.logger.schemas import EVENT_TOPIC, Schema
+from fti.logger.session import SessionFolder
+from fti.logger.split_log import Attachment, Metadata, SplitLog
+from fti.types import Ack, DmeRange, Event, HeightAboveGround, Measurement, NavSolution, Output, SurfaceDeflection
+
+SECOND_NS = 1_000_000_000
+GAP_TOPIC = "/fti/gap"
+LOCATION_TOPIC = "/nav/location"
+#: Whoever forgets to flush (a reprocess as fast as it goes) does not fill the memory.
+PENDING_LIMIT = 2**20
+
+
+@cache
+def snake_case(name: str) -> str:
+    """``HeightAboveGround`` -> ``height_above_ground``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+
+
+def output_topic(output: Output) -> str:
+    """``/nav/<class>``, with the sensor behind it where there are several; the bus uses it too."""
+    topic = f"/nav/{snake_case(type(output).__name__)}"
+    return f"{topic}/{output.sensor}" if isinstance(output, HeightAboveGround) else topic
+
+
+class Decimator:
+    """Lets through at most ``rate_hz`` of each stream on average; a stream of that rate with jitter passes whole."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = round(SECOND_NS / rate_hz)
+        self._due: dict[object, int] = {}
+
+    def wants(self, stream: object, t_ns: int) -> bool:
+        """Is this one to be kept?"""
+        due = self._due.get(stream, t_ns)
+        if t_ns < due - self._period_ns // 2:
+            return False
+        self._due[stream] = max(due, t_ns) + self._period_ns
+        return True
+
+
+class DerivedLog:
+    """Writes the derived files of a session.  Every call but ``flush``, ``sync`` and ``close`` only buffers."""
+
+    def __init__(
+        self,
+        folder: SessionFolder,
+        *,
+        split_s: float,
+        split_mb: float,
+        attachments: Sequence[Attachment] = (),
+        metadata: Metadata | None = None,
+        decimate_hz: float = 25.0,
+    ) -> None:
+        self._log = SplitLog(
+            folder, "derived", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=metadata or {}
+        )
+        self._decimator = Decimator(decimate_hz)
+        self._channels: dict[str, int] = {}
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._log.path
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes in all derived files of this log."""
+        return self._log.bytes_written
+
+    def free_mb(self) -> float:
+        """Space left on the medium [MiB]."""
+        return self._log.free_mb()
+
+    def measurement(self, device: str, measurement: Measurement) -> None:
+        """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
+        topic = f"/{device}/{snake_case(type(measurement).__name__)}"
+        stamp = measurement.stamp
+        if not isinstance(measurement, Ack) and not self._decimator.wants((topic, _part(measurement)), stamp.t_rx_ns):
+            return
+        schema = schemas.schema_of(type(measurement))
+        self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode(measurement))
+
+    def output(self, output: Output | Event) -> None:
+        """An output on ``/nav/<class>``, an event on ``/fti/event``: log time is its time."""
+        if isinstance(output, Event):
+            data = schemas.encode_note(EVENT_TOPIC, output)
+            self._write(EVENT_TOPIC, schemas.note_schema(EVENT_TOPIC), (output.t_ns, None), data)
+            return
+        topic = output_topic(output)
+        times = output.t_ns, output.t_valid_ns
+        self._write(topic, schemas.schema_of(type(output)), times, schemas.encode(output))
+        if isinstance(output, NavSolution) and (fix := foxglove.location(output)):
+            self._write(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix"), times, schemas.encode(fix))
+
+    def gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
+        """What navigation did not get to see, or that it was restarted."""
+        table = {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)}
+        self._write(GAP_TOPIC, schemas.note_schema(GAP_TOPIC), (t_ns, None), schemas.encode(table))
+
+    def _write(self, topic: str, schema: Schema, times: tuple[int, int | None], data: bytes) -> None:
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self._channels[topic] = self._log.add_channel(topic, "json", schema)
+        self._log.write(channel, times[0], data, 0, times[1])
+        if self._log.pending_bytes >= PENDING_LIMIT:
+            self._log.flush()
+
+    def flush(self) -> None:
+        """Bring what is buffered into the file, so that it survives the end of this process."""
+        self._log.flush()
+
+    def sync(self) -> None:
+        """Bring what is in the file onto the medium, so that it survives a power cut."""
+        self._log.sync()
+
+    def close(self) -> None:
+        """Finish the files."""
+        self._log.close()
+
+
+def _part(measurement: Measurement) -> str:
+    """What tells streams on one topic apart: they are decimated one by one."""
+    if isinstance(measurement, SurfaceDeflection):
+        return measurement.surface
+    return measurement.station if isinstance(measurement, DmeRange) else ""

@@ -1,0 +1,147 @@
+"""One MCAP file as it is found: finished, still being written, killed or damaged.
+
+The official ``StreamReader`` walks the file; the messages of a chunk are taken apart here (five times as fast).
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+
+from fti.errors import MissingError
+from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
+
+_FOOTER_BYTES = 9 + 20 + len(MAGIC)
+
+
+class Topic(NamedTuple):
+    """A channel: its topic, the encoding of its messages and what is said of it."""
+
+    name: str
+    encoding: str
+    metadata: dict[str, str]
+
+
+class Item(NamedTuple):
+    """A message.  Times in ns; sequence is 32 bits wide."""
+
+    topic: Topic
+    log_time: int
+    publish_time: int
+    sequence: int
+    data: bytes
+
+
+@dataclass(slots=True)
+class Head:
+    """What stands in a file before its first chunk."""
+
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+
+
+class McapFile:
+    """A file.  ``fault`` tells, once the messages were read, why reading ended before a footer; else None."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.fault: str | None = None
+        self._topics: dict[int, Topic] = {}
+        self._at = 0
+
+    @property
+    def finished(self) -> bool:
+        """Does the file end with a footer?"""
+        return has_footer(self.path)
+
+    def head(self) -> Head:
+        """Metadata and attachments before the first chunk."""
+        head = Head()
+        for record in self._records():
+            if isinstance(record, Metadata):
+                head.metadata[record.name] = record.metadata
+            elif isinstance(record, Attachment):
+                head.attachments[record.name] = record.data
+            elif isinstance(record, Chunk | Message):
+                break
+        return head
+
+    def chunks(self) -> Iterator[list[Item]]:
+        """The messages, chunk by chunk, in the order of the file, up to the end or the break."""
+        for record in self._records():
+            try:
+                items = self._take(record)
+            except (McapError, ValueError, KeyError, struct.error) as error:
+                self.fault = f"is damaged after byte {self._at}: {error}"
+                return
+            if items:
+                yield items
+
+    def items(self) -> Iterator[Item]:
+        """The messages in the order of the file."""
+        for chunk in self.chunks():
+            yield from chunk
+
+    def _records(self) -> Iterator[Any]:
+        """The records outside of chunks; sets ``fault`` where they break off."""
+        self.fault = None
+        self._at = 0
+        try:
+            with self.path.open("rb") as stream:
+                limit = os.fstat(stream.fileno()).st_size
+                for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
+                    yield record
+                    self._at = stream.tell()
+        except (EndOfFile, RecordLengthLimitExceeded, struct.error):
+            self.fault = f"ends after byte {self._at} without a footer: it is being written, or was cut off"
+        except (McapError, ValueError) as error:
+            self.fault = f"is damaged after byte {self._at}: {error}"
+        except OSError as error:
+            raise MissingError(f"{self.path}: cannot be read: {error.strerror}") from error
+
+    def _take(self, record: Any) -> list[Item]:
+        if isinstance(record, Chunk):
+            stream, size = get_chunk_data_stream(record, validate_crc=True)
+            return list(self._walk(stream.read(size)))
+        if isinstance(record, Channel):
+            self._topics[record.id] = Topic(record.topic, record.message_encoding, record.metadata)
+        elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
+            topic = self._topics[record.channel_id]
+            return [Item(topic, record.log_time, record.publish_time, record.sequence, record.data)]
+        return []
+
+    def _walk(self, data: bytes) -> Iterator[Item]:
+        at, topics = 0, self._topics
+        while at < len(data):
+            op, length = HEAD.unpack_from(data, at)
+            end = at + HEAD.size + length
+            if end > len(data):
+                raise ValueError("a record is longer than its chunk")
+            if op == Op.MESSAGE:
+                _, _, channel_id, sequence, log_time, publish_time = MESSAGE.unpack_from(data, at)
+                yield Item(topics[channel_id], log_time, publish_time, sequence, data[at + MESSAGE.size : end])
+            elif op == Op.CHANNEL:
+                channel = Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end])))
+                self._take(channel)
+            at = end
+
+
+def has_footer(path: Path) -> bool:
+    """Does a file end with a footer and the magic, as a finished one does?  Raises MissingError."""
+    try:
+        with path.open("rb") as stream:
+            stream.seek(-min(_FOOTER_BYTES, stream.seek(0, os.SEEK_END)), os.SEEK_END)
+            tail = stream.read()
+    except OSError as error:
+        raise MissingError(f"{path}: cannot be read: {error.strerror}") from error
+    return tail[:9] == HEAD.pack(Op.FOOTER, 20) and tail.endswith(MAGIC)

@@ -1,0 +1,184 @@
+"""A recorded session as a whole: its files, frames, messages, attachments and metadata."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from pathlib import Path
+
+from fti.errors import MissingError, RecordingError
+from fti.logger.mcap_file import Head, Item, McapFile
+from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
+from fti.logger.session import Kind, SessionFolder, name_parts
+from fti.logger.split_log import FILE_METADATA
+from fti.types import TICK_LINK, RawFrame
+
+RAW, SENT = "/raw/", "/tx/"
+#: Frames that wait for an earlier one before the files are searched for whether it comes at all.
+PATIENCE = 50_000
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A file that does not end as it should; text : what is the matter with it."""
+
+    path: Path
+    text: str
+
+
+class Recording:
+    """A session folder or a single file, finished or not.
+
+    raw_files, derived_files, truth_files : in order.  ``faults`` is filled by reading: files that broke off.
+    """
+
+    def __init__(self, raw: list[Path], derived: list[Path], truth: list[Path]) -> None:
+        self.raw_files = raw
+        self.derived_files = derived
+        self.truth_files = truth
+        self.faults: dict[Path, Fault] = {}
+
+    @classmethod
+    def open(cls, path: str | Path) -> Recording:
+        """Open a session folder or one MCAP file.  Raises MissingError."""
+        place = Path(path)
+        if place.is_dir():
+            folder = SessionFolder(place)
+            recording = cls(folder.files("raw"), folder.files("derived"), folder.files("truth"))
+            if not recording.files:
+                raise MissingError(f"{place}: holds no MCAP files")
+            return recording
+        if not place.is_file():
+            raise MissingError(f"{place}: there is no such session folder or file")
+        kind = _kind_of(place)
+        return cls(*([place] if kind == k else [] for k in ("raw", "derived", "truth")))
+
+    @property
+    def files(self) -> list[Path]:
+        """All files: raw, derived, truth."""
+        return [*self.raw_files, *self.derived_files, *self.truth_files]
+
+    @property
+    def unfinished(self) -> list[Path]:
+        """The files without a footer: they are being written, or were cut off."""
+        return [path for path in self.files if not McapFile(path).finished]
+
+    @cached_property
+    def _head(self) -> Head:
+        return McapFile(self.files[0]).head()
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """Metadata of the session: name -> table (``fti`` : the session's own)."""
+        return self._head.metadata
+
+    def attachments(self) -> dict[str, bytes]:
+        """Attachments of the session: name -> content."""
+        return self._head.attachments
+
+    @property
+    def links(self) -> dict[str, str]:
+        """The links that were recorded: name -> kind; also those that were silent."""
+        return self.metadata.get(LINKS_METADATA, {})
+
+    # ------------------------------------------------------------------------------------------------------ reading
+
+    def frames(self) -> Iterator[RawFrame]:
+        """Frames of all links and ticks (link ``TICK_LINK``) strictly in order of their full ``seq``.
+
+        Raises RecordingError when a number stands twice.
+        """
+        for seq, item in self._numbered():
+            if not item.topic.name.startswith(SENT):
+                yield RawFrame(_link_of(item.topic.name), seq, item.log_time, item.data)
+
+    def sent(self) -> Iterator[RawFrame]:
+        """What was sent on the links, in order of ``seq``."""
+        for seq, item in self._numbered():
+            if item.topic.name.startswith(SENT):
+                yield RawFrame(_link_of(item.topic.name), seq, item.log_time, item.data)
+
+    def messages(self, topic_prefix: str = "", kind: Kind = "derived") -> Iterator[tuple[str, int, int, int, bytes]]:
+        """(topic, log time, publish time, sequence, data) of the files of a kind, in the order of the files."""
+        for item in chain.from_iterable(self._chunks(self._paths(kind))):
+            if item.topic.name.startswith(topic_prefix):
+                yield item.topic.name, item.log_time, item.publish_time, item.sequence, item.data
+
+    def _paths(self, kind: Kind) -> list[Path]:
+        return {"raw": self.raw_files, "derived": self.derived_files, "truth": self.truth_files}[kind]
+
+    def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
+        for path in paths:
+            file = McapFile(path)
+            yield from file.chunks()
+            if file.fault:
+                self.faults[path] = Fault(path, file.fault)
+
+    def _numbered_chunks(self) -> Iterator[list[tuple[int, Item]]]:
+        """Numbered messages with their full ``seq``, in the order of the files."""
+        last: int | None = None
+        for chunk in self._chunks(self.raw_files):
+            numbered = []
+            for item in chunk:
+                if item.topic.name.startswith((RAW, SENT)) or item.topic.name == TICK_TOPIC:
+                    last = unwrap(item.sequence, last)
+                    numbered.append((last, item))
+            yield numbered
+
+    def _numbered(self) -> Iterator[tuple[int, Item]]:
+        """Numbered messages in order of ``seq``.
+
+        Links are written one after another, so a message may stand behind later ones.  A message is given out when it
+        is the next, or, once too many wait, when no smaller number follows in the files.
+        """
+        waiting: list[tuple[int, Item]] = []
+        following: list[int] | None = None
+        expected = 0
+        for position, numbered in enumerate(self._numbered_chunks()):
+            for entry in numbered:
+                heapq.heappush(waiting, entry)
+            if following is None and len(waiting) > PATIENCE:
+                following = self._smallest_following()
+            limit = following[position] if following else 0
+            while waiting and (waiting[0][0] <= expected or waiting[0][0] < limit):
+                expected = _checked(waiting[0], expected) + 1
+                yield heapq.heappop(waiting)
+        while waiting:
+            expected = _checked(waiting[0], expected) + 1
+            yield heapq.heappop(waiting)
+
+    def _smallest_following(self) -> list[int]:
+        """For each chunk the smallest number in all later chunks."""
+        smallest = [min((seq for seq, _ in numbered), default=2**64) for numbered in self._numbered_chunks()]
+        following, least = [2**64] * len(smallest), 2**64
+        for position in range(len(smallest) - 1, -1, -1):
+            following[position] = least
+            least = min(least, smallest[position])
+        return following
+
+
+def unwrap(sequence: int, last: int | None) -> int:
+    """The full number whose low 32 bits are ``sequence`` and which is nearest to ``last``."""
+    if last is None:
+        return sequence
+    return last + ((sequence - last + 2**31) & 0xFFFF_FFFF) - 2**31
+
+
+def _checked(entry: tuple[int, Item], expected: int) -> int:
+    seq, item = entry
+    if seq < expected:
+        raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it stands twice")
+    return seq
+
+
+def _link_of(topic: str) -> str:
+    return TICK_LINK if topic == TICK_TOPIC else topic.split("/", 2)[2]
+
+
+def _kind_of(path: Path) -> Kind:
+    """Kind of a single file, as it says itself, or else its name."""
+    told = McapFile(path).head().metadata.get(FILE_METADATA, {}).get("kind")
+    return next((kind for kind in ("raw", "derived", "truth") if kind == told), name_parts(path)[0])
