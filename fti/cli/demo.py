@@ -42,10 +42,10 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from fti.hil import scenario as scenarios
-    from fti.service.daemon import serve
+    from fti.service.daemon import early_recorder, serve
 
     scenario = scenarios.find(args.scenario)
-    with tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
+    with early_recorder() as recorder, tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
         config = _configure(scenarios.load_config(scenarios.load(scenario)), args.out, links)
 
         async def fly(supervisor: Supervisor) -> None:
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
         signalled = asyncio.run(
             serve(
                 config,
+                recorder=recorder,
                 announce=lambda line: print(line, flush=True),
                 run_dir=args.run_dir,
                 duration_s=args.duration,

@@ -29,17 +29,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the daemon to its end."""
-    import asyncio
+    from fti.service.daemon import early_recorder
 
-    from fti import config as configuration
-    from fti.service.daemon import serve
+    with early_recorder() as recorder:
+        import asyncio
 
-    config = configuration.load(args.config)
-    changes = {"directory": args.out, "origin": args.origin}
-    config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
-    if args.links:
-        config = configuration.with_links(config, args.links)
-    signalled = asyncio.run(
-        serve(config, announce=lambda line: print(line, flush=True), run_dir=args.run_dir, duration_s=args.duration)
-    )
+        from fti import config as configuration
+        from fti.service.daemon import serve
+
+        config = configuration.load(args.config)
+        changes = {"directory": args.out, "origin": args.origin}
+        config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
+        if args.links:
+            config = configuration.with_links(config, args.links)
+        signalled = asyncio.run(
+            serve(
+                config,
+                recorder=recorder,
+                announce=lambda line: print(line, flush=True),
+                run_dir=args.run_dir,
+                duration_s=args.duration,
+            )
+        )
     return EXIT_INTERRUPTED if signalled else 0

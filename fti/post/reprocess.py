@@ -20,8 +20,8 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.nav.reference import Reference
-from fti.service.binding import BoundDevice, bind_devices, read_texts
-from fti.service.chain import Chain, Products, parse_reference
+from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
+from fti.service.chain import Chain, Products
 from fti.types import RawFrame
 
 Progress = Callable[[int], None]
@@ -89,8 +89,8 @@ def flown_segments(recording: Recording) -> list[Segment]:
 
 
 def _gaps(recording: Recording) -> Iterator[dict[str, Any]]:
-    for message in recording.messages("/fti/gap", kind="derived"):
-        yield json.loads(message.data)
+    for *_, data in recording.messages("/fti/gap", kind="derived"):
+        yield json.loads(data)
 
 
 def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, progress: Progress) -> Path:
@@ -109,9 +109,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         folder,
         split_s=session.split_s,
         split_mb=session.split_mb,
-        attachments=[
-            (n, "text/plain", t.encode()) for n, t in {"config.toml": setup.config.text, **setup.texts}.items()
-        ],
+        attachments=[(name, "text/plain", text.encode()) for name, text in texts.items()],
         metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
     )
     done = 0

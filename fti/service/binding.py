@@ -9,13 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fti import config as configuration
 from fti import drivers
 from fti.config import Config, Device, StrictModel
 from fti.drivers import Decoder, Driver
 from fti.errors import ConfigError, MissingError
+
+if TYPE_CHECKING:
+    from fti.nav.reference import Reference
 
 FILE_ENDING = "_file"
 
@@ -126,3 +129,12 @@ def sending_on(link: str, devices: Sequence[BoundDevice]) -> Sending:
         on_connect=tuple(data for d in here for data in d.driver.on_connect(d.options)),
         polls=tuple(q for q in questions if q is not None),
     )
+
+
+def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
+    """The reference profile of ``nav.approach``; None when no approach is configured.  Raises ConfigError."""
+    if config.nav.approach is None:
+        return None
+    from fti.nav.reference import Reference  # noqa: PLC0415 - brings numpy, and recording should begin soon
+
+    return Reference.parse(texts["nav.approach.profile"], config.nav.approach.profile)

@@ -5,7 +5,7 @@ It is deterministic: it knows no time but the stamps and ticks of the frames, an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
@@ -39,13 +39,6 @@ class Listener:
     def name(self) -> str:
         """Name of the device."""
         return self.bound.device.name
-
-
-def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
-    """The reference profile of ``nav.approach``; None when no approach is configured.  Raises ConfigError."""
-    if config.nav.approach is None:
-        return None
-    return Reference.parse(texts["nav.approach.profile"], config.nav.approach.profile)
 
 
 class Chain:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 import subprocess
@@ -12,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from fti.service.control import Channel, make_memory_file
+from fti.service.control import Channel, send_order
 
 FIRST_RESTART_S = 0.05
 LONGEST_RESTART_S = 5.0
@@ -31,7 +30,7 @@ class ProcessState(StrEnum):
 
 @dataclass(slots=True)
 class Child:
-    """One child.  It gets an order (a memory file), a control channel and the ring, all as inherited descriptors.
+    """One child.  It inherits its end of the control channel; order and ring come over it.
 
     It is never forked from us, and has a process group of its own: Ctrl-C goes to the supervisor alone.
     """
@@ -44,31 +43,32 @@ class Child:
     restarts: int = 0
     channel: Channel | None = None
     process: subprocess.Popen[bytes] | None = None
+    _socket: socket.socket | None = None
     _started: float = 0.0
     _restart_at: float = 0.0
     _delay: float = field(default=FIRST_RESTART_S)
 
-    def start(self) -> Channel:
-        """Start the process; returns our end of its control channel."""
-        ours, theirs = socket.socketpair()
-        inherited = {"--control-fd": theirs.fileno()}
-        if self.order is not None:
-            inherited["--init-fd"] = make_memory_file(f"fti-{self.name}", self.order)
-        if self.ring_fd is not None:
-            inherited["--ring-fd"] = self.ring_fd
-        options = [text for name, fd in inherited.items() for text in (name, str(fd))]
+    def spawn(self) -> None:
+        """Start the process; it loads what it needs and waits for its order."""
+        self._socket, theirs = socket.socketpair()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", f"fti.service.{self.name}", *options, *self.arguments],
-            pass_fds=list(inherited.values()),
+            [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
+            pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             process_group=0,
         )
         theirs.close()
-        if self.order is not None:
-            os.close(inherited["--init-fd"])
-        self.channel = Channel(ours)
         self.state = ProcessState.STARTING
         self._started = time.monotonic()
+
+    def start(self) -> Channel:
+        """Give the process its order, starting it first if need be; returns our end of its control channel."""
+        if self._socket is None:
+            self.spawn()
+        assert self._socket is not None
+        if self.order is not None and self.ring_fd is not None:
+            send_order(self._socket, self.order, self.ring_fd)
+        self.channel, self._socket = Channel(self._socket), None
         return self.channel
 
     @property
@@ -100,7 +100,14 @@ class Child:
             self.process.send_signal(signal.SIGKILL)
 
     def close(self) -> None:
-        """Close our end of the channel."""
-        if self.channel:
-            self.channel.close()
-            self.channel = None
+        """Close our end of the channel: for the child, that is the end."""
+        for end in (self.channel, self._socket):
+            if end:
+                end.close()
+        self.channel = self._socket = None
+
+    def dismiss(self) -> None:
+        """Let go of the process, and wait for its end; one that never got its order ends by that."""
+        self.close()
+        if self.process:
+            self.process.wait()

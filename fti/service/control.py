@@ -2,7 +2,8 @@
 
 End of file means that the other side is gone: a child then finishes its work and exits.  Sending never waits: what
 the socket does not take is kept and goes with the next call.  What a child must know from the beginning does not
-come this way but in an inherited memory file, whole, before its first line runs.
+come this way but in a memory file, whole, whose descriptor comes over the same socket before anything else.  So a
+child can be started before its order is known, and loads its libraries meanwhile.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 Message = dict[str, Any]
+ORDER_MARK = b"\n"
 #: More than this is only waiting when the other side has stopped reading; it is then worth nothing any more.
 MOST_PENDING = 2**20
 
@@ -83,14 +85,30 @@ def make_memory_file(name: str, data: bytes) -> int:
 
 
 def read_memory_file(fd: int) -> bytes:
-    """The content of an inherited memory file; closes it."""
+    """The content of a memory file; closes it."""
     with os.fdopen(fd, "rb") as file:
         file.seek(0)
         return file.read()
 
 
+def send_order(sock: socket.socket, order: bytes, ring_fd: int) -> None:
+    """Tell a new child what to do: its order and the ring."""
+    fd = make_memory_file("fti_order", order)
+    socket.send_fds(sock, [ORDER_MARK], [fd, ring_fd])
+    os.close(fd)
+
+
+def await_order(control_fd: int) -> tuple[Channel, bytes, int] | None:
+    """In a child: wait for the order; channel, order and descriptor of the ring, or None when nobody is there."""
+    sock = socket.socket(fileno=control_fd)
+    mark, fds, _, _ = socket.recv_fds(sock, len(ORDER_MARK), 2)
+    if mark != ORDER_MARK:
+        return None
+    return Channel(sock), read_memory_file(fds[0]), fds[1]
+
+
 def adopt_channel(fd: int) -> Channel:
-    """The child's end, from the inherited descriptor."""
+    """In a child that takes no order: its end, from the inherited descriptor."""
     return Channel(socket.socket(fileno=fd))
 
 

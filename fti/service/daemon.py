@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import signal
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
+from typing import TYPE_CHECKING
 
-from fti.clock import choose_epoch_ns
-from fti.config import Config
-from fti.service.supervisor import Announce, Supervisor
+from fti.service.children import Child
+
+if TYPE_CHECKING:
+    from fti.config import Config
+    from fti.service.supervisor import Announce, Supervisor
 
 #: What else runs with the daemon, from its first recorded moment on; it is cancelled when the daemon ends.
-Companion = Callable[[Supervisor], Awaitable[None]]
+Companion = Callable[["Supervisor"], Awaitable[None]]
+
+
+@contextlib.contextmanager
+def early_recorder() -> Iterator[Child]:
+    """The recorder, started before anything else is loaded: it is ready when the configuration is."""
+    child = Child("recorder")
+    child.spawn()
+    try:
+        yield child
+    finally:
+        child.dismiss()
 
 
 async def serve(
     config: Config,
     *,
+    recorder: Child,
     announce: Announce,
     run_dir: str | None = None,
     duration_s: float | None = None,
@@ -24,11 +40,15 @@ async def serve(
 ) -> bool:
     """Run one session to its end.  Ctrl-C and SIGTERM end it in good order.
 
+    recorder   : see ``early_recorder``
     duration_s : end after so long [s]; None runs until a signal comes
     companion  : runs beside the daemon (the emulator of a demonstration)
     Returns True when a signal ended it.
     """
-    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, announce)
+    from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
+    from fti.service.supervisor import Supervisor  # noqa: PLC0415
+
+    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, announce)
     signalled = _stop_on_signals(supervisor)
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
     try:

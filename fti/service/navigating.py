@@ -11,14 +11,14 @@ from fti.buffers.ring import Ring, RingReader
 from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock
-from fti.config import Config, StrictModel
 from fti.logger.derived_log import DerivedLog, output_topic
 from fti.logger.session import SessionFolder
-from fti.service.binding import bind_devices
-from fti.service.chain import Chain, Products, parse_reference
+from fti.service.binding import bind_devices, parse_reference
+from fti.service.chain import Chain, Products
 from fti.service.control import Channel
 from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
+from fti.service.orders import NavigationOrder
 from fti.types import TICK_LINK, Event, HeightAboveGround, Output, RawFrame
 
 #: The order in which a process appears on the bus and in health.
@@ -29,18 +29,6 @@ HEALTH_PERIOD_S = 0.5
 #: When the supervisor is gone, the recorder ends the ring; so long is waited for that.
 ORPHAN_S = 10.0
 OUTPUT_MAX_AGE_MS = 500.0
-
-
-class NavigationOrder(StrictModel):
-    """All that the navigation process is told, once, by the supervisor."""
-
-    config: Config
-    folder: str
-    epoch_ns: int
-    texts: dict[str, str]
-    endpoint: str | None
-    attachments: dict[str, str]
-    metadata: dict[str, str]
 
 
 class Navigator:

@@ -1,84 +1,35 @@
-"""What each child is told at its start: made and checked once, before anything is created."""
+"""What recorder and navigation are told at their start, once, by the supervisor."""
 
 from __future__ import annotations
 
-import hashlib
-import platform
-from importlib.metadata import version
-from pathlib import Path
-
-from fti.config import Config
-from fti.service.binding import bind_devices, read_texts, sending_on
-from fti.service.chain import parse_reference
-from fti.service.navigating import NavigationOrder
-from fti.service.recording import LinkOrder, RecorderOrder
+from fti.config import Config, StrictModel
 
 
-class Preparation:
-    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError."""
+class LinkOrder(StrictModel):
+    """What the recorder sends on a link by itself (hexadecimal; it never understands it)."""
 
-    def __init__(self, config: Config, epoch_ns: int) -> None:
-        self._config = config
-        self._epoch_ns = epoch_ns
-        self._texts = read_texts(config)
-        self._devices = bind_devices(config, self._texts)
-        parse_reference(config, self._texts)
-
-    def recorder_order(self, folder: str) -> bytes:
-        """The order of the recorder."""
-        order = RecorderOrder(
-            config=self._config,
-            folder=folder,
-            epoch_ns=self._epoch_ns,
-            sending={link.name: self._link_order(link.name) for link in self._config.link},
-            attachments=self._attachments(),
-            metadata=self._metadata(),
-        )
-        return order.model_dump_json().encode()
-
-    def navigation_order(self, folder: str, endpoint: str | None) -> bytes:
-        """The order of navigation.  endpoint : of the bus; None when it is switched off."""
-        order = NavigationOrder(
-            config=self._config,
-            folder=folder,
-            epoch_ns=self._epoch_ns,
-            texts=self._texts,
-            endpoint=endpoint,
-            attachments=self._attachments(),
-            metadata=self._metadata(),
-        )
-        return order.model_dump_json().encode()
-
-    def _link_order(self, link: str) -> LinkOrder:
-        sending = sending_on(link, self._devices)
-        return LinkOrder(
-            on_connect=tuple(data.hex() for data in sending.on_connect),
-            polls=tuple((period, data.hex()) for period, data in sending.polls),
-        )
-
-    def _attachments(self) -> dict[str, str]:
-        """The configuration and every file that it names, so that a session can be understood by itself."""
-        return {"config.toml": self._config.text, **self._texts}
-
-    def _metadata(self) -> dict[str, str]:
-        session = self._config.session
-        return {
-            "name": session.name,
-            "origin": session.origin,
-            "epoch_ns": str(self._epoch_ns),
-            "software": version("fti"),
-            "config_file": Path(self._config.path).name,
-            "config_sha256": hashlib.sha256(self._config.text.encode()).hexdigest(),
-            "python": platform.python_version(),
-            "processor": _processor(),
-        }
+    on_connect: tuple[str, ...] = ()
+    polls: tuple[tuple[float, str], ...] = ()
 
 
-def _processor() -> str:
-    """Model of the processor: outputs repeat bit for bit on the same one."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor())
+class RecorderOrder(StrictModel):
+    """All that the recorder is told, once, by the supervisor."""
+
+    config: Config
+    folder: str
+    epoch_ns: int
+    sending: dict[str, LinkOrder]
+    attachments: dict[str, str]  # file name: text, recorded in every split
+    metadata: dict[str, str]
+
+
+class NavigationOrder(StrictModel):
+    """All that the navigation process is told, once, by the supervisor."""
+
+    config: Config
+    folder: str
+    epoch_ns: int
+    texts: dict[str, str]
+    endpoint: str | None
+    attachments: dict[str, str]
+    metadata: dict[str, str]

@@ -9,28 +9,43 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import gc
+import os
 import signal
 import sys
 from collections.abc import Sequence
 
 from fti.clock import SystemClock
-from fti.service.control import adopt_channel, read_memory_file
-from fti.service.recording import Recorder, RecorderOrder
+from fti.service.control import await_order
+from fti.service.orders import RecorderOrder
+from fti.service.recording import Recorder
+
+#: Niceness of the recorder.
+PRIORITY = -10
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.recorder``: started by the supervisor alone."""
     parser = argparse.ArgumentParser()
-    for name in ("--control-fd", "--init-fd", "--ring-fd"):
-        parser.add_argument(name, type=int, required=True)
+    parser.add_argument("--control-fd", type=int, required=True)
     args = parser.parse_args(argv)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides when it ends
-    order = RecorderOrder.model_validate_json(read_memory_file(args.init_fd))
-    recorder = Recorder(order, SystemClock(order.epoch_ns), adopt_channel(args.control_fd), args.ring_fd)
-    gc.freeze()
-    asyncio.run(recorder.run())
+    _ask_for_priority()
+    told = await_order(args.control_fd)
+    if told:
+        channel, text, ring_fd = told
+        order = RecorderOrder.model_validate_json(text)
+        recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fd)
+        gc.freeze()
+        asyncio.run(recorder.run())
     return 0
+
+
+def _ask_for_priority() -> None:
+    """Before every other process of the machine, where we may ask for that."""
+    with contextlib.suppress(PermissionError):
+        os.nice(PRIORITY)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,13 +13,13 @@ from typing import Any
 from fti.buffers.ring import Ring
 from fti.buffers.triple import Entry, TripleBuffer
 from fti.clock import SystemClock, sample_clocks
-from fti.config import Config, StrictModel
 from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
+from fti.service.orders import LinkOrder, RecorderOrder
 from fti.service.writing import Source, Writer
 from fti.types import TICK_PERIOD_NS
 
@@ -26,24 +27,6 @@ HEALTH_PERIOD_S = 0.5
 LEDGER_PERIOD_S = 1.0
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
-
-
-class LinkOrder(StrictModel):
-    """What the recorder sends on a link by itself (hexadecimal; it never understands it)."""
-
-    on_connect: tuple[str, ...] = ()
-    polls: tuple[tuple[float, str], ...] = ()
-
-
-class RecorderOrder(StrictModel):
-    """All that the recorder is told, once, by the supervisor."""
-
-    config: Config
-    folder: str
-    epoch_ns: int
-    sending: dict[str, LinkOrder]
-    attachments: dict[str, str]  # file name: text, recorded in every split
-    metadata: dict[str, str]
 
 
 @dataclass(slots=True)
@@ -100,8 +83,8 @@ class Recorder:
             self._clock,
             self._sink(index, received),
             on_connect=[bytes.fromhex(text) for text in orders.on_connect],
-            sent=self._sink(self._tick_index + 1 + index, sent),
         )
+        link.on_sent = self._sink(self._tick_index + 1 + index, sent)
         return Unit(link, described.kind, index, received, sent)
 
     def _sink(self, index: int, buffer: TripleBuffer) -> Callable[[bytes, int], None]:
@@ -145,16 +128,16 @@ class Recorder:
 
     def _start_polls(self) -> list[asyncio.Task[None]]:
         return [
-            self._start(f"poll {unit.link.name}", lambda u=unit, p=period, d=data: self._poll(u, p, d))
+            self._start(f"poll {unit.link.name}", functools.partial(self._poll, unit.link, period, bytes.fromhex(data)))
             for unit in self._units
             for period, data in self._order.sending.get(unit.link.name, LinkOrder()).polls
         ]
 
-    async def _poll(self, unit: Unit, period_s: float, data: str) -> None:
+    async def _poll(self, link: Link, period_s: float, data: bytes) -> None:
         while True:
             await asyncio.sleep(period_s)
             try:
-                await unit.link.send(bytes.fromhex(data))
+                await link.send(data)
             except LinkError:
                 continue  # the state of the link tells it; the next period asks again
 

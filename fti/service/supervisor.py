@@ -28,7 +28,7 @@ from fti.service.children import Child, ProcessState
 from fti.service.control import Message
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
-from fti.service.orders import Preparation
+from fti.service.preparation import Preparation
 
 WATCH_PERIOD_S = 0.02
 HEALTH_PERIOD_S = 0.5
@@ -42,9 +42,12 @@ Announce = Callable[[str], None]
 
 
 class Supervisor:
-    """One session of the daemon.  announce : called with each line that the user should see."""
+    """One session of the daemon.
 
-    def __init__(self, config: Config, epoch_ns: int, run_dir: str | None, announce: Announce) -> None:
+    recorder : the child that was spawned before the configuration was read; announce : gets each line for the user
+    """
+
+    def __init__(self, config: Config, epoch_ns: int, run_dir: str | None, recorder: Child, announce: Announce) -> None:
         self._config = config
         self._clock = SystemClock(epoch_ns)
         self._announce = announce
@@ -59,7 +62,7 @@ class Supervisor:
         self._run_dir = rundir.make(config.session.name, run_dir)
         self._ring = Ring.create(ring_size(config.link))
         self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
-        self._children = self._make_children()
+        self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._stopping = False
 
@@ -77,10 +80,11 @@ class Supervisor:
             "state": "recording",
         }
 
-    def _make_children(self) -> list[Child]:
+    def _make_children(self, recorder: Child) -> list[Child]:
         folder, endpoint = str(self.folder.path), self._hub.endpoint if self._hub else None
+        recorder.order, recorder.ring_fd = self._preparation.recorder_order(folder), self._ring.fd
         made = [
-            Child(RECORDER, self._preparation.recorder_order(folder), self._ring.fd),
+            recorder,
             Child(NAVIGATION, self._preparation.navigation_order(folder, endpoint), self._ring.fd),
         ]
         if self._config.display.enabled and endpoint:

@@ -1,0 +1,82 @@
+"""Before anything is created: the configuration validated with everything that it names, and the orders made."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+from fti.config import Config
+from fti.service.binding import bind_devices, parse_reference, read_texts, sending_on
+from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
+
+
+class Preparation:
+    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError."""
+
+    def __init__(self, config: Config, epoch_ns: int) -> None:
+        self._config = config
+        self._epoch_ns = epoch_ns
+        self._texts = read_texts(config)
+        self._devices = bind_devices(config, self._texts)
+        parse_reference(config, self._texts)
+
+    def recorder_order(self, folder: str) -> bytes:
+        """The order of the recorder."""
+        order = RecorderOrder(
+            config=self._config,
+            folder=folder,
+            epoch_ns=self._epoch_ns,
+            sending={link.name: self._link_order(link.name) for link in self._config.link},
+            attachments=self._attachments(),
+            metadata=self._metadata(),
+        )
+        return order.model_dump_json().encode()
+
+    def navigation_order(self, folder: str, endpoint: str | None) -> bytes:
+        """The order of navigation.  endpoint : of the bus; None when it is switched off."""
+        order = NavigationOrder(
+            config=self._config,
+            folder=folder,
+            epoch_ns=self._epoch_ns,
+            texts=self._texts,
+            endpoint=endpoint,
+            attachments=self._attachments(),
+            metadata=self._metadata(),
+        )
+        return order.model_dump_json().encode()
+
+    def _link_order(self, link: str) -> LinkOrder:
+        sending = sending_on(link, self._devices)
+        return LinkOrder(
+            on_connect=tuple(data.hex() for data in sending.on_connect),
+            polls=tuple((period, data.hex()) for period, data in sending.polls),
+        )
+
+    def _attachments(self) -> dict[str, str]:
+        """The configuration and every file that it names, so that a session can be understood by itself."""
+        return {"config.toml": self._config.text, **self._texts}
+
+    def _metadata(self) -> dict[str, str]:
+        session = self._config.session
+        return {
+            "name": session.name,
+            "origin": session.origin,
+            "epoch_ns": str(self._epoch_ns),
+            "software": version("fti"),
+            "config_file": Path(self._config.path).name,
+            "config_sha256": hashlib.sha256(self._config.text.encode()).hexdigest(),
+            "python": platform.python_version(),
+            "processor": _processor(),
+        }
+
+
+def _processor() -> str:
+    """Model of the processor: outputs repeat bit for bit on the same one."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(named, platform.processor())
