@@ -162,6 +162,8 @@ class BaseLink(ABC):
         status.frames += 1
         status.bytes += len(data)
         status.last_rx_ns = t_rx_ns
+        if status.state is not LinkState.GOOD:
+            status.state, status.hint = LinkState.GOOD, ""
         self._sink(data, t_rx_ns)
 
     async def drain(self) -> None:

@@ -26,7 +26,7 @@ from can.interfaces.socketcan import SocketcanBus
 from fti import canframe
 from fti.clock import Clock
 from fti.config import CanLink
-from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
+from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import can_interfaces
@@ -74,6 +74,9 @@ class BusLink(BaseLink):
 
     def __init__(self, config: CanLink, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
         super().__init__(config.name, config.transmit, clock, sink, on_connect)
+        if config.interface not in can.VALID_INTERFACES:
+            allowed = ", ".join(sorted(can.VALID_INTERFACES))
+            raise ConfigError(f"link {config.name}: interface = {config.interface!r}: allowed are {allowed}")
         self._config = config
         self._bus: can.BusABC | None = None
         self._socket: socket.socket | None = None  # SocketCAN's own

@@ -1,0 +1,291 @@
+"""CAN links through python-can.  The kernel's SocketCAN itself is tested where there is one, see tests/vcan."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import itertools
+import socket
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import pytest
+
+from fti.canframe import pack_can
+from fti.clock import FakeClock, SystemClock, choose_epoch_ns
+from fti.config import CanLink
+from fti.errors import ConfigError, LinkError
+from fti.links import open_link
+from fti.links.can import pack_message, unpack_message
+from fti.types import LinkState
+from tests.helpers import until_async
+from tests.links.bench import running
+
+FRAMES = [
+    pack_can(0x123, b"\x01\x02"),
+    pack_can(0x1ABCDEF0, bytes(8), extended=True),
+    pack_can(0x7FF, bytes(5), remote=True),
+    pack_can(0x20, b"", error=True),
+    pack_can(0x42, bytes(range(12)), fd=True),
+    bytes.fromhex("4200000008050000") + bytes(64),
+]
+channels = (f"fti-test-{i}" for i in itertools.count())
+
+
+def link(interface: str = "virtual", **keys: Any) -> CanLink:
+    table = {"name": "can1", "kind": "can", "interface": interface, "channel": next(channels), **keys}
+    return CanLink.model_validate(table)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_messages_of_python_can_both_ways(frame: bytes) -> None:
+    assert pack_message(unpack_message(frame)) == frame
+
+
+# ------------------------------------------------------------------------------- an interface without a descriptor
+
+
+@pytest.fixture
+def bus() -> Iterator[tuple[CanLink, can.BusABC]]:
+    """The configuration of a link, and the other end of its bus."""
+    config = link(transmit=True, fd=True)
+    with can.Bus(config.channel, "virtual", fd=True, ignore_config=True) as other:
+        yield config, other
+
+
+async def test_frames_arrive_in_order(bus: tuple[CanLink, can.BusABC]) -> None:
+    config, other = bus
+    async with running(config) as (opened, heard):
+        for frame in FRAMES * 20:
+            other.send(unpack_message(frame))
+        await until_async(lambda: len(heard.frames) == len(FRAMES) * 20)
+        assert opened.status.state is LinkState.GOOD
+    assert heard.frames == FRAMES * 20
+    assert heard.times == sorted(heard.times)
+
+
+async def test_frames_are_sent_and_not_heard(bus: tuple[CanLink, can.BusABC]) -> None:
+    config, other = bus
+    async with running(config, on_connect=[FRAMES[0]]) as (opened, heard):
+        await opened.send(FRAMES[1])
+        found = [other.recv(5), other.recv(5)]
+        assert [pack_message(message) for message in found if message] == FRAMES[:2]
+        other.send(unpack_message(FRAMES[2]))
+        await until_async(lambda: heard.frames)
+        assert heard.frames == [FRAMES[2]]
+        assert opened.status.tx_frames == 2
+
+
+async def test_reading_thread_ends_with_the_link(bus: tuple[CanLink, can.BusABC]) -> None:
+    async with running(bus[0]):
+        assert [t.name for t in threading.enumerate() if t.name == "fti-can-can1"]
+    assert not [t.name for t in threading.enumerate() if t.name == "fti-can-can1"]
+
+
+async def test_drain_takes_what_the_bus_holds(bus: tuple[CanLink, can.BusABC]) -> None:
+    config, other = bus
+    async with running(config) as (opened, heard):
+        for frame in FRAMES:
+            other.send(unpack_message(frame))
+        await opened.drain()
+        assert heard.frames == FRAMES
+
+
+@pytest.mark.parametrize(
+    ("error", "state", "words"),
+    [
+        (OSError(errno.ENODEV, "No such device"), LinkState.ABSENT, "no such interface; there are"),
+        (OSError(errno.EAFNOSUPPORT, "no"), LinkState.ABSENT, "kernel has no SocketCAN"),
+        (PermissionError(errno.EPERM, "no"), LinkState.DENIED, "permission denied"),
+        (OSError(errno.EBUSY, "no"), LinkState.BUSY, "in use"),
+        (can.CanInitializationError("driver says no"), LinkState.ABSENT, "driver says no"),
+    ],
+)
+async def test_bus_that_cannot_be_opened(
+    monkeypatch: pytest.MonkeyPatch, error: Exception, state: LinkState, words: str
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(can, "Bus", refuse)
+    async with running(link("socketcan"), connects=0) as (opened, _):
+        await until_async(lambda: words in opened.status.hint)
+        assert opened.status.state is state
+
+
+def test_interface_that_python_can_does_not_know() -> None:
+    with pytest.raises(ConfigError, match=r"'canned_fish': allowed are .*socketcan"):
+        open_link(link("canned_fish"), FakeClock(), lambda data, t: None)
+
+
+async def test_bus_that_opens_too_late_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The link is cancelled while a driver is still busy opening."""
+    go, made = threading.Event(), list[FakeBus]()
+
+    def slow(*_: object, **__: object) -> FakeBus:
+        go.wait(10)
+        made.append(FakeBus())
+        return made[0]
+
+    monkeypatch.setattr(can, "Bus", slow)
+    async with running(link("socketcan"), connects=0):
+        await asyncio.sleep(0)
+    go.set()
+    await until_async(lambda: made and made[0].closed)
+
+
+# ----------------------------------------------------------------------------------- interfaces with a descriptor
+
+
+class FakeBus:
+    """A bus whose descriptor is one end of a pair of sockets; each datagram is a frame, or a complaint."""
+
+    def __init__(self) -> None:
+        self.socket, self.other = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.arguments: dict[str, Any] = {}
+        self.closed = False
+
+    def fileno(self) -> int:
+        return self.socket.fileno()
+
+    def recv(self, timeout: float) -> can.Message | None:
+        self.socket.setblocking(False)
+        try:
+            data = self.socket.recv(100)
+        except BlockingIOError:
+            return None
+        if data == b"bad":
+            raise can.CanOperationError("could not unpack received message")
+        return unpack_message(data)
+
+    def send(self, message: can.Message, timeout: float) -> None:
+        self.other.send(pack_message(message))  # to whoever listens, ourselves too
+        self.socket.send(pack_message(message))
+
+    def shutdown(self) -> None:
+        self.closed = True
+        self.socket.close()
+        self.other.close()
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[FakeBus]]:
+    """The buses that were opened, the newest last."""
+    made: list[FakeBus] = []
+
+    def make(channel: str, interface: str, **arguments: Any) -> FakeBus:
+        made.append(FakeBus())
+        made[-1].arguments = arguments
+        return made[-1]
+
+    monkeypatch.setattr(can, "Bus", make)
+    yield made
+    assert all(bus.closed for bus in made)
+
+
+async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake: list[FakeBus]) -> None:
+    config = link("udp_multicast", transmit=True, bitrate=500_000, settings={"port": 4711, "hop_limit": 9})
+    async with running(config) as (opened, heard):
+        assert fake[0].arguments == {"ignore_config": True, "port": 4711, "hop_limit": 0}
+        await opened.send(FRAMES[0])
+        fake[0].other.send(FRAMES[1])
+        fake[0].other.send(FRAMES[0])
+        await until_async(lambda: len(heard.frames) == 2)
+        assert heard.frames == [FRAMES[1], FRAMES[0]]
+
+
+async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
+    async with running(link("pcan", bitrate=250_000)) as (opened, heard):
+        assert fake[0].arguments == {"ignore_config": True, "bitrate": 250_000}
+        for data in (FRAMES[0], b"bad", FRAMES[1]):
+            fake[0].other.send(data)
+        await until_async(lambda: len(heard.frames) == 2)
+        assert opened.status.refused == 1
+        assert opened.status.connects == 1
+
+
+async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> None:
+    async with running(link("pcan")) as (opened, heard):
+
+        def complain() -> bool:
+            if not fake[0].closed:
+                fake[0].other.send(b"bad")
+            return len(fake) == 2
+
+        await until_async(complain)
+        fake[1].other.send(FRAMES[0])
+        await until_async(lambda: heard.frames)
+
+
+async def test_socketcan_frames_are_taken_as_they_are(fake: list[FakeBus], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fti.links.can.can_interfaces", list)
+    clock = SystemClock(choose_epoch_ns())
+    async with running(link("socketcan", fd=True, transmit=True), clock=clock) as (opened, heard):
+        for frame in FRAMES:
+            fake[0].other.send(frame)
+        await until_async(lambda: len(heard.frames) == len(FRAMES))
+        assert heard.frames == FRAMES
+        await opened.send(FRAMES[1])
+        assert fake[0].other.recv(100) == FRAMES[1]
+        await until_async(lambda: opened.status.state is LinkState.ABSENT)
+        assert "ip link set" in opened.status.hint
+
+
+class Flaky:
+    """A socket that fails once with each of these errors, then works."""
+
+    def __init__(self, inner: socket.socket, errors: list[int]) -> None:
+        self._inner = inner
+        self._errors = errors
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def _fail(self) -> None:
+        if self._errors:
+            number = self._errors.pop()
+            raise OSError(number, "as told")
+
+    def recvmsg(self, *sizes: int) -> Any:
+        self._fail()
+        return self._inner.recvmsg(*sizes)
+
+    def send(self, data: bytes) -> int:
+        self._fail()
+        return self._inner.send(data)
+
+
+async def test_interface_that_goes_down_is_read_again_without_opening(fake: list[FakeBus]) -> None:
+    async with running(link("socketcan")) as (opened, heard):
+        opened._socket = Flaky(fake[0].socket, [errno.ENETDOWN])
+        fake[0].other.send(FRAMES[0])
+        await until_async(lambda: heard.frames)
+        assert opened.status.connects == 1
+
+
+async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:
+    async with running(link("socketcan")) as (opened, _):
+        opened._socket = Flaky(fake[0].socket, [errno.ENODEV])
+        fake[0].other.send(FRAMES[0])
+        await until_async(lambda: opened.status.connects == 2)
+
+
+async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
+    async with running(link("socketcan", transmit=True)) as (opened, _):
+        opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 3)
+        await opened.send(FRAMES[0])
+        assert fake[0].other.recv(100) == FRAMES[0]
+        opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 1000)
+        with pytest.raises(LinkError, match="could not be sent within"):
+            await opened.send(FRAMES[0], timeout_s=0.05)
+        opened._socket = Flaky(fake[0].socket, [errno.EIO])
+        with pytest.raises(LinkError, match="cannot send"):
+            await opened.send(FRAMES[0])
+
+
+async def test_stamps_without_a_kernel_are_those_of_the_read(bus: tuple[CanLink, can.BusABC]) -> None:
+    async with running(bus[0], clock=FakeClock(42)) as (_, heard):
+        bus[1].send(unpack_message(FRAMES[0]))
+        await until_async(lambda: heard.times == [42])

@@ -1,0 +1,243 @@
+"""Serial links over real ptys."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import itertools
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from fti.clock import FakeClock
+from fti.config import SerialLink
+from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
+from fti.links.serial import open_port
+from fti.types import LinkState
+from tests.helpers import until_async
+from tests.links.bench import Peer, running
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Iterator[Peer]:
+    made = Peer(tmp_path / "line")
+    yield made
+    made.die()
+
+
+def link(peer: Peer | Path, transmit: bool = False, parity: str = "none") -> SerialLink:
+    path = peer if isinstance(peer, Path) else peer.path
+    return SerialLink.model_validate(
+        {"name": "line", "kind": "serial", "port": str(path), "transmit": transmit, "parity": parity}
+    )
+
+
+async def test_bytes_arrive_as_sent_in_any_chunking(peer: Peer) -> None:
+    sent = bytes(range(256)) * 4
+    chunks = [sent[a:b] for a, b in itertools.pairwise([0, 1, 2, 10, 100, 600, len(sent)])]
+    async with running(link(peer)) as (opened, heard):
+        for chunk in chunks:
+            peer.write(chunk)
+            await asyncio.sleep(0)
+        await until_async(lambda: len(heard.bytes) == len(sent))
+    assert heard.bytes == sent
+    assert opened.status.bytes == len(sent)
+    assert opened.status.frames == len(heard.frames)
+    assert heard.times == sorted(heard.times)
+
+
+async def test_what_arrived_before_opening_is_kept(peer: Peer) -> None:
+    peer.write(b"early \x11\x13\r\n\x03\x04\xff\x00")
+    async with running(link(peer)) as (_, heard):
+        await until_async(lambda: heard.bytes)
+    assert heard.bytes == b"early \x11\x13\r\n\x03\x04\xff\x00"
+
+
+async def test_every_byte_passes_both_ways(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        assert await opened.send(bytes(range(256))) == 256
+        await until_async(lambda: peer.read() == bytes(range(256)))
+        assert (opened.status.tx_frames, opened.status.tx_bytes) == (1, 256)
+
+
+async def test_stamp_is_the_clocks_time_of_the_read(peer: Peer) -> None:
+    clock = FakeClock(5)
+    async with running(link(peer), clock=clock) as (opened, heard):
+        peer.write(b"a")
+        await until_async(lambda: heard.times)
+        clock.advance(1)
+        peer.write(b"b")
+        await until_async(lambda: len(heard.times) == 2)
+        assert heard.times == [5, 1_000_000_005]
+        assert opened.status.last_rx_ns == 1_000_000_005
+
+
+async def test_states_silent_good_silent(peer: Peer) -> None:
+    clock = FakeClock(0)
+    async with running(link(peer), clock=clock) as (opened, _):
+        assert opened.status.state is LinkState.SILENT
+        assert "115200 baud" in opened.status.hint
+        peer.write(b"a")
+        await until_async(lambda: opened.status.state is LinkState.GOOD)
+        clock.advance(3)
+        await until_async(lambda: opened.status.state is LinkState.SILENT)
+
+
+@pytest.mark.parametrize("parity", ["none", "even"])  # a pty has no parity; the emulator stands in for such a device
+async def test_device_that_dies_and_comes_back_under_its_name(peer: Peer, parity: str) -> None:
+    async with running(link(peer, parity=parity)) as (opened, heard):
+        peer.write(b"one")
+        await until_async(lambda: heard.bytes == b"one")
+        peer.die()
+        await until_async(lambda: opened.status.state is LinkState.ABSENT)
+        peer.connect()
+        await until_async(lambda: opened.status.connects == 2)
+        peer.write(b"two")
+        await until_async(lambda: heard.bytes == b"onetwo")
+
+
+async def test_name_that_leads_to_another_device_is_followed(peer: Peer, tmp_path: Path) -> None:
+    other = Peer(tmp_path / "other")
+    async with running(link(peer)) as (opened, heard):
+        (tmp_path / "new").symlink_to(other.path.readlink())
+        (tmp_path / "new").replace(peer.path)
+        peer.write(b"old, ")
+        await until_async(lambda: opened.status.connects == 2)
+        other.write(b"new")
+        await until_async(lambda: heard.bytes == b"old, new")
+    other.die()
+
+
+async def test_on_connect_is_sent_after_every_connect(peer: Peer) -> None:
+    async with running(link(peer, transmit=True), on_connect=[b"log on\r", b"rate 10\r"]) as (opened, _):
+        await until_async(lambda: peer.read() == b"log on\rrate 10\r")
+        peer.die()
+        await until_async(lambda: opened.status.state is LinkState.ABSENT)
+        peer.connect()
+        await until_async(lambda: peer.read() == b"log on\rrate 10\r")
+        assert opened.status.tx_frames == 4
+
+
+async def test_link_that_may_not_send_never_does(peer: Peer) -> None:
+    async with running(link(peer), on_connect=[b"log on\r"]) as (opened, heard):
+        with pytest.raises(ValueError, match="transmit is false"):
+            await opened.send(b"x")
+        peer.write(b"!")
+        await until_async(lambda: heard.bytes)
+        assert peer.read() == b""
+        assert opened.status.tx_frames == 0
+
+
+async def test_send_to_a_device_that_takes_nothing_ends_with_an_error(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        with pytest.raises(LinkError, match="could not be sent within"):
+            await opened.send(bytes(200_000), timeout_s=0.1)
+        assert opened.status.tx_frames == 0
+
+
+async def test_send_waits_for_a_slow_device(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        sent = bytes(range(250)) * 200
+        sending, got = asyncio.create_task(opened.send(sent, 10.0)), bytearray()
+
+        def pump() -> bool:
+            got.extend(peer.read())
+            return len(got) == len(sent)
+
+        await until_async(pump)
+        assert await sending == len(sent)
+        assert got == sent
+
+
+async def test_send_on_a_lost_link_is_an_error(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        peer.die()
+        await until_async(lambda: opened.status.state is LinkState.ABSENT)
+        with pytest.raises(LinkError, match="not connected"):
+            await opened.send(b"x")
+        peer.connect()
+
+
+async def test_send_that_waits_while_the_device_dies_is_an_error(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        sending = asyncio.create_task(opened.send(bytes(200_000), 10.0))
+        await until_async(lambda: len(peer.read()) > 0)
+        peer.die()
+        with pytest.raises(LinkError):
+            await sending
+        peer.connect()
+
+
+async def test_drain_takes_what_the_kernel_holds(peer: Peer) -> None:
+    async with running(link(peer)) as (opened, heard):
+        peer.write(b"x" * 8000)
+        await opened.drain()
+        assert len(heard.bytes) == 8000
+
+
+async def test_absent_port_names_those_that_exist(tmp_path: Path) -> None:
+    async with running(link(tmp_path / "nothing"), connects=0) as (opened, _):
+        await until_async(lambda: "no such port; there are" in opened.status.hint)
+        assert opened.status.state is LinkState.ABSENT
+        with pytest.raises(LinkError, match="not connected"):
+            await open_for_sending(tmp_path)
+
+
+async def open_for_sending(tmp_path: Path) -> None:
+    async with running(link(tmp_path / "nothing", transmit=True), connects=0) as (opened, _):
+        await opened.send(b"x")
+
+
+async def test_port_in_use_is_busy_until_it_is_free(peer: Peer) -> None:
+    async with running(link(peer)), running(link(peer), connects=0) as (second, heard):
+        await until_async(lambda: second.status.state is LinkState.BUSY)
+        assert "in use" in second.status.hint
+    async with running(link(peer)) as (third, heard):
+        peer.write(b"mine")
+        await until_async(lambda: heard.bytes == b"mine")
+        assert third.status.state is LinkState.GOOD
+
+
+@pytest.mark.parametrize(
+    ("number", "kind", "words"),
+    [
+        (errno.EACCES, PortDenied, "must be in group"),
+        (errno.EBUSY, PortBusy, "in use"),
+        (errno.ENXIO, PortAbsent, "no such port"),
+    ],
+)
+def test_what_the_kernel_says_becomes_a_sentence(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch, number: int, kind: type[LinkError], words: str
+) -> None:
+    """Permission cannot be taken from root, who runs tests in a container: the kernel's answer is given instead."""
+
+    def refuse(*_: object) -> int:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("serial.serialposix.os.open", refuse)
+    with pytest.raises(kind, match=words):
+        open_port(link(peer))
+
+
+def test_file_that_is_no_port_is_explained(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_bytes(b"")
+    with pytest.raises(LinkError, match="does not take 115200 baud, 8 bits, parity none"):
+        open_port(link(file))
+
+
+async def test_flood_on_one_line_does_not_silence_another(peer: Peer, tmp_path: Path) -> None:
+    loud = Peer(tmp_path / "loud")
+    async with running(link(loud.path)) as (_, much), running(link(peer)) as (_, little):
+
+        def talk() -> bool:
+            with contextlib.suppress(BlockingIOError):
+                loud.write_some(bytes(2000))
+            peer.write(b"q")
+            return len(much.bytes) > 200_000 and len(little.bytes) > 20
+
+        await until_async(talk)
+    loud.die()

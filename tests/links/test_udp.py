@@ -1,0 +1,199 @@
+"""UDP links on loopback."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from fti.clock import FakeClock, SystemClock, choose_epoch_ns
+from fti.config import UdpLink
+from fti.errors import ConfigError, LinkError
+from fti.links import open_link
+from fti.links._socket import SO_RCVBUFFORCE, SO_RXQ_OVFL, TIMESPEC, Arrival
+from fti.links.base import LinkStatus
+from fti.types import LinkState
+from tests.helpers import until_async
+from tests.links.bench import running
+
+GROUP = "239.255.71.3"
+
+
+@pytest.fixture
+def device() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(10)
+        yield sock
+
+
+def link(**keys: Any) -> UdpLink:
+    return UdpLink.model_validate({"name": "eth", "kind": "udp", "bind": "127.0.0.1:0", **keys})
+
+
+async def test_one_datagram_is_one_frame(device: socket.socket) -> None:
+    sent = [b"", b"a", bytes(1472), bytes(65507)]
+    async with running(link()) as (opened, heard):
+        for data in sent:
+            device.sendto(data, opened.address)
+        await until_async(lambda: len(heard.frames) == len(sent))
+    assert heard.frames == sent
+    assert opened.status.state is LinkState.GOOD
+
+
+async def test_stamp_is_when_the_datagram_arrived_not_when_it_was_read(device: socket.socket) -> None:
+    clock = SystemClock(choose_epoch_ns())
+    async with running(link(), clock=clock) as (opened, heard):
+        before = clock.now_ns()
+        for i in range(3000):  # the loop stands still meanwhile, so none has been read yet
+            device.sendto(bytes([i & 255]), opened.address)
+        sent = clock.now_ns()
+        assert not heard.frames
+        await until_async(lambda: len(heard.frames) == 3000)
+    # realtime and monotonic are read one after the other and may be slewed against each other: 1 ms
+    assert before - 1_000_000 <= heard.times[0]
+    assert heard.times[-1] <= sent + 1_000_000
+    assert opened.status.stamp_refused == 0
+    assert opened.status.socket_dropped == 0
+
+
+async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: socket.socket) -> None:
+    clock = FakeClock(77)  # as if real time had stepped by decades
+    async with running(link(), clock=clock) as (opened, heard):
+        device.sendto(b"x", opened.address)
+        await until_async(lambda: heard.frames)
+    assert heard.times == [77]
+    assert opened.status.stamp_refused == 1
+
+
+async def test_what_the_kernel_drops_is_counted(device: socket.socket) -> None:
+    async with running(link()) as (opened, heard):
+        opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
+        for _ in range(500):
+            device.sendto(bytes(100), opened.address)
+        await until_async(lambda: heard.frames)
+        await opened.drain()
+        for _ in range(2):  # the kernel tells the count with the next datagram
+            device.sendto(b"next", opened.address)
+        await until_async(lambda: heard.frames[-1] == b"next")
+        await opened.drain()
+        assert opened.status.socket_dropped > 0
+        assert len(heard.frames) + opened.status.socket_dropped == 502
+
+
+def test_drop_counter_of_the_kernel_wraps() -> None:
+    status = LinkStatus()
+    arrival = Arrival(FakeClock(0), status)
+    for total in (0xFFFF_FFF0, 5):
+        arrival.time_ns([(socket.SOL_SOCKET, SO_RXQ_OVFL, total.to_bytes(4, "little"))])
+    assert status.socket_dropped == 0x1_0000_0005
+    assert TIMESPEC.size == 16
+
+
+async def test_only_the_configured_source_is_heard(device: socket.socket) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.bind(("127.0.0.2", 0))
+        async with running(link(source="127.0.0.1")) as (opened, heard):
+            for _ in range(3):
+                stranger.sendto(b"stranger", opened.address)
+            await until_async(lambda: opened.status.refused == 3)
+            opened._judge()
+            assert opened.status.state is LinkState.SILENT
+            assert "none from 127.0.0.1" in opened.status.hint
+            device.sendto(b"device", opened.address)
+            await until_async(lambda: heard.frames)
+    assert heard.frames == [b"device"]
+
+
+async def test_answers_go_to_whom_was_heard_last(device: socket.socket) -> None:
+    async with running(link(transmit=True)) as (opened, heard):
+        with pytest.raises(LinkError, match="nobody to send to"):
+            await opened.send(b"x")
+        device.sendto(b"hello", opened.address)
+        await until_async(lambda: heard.frames)
+        assert await opened.send(b"answer") == 6
+        assert device.recvfrom(100) == (b"answer", opened.address)
+
+
+async def test_peer_of_the_configuration_is_sent_to(device: socket.socket) -> None:
+    host, port = device.getsockname()
+    async with running(link(transmit=True, peer=f"{host}:{port}"), on_connect=[b"wake up"]):
+        assert device.recv(100) == b"wake up"
+
+
+async def test_multicast_group(device: socket.socket) -> None:
+    device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
+    device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+    async with running(link(group=GROUP)) as (opened, heard):
+        assert opened.address[0] == GROUP
+        device.sendto(b"to one", ("127.0.0.1", opened.address[1]))
+        device.sendto(b"to all", opened.address)
+        await until_async(lambda: heard.frames)
+        again = link(group=GROUP, bind=f"127.0.0.1:{opened.address[1]}")
+        async with running(again) as (_, second):
+            device.sendto(b"to both", opened.address)
+            await until_async(lambda: second.frames and len(heard.frames) == 2)
+    assert heard.frames == [b"to all", b"to both"]
+    assert second.frames == [b"to both"]
+
+
+async def test_ipv6() -> None:
+    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sock:
+        try:
+            sock.bind(("::1", 0))
+        except OSError:
+            return  # a machine without IPv6
+        async with running(link(bind="[::1]:0", source="0:0::1", transmit=True)) as (opened, heard):
+            sock.sendto(b"six", opened.address)
+            await until_async(lambda: heard.frames == [b"six"])
+            await opened.send(b"back")
+            sock.settimeout(10)
+            assert sock.recv(10) == b"back"
+
+
+async def test_port_in_use_is_busy_until_it_is_free(device: socket.socket) -> None:
+    place = "{}:{}".format(*device.getsockname())
+    async with running(link(bind=place), connects=0) as (opened, _):
+        await until_async(lambda: opened.status.state is LinkState.BUSY)
+        assert "in use" in opened.status.hint
+        device.close()
+        await until_async(lambda: opened.status.connects == 1)
+        assert opened.status.state is LinkState.SILENT
+
+
+async def test_address_of_another_machine_is_absent() -> None:
+    async with running(link(bind="192.0.2.1:4000"), connects=0) as (opened, _):
+        await until_async(lambda: "not an address of this machine" in opened.status.hint)
+        assert opened.status.state is LinkState.ABSENT
+        assert "127.0.0.1 (lo)" in opened.status.hint
+        with pytest.raises(LinkError, match="not open"):
+            _ = opened.address
+
+
+async def test_port_below_1024_is_denied_to_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Root may do it, so the kernel's answer to a user is given instead."""
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("fti.links.udp.prepare", refuse)
+    async with running(link(), connects=0) as (opened, _):
+        await until_async(lambda: opened.status.state is LinkState.DENIED)
+        assert "below 1024" in opened.status.hint
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"bind": "300.0.0.1:1"}, "not an IP address"),
+        ({"bind": "127.0.0.1:70000"}, "allowed is 0 to 65535"),
+        ({"source": "radar"}, "source = 'radar'"),
+        ({"group": "192.168.1.1"}, "multicast"),
+        ({"group": "ff02::1"}, "IPv4 multicast"),
+    ],
+)
+def test_what_can_never_work_is_said_at_once(keys: dict[str, str], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        open_link(link(**keys), FakeClock(), lambda data, t: None)
