@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 from fti.service.control import Channel, send_order
 
@@ -28,6 +29,13 @@ class ProcessState(StrEnum):
     STOPPED = "stopped"
 
 
+class Spawned(NamedTuple):
+    """A process that waits for its order, and our end of its control channel."""
+
+    process: subprocess.Popen[bytes]
+    socket: socket.socket
+
+
 @dataclass(slots=True)
 class Child:
     """One child.  It inherits its end of the control channel; order and ring come over it.
@@ -43,32 +51,36 @@ class Child:
     restarts: int = 0
     channel: Channel | None = None
     process: subprocess.Popen[bytes] | None = None
-    _socket: socket.socket | None = None
+    _waiting: Spawned | None = None
     _started: float = 0.0
     _restart_at: float = 0.0
     _delay: float = field(default=FIRST_RESTART_S)
 
-    def spawn(self) -> None:
-        """Start the process; it loads what it needs and waits for its order."""
-        self._socket, theirs = socket.socketpair()
-        self.process = subprocess.Popen(
+    def prepare(self) -> None:
+        """Have a process at hand that has loaded what it needs and waits for its order."""
+        if self._waiting is not None:
+            return
+        ours, theirs = socket.socketpair()
+        process = subprocess.Popen(
             [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             process_group=0,
         )
         theirs.close()
-        self.state = ProcessState.STARTING
-        self._started = time.monotonic()
+        self._waiting = Spawned(process, ours)
 
     def start(self) -> Channel:
-        """Give the process its order, starting it first if need be; returns our end of its control channel."""
-        if self._socket is None:
-            self.spawn()
-        assert self._socket is not None
+        """Give the process at hand (or a new one) its order; returns our end of its control channel."""
+        self.prepare()
+        assert self._waiting is not None
+        self.process, sock = self._waiting
+        self._waiting = None
         if self.order is not None and self.ring_fd is not None:
-            send_order(self._socket, self.order, self.ring_fd)
-        self.channel, self._socket = Channel(self._socket), None
+            send_order(sock, self.order, self.ring_fd)
+        self.channel = Channel(sock)
+        self.state = ProcessState.STARTING
+        self._started = time.monotonic()
         return self.channel
 
     @property
@@ -101,13 +113,16 @@ class Child:
 
     def close(self) -> None:
         """Close our end of the channel: for the child, that is the end."""
-        for end in (self.channel, self._socket):
-            if end:
-                end.close()
-        self.channel = self._socket = None
+        if self.channel:
+            self.channel.close()
+            self.channel = None
 
     def dismiss(self) -> None:
-        """Let go of the process, and wait for its end; one that never got its order ends by that."""
+        """Let go of the process, and of the one that waits, and wait for their ends."""
         self.close()
+        if self._waiting:
+            self._waiting.socket.close()
+            self._waiting.process.wait()
+            self._waiting = None
         if self.process:
             self.process.wait()

@@ -22,7 +22,7 @@ Companion = Callable[["Supervisor"], Awaitable[None]]
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
     child = Child("recorder")
-    child.spawn()
+    child.prepare()
     try:
         yield child
     finally:

@@ -33,6 +33,8 @@ from fti.service.preparation import Preparation
 WATCH_PERIOD_S = 0.02
 HEALTH_PERIOD_S = 0.5
 NAVIGATION_END_S = 20.0
+#: The recorder has a stand-in; it is started when the others have had time to start.
+STANDBY_S = 2.0
 DISPLAY_END_S = 3.0
 RECORDER = "recorder"
 NAVIGATION = "navigation"
@@ -173,6 +175,13 @@ class Supervisor:
             control.notify_systemd("READY=1")
             for other in self._children[1:]:
                 self._start(other)
+        if child.name == RECORDER:
+            asyncio.get_running_loop().call_later(STANDBY_S, self._prepare_recorder)
+
+    def _prepare_recorder(self) -> None:
+        """Another recorder waits, so that one that is killed is replaced at once."""
+        if not self._stopping:
+            self._children[0].prepare()
 
     def _publish_info(self) -> None:
         info = rundir.DaemonInfo(
@@ -301,12 +310,13 @@ class Supervisor:
 
     def _close_killed_sessions(self) -> None:
         with guarded("repair", self._report_later):
-            for closed in repair.close_all(Path(self._config.session.directory)):
-                self._announce(f"closed {closed.path}, which a killed session had left open")
+            for closed in repair.close_all(Path(self._config.session.directory), in_use=[self.folder.path]):
+                self._announce(closed.fault or f"closed {closed.path}, which a killed session had left open")
 
     def _close_own_files(self) -> None:
+        """What a killed child left open."""
         with guarded("repair", self._report_later):
-            repair.close_all(self.folder.path)
+            repair.close_all(self.folder.path.parent)
 
     def _report_later(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import queue
 import re
 import signal
 import socket
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fti.bus.zenoh_bus import Subscriber
 from tests.helpers import until
 
 FTI = [sys.executable, "-m", "fti.cli.main"]
@@ -111,13 +113,25 @@ class Daemon:
         return found
 
     def health(self) -> dict[str, Any]:
-        """The health that the daemon publishes."""
-        found: dict[str, Any] = self.watch()["health"] or {}
+        """The next health that the daemon publishes on the bus."""
+        info, said = self.info, queue.SimpleQueue[bytes]()
+
+        def hear(topic: str, payload: bytes) -> None:
+            if topic == "/health":
+                said.put(payload)
+
+        subscriber = Subscriber.connect(info["zenoh"], info["name"], hear)
+        try:
+            found: dict[str, Any] = json.loads(said.get(timeout=START_S))
+        finally:
+            subscriber.close()
         return found
 
     def pid_of(self, process: str) -> int:
         """Process number of recorder, navigation or display."""
-        return int(until(lambda: self._running_pid(process), START_S, f"{process} running"))
+        pid = until(lambda: self._running_pid(process), START_S, f"{process} running")
+        assert pid
+        return pid
 
     def _running_pid(self, process: str) -> int | None:
         known = (self.health().get("processes") or {}).get(process, {})

@@ -1,0 +1,160 @@
+"""Kill -9 of each process, of all of them, and the orderly end: what is in the files."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+from fti.logger.recording import Recording
+from fti.types import RawFrame
+from tests.e2e.feeder import Feeder
+from tests.e2e.harness import Daemon, daemon, fti
+from tests.helpers import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+KILL_TOLERANCE_NS = 50_000_000
+RESTART_NS = 1_000_000_000
+
+
+def _feed(feeder: Feeder, running: Daemon) -> None:
+    """Start to feed when both links are open, so that nothing is sent to nobody."""
+    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", 20, "an open line")
+    feeder.start()
+    until(lambda: len(feeder.sent) > 50, 10, "fed frames")
+
+
+def _bytes(session: Path, link: str) -> bytes:
+    return b"".join(f.data for f in Recording.open(session).frames() if f.link == link)
+
+
+def _assert_complete(session: Path, feeder: Feeder) -> None:
+    """Every byte that was sent is in the recording, in order, and every seq is there."""
+    expected = b"".join(feeder.sent)
+    assert _bytes(session, "line") == expected
+    assert _bytes(session, "eth") == expected
+    seqs = [f.seq for f in Recording.open(session).frames()]
+    assert seqs == list(range(seqs[-1] + 1))
+
+
+def _assert_readable(session: Path) -> None:
+    """The official reader accepts every file, checksums and all."""
+    files = sorted(session.glob("*.mcap"))
+    assert files
+    for path in files:
+        with path.open("rb") as stream:
+            assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_finished_files(tmp_path: Path, number: int) -> None:
+    with Feeder(tmp_path / "links") as feeder:
+        with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+            session = running.session
+            _feed(feeder, running)
+            feeder.stop()
+            assert running.stop(number) == 130
+        _assert_readable(session)
+        _assert_complete(session, feeder)
+        verified = fti("verify", str(session))
+        assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def _kill_navigation(running: Daemon) -> None:
+    os.kill(running.pid_of("navigation"), signal.SIGKILL)
+
+
+def _kill_display(running: Daemon) -> None:
+    os.kill(running.pid_of("display"), signal.SIGKILL)
+
+
+def _freeze_navigation(running: Daemon) -> None:
+    pid = running.pid_of("navigation")
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(2.0)  # so long nobody reads the ring
+    os.kill(pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize("harm", [_kill_navigation, _kill_display, _freeze_navigation])
+def test_nothing_downstream_touches_the_recording(tmp_path: Path, harm: Callable[[Daemon], None]) -> None:
+    with Feeder(tmp_path / "links") as feeder:
+        with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+            session = running.session
+            _feed(feeder, running)
+            harm(running)
+            if harm is not _freeze_navigation:
+                name = "navigation" if harm is _kill_navigation else "display"
+                until(lambda: running.health()["processes"][name]["restarts"] == 1, 20, "a restart")
+            fed = len(feeder.sent)
+            until(lambda: len(feeder.sent) > fed + 100, 10, "more frames")
+            feeder.stop()
+            running.stop()
+        _assert_readable(session)
+        _assert_complete(session, feeder)
+
+
+def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_path: Path) -> None:
+    with Feeder(tmp_path / "links") as feeder:
+        with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+            session = running.session
+            _feed(feeder, running)
+            pid, epoch = running.pid_of("recorder"), running.info["epoch_ns"]
+            until(lambda: len(feeder.sent) > 400, 20, "the stand-in")
+            killed = time.monotonic_ns() + epoch
+            os.kill(pid, signal.SIGKILL)
+            last = _last_time(next(iter(sorted(session.glob("*_000.mcap")))))
+            until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, 20, "a restart")
+            fed = len(feeder.sent)
+            until(lambda: len(feeder.sent) > fed + 100, 10, "more frames")
+            feeder.stop()
+            running.stop()
+        assert killed - last < KILL_TOLERANCE_NS
+        _assert_readable(session)
+        first, second = (_frames_of(session, n) for n in ("000", "001"))
+        assert first[-1].seq < second[0].seq
+        assert second[0].t_rx_ns - killed < RESTART_NS
+        assert _bytes(session, "line").endswith(feeder.sent[-1])
+
+
+def _frames_of(session: Path, number: str) -> list[RawFrame]:
+    return list(Recording.open(session / f"{session.name}_{number}.mcap").frames())
+
+
+def _last_time(path: Path) -> int:
+    """Time of the last message that the official stream reader finds in a file without an end."""
+    last = 0
+    with path.open("rb") as stream:
+        try:
+            for record in StreamReader(stream).records:
+                if isinstance(record, Message):
+                    last = max(last, record.log_time)
+        except EndOfFile:
+            pass
+    return last
+
+
+def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path) -> None:
+    with Feeder(tmp_path / "links") as feeder:
+        arguments = (feeder.config, tmp_path / "out", "--links", str(feeder.links))
+        with daemon(*arguments) as running:
+            session, epoch = running.session, running.info["epoch_ns"]
+            _feed(feeder, running)
+            killed = time.monotonic_ns() + epoch
+            running.kill_all()
+        feeder.stop()
+        raw = session / f"{session.name}_000.mcap"
+        assert killed - _last_time(raw) < KILL_TOLERANCE_NS
+        before = [f.data for f in Recording.open(raw).frames()]
+        with daemon(*arguments, "--duration", "1") as running:
+            running.wait()
+        assert any(str(raw) in line for line in running.lines)
+        _assert_readable(session)
+        assert [f.data for f in Recording.open(raw).frames()] == before
