@@ -21,7 +21,7 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from fti.errors import MissingError
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
-_FOOTER_BYTES = 9 + 20 + len(MAGIC)
+FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 
 class Topic(NamedTuple):
@@ -140,7 +140,7 @@ def has_footer(path: Path) -> bool:
     """Does a file end with a footer and the magic, as a finished one does?  Raises MissingError."""
     try:
         with path.open("rb") as stream:
-            stream.seek(-min(_FOOTER_BYTES, stream.seek(0, os.SEEK_END)), os.SEEK_END)
+            stream.seek(-min(FOOTER_BYTES, stream.seek(0, os.SEEK_END)), os.SEEK_END)
             tail = stream.read()
     except OSError as error:
         raise MissingError(f"{path}: cannot be read: {error.strerror}") from error

@@ -35,7 +35,8 @@ class Recording:
     raw_files, derived_files, truth_files : in order.  ``faults`` is filled by reading: files that broke off.
     """
 
-    def __init__(self, raw: list[Path], derived: list[Path], truth: list[Path]) -> None:
+    def __init__(self, path: Path, raw: list[Path], derived: list[Path], truth: list[Path]) -> None:
+        self.path = path
         self.raw_files = raw
         self.derived_files = derived
         self.truth_files = truth
@@ -47,14 +48,14 @@ class Recording:
         place = Path(path)
         if place.is_dir():
             folder = SessionFolder(place)
-            recording = cls(folder.files("raw"), folder.files("derived"), folder.files("truth"))
+            recording = cls(place, folder.files("raw"), folder.files("derived"), folder.files("truth"))
             if not recording.files:
                 raise MissingError(f"{place}: holds no MCAP files")
             return recording
         if not place.is_file():
             raise MissingError(f"{place}: there is no such session folder or file")
         kind = _kind_of(place)
-        return cls(*([place] if kind == k else [] for k in ("raw", "derived", "truth")))
+        return cls(place, *([place] if kind == k else [] for k in ("raw", "derived", "truth")))
 
     @property
     def files(self) -> list[Path]:
@@ -91,23 +92,28 @@ class Recording:
 
         Raises RecordingError when a number stands twice.
         """
-        for seq, item in self._numbered():
+        for seq, item in self.numbered():
             if not item.topic.name.startswith(SENT):
-                yield RawFrame(_link_of(item.topic.name), seq, item.log_time, item.data)
+                yield RawFrame(link_of(item.topic.name), seq, item.log_time, item.data)
 
     def sent(self) -> Iterator[RawFrame]:
         """What was sent on the links, in order of ``seq``."""
-        for seq, item in self._numbered():
+        for seq, item in self.numbered():
             if item.topic.name.startswith(SENT):
-                yield RawFrame(_link_of(item.topic.name), seq, item.log_time, item.data)
+                yield RawFrame(link_of(item.topic.name), seq, item.log_time, item.data)
+
+    def items(self, kind: Kind) -> Iterator[Item]:
+        """All messages of the files of a kind, in the order of the files."""
+        return chain.from_iterable(self._chunks(self.paths(kind)))
 
     def messages(self, topic_prefix: str = "", kind: Kind = "derived") -> Iterator[tuple[str, int, int, int, bytes]]:
         """(topic, log time, publish time, sequence, data) of the files of a kind, in the order of the files."""
-        for item in chain.from_iterable(self._chunks(self._paths(kind))):
+        for item in self.items(kind):
             if item.topic.name.startswith(topic_prefix):
                 yield item.topic.name, item.log_time, item.publish_time, item.sequence, item.data
 
-    def _paths(self, kind: Kind) -> list[Path]:
+    def paths(self, kind: Kind) -> list[Path]:
+        """The files of a kind."""
         return {"raw": self.raw_files, "derived": self.derived_files, "truth": self.truth_files}[kind]
 
     def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
@@ -128,8 +134,8 @@ class Recording:
                     numbered.append((last, item))
             yield numbered
 
-    def _numbered(self) -> Iterator[tuple[int, Item]]:
-        """Numbered messages in order of ``seq``.
+    def numbered(self) -> Iterator[tuple[int, Item]]:
+        """Frames, ticks and sent bytes in order of ``seq``, as (seq, item).  Raises RecordingError as ``frames``.
 
         Links are written one after another, so a message may stand behind later ones.  A message is given out when it
         is the next, or, once too many wait, when no smaller number follows in the files.
@@ -174,7 +180,8 @@ def _checked(entry: tuple[int, Item], expected: int) -> int:
     return seq
 
 
-def _link_of(topic: str) -> str:
+def link_of(topic: str) -> str:
+    """Name of the link whose frames, sent bytes or ticks stand on a topic."""
     return TICK_LINK if topic == TICK_TOPIC else topic.split("/", 2)[2]
 
 
