@@ -21,7 +21,7 @@ def mat_from_rpy(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array
 
     roll right wing down, pitch nose up, heading clockwise from north : float or ndarray [rad]
     Returns : ndarray, shape (..., 3, 3).  With (roll, pitch, yaw) of a mounting it is mat_bs.
-    Source  : Titterton and Weston 2004, eq. 3.63; order and signs as Spiegel 2018, appendix A.
+    Source  : Titterton and Weston 2004, section 3.6 (direction cosines from Euler angles, order 3-2-1).
     """
     sr, cr, sp, cp, sh, ch = (f(angle) for angle in (roll, pitch, heading) for f in (np.sin, np.cos))
     return _matrix(
@@ -48,7 +48,7 @@ def rpy_from_mat(mat_nb: ArrayLike) -> tuple[Array, Array, Array]:
 def mat_en(lat: ArrayLike, lon: ArrayLike) -> Array:
     """Navigation frame (north, east, down at lat, lon [rad]) to the earth frame: shape (..., 3, 3).
 
-    Source: Titterton and Weston 2004, eq. 3.85 (transposed).
+    The columns are the unit vectors north, east and down at the point.  Checked against differences of position.
     """
     sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     return _matrix(

@@ -7,8 +7,7 @@ the threshold: no weight by gain, incidence or range.  The nearest ray is refine
 over level ground h below the antenna the range is at most h (delta / 2^steps)^2 too long, delta the ring step: 0.6 mm
 at 300 m.  What it leaves out: side lobes, reflectivity, averaging, receiver noise.
 
-Sources: Spiegel 2018, sections 2.2.5 (bundle of rays) and 2.2.7, fig. 2.53 (leading edge); eq. 2.68 weighs every ray
-alike as well, where it sums power.
+Source: Spiegel 2018, sections 2.2.5 (bundle of rays) and 2.3.2.3, fig. 2.53 (leading edge).
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def sensor_poses(
     lever_arm_b : ndarray, shape (3,) [m]  reference point P to sensor
     mat_bs      : ndarray, shape (3, 3)    sensor to body; None: the sensor's axes are the body's (looks down)
     Returns     : origins_m (n, 3) [m], mats_ms (n, 3, 3)
-    Source      : Spiegel 2018, eq. 2.38 ff. with the sign of the lever arm as in the conventions of ``fti``.
+    Source      : Spiegel 2018, eq. 2.38-2.40 with the sign of the lever arm as in the conventions of ``fti``.
     """
     mat_mb = frame.mat_mn(lat, lon) @ mat_from_rpy(roll, pitch, heading)
     origins = frame.to_local(lat, lon, alt) + mat_mb @ np.asarray(lever_arm_b, dtype=np.float64)

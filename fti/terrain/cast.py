@@ -34,6 +34,8 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 #: A root may lie this far behind the exit of its cell, relative to the range: rounding at a shared edge.
 _EDGE = 1e-12
 _MISS = -1.0
+#: Moves of the search for the nearest return, per halving of its step; more would be a walk along a level ridge.
+_MOVES = 4
 
 
 def _kernel(function: Kernel) -> Kernel:
@@ -190,8 +192,9 @@ def cast_bundle_min(
 ) -> Array:
     """The nearest return of a bundle of rays, for many poses; NaN where no ray meets the surface.
 
-    Each ray is cast only as far as the nearest return so far.  The nearest ray is then refined ``steps`` times by
-    six rays around it, at half the spacing of the bundle, a quarter, and so on, inside the bundle's half width.
+    Each ray is cast only as far as the nearest return so far.  Then six rays around the nearest one are tried, at half
+    the spacing of the bundle and inside its half width; the search moves while one is nearer, and otherwise halves
+    the spacing, ``steps`` times in all.
 
     origins : (n, 3) [m] east, north, up; mats_ms : (n, 3, 3) sensor to local frame; half_width [rad]
     angles  : (k, 2) [rad] angle from the boresight times the direction across it: the centre first, then a
@@ -206,7 +209,10 @@ def cast_bundle_min(
             if r < nearest:
                 nearest, at_x, at_y = r, angles[k, 0], angles[k, 1]
         step = 0.5 * math.hypot(angles[1, 0], angles[1, 1]) if len(angles) > 1 else 0.0
-        for _ in range(steps if nearest < math.inf else 0):
+        halved = 0 if nearest < math.inf else steps
+        for _ in range(_MOVES * steps):
+            if halved == steps:
+                break
             centre_x, centre_y = at_x, at_y
             for k in range(6):
                 ax = centre_x + step * math.cos(k * math.pi / 3.0)
@@ -215,7 +221,9 @@ def cast_bundle_min(
                     r = _cast_angle(p, o, mat, ax, ay, nearest)
                     if r < nearest:
                         nearest, at_x, at_y = r, ax, ay
-            step *= 0.5
+            if at_x == centre_x and at_y == centre_y:
+                step *= 0.5
+                halved += 1
         ranges[i] = nearest if nearest < math.inf else math.nan
     return ranges
 

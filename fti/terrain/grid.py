@@ -17,7 +17,7 @@ def cubic_weights(fraction: Array) -> tuple[Array, Array, Array, Array]:
     """Weights of the four posts around a fraction in [0, 1] of the middle interval.
 
     Cubic convolution with a = -1/2: passes through the posts and reproduces polynomials up to the second degree.
-    Source: Keys 1981, eq. 15.
+    Source: Keys 1981 (cubic convolution).
     """
     t, s = fraction, 1.0 - fraction
     return -0.5 * t * s * s, s + 0.5 * t * s * (2.0 * s - t), t + 0.5 * t * s * (2.0 * t - s), -0.5 * s * t * t
