@@ -20,6 +20,7 @@ from fti.types import LinkState
 #: Gets one read, one datagram or one CAN frame, and its FTI time of arrival [ns].  It must not raise.
 Sink = Callable[[bytes, int], None]
 
+NOT_OPENED = "not opened yet"
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 WATCH_S = 0.25
 #: A link on which nothing came for so long is silent.
@@ -41,7 +42,7 @@ class LinkStatus:
     """
 
     state: LinkState = LinkState.ABSENT
-    hint: str = "not opened yet"
+    hint: str = NOT_OPENED
     frames: int = 0
     bytes: int = 0
     last_rx_ns: int | None = None

@@ -7,6 +7,7 @@ we may look at has it open; the processes of other users are hidden from all but
 from __future__ import annotations
 
 import fcntl
+import grp
 import os
 import socket
 import struct
@@ -41,18 +42,26 @@ def serial_ports(folder: Path | None = None) -> list[Port]:
     """The serial ports, their stable names, and the ports that an emulator has put into a folder."""
     opened = _opened_devices()
     described = {str(p.device): str(p.description or "") for p in list_ports.comports()}
-    found = [Port(name, "serial", _serial_state(Path(name), opened), described[name]) for name in sorted(described)]
+    found = [_serial_port(Path(name), opened, described[name]) for name in sorted(described)]
     for place in (BY_ID, folder):
         links = sorted(place.iterdir()) if place and place.is_dir() else []
         links = [link for link in links if link.is_symlink() and link.exists()]
-        found += [Port(str(link), "serial", _serial_state(link, opened), f"-> {link.resolve()}") for link in links]
+        found += [_serial_port(link, opened, f"-> {link.resolve()}") for link in links]
     return found
 
 
-def _serial_state(path: Path, opened: set[int]) -> str:
+def _serial_port(path: Path, opened: set[int], detail: str) -> Port:
     if not os.access(path, os.R_OK | os.W_OK):
-        return "denied"
-    return "busy" if path.stat().st_rdev in opened else "free"
+        return Port(str(path), "serial", "denied", f"{detail}; group {group_of(path)}")
+    return Port(str(path), "serial", "busy" if path.stat().st_rdev in opened else "free", detail)
+
+
+def group_of(path: Path) -> str:
+    """The group that may use a device."""
+    try:
+        return grp.getgrgid(path.stat().st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"
 
 
 def _opened_devices() -> set[int]:

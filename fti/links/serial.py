@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
-import grp
 import os
 import stat
 import termios
@@ -23,7 +22,7 @@ from fti.clock import Clock
 from fti.config import SerialLink as SerialConfig
 from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links.base import BaseLink, Sink
-from fti.links.ports import serial_names
+from fti.links.ports import group_of, serial_names
 
 READ_BYTES = 65536
 LAST_READS = 1000  # from a device that is about to be left
@@ -75,20 +74,13 @@ def _explained(config: SerialConfig, error: Exception) -> LinkError:
     """Why the port cannot be opened, in words that help."""
     port, number = config.port, getattr(error, "errno", None)
     if number in DENIED:
-        return PortDenied(f"{port}: permission denied; the user must be in group {_group(port)}")
+        return PortDenied(f"{port}: permission denied; the user must be in group {group_of(Path(port))}")
     if number in BUSY:
         return PortBusy(f"{port}: in use by another program")
     if number is None and Path(port).exists():
         settings = f"{config.baud} baud, {config.data_bits} bits, parity {config.parity}, {config.stop_bits} stop bits"
         return LinkError(f"{port}: does not take {settings}: {error}")
     return PortAbsent(f"{port}: no such port; there are {', '.join(serial_names()) or 'none'}")
-
-
-def _group(port: str) -> str:
-    try:
-        return grp.getgrgid(Path(port).stat().st_gid).gr_name
-    except (OSError, KeyError):
-        return "dialout"
 
 
 class SerialPortLink(BaseLink):

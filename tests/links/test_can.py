@@ -207,7 +207,7 @@ async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
 
 
 async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> None:
-    async with running(link("pcan")) as (opened, heard):
+    async with running(link("pcan")) as (_, heard):
 
         def complain() -> bool:
             if not fake[0].closed:

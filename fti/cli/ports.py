@@ -1,0 +1,42 @@
+"""List what can be plugged in: serial ports, CAN interfaces, addresses, and their states.
+
+  fti ports
+  fti ports --links /tmp/lab      also the ports that an emulator has put there
+  fti ports --json
+
+One per line, name first: as the configuration wants it.  A serial port is free, busy (a program has it open; programs
+of other users are seen by root only) or denied (no permission: the group is named); an interface is up or down.
+No port is opened for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti ports``."""
+    parser.add_argument("--links", metavar="DIR", help="folder in which an emulator puts its ports")
+    parser.add_argument("--json", action="store_true", help="JSON only")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the list."""
+    import dataclasses
+    import json
+
+    from fti.errors import MissingError
+    from fti.links.ports import can_interfaces, ipv4_addresses, serial_ports
+
+    folder = Path(args.links) if args.links else None
+    if folder and not folder.is_dir():
+        raise MissingError(f"{folder}: no such folder")
+    found = [*serial_ports(folder), *can_interfaces(), *ipv4_addresses()]
+    if args.json:
+        print(json.dumps([dataclasses.asdict(port) for port in found], indent=1))
+        return 0
+    width = max((len(port.name) for port in found), default=0)
+    for port in found:
+        print(f"{port.name:<{width}}  {port.kind:<6}  {port.state:<6}  {port.detail}".rstrip())
+    return 0
