@@ -1,0 +1,97 @@
+"""Emulated flights past a real daemon, and what it said about them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from fti.logger.recording import Recording
+from tests.e2e.harness import FTI, START_S, daemon, with_free_ports
+from tests.helpers import ROOT, until
+
+DEMO = ROOT / "configs" / "demo.toml"
+SECOND_NS = 1_000_000_000
+Row = dict[str, Any]
+
+
+def demo_config(folder: Path) -> Path:
+    """The demonstration's configuration on free ports, in a folder of its own."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = with_free_ports(DEMO.read_text()).replace('"profiles/', f'"{DEMO.parent}/profiles/')
+    path = folder / "demo.toml"
+    path.write_text(text + "\n[display]\nport = 0\n")
+    return path
+
+
+@contextlib.contextmanager
+def emulator(scenario: str, config: Path, links: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """``fti hil`` on the links of a configuration, prepared; it ends with the flight, or with the block."""
+    process = subprocess.Popen(
+        [*FTI, "hil", scenario, "--config", str(config), "--links", str(links), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A recorded flight: what the daemon said, what was true.  Times in seconds of the flight."""
+
+    session: Path
+    truth: Path
+
+    @cached_property
+    def recording(self) -> Recording:
+        return Recording.open(self.session)
+
+    @cached_property
+    def true_rows(self) -> list[Row]:
+        return [json.loads(data) for *_, data in Recording.open(self.truth).messages("/truth/state", kind="truth")]
+
+    @cached_property
+    def begin_ns(self) -> int:
+        """FTI time at which the flight began."""
+        return int(self.true_rows[0]["t_ns"])
+
+    def outputs(self, topic: str) -> list[Row]:
+        """Every message of a topic during the flight, with its time as ``t``."""
+        found = [json.loads(data) for *_, data in self.recording.messages(topic)]
+        return [{**row, "t": self.seconds(row["t_ns"])} for row in found if row["t_ns"] >= self.begin_ns]
+
+    def seconds(self, t_ns: int) -> float:
+        """Time of the flight [s]."""
+        return (t_ns - self.begin_ns) / SECOND_NS
+
+    def truth_at(self, t: float) -> Row:
+        """The true row next to a time of the flight [s]."""
+        return min(self.true_rows, key=lambda row: abs(self.seconds(row["t_ns"]) - t))
+
+    def arrivals(self, link: str) -> list[float]:
+        """Times at which a link brought something [s]."""
+        return [self.seconds(f.t_rx_ns) for f in self.recording.frames() if f.link == link]
+
+
+def fly(scenario: str, folder: Path, duration_s: float) -> Flight:
+    """Fly a scenario past a daemon for so many seconds of the flight."""
+    config, links, truth = demo_config(folder), folder / "links", folder / "flight_truth_000.mcap"
+    arguments = ("--duration", f"{duration_s}", "--truth", str(truth))
+    with emulator(scenario, config, links, *arguments) as played:
+        assert played.stdout
+        until(lambda: links.is_dir() or played.poll() is not None, START_S, "the emulator's ports")
+        with daemon(config, folder / "out", "--links", str(links)) as running:
+            session = running.session
+            assert played.wait(timeout=duration_s + 60) == 0
+            running.stop()
+    return Flight(session, truth)

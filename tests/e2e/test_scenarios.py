@@ -1,0 +1,138 @@
+"""The scenarios, flown past a real daemon on ptys, UDP and CAN: what it must say, and how soon."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from fti.nav.reference import Reference
+from tests.e2e.flights import DEMO, Flight, Row, fly
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(400)]
+
+INTEGRITY = "/nav/clearance_integrity"
+GLIDE = "/nav/glide_slope"
+RADAR = "/nav/height_above_ground/altimeter"
+#: Seconds of each flight that its assertions need.
+DURATIONS = {"nominal": 80.0, "altimeter_failure": 54.0, "obstacle": 50.0, "off_track": 66.0, "silence": 50.0}
+GOOD = ("ok", "monitor")
+PROFILE = DEMO.parent / "profiles" / "demo.csv"
+#: Nothing that the reference leaves open (relief, noise, steps of the instrument) is as high.
+OBSTACLE_M = 30.0
+MAX_AGE_S = 0.5
+#: A judgement falls on a tick; one tick and the period of the samples may pass.
+TICK_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Flight]:
+    """Every scenario once, two at a time, in real time."""
+    folder = tmp_path_factory.mktemp("flights")
+    with ThreadPoolExecutor(2) as pool:
+        jobs = {name: pool.submit(fly, name, folder / name, s) for name, s in DURATIONS.items()}
+        return {name: job.result() for name, job in jobs.items()}
+
+
+def _first(rows: list[Row], state: str, after: float = 0.0) -> Row:
+    return next(row for row in rows if row["state"] == state and row["t"] >= after)
+
+
+def _between(rows: list[Row], begin: float, end: float) -> list[Row]:
+    return [row for row in rows if begin <= row["t"] <= end]
+
+
+def test_nominal_integrity_becomes_and_stays_good(flights: dict[str, Flight]) -> None:
+    rows = flights["nominal"].outputs(INTEGRITY)
+    good = next(row["t"] for row in rows if row["state"] in GOOD)
+    assert good < 15.0  # one window of 400 m at 60 m/s, and the start of the daemon
+    end = max(row["t"] for row in rows if "end" not in row["reasons"] and row["s_end"] is not None)
+    later = _between(rows, good, end)
+    assert len(later) > 150
+    assert {row["state"] for row in later} <= set(GOOD)
+    assert sum(row["state"] == "ok" for row in later) > len(later) / 2
+
+
+def test_nominal_deviation_is_the_flown_one(flights: dict[str, Flight]) -> None:
+    flight = flights["nominal"]
+    valid = [row for row in flight.outputs(GLIDE) if row["valid"]]
+    assert len(valid) > 100
+    inside = 0
+    for row in valid:
+        flown = flight.truth_at(flight.seconds(row["t_valid_ns"]))["deviation"]
+        inside += abs(row["deviation"] - flown) < 3 * row["sd"]
+        assert abs(row["deviation"] - flown) < math.radians(0.36)  # never a whole dot
+    assert inside >= 0.99 * len(valid)
+
+
+def test_nominal_height_is_that_above_the_ground(flights: dict[str, Flight]) -> None:
+    """Over a runway plane and low, the leading edge is the height: within the steps of the instrument."""
+    flight = flights["nominal"]
+    low = [row for row in flight.outputs(RADAR) if row["valid"] and row["height_agl"] < 25]
+    assert len(low) > 20
+    errors = [row["height_agl"] - flight.truth_at(flight.seconds(row["t_valid_ns"]))["height_agl"] for row in low]
+    assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 1.5
+
+
+def test_obstacle_is_an_alert_and_passes(flights: dict[str, Flight]) -> None:
+    flight = flights["obstacle"]
+    rows = flight.outputs(INTEGRITY)
+    alert = _first(rows, "alert")
+    entered, left = _beam_times(flight)
+    assert entered <= alert["t"] <= entered + 2.0, (entered, alert["t"])
+    assert "obstacle" in alert["reasons"]
+    window_s = 400.0 / 60.0
+    again = next(row["t"] for row in rows if row["t"] > left and row["state"] in GOOD)
+    assert again <= left + window_s + 1.0
+    assert "alert" not in {row["state"] for row in rows if row["t"] < entered}
+
+
+def _beam_times(flight: Flight) -> tuple[float, float]:
+    """When the altimeter sees the obstacle first and last [s]: the ground is far above that of the reference."""
+    reference = Reference.parse(PROFILE.read_text(), str(PROFILE))
+    seen = []
+    for row in flight.outputs(RADAR):
+        true = flight.truth_at(flight.seconds(row["t_valid_ns"]))
+        if row["height_agl"] is not None:
+            above = true["alt"] - row["height_agl"] - np.interp(true["s"], reference.s, reference.z_ref)
+            seen += [row["t"]] if above > OBSTACLE_M else []
+    return min(seen), max(seen)
+
+
+def test_off_track_is_refused_until_back(flights: dict[str, Flight]) -> None:
+    flight = flights["off_track"]
+    rows = flight.outputs(INTEGRITY)
+    back = next(flight.seconds(row["t_ns"]) for row in flight.true_rows if abs(row["y"]) < 150.0)
+    refused = _between(rows, 3.0, back - 0.5)
+    assert len(refused) > 10
+    assert all(row["state"] == "unavailable" and "off_track" in row["reasons"] for row in refused)
+    assert not any(row["valid"] for row in _between(flight.outputs(GLIDE), 3.0, back - 0.5))
+    assert any(row["state"] in GOOD for row in rows if row["t"] > back)
+
+
+def test_altimeter_failure_is_named(flights: dict[str, Flight]) -> None:
+    flight = flights["altimeter_failure"]
+    heights = flight.outputs(RADAR)
+    failed = next(row["t"] for row in heights if "device_flag" in row["reasons"])
+    assert failed < 30.0 + MAX_AGE_S + TICK_S
+    during = _between(heights, failed, failed + 7.0)
+    assert during
+    assert all(not row["valid"] and "device_flag" in row["reasons"] for row in during)
+    refused = _between(flight.outputs(INTEGRITY), failed + MAX_AGE_S + TICK_S, failed + 7.0)
+    assert refused
+    assert all(row["state"] == "unavailable" and not row["valid"] for row in refused)
+    assert any(row["valid"] for row in heights if row["t"] > failed + 8.5)
+
+
+def test_silence_makes_everything_invalid(flights: dict[str, Flight]) -> None:
+    flight = flights["silence"]
+    last = max(t for t in flight.arrivals("radalt_line") if t < 33.0)
+    quiet = (last + MAX_AGE_S + TICK_S, last + 4.0)
+    for topic in (RADAR, INTEGRITY, GLIDE, "/nav/nav_solution"):
+        rows = _between(flight.outputs(topic), *quiet)
+        assert rows, topic
+        assert not any(row["valid"] for row in rows), topic
+    assert all("stale" in row["reasons"] for row in _between(flight.outputs(RADAR), *quiet))
+    assert any(row["valid"] for row in flight.outputs(RADAR) if row["t"] > last + 6.0)
