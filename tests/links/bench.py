@@ -82,6 +82,17 @@ class Peer:
         except BlockingIOError:
             return b""
 
+    async def expect(self, data: bytes) -> None:
+        """Wait for these bytes, in whatever pieces they come."""
+        got = bytearray()
+
+        def complete() -> bool:
+            got.extend(self.read())
+            return len(got) >= len(data)
+
+        await until_async(complete, what=repr(data))
+        assert got == data
+
     def die(self) -> None:
         """The device loses power."""
         os.close(self._slave)

@@ -59,7 +59,7 @@ async def test_what_arrived_before_opening_is_kept(peer: Peer) -> None:
 async def test_every_byte_passes_both_ways(peer: Peer) -> None:
     async with running(link(peer, transmit=True)) as (opened, _):
         assert await opened.send(bytes(range(256))) == 256
-        await until_async(lambda: peer.read() == bytes(range(256)))
+        await peer.expect(bytes(range(256)))
         assert (opened.status.tx_frames, opened.status.tx_bytes) == (1, 256)
 
 
@@ -113,11 +113,11 @@ async def test_name_that_leads_to_another_device_is_followed(peer: Peer, tmp_pat
 
 async def test_on_connect_is_sent_after_every_connect(peer: Peer) -> None:
     async with running(link(peer, transmit=True), on_connect=[b"log on\r", b"rate 10\r"]) as (opened, _):
-        await until_async(lambda: peer.read() == b"log on\rrate 10\r")
+        await peer.expect(b"log on\rrate 10\r")
         peer.die()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         peer.connect()
-        await until_async(lambda: peer.read() == b"log on\rrate 10\r")
+        await peer.expect(b"log on\rrate 10\r")
         assert opened.status.tx_frames == 4
 
 
@@ -141,15 +141,9 @@ async def test_send_to_a_device_that_takes_nothing_ends_with_an_error(peer: Peer
 async def test_send_waits_for_a_slow_device(peer: Peer) -> None:
     async with running(link(peer, transmit=True)) as (opened, _):
         sent = bytes(range(250)) * 200
-        sending, got = asyncio.create_task(opened.send(sent, 10.0)), bytearray()
-
-        def pump() -> bool:
-            got.extend(peer.read())
-            return len(got) == len(sent)
-
-        await until_async(pump)
+        sending = asyncio.create_task(opened.send(sent, 10.0))
+        await peer.expect(sent)
         assert await sending == len(sent)
-        assert got == sent
 
 
 async def test_send_on_a_lost_link_is_an_error(peer: Peer) -> None:

@@ -159,7 +159,7 @@ def link(adapter: Peer, **keys: Any) -> CanLink:
 async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
     clock = FakeClock(3)
     async with running(link(adapter, bitrate=500_000), clock=clock) as (opened, heard):
-        await until_async(lambda: adapter.read() == b"C\rS6\rO\r")
+        await adapter.expect(b"C\rS6\rO\r")
         adapter.write(b"\r\r\rt10021133\rT0000010")
         await until_async(lambda: heard.frames)
         clock.advance(1)
@@ -173,12 +173,12 @@ async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
 
 async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
     async with running(link(adapter)) as (opened, heard):
-        await until_async(lambda: adapter.read() == b"C\rO\r")
+        await adapter.expect(b"C\rO\r")
         adapter.write(b"t1002")  # half a frame, lost with the adapter
         adapter.die()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         adapter.connect()
-        await until_async(lambda: adapter.read() == b"C\rO\r")
+        await adapter.expect(b"C\rO\r")
         adapter.write(b"1133\rt10021133\r")
         await until_async(lambda: heard.frames)
         assert opened.status.noise_bytes == 5
@@ -188,9 +188,9 @@ async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
 async def test_frames_are_sent_as_text(adapter: Peer) -> None:
     keys = {"transmit": True, "settings": {"listen_only": True}}
     async with running(link(adapter, **keys), on_connect=[pack_can(1, b"\x02")]) as (opened, _):
-        await until_async(lambda: adapter.read() == b"C\rL\rt001102\r")
+        await adapter.expect(b"C\rL\rt001102\r")
         await opened.send(pack_can(0x1ABCDEF0, b"\xaa\xbb", extended=True))
-        await until_async(lambda: adapter.read() == b"T1ABCDEF02AABB\r")
+        await adapter.expect(b"T1ABCDEF02AABB\r")
         with pytest.raises(ValueError, match="a CAN frame has"):
             await opened.send(b"no frame")
         assert opened.status.tx_frames == 2
