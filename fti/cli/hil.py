@@ -12,8 +12,12 @@ port exists.
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from fti.cli.main import EXIT_INTERRUPTED
+
+if TYPE_CHECKING:
+    from fti.hil.emulator import Emulator
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--list", action="store_true", help="list the shipped scenarios and end")
     parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of the flight")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
+    parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
     parser.add_argument("--config", metavar="CONFIG", help="another daemon configuration than the scenario's")
     parser.add_argument("--truth", metavar="FILE", help="write the truth of the flight to this MCAP file")
 
@@ -40,6 +45,12 @@ def run(args: argparse.Namespace) -> int:
     return _fly(args)
 
 
+async def _start(emulator: Emulator, wait: bool) -> None:
+    if wait:
+        await emulator.attended()
+    emulator.start()
+
+
 def _fly(args: argparse.Namespace) -> int:
     import asyncio
     import sys
@@ -49,13 +60,21 @@ def _fly(args: argparse.Namespace) -> int:
     from fti.clock import choose_epoch_ns
     from fti.hil import scenario as scenarios
     from fti.hil.emulator import Emulator
+    from fti.hil.scheduler import Report
 
     scenario = scenarios.load(scenarios.find(args.scenario))
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
     truth = Path(args.truth) if args.truth else None
     emulator = Emulator(config, scenario, Path(args.links), truth=truth, epoch_ns=choose_epoch_ns())
     emulator.prepare(lambda step: print(step, file=sys.stderr, flush=True))
-    emulator.start()
-    report, interrupted = asyncio.run(until_stopped(lambda stop: emulator.run(args.duration, stop), emulator.ready))
+
+    async def fly(stop: asyncio.Event) -> Report:
+        starting = asyncio.create_task(_start(emulator, args.wait), name="fti-hil-start")
+        try:
+            return await emulator.run(args.duration, stop)
+        finally:
+            starting.cancel()
+
+    report, interrupted = asyncio.run(until_stopped(fly, emulator.ready))
     print_report(report)
     return EXIT_INTERRUPTED if interrupted else 0

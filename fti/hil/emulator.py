@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 from fti.clock import SystemClock
@@ -70,6 +70,7 @@ class Emulator:
         self._config, self._scenario, self._folder = config, scenario, links_dir
         self._truth, self._clock, self._world = truth, SystemClock(epoch_ns), world
         self._sensors: list[Sensor] | None = None
+        self._endpoints: dict[str, Endpoint] = {}
         self._started = asyncio.Event()
 
     def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
@@ -84,19 +85,26 @@ class Emulator:
         """Let the flight begin (as soon as the endpoints are there)."""
         self._started.set()
 
+    async def attended(self) -> None:
+        """Wait until the daemon has opened every serial line, slcan channel and UDP port."""
+        await self.ready.wait()
+        for endpoint in self._endpoints.values():
+            await endpoint.reader_ready()
+
     async def run(self, duration_s: float | None = None, stop: asyncio.Event | None = None) -> Report:
         """Open the endpoints, wait for ``start``, fly; at most duration_s [s] of the flight."""
         self.prepare()
         assert self._sensors is not None
         ended = stop or asyncio.Event()
+        self._endpoints = self._make_endpoints(self._sensors)
         with self._truth_log() as truth:
-            async with opened(self._endpoints(self._sensors)) as endpoints:
+            async with opened(self._endpoints):
                 self.ready.set()
                 await until(self._started.wait(), ended)
-                scheduler = await self._fly(self._sensors, endpoints, truth, duration_s, ended)
-        return Report({name: e.sent for name, e in endpoints.items()}, scheduler.lateness)
+                scheduler = await self._fly(self._sensors, truth, duration_s, ended)
+        return Report({name: e.sent for name, e in self._endpoints.items()}, scheduler.lateness)
 
-    def _endpoints(self, sensors: list[Sensor]) -> dict[str, Endpoint]:
+    def _make_endpoints(self, sensors: list[Sensor]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
             encoders = [s.encoder for s in sensors if s.link == link]
             return lambda data: [answer for encoder in encoders for answer in encoder.respond(data)]
@@ -112,7 +120,6 @@ class Emulator:
     async def _fly(
         self,
         sensors: list[Sensor],
-        endpoints: Mapping[str, Endpoint],
         truth: TruthLog | None,
         duration_s: float | None,
         stop: asyncio.Event,
@@ -120,7 +127,8 @@ class Emulator:
         start_ns = self._clock.now_ns()
         scheduler = Scheduler(lambda: (self._clock.now_ns() - start_ns) / SECOND_NS)
         streams: list[Stream] = [
-            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), endpoints[s.link], start_ns) for s in sensors
+            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns)
+            for s in sensors
         ]
         if truth is not None:
             streams.append(truth.stream(start_ns))

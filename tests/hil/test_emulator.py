@@ -1,0 +1,160 @@
+"""A short flight through real links: what arrives decodes to the truth, faults included."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from fti import config as configuration
+from fti.clock import choose_epoch_ns
+from fti.config import Config
+from fti.errors import ConfigError
+from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.hil.emulator import Emulator, make_world
+from fti.hil.scenario import Cut, Fault, Flight, Scenario
+from fti.hil.world import World
+from fti.service.binding import bind_devices
+from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
+from tests.e2e.harness import with_free_ports
+from tests.helpers import ROOT
+from tests.hil.worlds import flat_terrain, path, scenario
+from tests.links.bench import Heard, running
+
+FLIGHT_S = 1.5
+M = TypeVar("M")
+DEMO = ROOT / "configs" / "demo.toml"
+
+
+def demo_config(tmp_path: Path) -> Config:
+    """The demonstration on free ports, without the reference profile."""
+    text = with_free_ports(DEMO.read_text()).partition("[nav.approach]")[0]
+    file = tmp_path / "demo.toml"
+    file.write_text(text)
+    return configuration.with_links(configuration.load(file), tmp_path / "links")
+
+
+def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLIGHT_S) -> tuple[Emulator, World]:
+    flight: Scenario = scenario(flight=Flight(duration_s=duration_s), fault=faults)
+    world = World(flight, path(), flat_terrain(), undulation=47.0)
+    epoch_ns = choose_epoch_ns()
+    truth = tmp_path / "truth.mcap"
+    return Emulator(config, flight, tmp_path / "links", truth=truth, epoch_ns=epoch_ns, world=world), world
+
+
+async def fly(emulator: Emulator, config: Config) -> dict[str, Heard]:
+    """Fly with every link of the configuration open; returns what each heard."""
+    heard = {}
+    flying = asyncio.create_task(emulator.run())
+    await emulator.ready.wait()
+    async with AsyncExitStack() as stack:
+        for link in config.link:
+            _, heard[link.name] = await stack.enter_async_context(running(link))
+        await emulator.attended()
+        emulator.start()
+        await flying
+    return heard
+
+
+def decoded(config: Config, heard: dict[str, Heard], name: str) -> list[Measurement]:
+    bound = next(b for b in bind_devices(config) if b.device.name == name)
+    decoder, link = bound.make_decoder(), heard[bound.device.link]
+    return [m for data, t in zip(link.frames, link.times, strict=True) for m in decoder.feed(data, t)]
+
+
+async def test_every_link_of_the_demonstration_carries_the_flight(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    emulator, world = make(tmp_path, config)
+    heard = await fly(emulator, config)
+    middle = world.state(np.array([FLIGHT_S / 2]))
+
+    def found(device: str, kind: type[M]) -> list[M]:
+        return [m for m in decoded(config, heard, device) if isinstance(m, kind)]
+
+    heights = [m.height_agl for m in found("altimeter", RadioHeight)]
+    assert len(heights) == pytest.approx(25 * FLIGHT_S, abs=3)
+    assert heights[0] == pytest.approx(float(middle.alt[0] - world.ground(middle)[0]), abs=10.0)
+    for device in ("ins", "gnss", "autopilot"):
+        lats = [p.lat for p in found(device, Position) if p.lat is not None]
+        assert abs(lats[len(lats) // 2] - middle.lat[0]) * SEMI_MAJOR < 60.0 * FLIGHT_S
+    for device in ("ins", "ahrs", "autopilot"):
+        rolls = [a.roll for a in found(device, Attitude) if a.roll is not None]
+        assert rolls[len(rolls) // 2] == pytest.approx(float(middle.roll[0]), abs=0.05)
+    assert [m for m in found("autopilot", Range) if m.valid]
+    pressures = [m.p_static for m in found("air_data", StaticPressure)]
+    assert pressures[0] == pytest.approx(float(world.atmosphere.p_static(middle.alt[0] - 47.0)), abs=150.0)
+
+
+async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    emulator, _ = make(tmp_path, config)
+    emulator.start()
+    report = await emulator.run()
+    with (tmp_path / "truth.mcap").open("rb") as file:
+        rows = [(m.log_time, json.loads(m.data)) for _, _, m in make_reader(file, validate_crcs=True).iter_messages()]
+    assert len(rows) == round(FLIGHT_S * 25)
+    assert all(t == row["t_ns"] for t, row in rows)
+    np.testing.assert_allclose(np.diff([t for t, _ in rows]), 40_000_000, atol=1)
+    row = rows[0][1]
+    assert row["s"] == pytest.approx(path().x_gpi + 4500.0, abs=0.1)
+    assert row["deviation"] == pytest.approx(row["dh"] / row["s"], abs=1e-4)
+    assert abs(row["height_agl"] - 250.0) < 10.0
+    assert report.lateness.messages > 0
+
+
+async def test_a_cut_device_is_silent_and_the_others_are_not(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    cut = Cut(kind="cut", devices=("altimeter",), from_s=0.0, to_s=100.0)
+    heard = await fly(make(tmp_path, config, cut, duration_s=0.5)[0], config)
+    assert not heard["radalt_line"].frames
+    assert heard["ins_eth"].frames
+
+
+async def test_duration_and_stop_end_the_flight(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    emulator, _ = make(tmp_path, config, duration_s=60.0)
+    emulator.start()
+    report = await emulator.run(duration_s=0.2)
+    assert 0 < report.links["ins_eth"].messages < 100
+    again, _ = make(tmp_path / "again", config, duration_s=60.0)
+    stop = asyncio.Event()
+    task = asyncio.create_task(again.run(stop=stop))
+    await again.ready.wait()
+    stop.set()
+    assert (await task).lateness.messages == 0
+
+
+async def test_nothing_is_sent_before_the_start(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    emulator, _ = make(tmp_path, config, duration_s=0.3)
+    task = asyncio.create_task(emulator.run())
+    await emulator.ready.wait()
+    await asyncio.wait([task], timeout=0.1)
+    assert not task.done()
+    assert {p.name for p in (tmp_path / "links").iterdir()} == {"radalt_line", "air_can", "ahrs_line", "gnss_line"}
+    emulator.start()
+    assert (await task).lateness.messages > 0
+    assert not list((tmp_path / "links").iterdir())
+
+
+def test_a_driver_without_a_model_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from fti.hil.sensors import MODELS
+
+    config = demo_config(tmp_path)
+    monkeypatch.delitem(MODELS, "nmea0183")
+    with pytest.raises(ConfigError, match="device 'gnss': the emulator has no model for driver 'nmea0183'; it has "):
+        make(tmp_path, config)[0].prepare()
+
+
+def test_the_demo_flight_stays_over_the_demo_terrain() -> None:
+    world = make_world(scenario())
+    state = world.state(np.arange(0.0, 82.0, 0.5))
+    height = state.alt - world.ground(state)
+    assert np.isfinite(height).all()
+    assert height.min() > 3.0

@@ -1,0 +1,166 @@
+"""The far end of a serial line: who reads gets everything, who does not read costs nothing but counted bytes."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import termios
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from fti.hil import pty as far_end
+from fti.hil.pty import PtyEndpoint, link_atomically
+from tests.helpers import until_async
+
+
+def mute(data: bytes) -> list[bytes]:
+    return []
+
+
+@asynccontextmanager
+async def endpoint(place: Path, respond: Callable[[bytes], list[bytes]] = mute) -> AsyncIterator[PtyEndpoint]:
+    made = PtyEndpoint(place, respond)
+    await made.open()
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+class Reader:
+    """A program that has the line open."""
+
+    def __init__(self, place: Path) -> None:
+        self.fd = os.open(place, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self.data = b""
+
+    def more(self) -> bytes:
+        with suppress(BlockingIOError):
+            self.data += os.read(self.fd, 65536)
+        return self.data
+
+    def __enter__(self) -> Reader:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self.fd)
+
+
+async def test_the_line_is_raw_and_bytes_pass_unchanged_both_ways(tmp_path: Path) -> None:
+    heard: list[bytes] = []
+
+    def respond(data: bytes) -> list[bytes]:
+        heard.append(data)
+        return [b"<" + data + b">"]
+
+    everything = bytes(range(256))
+    async with endpoint(tmp_path / "line", respond) as line:
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+            assert not termios.tcgetattr(reader.fd)[3] & (termios.ICANON | termios.ECHO)
+            line.send(everything)
+            await until_async(lambda: reader.more() == everything)
+            os.write(reader.fd, b"\x03\x11\r\n\x00ask")
+            await until_async(lambda: reader.more().endswith(b"<\x03\x11\r\n\x00ask>"))
+            assert line.sent.received_bytes == 8
+
+
+async def test_what_is_sent_before_somebody_listens_is_lost_and_counted(tmp_path: Path) -> None:
+    async with endpoint(tmp_path / "line") as line:
+        for _ in range(10_000):
+            line.send(b"before")
+        assert (line.sent.dropped_messages, line.sent.dropped_bytes) == (10_000, 60_000)
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+            line.send(b"after")
+            await until_async(lambda: reader.more() == b"after")
+
+
+async def test_a_reader_that_stops_reading_costs_the_oldest_whole_messages(tmp_path: Path) -> None:
+    """Messages in flight are never cut: what arrives is whole messages, the last one included."""
+    async with endpoint(tmp_path / "line") as line:
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+            for k in range(5000):
+                line.send(b"%05d:%s;" % (k, b"x" * 93))
+            assert line.sent.dropped_messages > 0
+            await until_async(lambda: reader.more().endswith(b"04999:" + b"x" * 93 + b";"))
+        numbers = [int(m[:5]) for m in reader.data.split(b";")[:-1]]
+        assert all(len(m) == 99 for m in reader.data.split(b";")[:-1])
+        assert numbers == sorted(set(numbers))
+        assert len(reader.data) + line.sent.dropped_bytes == 5000 * 100
+        assert len(reader.data) == line.sent.bytes
+
+
+async def test_what_nobody_reads_for_long_is_read_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with endpoint(tmp_path / "line") as line:
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+            line.send(b"old")
+            monkeypatch.setattr(far_end, "STALE_S", -1.0)
+            await until_async(lambda: far_end._unread(reader.fd) == 3)
+            line.send(b"second")  # notes that something is unread
+            line.send(b"new")  # finds it unread for too long
+            assert line.sent.dropped_bytes >= 3
+            await until_async(lambda: reader.more().endswith(b"new"))
+            assert not reader.data.startswith(b"old")
+
+
+async def test_send_all_waits_and_loses_nothing(tmp_path: Path) -> None:
+    messages = [os.urandom(977) for _ in range(200)]
+    async with endpoint(tmp_path / "line") as line:
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+
+            async def write() -> None:
+                for message in messages:
+                    await line.send_all(message)
+
+            writing = asyncio.create_task(write())
+            await until_async(lambda: line.sent.bytes > 0)
+            assert not writing.done()  # the kernel takes 11-16 kB, no more
+            await until_async(lambda: len(reader.more()) == 200 * 977)
+            await writing
+            await line.drained()
+        assert reader.data == b"".join(messages)
+        assert line.sent.dropped_bytes == 0
+
+
+async def test_the_line_outlives_its_reader(tmp_path: Path) -> None:
+    async with endpoint(tmp_path / "line") as line:
+        with Reader(tmp_path / "line"):
+            await line.reader_ready()
+        line.send(b"between")
+        with Reader(tmp_path / "line") as second:
+            await until_async(lambda: second.more() == b"between")
+
+
+async def test_a_new_emulator_replaces_the_link_and_an_old_one_leaves_it(tmp_path: Path) -> None:
+    async with endpoint(tmp_path / "line") as first:
+        old = (tmp_path / "line").readlink()
+        async with endpoint(tmp_path / "line"):
+            new = (tmp_path / "line").readlink()
+            assert new != old
+            first.close()
+            assert (tmp_path / "line").readlink() == new
+        assert not (tmp_path / "line").is_symlink()
+
+
+def test_the_symlink_is_never_absent_while_it_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "deeper" / "line"
+    link_atomically("first", place)
+    seen: list[str] = []
+    replace = Path.replace
+
+    def spying(self: Path, target: Path) -> Path:
+        seen.append(str(place.readlink()))
+        return replace(self, target)
+
+    monkeypatch.setattr(Path, "replace", spying)
+    link_atomically("second", place)
+    assert seen == ["first"]
+    assert str(place.readlink()) == "second"
+    assert [p.name for p in place.parent.iterdir()] == ["line"]

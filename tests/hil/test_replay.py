@@ -1,0 +1,167 @@
+"""A recorded session through real links again: the same bytes, datagram by datagram, frame by frame."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import random
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti import config as configuration
+from fti.canframe import pack_can
+from fti.config import Config
+from fti.errors import MissingError
+from fti.hil.replay import FrameStream, Replay, recorded_config
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.types import RawFrame
+from tests.e2e.harness import with_free_ports
+from tests.helpers import until_async
+from tests.links.bench import Heard, running
+
+START_NS = 1_700_000_000_000_000_000
+CONFIG = """
+[session]
+name = "replayed"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/ttyS0"
+
+[[link]]
+name = "eth"
+kind = "udp"
+bind = "127.0.0.1:47999"
+
+[[link]]
+name = "bus"
+kind = "can"
+interface = "slcan"
+channel = "/dev/ttyACM0"
+"""
+
+
+def frames(count: int, period_s: float = 0.001) -> Iterator[RawFrame]:
+    """Frames of three links; every tenth read of the serial line is larger than a pty holds."""
+    rng = random.Random(1)
+    for seq in range(count):
+        link = ("line", "eth", "bus")[seq % 3]
+        size = 20_000 if link == "line" and seq % 30 == 0 else rng.randint(1, 200)
+        data = (
+            pack_can(rng.randrange(0x800), rng.randbytes(rng.randint(0, 8))) if link == "bus" else rng.randbytes(size)
+        )
+        yield RawFrame(link, seq, START_NS + round(seq * period_s * 1e9), data)
+
+
+def record(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
+    folder = SessionFolder.create(tmp_path, "replayed", START_NS)
+    links = [RawTopic(link, kind, {}) for link, kind in (("line", "serial"), ("eth", "udp"), ("bus", "can"))]
+    attachments = [("config.toml", "text/plain", text.encode())]
+    log = RawLog(folder, links, split_s=300, split_mb=100, attachments=attachments)
+    for frame in recorded:
+        log.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+    log.close()
+    return folder.path
+
+
+async def play(replay: Replay, config: Config, expected: list[RawFrame]) -> dict[str, Heard]:
+    """Replay with the links of the configuration open, until the last datagram and CAN frame has been heard."""
+    heard = {}
+    playing = asyncio.create_task(replay.run())
+    await replay.ready.wait()
+    async with AsyncExitStack() as stack:
+        for link in config.link:
+            _, heard[link.name] = await stack.enter_async_context(running(link))
+        report = await playing
+        assert not any(sent.dropped_messages for sent in report.links.values())
+        whole = {name: sum(frame.link == name for frame in expected) for name in ("eth", "bus")}
+        await until_async(lambda: all(len(heard[name].frames) >= count for name, count in whole.items()))
+    return heard
+
+
+async def test_the_same_bytes_arrive_on_every_link(tmp_path: Path) -> None:
+    recorded = list(frames(300))
+    session = record(tmp_path, with_free_ports(CONFIG), recorded)
+    recording = Recording.open(session)
+    links = tmp_path / "links"
+    config = configuration.with_links(recorded_config(recording, session), links)
+    heard = await play(Replay(recording, config, links, speed=2.0, wait_s=0.0), config, recorded)
+    expected = defaultdict(list)
+    for frame in recorded:
+        expected[frame.link].append(frame.data)
+    assert heard["eth"].frames == expected["eth"]
+    assert heard["bus"].frames == expected["bus"]
+    assert heard["line"].bytes == b"".join(expected["line"])
+
+
+async def test_a_later_start_leaves_the_beginning_out(tmp_path: Path) -> None:
+    recorded = list(frames(120))
+    session = record(tmp_path, with_free_ports(CONFIG), recorded)
+    recording, links = Recording.open(session), tmp_path / "links"
+    config = configuration.with_links(recorded_config(recording, session), links)
+    heard = await play(Replay(recording, config, links, from_s=0.06, wait_s=0.0), config, recorded[60:])
+    assert heard["eth"].frames == [f.data for f in recorded[60:] if f.link == "eth"]
+
+
+async def test_it_waits_for_readers_and_ends_when_told(tmp_path: Path) -> None:
+    session = record(tmp_path, with_free_ports(CONFIG), list(frames(10)))
+    recording, links = Recording.open(session), tmp_path / "links"
+    replay = Replay(recording, recorded_config(recording, session), links)
+    stop, told = asyncio.Event(), list[str]()
+    playing = asyncio.create_task(replay.run(stop, told.append))
+    await until_async(lambda: told == ["waiting for a reader of line"])
+    assert not playing.done()
+    stop.set()
+    assert (await playing).lateness.messages == 0
+
+
+def due_of(recorded: list[RawFrame], **keys: float) -> list[float]:
+    """Instants at which a stream sends, without sending."""
+
+    class Sink:
+        async def send_all(self, data: bytes) -> None: ...
+
+    sinks: dict[str, Any] = {frame.link: Sink() for frame in recorded}
+    stream = FrameStream(iter(recorded), sinks, keys.get("from_s", 0.0), keys.get("speed", 1.0))
+    found = []
+    while (due := stream.due_s()) is not None:
+        found.append(due)
+        asyncio.run(stream.send())
+    return found
+
+
+def test_frames_keep_their_timing_and_order() -> None:
+    stamps = [0, 100, 90, 300]  # [ms]; two links may overtake each other by their kernel stamps
+    recorded = [RawFrame("eth", k, START_NS + t * 1_000_000, b"x") for k, t in enumerate(stamps)]
+    assert due_of(recorded) == pytest.approx([0.0, 0.1, 0.1, 0.3])
+    assert due_of(recorded, speed=10.0) == pytest.approx([0.0, 0.01, 0.01, 0.03])
+    assert due_of(recorded, from_s=0.2) == pytest.approx([0.1])
+
+
+def test_ticks_are_not_sent() -> None:
+    tick = RawFrame("fti_tick", 0, START_NS, b"")
+    assert due_of(list(itertools.chain([tick], frames(3)))) == pytest.approx([0.0, 0.001, 0.002])
+
+
+def test_a_session_without_its_configuration_is_named(tmp_path: Path) -> None:
+    folder = SessionFolder.create(tmp_path, "bare", START_NS)
+    log = RawLog(folder, [RawTopic("line", "serial", {})], split_s=300, split_mb=100)
+    log.frame("line", 0, START_NS, b"x")
+    log.close()
+    with pytest.raises(MissingError, match=r"holds no attachment config\.toml; name the configuration with --config"):
+        recorded_config(Recording.open(folder.path), folder.path)
+
+
+def test_nonsense_is_refused(tmp_path: Path) -> None:
+    session = record(tmp_path, CONFIG, list(frames(3)))
+    recording = Recording.open(session)
+    with pytest.raises(ValueError, match=r"speed 0\.0 must be positive"):
+        Replay(recording, recorded_config(recording, session), tmp_path, speed=0.0)

@@ -1,0 +1,73 @@
+"""Scenario files: the shipped ones load, wrong ones are told in one sentence."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from fti.errors import ConfigError, MissingError
+from fti.hil import scenario as scenarios
+from fti.hil.scenario import Invalid
+from fti.hil.sensors import MODELS
+
+MINIMAL = 'title = "t"\ndescription = "d"\nconfig = "demo.toml"\n'
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "s.toml"
+    file.write_text(MINIMAL + text)
+    return file
+
+
+@pytest.mark.parametrize("name", scenarios.shipped())
+def test_shipped_scenarios_load_with_their_configuration(name: str) -> None:
+    scenario = scenarios.load(scenarios.find(name))
+    config = scenarios.load_config(scenario)
+    assert scenario.description.strip()
+    assert all(device.driver in MODELS for device in config.device)
+    assert {device.link for device in config.device} == {link.name for link in config.link}
+
+
+def test_the_five_of_the_issue_are_there() -> None:
+    assert {"nominal", "obstacle", "off_track", "altimeter_failure", "silence"} <= set(scenarios.shipped())
+
+
+def test_a_scenario_is_found_by_name_and_by_path(tmp_path: Path) -> None:
+    file = written(tmp_path, "")
+    assert scenarios.find(str(file)) == file
+    assert scenarios.find("nominal").is_file()
+    with pytest.raises(MissingError, match=r"no scenario 'nomnal'; there are .*nominal"):
+        scenarios.find("nomnal")
+
+
+def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
+    assert scenarios.load(written(tmp_path, "")).config == str(tmp_path / "demo.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
+        ('[[fault]]\nkind = "explosion"\n', r"fault\[0\].*'obstacle', 'off_track', 'cut', 'stuck', 'invalid'"),
+        ('[[fault]]\nkind = "cut"\nfrom_s = 5\nto_s = 5\n', r"fault\[0\].to_s = 5.0: must be after from_s"),
+        ("[flight]\nduration_s = 0\n", r"flight.duration_s = 0"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        scenarios.load(written(tmp_path, text))
+
+
+def test_a_fault_of_a_device_that_is_not_there_is_named() -> None:
+    scenario = scenarios.load(scenarios.find("nominal"))
+    fault = Invalid(kind="invalid", devices=("radar",), from_s=1.0, to_s=2.0)
+    with pytest.raises(ConfigError, match=r"fault\[0\].devices: 'radar' is no device of .*; there are altimeter"):
+        scenarios.load_config(scenario.model_copy(update={"fault": (fault,)}))
+
+
+def test_wind_from_the_east_blows_to_the_west(tmp_path: Path) -> None:
+    plan = scenarios.load(written(tmp_path, "[flight]\nwind_mps = 5\nwind_from_deg = 90\n")).plan
+    assert plan.wind_n == pytest.approx((0.0, -5.0), abs=1e-9)
+    assert math.hypot(*plan.wind_n) == pytest.approx(5.0)

@@ -1,0 +1,80 @@
+"""The air, the ground and what stands on it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fti.config import Device
+from fti.hil.scenario import Obstacle
+from fti.hil.world import Atmosphere, calibrated_airspeed, impact_pressure, pressure_altitude, with_obstacles
+from tests.hil.worlds import flat_terrain, path, world
+
+DEVICE = Device(name="altimeter", link="line", driver="freeflight_ra4500")
+
+
+def test_standard_atmosphere_at_tabulated_heights() -> None:
+    """ISO 2533, table: pressure and temperature at 0, 1000, 3000 m (geopotential)."""
+    air, heights = Atmosphere(), np.array([0.0, 1000.0, 3000.0])
+    np.testing.assert_allclose(air.p_static(heights), [101325.0, 89874.6, 70108.5], rtol=1e-5)
+    np.testing.assert_allclose(air.temperature(heights), [288.15, 281.65, 268.65])
+
+
+def test_pressure_at_sea_level_is_the_qnh() -> None:
+    assert Atmosphere(qnh=98000.0).p_static(0.0) == pytest.approx(98000.0)
+    assert pressure_altitude(Atmosphere(qnh=98000.0).p_static(500.0)) == pytest.approx(
+        500.0 + float(pressure_altitude(98000.0))
+    )
+
+
+def test_calibrated_equals_true_airspeed_in_the_standard_at_sea_level() -> None:
+    q_c = impact_pressure(60.0, 101325.0, 288.15)
+    assert float(q_c) == pytest.approx(0.5 * 1.225 * 60.0**2, rel=0.01)
+    assert float(calibrated_airspeed(q_c)) == pytest.approx(60.0, rel=1e-6)
+
+
+def test_altimeters_over_level_ground_measure_the_height() -> None:
+    """The radar's leading edge from the nadir; the laser along a boresight that pitches with the aircraft."""
+    flown, t = world(), np.arange(0.0, 10.0, 0.5)
+    state = flown.state(t)
+    height = state.alt - flown.ground(state)
+    radar = flown.radar_ranges(t, math.radians(40.0), DEVICE)
+    assert np.abs(radar - height).max() < 1.0
+    laser = flown.laser_ranges(t, DEVICE)
+    np.testing.assert_allclose(laser * np.cos(state.pitch) * np.cos(state.roll), height, atol=0.15)
+
+
+def test_a_lever_arm_down_shortens_the_range() -> None:
+    flown, t = world(), np.array([2.0])
+    lower = DEVICE.model_copy(update={"lever_arm_b": (0.0, 0.0, 2.0)})
+    assert (flown.laser_ranges(t, DEVICE) - flown.laser_ranges(t, lower))[0] == pytest.approx(2.0, abs=0.02)
+
+
+def test_an_obstacle_stands_where_it_was_put_and_nowhere_else() -> None:
+    ground = flat_terrain()
+    box = Obstacle(
+        kind="obstacle", before_threshold_m=3000.0, right_m=100.0, height_m=150.0, length_m=80.0, width_m=80.0
+    )
+    raised = with_obstacles(ground, path(), [box])
+    offsets = np.array([0.0, 25.0, 70.0, -70.0, 0.0, 0.0])
+    sides = np.array([100.0, 100.0, 100.0, 100.0, 30.0, 170.0])
+    lat, lon = path().geodetic(path().x_gpi + 3000.0 + offsets, sides)
+    rise = raised.height(lat, lon) - ground.height(lat, lon)
+    np.testing.assert_allclose(rise, [150.0, 150.0, 0.0, 0.0, 0.0, 0.0], atol=1e-3)
+    assert np.count_nonzero(raised.heights != ground.heights) == pytest.approx(16, abs=4)
+    assert not ground.heights.any()
+
+
+def test_an_obstacle_outside_the_ground_is_refused() -> None:
+    box = Obstacle(kind="obstacle", before_threshold_m=30000.0, height_m=150.0)
+    with pytest.raises(ValueError, match="outside the terrain"):
+        with_obstacles(flat_terrain(), path(), [box])
+
+
+def test_the_radar_sees_the_obstacle() -> None:
+    box = Obstacle(kind="obstacle", before_threshold_m=4200.0, height_m=100.0)
+    t = np.array([5.0])
+    clear, blocked = world().radar_ranges(t, 0.7, DEVICE), world(fault=(box,)).radar_ranges(t, 0.7, DEVICE)
+    assert clear[0] - blocked[0] > 70.0
