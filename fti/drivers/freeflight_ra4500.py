@@ -25,13 +25,13 @@ from typing import Literal
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._units import FOOT
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 
 DOCUMENT = "FreeFlight 84629 (interface); layout as decoded by a public airborne logger"
 MESSAGES = {"height": "radio height and status of the altimeter"}
 CARRIERS = frozenset({"serial", "udp"})
 
-FOOT = 0.3048
 HEADER = b"\x10\xdf\x03"
 TRAILER = b"\x10\x03"
 DLE = 0x10
@@ -73,8 +73,8 @@ def decode_height(body: bytes, t_rx_ns: int) -> list[Measurement]:
     stamp = Stamp(t_rx_ns)
     sd = quantisation_step_ft(height_ft) * FOOT / math.sqrt(12)
     return [
-        RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok),
         DeviceStatus(stamp=stamp, ok=ok, flags=flags),
+        RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok),
     ]
 
 
@@ -112,7 +112,9 @@ class Decoder:
         if skip := skip_to(buffer, HEADER):
             return skip
         length = self._length(buffer)
-        if length is None or len(buffer) < length:
+        if isinstance(length, Skip):
+            return length
+        if length == 0 or len(buffer) < length:
             return 0
         if buffer[length - 2 : length] != TRAILER:
             return Skip(1, "bad_trailer")
@@ -121,14 +123,16 @@ class Decoder:
             return Skip(1, "bad_checksum")
         return length
 
-    def _length(self, buffer: bytearray) -> int | None:
-        """Length of the frame that begins here; None while stuffing leaves it open."""
+    def _length(self, buffer: bytearray) -> int | Skip:
+        """Length of the frame that begins here; 0 while stuffing leaves it open."""
         if not self._options.dle_stuffing:
             return len(HEADER) + BODY + len(TRAILER)
         at = len(HEADER)
         for _ in range(BODY):
             if at + 1 >= len(buffer):
-                return None
+                return 0
+            if buffer[at] == DLE and buffer[at + 1] != DLE:
+                return Skip(1, "bad_stuffing")
             at += 2 if buffer[at] == DLE else 1
         return at + len(TRAILER)
 
@@ -146,7 +150,11 @@ class Encoder:
             return []
         if not isinstance(measurement, RadioHeight):
             return []
-        flags = self._flags if measurement.valid else (*self._flags, "unlocked")
+        flags = self._flags
+        if measurement.valid:
+            flags = tuple(flag for flag in flags if flag not in INVALIDATING)
+        elif not set(flags).intersection(INVALIDATING):
+            flags = (*flags, "unlocked")
         return [encode_height(measurement.height_agl or 0.0, flags, self._options)]
 
     def respond(self, data: bytes) -> list[bytes]:

@@ -160,11 +160,11 @@ def decode_inssol(frame: bytes, t_rx_ns: int, if_zero: int) -> list[Measurement]
     selection, ok = v[16] or if_zero, ERRORS.isdisjoint(flags)
     aligned = ok and not ALIGNED.isdisjoint(flags)
     found: list[Measurement | None] = [
+        DeviceStatus(stamp=stamp, ok=ok, flags=flags),
         _imu(stamp, v[0:3], v[3:6], selection),
         _attitude(stamp, v[6:9], selection, aligned),
         _velocity(stamp, v, selection, aligned),
         *_position(stamp, v[12:16], selection, ok and not POSITION_GOOD.isdisjoint(flags)),
-        DeviceStatus(stamp=stamp, ok=ok, flags=flags),
     ]
     return [m for m in found if m is not None]
 

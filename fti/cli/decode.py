@@ -1,0 +1,145 @@
+"""Decode a capture with one driver: measurements as JSON lines, and a closing count.
+
+  fti decode radalt.bin --driver freeflight_ra4500
+  fti decode words.bin --driver arinc429 --option set=ahrs --option byte_order=little
+  fti decode can.log --driver canaerospace --option dbc_file=air_data.dbc --json
+
+FILE is the bytes as they came over the line.  For a CAN driver it is text as ``candump -L`` writes it, or a sequence
+of 16-byte ``can_frame``; the stamps are those of the text.  Other captures carry no time: t_rx_ns is 0.
+
+The closing count says what became of every byte: framed, held (a frame that is not complete), or skipped, by reason;
+and how many messages there were of each name.  With --json it is the last line, {"counters": ...}, on standard
+output; without, it is text on standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fti.config import StrictModel
+    from fti.drivers import Counters, Driver
+
+Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti decode``."""
+    parser.add_argument("file", metavar="FILE", help="the capture")
+    parser.add_argument("--driver", required=True, metavar="NAME", help="see fti drivers")
+    parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the driver")
+    parser.add_argument("--chunk", type=int, default=4096, metavar="N", help="bytes fed at a time (default 4096)")
+    parser.add_argument("--json", action="store_true", help="JSON only on standard output, the count as its last line")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Decode and print."""
+    import sys
+
+    from fti import drivers
+    from fti.errors import ConfigError, MissingError
+    from fti.logger.schemas import encode
+
+    if args.chunk < 1:
+        raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")
+    if args.driver not in drivers.names():
+        raise MissingError(f"no driver {args.driver!r}; there are {', '.join(drivers.names())}")
+    driver = drivers.load(args.driver)
+    try:
+        decoder = driver.make_decoder(read_options(driver, args.option))
+    except ValueError as error:
+        raise ConfigError(f"--option: {error}") from None
+    for t_rx_ns, data in reads(driver, Path(args.file), args.chunk):
+        for measurement in decoder.feed(data, t_rx_ns):
+            line = {"measurement": type(measurement).__name__, "values": measurement}
+            print(encode(line).decode())
+    if args.json:
+        print(encode({"counters": decoder.counters}).decode())
+    else:
+        print("\n".join(_counted(decoder.counters)), file=sys.stderr)
+    return 0
+
+
+def read_options(driver: Driver, pairs: list[str]) -> StrictModel:
+    """The driver's options from KEY=VALUE; a value is read as TOML where it is TOML, else as text.
+
+    Raises ConfigError or MissingError.
+    """
+    from fti import config
+    from fti.errors import ConfigError
+    from fti.service.binding import FILE_ENDING, read_text
+
+    table: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        if not equals:
+            raise ConfigError(f"--option = {pair!r}: must be KEY=VALUE")
+        table[key] = _value(text)
+        if key.endswith(FILE_ENDING):
+            table[key.removesuffix(FILE_ENDING)] = read_text(Path(text))
+    return config.bind(driver.Options, table, "--option")
+
+
+def _value(text: str) -> object:
+    import tomllib
+
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, KeyError):
+        return text
+
+
+def reads(driver: Driver, file: Path, chunk: int) -> Reads:
+    """The capture in reads of ``chunk`` bytes, or in CAN frames.  Raises MissingError or ConfigError."""
+    from fti.errors import MissingError
+
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise MissingError(f"{file}: cannot be read: {error.strerror}") from None
+    if "can" not in driver.CARRIERS:
+        return ((0, data[at : at + chunk]) for at in range(0, len(data), chunk))
+    if data.lstrip()[:1] == b"(":
+        return candump_frames(data.decode("ascii", errors="replace"), file)
+    return ((0, data[at : at + 16]) for at in range(0, len(data), 16))
+
+
+def candump_frames(text: str, file: Path) -> Reads:
+    """Frames of a ``candump -L`` log: ``(seconds.micros) channel ID#DATA``.  Raises ConfigError naming the line."""
+    from fti.errors import ConfigError
+
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        try:
+            yield _candump_frame(*line.split()[:3])
+        except (ValueError, TypeError):
+            raise ConfigError(f"{file}: line {number}: is no candump line: {line[:60]!r}") from None
+
+
+def _candump_frame(time: str, channel: str, frame: str) -> tuple[int, bytes]:
+    from fti.canframe import ERROR, pack_can
+
+    seconds, _, fraction = time.strip("()").partition(".")
+    t_ns = int(seconds) * 1_000_000_000 + int(f"{fraction:0<9}"[:9])
+    word, fd, data = frame.partition("##") if "##" in frame else frame.partition("#")
+    if not fd:
+        raise ValueError("no #")
+    can_id = int(word, 16)
+    error = len(word) > 3 and bool(can_id & ERROR)
+    payload = bytes.fromhex(data[1:] if fd == "##" else "" if data.startswith("R") else data)
+    remote = data.startswith("R") and fd == "#"
+    return t_ns, pack_can(
+        can_id & ~ERROR if error else can_id, payload, extended=len(word) > 3 and not error, remote=remote, error=error,
+        fd=fd == "##",
+    )  # fmt: skip
+
+
+def _counted(counters: Counters) -> list[str]:
+    messages = [f"  {name} {count}" for name, count in sorted(counters.messages.items())]
+    skipped = [f"  {reason} {count}" for reason, count in sorted(counters.skipped.items())]
+    totals = f"bytes {counters.bytes_in}: framed {counters.framed}, held {counters.held}"
+    return ["messages", *messages, f"{totals}, skipped {sum(counters.skipped.values())}", *skipped]

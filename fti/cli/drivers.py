@@ -1,0 +1,75 @@
+"""List the drivers, or describe one: document, messages, carriers, options.
+
+  fti drivers
+  fti drivers arinc429
+  fti drivers nmea0183 --json
+
+The list has one driver per line: name, carriers, document.  Options are what ``options = { ... }`` of a device in the
+configuration may say, with their defaults.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti drivers``."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="the driver to describe")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the list or the description."""
+    import json
+
+    from fti import drivers
+    from fti.errors import MissingError
+
+    if args.name is not None and args.name not in drivers.names():
+        raise MissingError(f"no driver {args.name!r}; there are {', '.join(drivers.names())}")
+    found = [describe(name) for name in drivers.names() if args.name in (None, name)]
+    if args.json:
+        print(json.dumps(found[0] if args.name else found, indent=1))
+    elif args.name:
+        print("\n".join(_described(found[0])))
+    else:
+        for driver in found:
+            print(f"{driver['name']:20} {', '.join(driver['carriers']):12} {driver['document']}")
+    return 0
+
+
+def describe(name: str) -> dict[str, Any]:
+    """What a driver says about itself, in plain JSON types."""
+    from fti import drivers
+
+    driver = drivers.load(name)
+    options = driver.Options.model_json_schema(mode="serialization").get("properties", {})
+    return {
+        "name": name,
+        "document": driver.DOCUMENT,
+        "carriers": sorted(driver.CARRIERS),
+        "messages": dict(driver.MESSAGES),
+        "options": {key: _option(schema) for key, schema in options.items()},
+    }
+
+
+def _option(schema: dict[str, Any]) -> dict[str, Any]:
+    """Default and, where they are few, the values allowed."""
+    allowed = schema.get("enum") or [s.get("type") or s.get("enum") for s in schema.get("anyOf", ())] or [
+        schema.get("type")
+    ]  # fmt: skip
+    return {"default": schema.get("default"), "allowed": allowed}
+
+
+def _described(driver: dict[str, Any]) -> list[str]:
+    import json
+
+    lines = [f"{driver['name']}: {driver['document']}", f"on {', '.join(driver['carriers'])}", "", "messages"]
+    lines += [f"  {name:24} {text}" for name, text in driver["messages"].items()]
+    lines += ["", "options" if driver["options"] else "no options"]
+    for name, option in driver["options"].items():
+        allowed = ", ".join(str(value) for value in option["allowed"])
+        lines.append(f"  {name} = {json.dumps(option['default'])}   ({allowed})")
+    return lines
