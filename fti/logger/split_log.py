@@ -47,7 +47,7 @@ class SplitLog:
         self._schemas: dict[str, tuple[int, Schema]] = {}
         self._channels: list[tuple[str, str, int, Mapping[str, str]]] = []
         self._unclosed: list[StreamWriter] = []
-        self._bytes_before = 0
+        self._closed_bytes = 0
         self._writer = self._open_next()
 
     @property
@@ -58,7 +58,7 @@ class SplitLog:
     @property
     def bytes_written(self) -> int:
         """Bytes in all files of this log."""
-        return self._bytes_before + self._writer.bytes_written
+        return self._closed_bytes + sum(w.bytes_written for w in {*self._unclosed, self._writer})
 
     @property
     def pending_bytes(self) -> int:
@@ -114,7 +114,6 @@ class SplitLog:
 
     def _split(self) -> None:
         fresh = self._open_next()
-        self._bytes_before += self._writer.bytes_written
         self._unclosed.append(self._writer)
         self._writer = fresh
         self._close_old()
@@ -122,6 +121,8 @@ class SplitLog:
     def _close_old(self) -> None:
         while self._unclosed:
             self._unclosed[0].close()
+            if self._unclosed[0] is not self._writer:
+                self._closed_bytes += self._unclosed[0].bytes_written
             del self._unclosed[0]
 
     def _open_next(self) -> StreamWriter:

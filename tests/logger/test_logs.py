@@ -1,0 +1,333 @@
+"""The raw and the derived log: files, splits, topics, times."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from mcap.reader import make_reader
+
+from fti.errors import StorageError
+from fti.logger.derived_log import Decimator, DerivedLog, snake_case
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.types import (
+    TICK_LINK,
+    Ack,
+    ClearanceIntegrity,
+    Event,
+    GlideSlope,
+    HeightAboveGround,
+    IntegrityState,
+    NavSolution,
+    RadioHeight,
+    RawFrame,
+    Reason,
+    Stamp,
+    SurfaceDeflection,
+)
+from tests.logger.reading import read_closed, read_stream
+
+STARTED = 1_767_323_045_000_000_000
+SECOND = 1_000_000_000
+TOPICS = [RawTopic("ins", "udp", {"bind": "127.0.0.1:4000"}), RawTopic("radar", "serial", {"baud": "57600"})]
+ABOUT: dict[str, Any] = {"attachments": [("a.toml", "text/plain", b"x = 1")], "metadata": {"fti": {"origin": "hil"}}}
+
+
+def open_raw(folder: SessionFolder, split_s: float = 300, split_mb: float = 100) -> RawLog:
+    return RawLog(folder, TOPICS, split_s=split_s, split_mb=split_mb, **ABOUT)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> SessionFolder:
+    return SessionFolder.create(tmp_path, "s", STARTED)
+
+
+def test_raw_log_keeps_every_frame(folder: SessionFolder) -> None:
+    log = open_raw(folder)
+    log.frame("ins", 0, STARTED, b"one")
+    log.tick(1, STARTED + 1)
+    log.sent("radar", 2, STARTED + 2, b"ask")
+    log.frame("radar", 2**32 + 3, STARTED + 3, b"answer")
+    log.json("/fti/clock", STARTED, {"t_ns": STARTED, "monotonic_ns": 1, "monotonic_raw_ns": 2, "realtime_ns": 3})
+    log.json("/fti/event", STARTED, Event(t_ns=STARTED, level="warning", source="ins", text="silent"))
+    log.json("/fti/event", STARTED, {"t_ns": STARTED, "level": "info", "source": "user", "text": "mark"})
+    log.flush()
+    log.sync()
+    assert len(read_stream(log.path.read_bytes())) == 7
+    log.close()
+    found = read_closed(log.path)
+    assert found[:4] == [
+        ("/raw/ins", STARTED, STARTED, 0, b"one"),
+        ("/fti/tick", STARTED + 1, STARTED + 1, 1, b""),
+        ("/tx/radar", STARTED + 2, STARTED + 2, 2, b"ask"),
+        ("/raw/radar", STARTED + 3, STARTED + 3, 3, b"answer"),
+    ]
+    assert json.loads(found[5][4])["level"] == 3 and json.loads(found[6][4])["message"] == "mark"
+    with log.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    channel = next(c for c in summary.channels.values() if c.topic == "/raw/radar")
+    assert (channel.message_encoding, channel.schema_id) == ("x-fti-raw", 0)
+    assert channel.metadata == {"link": "radar", "kind": "serial", "baud": "57600"}
+
+
+def test_raw_log_refuses_a_topic_without_a_schema(folder: SessionFolder) -> None:
+    log = open_raw(folder)
+    with pytest.raises(ValueError, match="/fti/health"):
+        log.json("/fti/oops", 0, {})
+    log.close()
+
+
+@pytest.mark.parametrize("by", ["time", "size"])
+def test_each_split_is_readable_alone(folder: SessionFolder, by: str) -> None:
+    log = open_raw(folder, split_s=1) if by == "time" else open_raw(folder, split_mb=0.002)
+    seq = 0
+    for n in range(300):
+        for link in ("ins", "radar"):
+            log.frame(link, seq, STARTED + n * SECOND // 50, bytes([n % 256]) * 20)
+            seq += 1
+        log.json("/fti/ledger", STARTED + n * SECOND // 50, {"t_ns": n, "links": {}})
+        log.flush()
+    log.close()
+    files = folder.files("raw")
+    assert len(files) > 5
+    assert log.bytes_written == sum(f.stat().st_size for f in files)
+    for file in files:
+        alone = Recording.open(file)
+        assert alone.attachments() == {"a.toml": b"x = 1"}
+        assert alone.metadata["fti"] == {"origin": "hil"}
+        assert alone.links == {"ins": "udp", "radar": "serial"}
+        read_closed(file)
+    frames = list(Recording.open(folder.path).frames())
+    assert [f.seq for f in frames] == list(range(600))
+    if by == "time":
+        assert len(files) == 6
+
+
+def test_a_full_medium_at_the_split_loses_nothing(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = open_raw(folder, split_s=1)
+    pwrite, full, refused = os.pwrite, [False], 0
+
+    def write(fd: int, data: Any, offset: int) -> int:
+        if full[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return pwrite(fd, data, offset)
+
+    monkeypatch.setattr(os, "pwrite", write)
+    for n in range(200):
+        log.frame("ins", n, STARTED + n * SECOND // 50, b"frame")
+        full[0] = 40 < n < 140 and n % 3 > 0
+        try:
+            log.flush()
+        except StorageError:
+            refused += 1
+    full[0] = False
+    log.close()
+    assert refused > 50
+    assert [f.seq for f in Recording.open(folder.path).frames()] == list(range(200))
+    for file in folder.files("raw"):
+        read_closed(file)
+
+
+def test_closing_on_a_full_medium_releases_the_file(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = open_raw(folder)
+    log.frame("ins", 0, STARTED, b"kept")
+    log.flush()
+
+    def refuse(fd: int, data: Any, offset: int) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pwrite", refuse)
+        with pytest.raises(StorageError, match="No space left"):
+            log.close()
+    assert [m[4] for m in read_stream(log.path.read_bytes())] == [b"kept"]
+
+
+def test_free_space_is_told(folder: SessionFolder) -> None:
+    log = open_raw(folder)
+    state = os.statvfs(folder.path)
+    assert log.free_mb() == pytest.approx(state.f_bavail * state.f_frsize / 2**20, abs=100)
+    log.close()
+
+
+def test_the_recorder_stays_small() -> None:
+    code = (
+        "import sys, fti.logger.raw_log\n"
+        "print(sorted({m.split('.')[0] for m in sys.modules} & {'numpy', 'numba', 'mcap', 'zenoh', 'aiohttp'}))"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout == "[]\n"
+
+
+# --------------------------------------------------------------------------------------------------------- derived
+
+
+def open_derived(folder: SessionFolder) -> DerivedLog:
+    return DerivedLog(folder, split_s=300, split_mb=100, **ABOUT)
+
+
+def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:
+    log = open_derived(folder)
+    stamp = Stamp(STARTED + 5, t_valid_ns=STARTED + 3)
+    log.measurement("radar", RadioHeight(stamp=stamp, height_agl=float("nan"), sd=0.1))
+    log.measurement("ins", Ack(stamp=Stamp(STARTED + 6), command="reset", accepted=True))
+    height = HeightAboveGround(
+        t_ns=STARTED + 9, t_valid_ns=STARTED + 3, sensor="radar", raw=1.0, height_agl=None, sd=float("inf"),
+        valid=False, reasons=(Reason.ROLL, Reason.STALE),
+    )  # fmt: skip
+    log.output(height)
+    log.output(GlideSlope(t_ns=STARTED + 9, t_valid_ns=None, valid=True, reasons=(), deviation=0.01))
+    log.output(ClearanceIntegrity(t_ns=STARTED + 9, t_valid_ns=None, state=IntegrityState.OK, reasons=(), valid=True))
+    log.output(solution(valid=True))
+    log.output(solution(valid=False))
+    log.output(Event(t_ns=STARTED + 9, level="error", source="nav", text="lost"))
+    log.gap(STARTED + 10, "12 frames")
+    log.gap(STARTED + 11, {"first_seq": 3, "last_seq": 4})
+    log.flush()
+    log.sync()
+    log.close()
+    found = read_closed(log.path)
+    assert [(topic, log_time - STARTED, published - STARTED) for topic, log_time, published, _, _ in found] == [
+        ("/radar/radio_height", 5, 3),
+        ("/ins/ack", 6, 6),
+        ("/nav/height_above_ground/radar", 9, 3),
+        ("/nav/glide_slope", 9, 9),
+        ("/nav/clearance_integrity", 9, 9),
+        ("/nav/nav_solution", 9, 4),
+        ("/nav/location", 9, 4),
+        ("/nav/nav_solution", 9, 4),
+        ("/fti/event", 9, 9),
+        ("/fti/gap", 10, 10),
+        ("/fti/gap", 11, 11),
+    ]
+    assert json.loads(found[0][4])["height_agl"] is None
+    assert json.loads(found[2][4])["reasons"] == ["roll", "stale"] and json.loads(found[2][4])["sd"] is None
+    fix = json.loads(found[6][4])
+    assert fix["latitude"] == pytest.approx(48.0, abs=1e-12) and fix["altitude"] == 500.0
+    assert fix["position_covariance"] == [4.0, 0, 0, 0, 4.0, 0, 0, 0, 9.0]
+    assert fix["timestamp"] == {"sec": STARTED // SECOND, "nsec": 4}
+    validate_against_own_schemas(log.path)
+
+
+def solution(valid: bool) -> NavSolution:
+    return NavSolution(
+        t_ns=STARTED + 9, t_valid_ns=STARTED + 4, valid=valid, reasons=(), lat=0.8377580409572782, lon=0.2, alt=500.0,
+        horizontal_sd=2.0, vertical_sd=3.0,
+    )  # fmt: skip
+
+
+def validate_against_own_schemas(path: Path) -> None:
+    with path.open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema and schema.encoding == "jsonschema" and channel.message_encoding == "json"
+            jsonschema.validate(json.loads(message.data), json.loads(schema.data))
+
+
+def test_measurements_are_decimated_and_outputs_are_not(folder: SessionFolder) -> None:
+    log = open_derived(folder)
+    for n in range(1000):  # 10 s at 100 Hz
+        t = STARTED + n * SECOND // 100
+        log.measurement("fast", RadioHeight(stamp=Stamp(t), height_agl=1.0))
+        log.measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="aileron", deflection=0.1))
+        log.measurement("servo", SurfaceDeflection(stamp=Stamp(t), surface="rudder", deflection=0.2))
+        log.output(GlideSlope(t_ns=t, t_valid_ns=None, valid=True, reasons=()))
+    log.close()
+    found = read_closed(log.path)
+    counts = {topic: sum(m[0] == topic for m in found) for topic in {m[0] for m in found}}
+    assert counts["/nav/glide_slope"] == 1000
+    assert counts["/fast/radio_height"] == pytest.approx(250, abs=2)
+    assert counts["/servo/surface_deflection"] == pytest.approx(500, abs=4)
+    surfaces = [json.loads(m[4])["surface"] for m in found if m[0] == "/servo/surface_deflection"]
+    assert surfaces.count("aileron") == surfaces.count("rudder")
+
+
+def test_a_stream_of_the_rate_with_jitter_passes_whole() -> None:
+    decimator = Decimator(25)
+    times = [n * 40_000_000 + (n * 7919 % 19 - 9) * 1_000_000 for n in range(1000)]  # up to 9 ms either way
+    assert sum(decimator.wants("a", t) for t in times) == 1000
+
+
+def test_whoever_forgets_to_flush_does_not_fill_the_memory(folder: SessionFolder) -> None:
+    log = open_derived(folder)
+    for n in range(6000):
+        log.output(GlideSlope(t_ns=STARTED + n, t_valid_ns=None, valid=True, reasons=()))
+    assert log.bytes_written > 2**20
+    log.close()
+
+
+def test_snake_case() -> None:
+    assert [snake_case(n) for n in ("ImuSample", "HeightAboveGround", "Ack")] == [
+        "imu_sample", "height_above_ground", "ack",
+    ]  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------- recording
+
+
+def test_frames_come_in_order_of_their_number(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Links are written one after another, numbers are missing, the counter passes 2^32, files are split."""
+    for patience in (50_000, 10):
+        monkeypatch.setattr("fti.logger.recording.PATIENCE", patience)
+        place = SessionFolder.create(folder.path, f"p{patience}", STARTED)
+        log = open_raw(place, split_s=1)
+        expected: list[RawFrame] = []
+        begin = 2**32 - 500
+        for batch in range(50):
+            frames = []
+            for n in range(20):
+                seq = begin + batch * 20 + n
+                if seq % 97 == 0:
+                    continue  # lost
+                link = ("ins", "radar", TICK_LINK)[n % 3]
+                data = b"" if link == TICK_LINK else bytes([n])
+                frames.append(RawFrame(link, seq, STARTED + (batch * 20 + n) * SECOND // 100, data))
+            expected += frames
+            for link in ("radar", TICK_LINK, "ins"):
+                for frame in (f for f in frames if f.link == link):
+                    if link == TICK_LINK:
+                        log.tick(frame.seq, frame.t_rx_ns)
+                    else:
+                        log.frame(link, frame.seq, frame.t_rx_ns, frame.data)
+            log.flush()
+        log.close()
+        recording = Recording.open(place.path)
+        assert len(recording.raw_files) > 5
+        shift = next(iter(recording.frames())).seq - expected[0].seq
+        assert [RawFrame(f.link, f.seq - shift, f.t_rx_ns, f.data) for f in recording.frames()] == expected
+
+
+def test_a_recording_that_is_being_written_is_read_and_told(folder: SessionFolder) -> None:
+    log = open_raw(folder)
+    log.frame("ins", 0, STARTED, b"a")
+    log.sent("ins", 1, STARTED, b"b")
+    log.flush()
+    recording = Recording.open(folder.path)
+    assert recording.unfinished == [log.path]
+    assert [f.data for f in recording.frames()] == [b"a"]
+    assert [f.data for f in recording.sent()] == [b"b"]
+    assert "being written" in recording.faults[log.path].text
+    log.close()
+    assert Recording.open(folder.path).unfinished == []
+
+
+def test_derived_messages_by_prefix(folder: SessionFolder) -> None:
+    log = open_derived(folder)
+    log.output(GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=True, reasons=()))
+    log.gap(STARTED, "x")
+    log.close()
+    for path in (folder.path, log.path):
+        recording = Recording.open(path)
+        assert recording.derived_files == [log.path]
+        assert [m[0] for m in recording.messages("/nav/")] == ["/nav/glide_slope"]
+        assert len(list(recording.messages())) == 2
+        assert recording.metadata["fti"] == {"origin": "hil"}

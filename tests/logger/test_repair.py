@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from fti.errors import MissingError, RecordingError, StorageError
+from fti.logger.repair import close_all, close_unfinished
+from fti.logger.stream_writer import StreamWriter
+from tests.logger.reading import read_closed, read_stream
+
+
+def write_killed(path: Path, messages: int = 100, chunk_bytes: int = 1000) -> bytes:
+    """A file as a kill leaves it."""
+    writer = StreamWriter(path, chunk_bytes=chunk_bytes)
+    channel = writer.add_channel("/a", "x")
+    for n in range(messages):
+        writer.write(channel, n, bytes([n % 256]) * 20, n)
+        writer.flush()
+    writer.abandon()
+    return path.read_bytes()
+
+
+def chunk_starts(path: Path) -> list[int]:
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    return [index.chunk_start_offset for index in summary.chunk_indexes]
+
+
+def test_a_killed_file_is_closed_once(tmp_path: Path) -> None:
+    before = read_stream(write_killed(tmp_path / "a.mcap"))
+    closed = close_unfinished(tmp_path / "a.mcap")
+    assert closed and (closed.messages, closed.dropped_bytes, closed.fault) == (100, 0, None)
+    assert read_closed(tmp_path / "a.mcap") == before
+    assert close_unfinished(tmp_path / "a.mcap") is None
+
+
+def test_garbage_behind_the_last_record_is_cut_off(tmp_path: Path) -> None:
+    for garbage in (bytes(5000), b"\x05" * 40, os.urandom(3000).replace(b"\x06", b"\x07")):
+        path = tmp_path / f"{len(garbage)}.mcap"
+        before = write_killed(path)
+        path.write_bytes(before + garbage)
+        closed = close_unfinished(path)
+        assert closed and closed.dropped_bytes == len(garbage)
+        assert read_closed(path) == read_stream(before)
+
+
+def test_a_hole_in_the_last_chunk_costs_what_is_behind_it(tmp_path: Path) -> None:
+    """A power cut: the head of the chunk reached the medium, a page of its records did not."""
+    path = tmp_path / "a.mcap"
+    data = bytearray(write_killed(path, messages=300, chunk_bytes=10**6))
+    data[8192:12288] = bytes(4096)
+    path.write_bytes(data)
+    close_unfinished(path)
+    found = read_closed(path)
+    assert [m[3] for m in found] == list(range(len(found)))
+    assert 8192 // 51 - 10 < len(found) <= 8192 // 51
+
+
+def test_a_file_damaged_in_its_middle_is_left_alone(tmp_path: Path) -> None:
+    for place in (0, 60, 500):  # the head of a chunk, its records
+        path = tmp_path / f"{place}.mcap"
+        whole = write_killed(path)
+        (tmp_path / "copy.mcap").write_bytes(whole)
+        close_unfinished(tmp_path / "copy.mcap")
+        data = bytearray(whole)
+        data[chunk_starts(tmp_path / "copy.mcap")[1] + place] ^= 0xFF
+        path.write_bytes(data)
+        with pytest.raises(RecordingError, match=r"is damaged before the chunk at byte \d+; it is left as it is"):
+            close_unfinished(path)
+        assert path.read_bytes() == bytes(data)
+
+
+def test_foreign_files_are_left_alone(tmp_path: Path) -> None:
+    with (tmp_path / "other.mcap").open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4)
+        writer.start()
+        channel = writer.register_channel("/a", "x", 0)
+        writer.add_message(channel, 1, b"data", 1)
+        writer.finish()  # type: ignore[no-untyped-call]
+    whole = (tmp_path / "other.mcap").read_bytes()
+    (tmp_path / "other.mcap").write_bytes(whole[:-40])
+    (tmp_path / "text.mcap").write_bytes(b"hello")
+    for name in ("other", "text"):
+        with pytest.raises(RecordingError, match="was not written by this program"):
+            close_unfinished(tmp_path / f"{name}.mcap")
+    assert (tmp_path / "other.mcap").read_bytes() == whole[:-40]
+
+
+def test_missing_and_protected_files_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(MissingError, match=r"no\.mcap: cannot be read"):
+        close_unfinished(tmp_path / "no.mcap")
+    write_killed(tmp_path / "a.mcap")
+    real = os.open
+
+    def refuse(path: Any, flags: int, *rest: Any) -> int:
+        if flags & os.O_RDWR:
+            raise PermissionError(13, "Permission denied")
+        return real(path, flags, *rest)
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(StorageError, match="cannot be opened for writing: Permission denied"):
+        close_unfinished(tmp_path / "a.mcap")
+
+
+def test_a_repair_that_is_killed_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = write_killed(tmp_path / "a.mcap", messages=30, chunk_bytes=600) + b"\x05\x10"
+    expected, path = read_stream(whole), tmp_path / "b.mcap"
+    pwrite = os.pwrite
+    for allowed in range(0, 900, 7):
+        path.write_bytes(whole)
+        left = [allowed]
+
+        def write(fd: int, data: Any, offset: int, left: list[int] = left) -> int:
+            if not left[0]:
+                raise OSError(28, "No space left on device")
+            part = min(left[0], len(data))
+            left[0] -= part
+            return pwrite(fd, data[:part], offset)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "pwrite", write)
+            try:
+                close_unfinished(path)
+            except StorageError as error:
+                assert "No space left" in str(error)
+        close_unfinished(path)
+        assert read_closed(path) == expected
+
+
+def test_close_all_leaves_running_sessions_alone(tmp_path: Path) -> None:
+    for name in ("killed", "running", "used", "damaged", "finished"):
+        (tmp_path / name).mkdir()
+        write_killed(tmp_path / name / "a.mcap")
+    close_unfinished(tmp_path / "finished" / "a.mcap")
+    (tmp_path / "damaged" / "a.mcap").write_bytes(b"nonsense")
+    writer = StreamWriter(tmp_path / "running" / "b.mcap")
+    closed = close_all(tmp_path, in_use=[tmp_path / "used"])
+    assert {c.path.parent.name: c.fault is None for c in closed} == {"killed": True, "running": True, "damaged": False}
+    assert [c.path.name for c in closed if c.path.parent.name == "running"] == ["a.mcap"]
+    writer.close()
+    assert close_all(tmp_path / "nowhere") == []
