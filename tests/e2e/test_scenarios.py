@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 from fti.nav.reference import Reference
-from tests.e2e.flights import DEMO, Flight, Row, fly
+from tests.e2e.flights import DEMO, Flight, Row
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(400)]
 
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"
 RADAR = "/nav/height_above_ground/altimeter"
-#: Seconds of each flight that its assertions need.
-DURATIONS = {"nominal": 80.0, "altimeter_failure": 54.0, "obstacle": 50.0, "off_track": 66.0, "silence": 50.0}
 GOOD = ("ok", "monitor")
 PROFILE = DEMO.parent / "profiles" / "demo.csv"
 #: Nothing that the reference leaves open (relief, noise, steps of the instrument) is as high.
@@ -25,15 +22,6 @@ OBSTACLE_M = 30.0
 MAX_AGE_S = 0.5
 #: A judgement falls on a tick; one tick and the period of the samples may pass.
 TICK_S = 0.1
-
-
-@pytest.fixture(scope="module")
-def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Flight]:
-    """Every scenario once, two at a time, in real time."""
-    folder = tmp_path_factory.mktemp("flights")
-    with ThreadPoolExecutor(2) as pool:
-        jobs = {name: pool.submit(fly, name, folder / name, s) for name, s in DURATIONS.items()}
-        return {name: job.result() for name, job in jobs.items()}
 
 
 def _first(rows: list[Row], state: str, after: float = 0.0) -> Row:

@@ -1,0 +1,62 @@
+"""A recorded flight again: its bytes through a replay, its outputs through reprocessing."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from fti.logger.recording import Recording
+from tests.e2e.flights import DEMO, Flight
+from tests.e2e.harness import FTI, START_S, daemon, fti, with_free_ports
+from tests.helpers import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(400)]
+SPEED = 3.0
+
+
+def _outputs(session: Path) -> list[tuple[str, int, int, bytes]]:
+    """Every output: topic, times and bytes, in order."""
+    return [(t, log, pub, data) for t, log, pub, _, data in Recording.open(session).messages("/nav/")]
+
+
+def test_reprocessing_gives_the_outputs_again_bit_for_bit(flights: dict[str, Flight], tmp_path: Path) -> None:
+    session = flights["silence"].session
+    done = fti("reprocess", str(session), "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    flown, again = _outputs(session), _outputs(Path(done.stdout.strip()))
+    assert len(flown) > 3000
+    assert {topic for topic, *_ in flown} >= {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"}
+    assert again == flown
+
+
+def _frames(session: Path) -> dict[str, list[bytes]]:
+    found: dict[str, list[bytes]] = {}
+    for frame in Recording.open(session).frames():
+        found.setdefault(frame.link, []).append(frame.data)
+    return found
+
+
+def test_recording_a_replay_gives_the_same_bytes(flights: dict[str, Flight], tmp_path: Path) -> None:
+    original = flights["altimeter_failure"].session
+    config = tmp_path / "demo.toml"
+    config.write_text(with_free_ports(DEMO.read_text()).replace('"profiles/', f'"{DEMO.parent}/profiles/'))
+    links = tmp_path / "links"
+    arguments = ("--config", str(config), "--links", str(links), "--speed", str(SPEED))
+    with subprocess.Popen([*FTI, "replay", str(original), *arguments], stdout=subprocess.PIPE, text=True) as replay:
+        until(lambda: links.is_dir() or replay.poll() is not None, START_S, "the replay's ports")
+        with daemon(config, tmp_path / "out", "--links", str(links), "--origin", "replay") as running:
+            session = running.session
+            replay.communicate(timeout=120)
+            assert replay.returncode == 0
+            running.stop()
+    first, again = _frames(original), _frames(session)
+    first.pop("fti_tick"), again.pop("fti_tick")
+    assert first.keys() == again.keys()
+    for link, kind in Recording.open(original).links.items():
+        if kind == "serial":
+            assert b"".join(again[link]) == b"".join(first[link]), link
+        else:
+            assert again[link] == first[link], link
+    assert Recording.open(session).metadata["fti"]["origin"] == "replay"
