@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import Counter
 from collections.abc import Callable
+from typing import ClassVar
 
 import can
 
@@ -18,6 +19,8 @@ RETRY_S = 0.002
 
 class CanBusEndpoint:
     """A node on a bus that python-can reaches."""
+
+    is_stream: ClassVar[bool] = False
 
     def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]]) -> None:
         self.sent = Sent()

@@ -43,9 +43,12 @@ class SensorStream:
         t = float(self._sensor.t[self._k])
         measurements = self._sensor.measure(self._k, self._start_ns)
         self._k += 1
-        for measurement in self._faults.apply(t, measurements):
-            for message in self._sensor.encoder.encode(measurement):
-                self._endpoint.send(message)
+        sent = self._faults.apply(t, measurements)
+        messages = [message for m in sent for message in self._sensor.encoder.encode(m)]
+        if self._endpoint.is_stream:  # a device hands its line a whole cycle, not byte by byte
+            messages = [b"".join(messages)] if messages else []
+        for message in messages:
+            self._endpoint.send(message)
 
 
 class Emulator:

@@ -13,7 +13,7 @@ import contextlib
 import socket
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from fti.config import CanLink, SerialLink, UdpLink
 from fti.errors import MissingError
@@ -33,6 +33,7 @@ class Endpoint(Protocol):
     """One end of a link.  A message is a piece of a byte stream, a datagram or a CAN frame."""
 
     sent: Sent
+    is_stream: ClassVar[bool]  # messages may be joined: their bounds are not seen at the other end
 
     async def open(self) -> None:
         """Make the port.  MissingError in one sentence when it cannot be made."""
@@ -99,6 +100,8 @@ async def until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
 class SlcanEndpoint(PtyEndpoint):
     """A Lawicel adapter on a pty: frames are passed on while the host has the channel open."""
 
+    is_stream: ClassVar[bool] = False
+
     def __init__(self, place: Path, respond: Respond) -> None:
         super().__init__(place, self._answer)
         self._frames: list[bytes] = []
@@ -135,6 +138,8 @@ class SlcanEndpoint(PtyEndpoint):
 
 class UdpEndpoint:
     """Datagrams from a simulated device."""
+
+    is_stream: ClassVar[bool] = False
 
     def __init__(self, link: UdpLink, respond: Respond) -> None:
         self.sent = Sent()

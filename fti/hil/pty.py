@@ -22,6 +22,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 #: Bytes that may wait behind a full pty before the oldest are dropped.
 BACKLOG_BYTES = 16384
@@ -46,6 +47,8 @@ class PtyEndpoint:
     place   : where the symlink to the slave is put
     respond : what the device answers to bytes from the daemon
     """
+
+    is_stream: ClassVar[bool] = True
 
     def __init__(self, place: Path, respond: Callable[[bytes], list[bytes]]) -> None:
         self.place = place
