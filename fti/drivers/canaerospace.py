@@ -76,7 +76,8 @@ def read_dbc(text: str) -> dict[tuple[int, bool], Known]:
     try:
         database = cantools.database.load_string(text or _built_in(), "dbc", strict=True)
     except Error as error:
-        raise ValueError(f"dbc: {str(error).removeprefix('DBC: ').strip(chr(34))}") from None
+        reason = str(error).removeprefix('DBC: "').removesuffix('"')
+        raise ValueError(f"dbc: {reason}") from None
     assert isinstance(database, Database)
     found = {(m.frame_id, m.is_extended_frame): Known(m, _signals(m)) for m in database.messages}
     known = {key: value for key, value in found.items() if value.signals}
@@ -153,7 +154,7 @@ class Decoder:
 
 
 class Encoder:
-    """The units' end of the bus: a message goes out as soon as every signal of it that is understood is known."""
+    """The units' end of the bus: a message goes out when every signal of it that is understood has been told anew."""
 
     def __init__(self, options: Options) -> None:
         self._node = 1 if options.node is None else options.node
@@ -181,6 +182,7 @@ class Encoder:
         message, values = known.message, self._values[known.message.name]
         if len(values) < len(known.signals):
             return None
+        self._values[message.name] = {}
         code = self._codes.get(message.name, 0)
         self._codes[message.name] = (code + 1) & 0xFF
         header = {"node_id": self._node, "message_code": code}

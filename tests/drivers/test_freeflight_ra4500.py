@@ -1,0 +1,98 @@
+"""FreeFlight RA-4500: quantisation, traps of its framing, the open details as options."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.drivers import freeflight_ra4500 as ra
+from fti.types import DeviceStatus, RadioHeight, Stamp
+
+FOOT = 0.3048
+S = Stamp(0)
+
+
+def heights(data: bytes, options: ra.Options | None = None) -> list[RadioHeight]:
+    found = ra.make_decoder(options or ra.Options()).feed(data, 1)
+    return [m for m in found if isinstance(m, RadioHeight)]
+
+
+def frame(altitude: int, status: int = 0x10) -> bytes:
+    return b"\x10\xdf\x03" + altitude.to_bytes(2, "big") + bytes([status, 0]) + b"\x10\x03"
+
+
+@pytest.mark.parametrize(
+    ("height", "step"),
+    [
+        (0, 1),
+        (119, 1),
+        (120, 2),
+        (199, 2),
+        (200, 5),
+        (499, 5),
+        (500, 20),
+        (999, 20),
+        (1000, 50),
+        (2099, 50),
+        (2100, 100),
+    ],
+)
+def test_quantisation_is_the_corrected_table(height: int, step: int) -> None:
+    assert ra.quantisation_step_ft(height) == step
+    assert ra.quantise_ft(height) % step == 0
+
+
+def test_sigma_is_that_of_the_step() -> None:
+    (found,) = heights(frame(2400))
+    assert found.sd == pytest.approx(100 * FOOT / 12**0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("altitude", [0x0010, 0x1003, 0x10DF, 0x1010, 0xDF03])
+def test_sync_and_trailer_bytes_inside_the_data_do_no_harm(altitude: int) -> None:
+    found = heights(frame(altitude) * 3)
+    assert [m.height_agl for m in found] == [pytest.approx(altitude * FOOT)] * 3
+
+
+@pytest.mark.parametrize(("status", "flag"), [(0x02, "self_test"), (0x04, "failure"), (0x08, "unlocked")])
+def test_the_device_says_when_it_is_not_to_be_believed(status: int, flag: str) -> None:
+    seen = ra.make_decoder(ra.Options()).feed(frame(500, status), 1)
+    assert [m.ok if isinstance(m, DeviceStatus) else getattr(m, "valid", None) for m in seen] == [False, False]
+    assert isinstance(seen[0], DeviceStatus)
+    assert seen[0].flags == (flag,)
+
+
+@pytest.mark.parametrize("rule", ["xor", "sum"])
+def test_a_checksum_rule_refuses_a_changed_byte(rule: str) -> None:
+    options = ra.Options(checksum=rule)  # type: ignore[arg-type]
+    (good,) = ra.make_encoder(options).encode(RadioHeight(stamp=S, height_agl=100.0))
+    assert len(heights(good, options)) == 1
+    for at in (3, 4, 5, 6):
+        bad = bytearray(good)
+        bad[at] ^= 0x01
+        assert heights(bytes(bad), options) == []
+
+
+@given(st.lists(st.integers(0, 8000), min_size=1, max_size=5), st.sampled_from(["none", "xor", "sum"]))
+def test_stuffing_takes_every_height_there_and_back(feet: list[int], rule: str) -> None:
+    options = ra.Options(dle_stuffing=True, checksum=rule)  # type: ignore[arg-type]
+    encoder = ra.make_encoder(options)
+    data = b"".join(b for h in feet for b in encoder.encode(RadioHeight(stamp=S, height_agl=h * FOOT)))
+    found = heights(data, options)
+    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [ra.quantise_ft(h) for h in feet]
+
+
+def test_a_lone_escape_in_a_stuffed_frame_is_not_a_frame() -> None:
+    decoder = ra.make_decoder(ra.Options(dle_stuffing=True))
+    assert decoder.feed(frame(0x1003) + frame(0x0101, status=0), 1)[-1].stamp == Stamp(1)
+    assert decoder.counters.skipped["bad_stuffing"] == 1
+    assert decoder.counters.messages["height"] == 1
+
+
+def test_the_encoder_tells_validity_by_the_flags() -> None:
+    encoder = ra.make_encoder(ra.Options())
+    encoder.encode(DeviceStatus(stamp=S, ok=False, flags=("failure", "in_air")))
+    (lost,) = encoder.encode(RadioHeight(stamp=S, height_agl=None, valid=False))
+    assert lost[5] == 0x14
+    (good,) = encoder.encode(RadioHeight(stamp=S, height_agl=10.0))
+    assert good[5] == 0x10
