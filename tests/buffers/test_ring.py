@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -155,6 +156,61 @@ def test_size_holds_thirty_seconds() -> None:
     assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + HEAD)  # frames with 8 bytes of data
     udp = [UdpLink(name=f"u{i}", kind="udp", bind="127.0.0.1:0") for i in range(9)]
     assert ring_size(udp) >= 30 * 9 * 2000 * 100
+
+
+class KilledError(Exception):
+    """Stands for SIGKILL at one chosen instruction."""
+
+
+def test_writer_killed_while_it_overwrites_leaves_the_rest_readable(
+    ring: Ring, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(ring, *range(1000))
+    store = ring._store
+
+    def half(position: int, data: bytes) -> None:
+        store(position, data[: len(data) // 2])
+        raise KilledError
+
+    monkeypatch.setattr(ring, "_store", half)
+    with pytest.raises(KilledError):
+        for seq in range(1000, 1100):
+            put(ring, seq)
+    reader = RingReader(ring)
+    found = check(reader.read())
+    assert found[-1] == 999
+    assert len(found) + reader.lost_frames == 1000
+
+
+class Unpublished:
+    """The header of a ring whose writer is killed before it can publish."""
+
+    def __init__(self, words: memoryview) -> None:
+        self._words = words
+
+    def __getitem__(self, key: Any) -> Any:
+        return self._words[key]
+
+    def __setitem__(self, key: int, value: int) -> None:
+        raise KilledError
+
+    def release(self) -> None:
+        self._words.release()
+
+
+@pytest.mark.parametrize("frames", [1, 2, 1000])
+def test_process_killed_while_it_publishes_leaves_the_state_before(ring: Ring, frames: int) -> None:
+    put(ring, *range(frames))
+    reader = RingReader(ring)
+    reader.read(frames // 2)
+    reader.commit()
+    states = ring.writer_state(), ring.reader_state()
+    ring._words = Unpublished(ring._words)  # type: ignore[assignment]
+    with pytest.raises(KilledError):
+        reader.read(1)
+    with pytest.raises(KilledError):
+        put(ring, frames)
+    assert (ring.writer_state(), ring.reader_state()) == states
 
 
 # ----------------------------------------------------------------------------------------------------- real processes

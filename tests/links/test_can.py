@@ -206,6 +206,18 @@ async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
         assert opened.status.connects == 1
 
 
+async def test_bad_frames_among_good_ones_are_no_lost_bus(fake: list[FakeBus]) -> None:
+    async with running(link("pcan")) as (opened, heard):
+        for turn in range(1, 4):
+            for _ in range(60):
+                fake[0].other.send(b"bad")
+                await asyncio.sleep(0)  # the pair of sockets holds few
+            fake[0].other.send(FRAMES[0])
+            await until_async(lambda turn=turn: len(heard.frames) == turn)  # type: ignore[misc]
+        assert opened.status.refused == 180
+        assert not opened._lost.done()
+
+
 async def test_bus_that_only_complains_is_opened_again(fake: list[FakeBus]) -> None:
     async with running(link("pcan")) as (_, heard):
 
@@ -237,6 +249,7 @@ class Flaky:
     """A socket that fails once with each of these errors, then works."""
 
     def __init__(self, inner: socket.socket, errors: list[int]) -> None:
+        self.own = b""  # the frame that this socket has sent itself
         self._inner = inner
         self._errors = errors
 
@@ -250,7 +263,8 @@ class Flaky:
 
     def recvmsg(self, *sizes: int) -> Any:
         self._fail()
-        return self._inner.recvmsg(*sizes)
+        data, ancillary, flags, address = self._inner.recvmsg(*sizes)
+        return data, ancillary, flags | (socket.MSG_CONFIRM if data == self.own else 0), address
 
     def send(self, data: bytes) -> int:
         self._fail()
@@ -262,7 +276,17 @@ async def test_interface_that_goes_down_is_read_again_without_opening(fake: list
         opened._socket = Flaky(fake[0].socket, [errno.ENETDOWN])
         fake[0].other.send(FRAMES[0])
         await until_async(lambda: heard.frames)
-        assert opened.status.connects == 1
+        assert not opened._lost.done()
+
+
+async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
+    async with running(link("socketcan", settings={"receive_own_messages": True})) as (opened, heard):
+        opened._socket = Flaky(fake[0].socket, [])
+        opened._socket.own = FRAMES[0]
+        for frame in FRAMES[:2]:
+            fake[0].other.send(frame)
+        await until_async(lambda: heard.frames)
+        assert heard.frames == FRAMES[1:2]
 
 
 async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:

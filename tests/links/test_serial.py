@@ -165,11 +165,21 @@ async def test_send_that_waits_while_the_device_dies_is_an_error(peer: Peer) -> 
         peer.connect()
 
 
+async def test_send_that_waits_while_the_link_is_closed_is_an_error(peer: Peer) -> None:
+    async with running(link(peer, transmit=True)) as (opened, _):
+        sending = asyncio.create_task(opened.send(bytes(200_000), 30.0))
+        await until_async(lambda: len(peer.read()) > 0)
+    with pytest.raises(LinkError, match="closed"):
+        await sending
+
+
 async def test_drain_takes_what_the_kernel_holds(peer: Peer) -> None:
     async with running(link(peer)) as (opened, heard):
         peer.write(b"x" * 8000)
         await opened.drain()
         assert len(heard.bytes) == 8000
+        await opened.drain()  # nothing more: that is no lost device
+        assert opened.status.state is LinkState.GOOD
 
 
 async def test_absent_port_names_those_that_exist(tmp_path: Path) -> None:
@@ -221,6 +231,13 @@ def test_file_that_is_no_port_is_explained(tmp_path: Path) -> None:
     file.write_bytes(b"")
     with pytest.raises(LinkError, match="does not take 115200 baud, 8 bits, parity none"):
         open_port(link(file))
+
+
+def test_pty_has_no_wire_and_so_no_parity(peer: Peer) -> None:
+    keys = {"parity": "even", "data_bits": 7, "flow": "rtscts"}
+    port = open_port(link(peer).model_copy(update=keys))
+    assert (port.bytesize, port.parity, port.rtscts, port.exclusive) == (8, "N", False, True)
+    port.close()
 
 
 async def test_flood_on_one_line_does_not_silence_another(peer: Peer, tmp_path: Path) -> None:

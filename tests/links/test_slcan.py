@@ -130,6 +130,16 @@ def test_stamp_is_that_of_the_first_letter() -> None:
     assert parsed.times == [0, 1, 4, 5]
 
 
+def test_text_without_an_end_is_held_in_bounds() -> None:
+    parsed = Parsed()
+    for t_rx_ns in range(1000):
+        parsed.feed(b"t", t_rx_ns)
+    assert parsed.parser.held == LONGEST
+    assert len(parsed.parser._reads) <= LONGEST
+    parsed.feed(b"1000\r", 1000)
+    assert parsed.times == [999]
+
+
 def test_refusals_are_counted() -> None:
     parsed = Parsed()
     parsed.feed(b"\at10021133\r\a")
@@ -174,14 +184,15 @@ async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
 async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
     async with running(link(adapter)) as (opened, heard):
         await adapter.expect(b"C\rO\r")
-        adapter.write(b"t1002")  # half a frame, lost with the adapter
+        adapter.write(b"??\rt1002")  # garbage, then half a frame, which is lost with the adapter
+        await until_async(lambda: opened._parser.held == 5)
         adapter.die()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         adapter.connect()
         await adapter.expect(b"C\rO\r")
         adapter.write(b"1133\rt10021133\r")
         await until_async(lambda: heard.frames)
-        assert opened.status.noise_bytes == 5
+        assert opened.status.noise_bytes == 3 + 5
     assert [unpack_can(frame) for frame in heard.frames] == [VECTORS[0][1]]
 
 
