@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import itertools
+import os
 import random
+import struct
+import termios
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import AsyncExitStack
@@ -121,6 +125,31 @@ async def test_it_waits_for_readers_and_ends_when_told(tmp_path: Path) -> None:
     assert not playing.done()
     stop.set()
     assert (await playing).lateness.messages == 0
+
+
+async def test_it_ends_when_the_last_byte_has_been_read(tmp_path: Path) -> None:
+    """What is unread when a pty goes is lost."""
+    text = CONFIG.partition('[[link]]\nname = "eth"')[0]
+    session = record(tmp_path, text, [RawFrame("line", 0, START_NS, b"last words")])
+    recording, links = Recording.open(session), tmp_path / "links"
+    replay = Replay(recording, recorded_config(recording, session), links, wait_s=0.0)
+    playing = asyncio.create_task(replay.run())
+    await replay.ready.wait()
+    reader = os.open(links / "line", os.O_RDWR | os.O_NOCTTY)
+    try:
+        await until_async(lambda: unread(reader) == 10)
+        await asyncio.wait([playing], timeout=0.2)
+        assert not playing.done()
+        assert os.read(reader, 100) == b"last words"
+        assert (await playing).links["line"].bytes == 10
+    finally:
+        os.close(reader)
+
+
+def unread(descriptor: int) -> int:
+    """Bytes that wait on a line."""
+    count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)))[0]
+    return count
 
 
 def due_of(recorded: list[RawFrame], **keys: float) -> list[float]:
