@@ -40,7 +40,7 @@ class Statistics:
     shift, _sd   : d^ and its sigma [m]; None when the best shift is the last one tried
     height_error, _sd : b(0) and s_b [m]
     first_bin    : index of the newest bin on the reference's grid
-    obstacle     : what T4 is the greatest of, for the bins of the last 50 m, newest first; NaN where there is no sample
+    obstacle     : what T4 is the greatest of, per bin of the last 50 m, newest first; -inf without a sample
     """
 
     t1: float
@@ -67,7 +67,8 @@ class Matcher:
         self._obstacle = round(OBSTACLE_M / self._ds) + 1
         self._k_eff = profile.window_m / profile.correlation_m
         self._datum_sd = profile.datum_sd_m
-        self._z_ref = reference.z_ref
+        size = round(profile.window_m / self._ds) + 1
+        self._windows = np.lib.stride_tricks.sliding_window_view(reference.z_ref, size)
         self._sd = np.hypot(reference.s_ref, reference.s_alt)
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
@@ -75,19 +76,18 @@ class Matcher:
         size, first, zero = len(bins.z), bins.first, self._span
         sd = self._sd[first : first + size]
         weight = np.where(bins.filled, 1.0 / sd**2, 0.0)
-        around = self._z_ref[first - zero : first + size + zero]
-        shifted = np.lib.stride_tricks.sliding_window_view(around, size)
+        shifted = self._windows[first - zero : first + zero + 1]
         offset, mismatch = self._match(bins.z - shifted, weight)
         _, sharpness = self._match(shifted[zero] - shifted[[zero - self._alert, zero + self._alert]], weight)
         shift, shift_sd = self._best_shift(mismatch)
         height_error = float(offset[zero])
         height_error_sd = self._height_error_sd(weight, vertical_sd)
-        obstacle = self._obstacle_of(np.where(bins.filled, bins.z - shifted[zero], np.nan), sd)
+        obstacle = self._obstacle_of(bins.z - shifted[zero], bins.filled, sd)
         return Statistics(
             t1=float(mismatch[zero]),
             t2=float(mismatch[zero] - mismatch.min()),
             t3=abs(height_error) / height_error_sd,
-            t4=float(np.nanmax(obstacle)),
+            t4=float(obstacle.max()),
             observability=float(sharpness.min()),
             shift=shift,
             shift_sd=shift_sd,
@@ -119,6 +119,7 @@ class Matcher:
         mean_sd = math.sqrt(np.count_nonzero(weight) / self._k_eff / float(weight.sum()))
         return math.hypot(nav, self._datum_sd, mean_sd)
 
-    def _obstacle_of(self, residual: Array, sd: Array) -> Array:
+    def _obstacle_of(self, residual: Array, filled: NDArray[np.bool_], sd: Array) -> Array:
         last = slice(0, self._obstacle)
-        return np.asarray((residual[last] - np.nanmedian(residual)) / sd[last])
+        excess = (residual[last] - np.median(residual[filled])) / sd[last]
+        return np.where(filled[last], excess, -np.inf)

@@ -51,12 +51,19 @@ class Profile(StrictModel):
 
 
 class Limits(StrictModel):
-    """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches."""
+    """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches.
+
+    ``*_interval`` : 95 % bootstrap interval of each
+    """
 
     t1: Positive
     t2: Positive
     t3: Positive
     t4: Positive
+    t1_interval: tuple[float, float]
+    t2_interval: tuple[float, float]
+    t3_interval: tuple[float, float]
+    t4_interval: tuple[float, float]
     pfa: Positive  # probability of a false alarm per approach, all tests together
     runs: int
     seed: int
@@ -129,7 +136,9 @@ def _flat(table: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
     return found
 
 
-def _toml(value: str | float | int) -> str:
+def _toml(value: str | float | int | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return repr(list(value))
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     return repr(value)

@@ -1,0 +1,183 @@
+"""Make and read the reference profile of an approach.
+
+The profile is what one kind of altimeter sees of the terrain along the published path; with it come the limits of the
+integrity monitor's tests, from simulated nominal approaches.  ``info`` prints what a reference holds and draws it.
+
+    fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
+    fti reference make --airfield FILE --terrain demo --out x.csv --runs 50 --seed 7
+    fti reference info configs/profiles/demo.csv
+    fti reference info configs/profiles/demo.csv --json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.errors import ConfigError, MissingError
+
+if TYPE_CHECKING:
+    from fti.nav.reference import Reference
+    from fti.terrain.terrain import Terrain
+
+PLOT_ROWS, PLOT_COLUMNS = 16, 96
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Two actions."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    make = actions.add_parser("make", help="make a reference: profile and limits")
+    make.add_argument("--airfield", required=True, type=Path, metavar="FILE", help="the airfield file (TOML)")
+    make.add_argument("--terrain", required=True, choices=["demo"], help="the surface below the approach")
+    make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
+    make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="default: ra4500")
+    make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
+    make.add_argument("--runs", type=_count(20), default=200, help="simulated nominal approaches (200)")
+    make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
+    make.add_argument("--seed", type=_count(0), default=1, help="seed of everything random (1)")
+    info = actions.add_parser("info", help="print and draw a reference")
+    info.add_argument("reference", type=Path, metavar="FILE")
+    info.add_argument("--json", action="store_true", help="what the reference says of itself, as JSON")
+
+
+def _count(least: int) -> Callable[[str], int]:
+    def parse(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from {least}")
+        return int(text)
+
+    return parse
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 1000.0 <= value <= 50_000.0:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a length of 1000 to 50000 m")
+    return value
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make or show."""
+    return _make(args) if args.action == "make" else _info(args)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise MissingError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text") from None
+
+
+# ---------------------------------------------------------------------------------------------------------- make
+
+
+def _make(args: argparse.Namespace) -> int:
+    from fti.hil.approaches import MODELS
+    from fti.hil.calibration import Plan, make_reference
+    from fti.nav.approach import load_airfield
+
+    airfield = load_airfield(_read(args.airfield), str(args.airfield))
+    plan = Plan(surface=args.terrain, s_max=args.s_max, draws=args.draws, runs=args.runs, seed=args.seed)
+    with _Bars() as bars:
+        reference = make_reference(airfield, _terrain(), MODELS[args.altimeter], plan, bars.update)
+    try:
+        args.out.parent.mkdir(parents=True, exist_ok=True)
+        args.out.write_text(reference.to_text(), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{args.out}: cannot be written: {error.strerror}") from None
+    print(f"{args.out}: {len(reference.s)} points, {args.runs} approaches, hash {reference.hash}")
+    return 0
+
+
+def _terrain() -> Terrain:
+    from fti.terrain.scenes import demo_scene
+
+    return demo_scene()
+
+
+class _Bars(AbstractContextManager["_Bars"]):
+    """A progress bar per kind of work, on standard error; nothing when that is no terminal."""
+
+    def __enter__(self) -> _Bars:
+        from rich.console import Console
+        from rich.progress import Progress, TaskID
+
+        console = Console(stderr=True)
+        self._tasks: dict[str, TaskID] = {}
+        self._progress = Progress(console=console) if console.is_terminal else None
+        (self._progress or nullcontext()).__enter__()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress:
+            self._progress.stop()
+
+    def update(self, what: str, done: int, total: int) -> None:
+        """So much is done."""
+        if self._progress is None:
+            return
+        if what not in self._tasks:
+            self._tasks[what] = self._progress.add_task(what, total=total)
+        self._progress.update(self._tasks[what], completed=done)
+
+
+# ---------------------------------------------------------------------------------------------------------- info
+
+
+def _info(args: argparse.Namespace) -> int:
+    from fti.nav.reference import Reference
+
+    reference = Reference.parse(_read(args.reference), str(args.reference))
+    if args.json:
+        json.dump({**reference.header.model_dump(), "hash": reference.hash}, sys.stdout, indent=2)
+        print()
+        return 0
+    for line in _summary(reference) + _plot(reference):
+        print(line)
+    return 0
+
+
+def _summary(reference: Reference) -> list[str]:
+    header = reference.header
+    airfield, profile, limits = header.airfield, header.profile, header.limits
+    return [
+        f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
+        f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
+        f"sensor       {header.sensor.kind}, beam {header.sensor.beam_deg} deg",
+        f"profile      {profile.surface}, s -200 to {profile.s_max_m + 200:.0f} m, step {profile.ds_m} m, "
+        f"{profile.draws} draws, seed {profile.seed}",
+        f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
+        f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
+        f"(Pfa {limits.pfa}, {limits.runs} approaches)",
+        f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
+        f"hash         {reference.hash}",
+    ]
+
+
+def _plot(reference: Reference) -> list[str]:
+    """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
+    import numpy as np
+
+    from fti.nav.approach import ApproachPath
+
+    s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
+    z = np.interp(s, reference.s, reference.z_ref)
+    path = ApproachPath(reference.header.airfield).alt_path(s)
+    low, high = float(min(z.min(), path.min())), float(max(z.max(), path.max()))
+    levels = np.linspace(high, low, PLOT_ROWS)
+    half = (high - low) / (PLOT_ROWS - 1) / 2
+    rows = []
+    for level in levels:
+        marks = np.where(np.abs(path - level) <= half, ".", np.where(z >= level - half, "#", " "))
+        rows.append(f"{level:6.0f} m |" + "".join(marks))
+    return ["", *rows, f"          {s[0]:.0f} m{'before the intercept point'.center(PLOT_COLUMNS - 14)}{s[-1]:.0f} m"]

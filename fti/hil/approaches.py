@@ -1,0 +1,223 @@
+"""Simulated nominal approaches, flown faster than real time: what the integrity monitor is calibrated with.
+
+No bytes and no links: arrays of altimeter heights and navigation go straight into the monitor.  What varies from flight
+to flight is in ``Spread``; every error that wanders is a first-order Gauss-Markov process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers._units import FOOT
+from fti.drivers.freeflight_ra4500 import quantisation_step_ft, quantise_ft
+from fti.hil.sensors.errors import slow, white
+from fti.nav.approach import ApproachPath
+from fti.nav.clearance import ClearanceMonitor, ClearanceSample
+from fti.nav.reference import Sensor
+from fti.ranging.laser import Laser
+from fti.ranging.radar import RadarAltimeter
+from fti.terrain.terrain import Terrain
+from fti.types import ClearanceIntegrity
+
+Array = NDArray[np.float64]
+
+START_NS = 1_000_000_000
+#: Height errors shrink with the distance to go from here on [m]: nobody is 5 m low over the threshold.
+TAPER_M = 1000.0
+#: Nobody flies lower than this over the plane of the runway [m].
+FLARE_M = 3.0
+#: Distance that a spatial process takes for a second of a temporal one [m].
+UNIT_M = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """One sigma of what differs between nominal approaches.
+
+    track, height           : flown against the published path [m], over ``period`` [s]
+    speed                   : ground speed, about ``speed_mean`` [m/s]
+    roll, pitch, crab       : attitude about level, trimmed and along the track [rad]
+    nav_horizontal, nav_vertical : navigation error [m], told as its sigma
+    latency                 : what is left of the altimeter's latency [s]
+    dem_bias, dem_short, dem_long : error of the elevation: constant, over 30 m and over 300 m [m]
+    """
+
+    track: float = 5.0
+    height: float = 5.0
+    period: float = 60.0
+    speed_mean: float = 60.0
+    speed: float = 3.0
+    roll: float = np.deg2rad(1.5)
+    pitch: float = np.deg2rad(1.0)
+    pitch_mean: float = np.deg2rad(1.0)
+    crab: float = np.deg2rad(4.0)
+    nav_horizontal: float = 2.0
+    nav_vertical: float = 1.0
+    latency: float = 0.01
+    dem_bias: float = 1.0
+    dem_short: float = 0.5
+    dem_long: float = 0.5
+
+
+NOMINAL = Spread()
+#: The profile allows for more than a nominal approach makes use of: 15 m of track.
+PROFILE = Spread(track=15.0)
+
+
+@dataclass(frozen=True, eq=False)
+class AltimeterModel:
+    """An altimeter as it measures: beam, noise [m] and the steps of its output.
+
+    quantise : a height [m] as the instrument shows it      step : size of its steps at a height [m]
+    """
+
+    sensor: Sensor
+    rate_hz: float
+    noise_sd: float
+    quantise: Callable[[float], float]
+    step: Callable[[float], float]
+
+    def beam(self) -> RadarAltimeter | Laser:
+        """The range model."""
+        if self.sensor.kind == "laser":
+            return Laser(max_range=2000.0)
+        return RadarAltimeter(beam_width=float(np.deg2rad(self.sensor.beam_deg)))
+
+    def sd(self, height: Array) -> Array:
+        """One sigma of a sample at heights [m]: noise, and the step over root 12."""
+        return np.asarray([np.hypot(self.noise_sd, self.step(float(h)) / np.sqrt(12.0)) for h in height])
+
+
+#: FreeFlight RA-4500: 25 Hz, steps of the driver's table, and 0.3 m of noise.
+RA4500 = AltimeterModel(
+    sensor=Sensor(kind="radar", beam_deg=40.0),
+    rate_hz=25.0,
+    noise_sd=0.3,
+    quantise=lambda h: quantise_ft(h / FOOT) * FOOT,
+    step=lambda h: quantisation_step_ft(h / FOOT) * FOOT,
+)
+#: A survey-grade laser: 25 Hz, 0.1 m, steps of 1 cm.
+LASER = AltimeterModel(
+    sensor=Sensor(kind="laser", beam_deg=0.1),
+    rate_hz=25.0,
+    noise_sd=0.1,
+    quantise=lambda h: round(h, 2),
+    step=lambda _: 0.01,
+)
+MODELS = {"ra4500": RA4500, "laser": LASER}
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One approach, arrays of shape (n,).
+
+    vertical_sd : what navigation says of its height [m]      t : [s]      roll, pitch : [rad]      climb : [m/s]
+    s, y, alt   : truth [m]      nav_s, nav_y, nav_alt : as navigated [m]      agl : raw height as measured, at P [m]
+    """
+
+    vertical_sd: float
+    t: Array
+    s: Array
+    y: Array
+    alt: Array
+    agl: Array
+    nav_s: Array
+    nav_y: Array
+    nav_alt: Array
+    roll: Array
+    pitch: Array
+    climb: Array
+
+
+def simulate(
+    path: ApproachPath,
+    terrain: Terrain,
+    altimeter: AltimeterModel,
+    s_max: float,
+    rng: np.random.Generator,
+    *,
+    spread: Spread = NOMINAL,
+    offset: Callable[[Array], Array] | None = None,
+) -> Flown:
+    """One nominal approach from s_max down to the intercept point; ``offset(s)`` [m] to the right makes it another one.
+
+    The altimeter sits at P and is traced with the attitude of the moment; samples without a return are left out.
+    """
+    speed = rng.normal(spread.speed_mean, spread.speed)
+    t = np.arange(0.0, s_max / speed, 1.0 / altimeter.rate_hz)
+    s = s_max - speed * t
+    y = slow(t, spread.track, spread.period, rng) + (offset(s) if offset else 0.0)
+    alt = flown_altitude(path, s, slow(t, spread.height, spread.period, rng))
+    roll = slow(t, spread.roll, 5.0, rng)
+    pitch = spread.pitch_mean + slow(t, spread.pitch, 10.0, rng)
+    crab = slow(t, spread.crab, spread.period, rng)
+    lag = rng.normal(0.0, spread.latency)
+    measured = _ranges(path, terrain, altimeter, np.stack((s + speed * lag, y, alt, roll, pitch, crab)))
+    seen = np.isfinite(measured)
+    measured += rng.normal(0.0, spread.dem_bias) + _dem_error(s[0] - s, spread, rng)
+    agl = _projected(altimeter, measured, roll, pitch) + white(t, altimeter.noise_sd, rng)
+    nav = [slow(t, sd, spread.period, rng) for sd in (*(spread.nav_horizontal,) * 2, spread.nav_vertical)]
+    climb = np.gradient(alt, t)
+    shown = np.array([altimeter.quantise(max(h, 0.0)) for h in np.nan_to_num(agl)])
+    columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], roll, pitch, climb)
+    return Flown(spread.nav_vertical, *(column[seen] for column in columns))
+
+
+def flown_altitude(path: ApproachPath, s: Array, error: Array) -> Array:
+    """Altitude above the ellipsoid [m] with a height error [m] that tapers off, and a flare."""
+    wanted = path.alt_path(s) + error * np.clip(s / TAPER_M, 0.0, 1.0)
+    return np.maximum(wanted, path.alt_gpi - path.airfield.runway_slope * s + FLARE_M)
+
+
+def _ranges(path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, pose: Array) -> Array:
+    """Ranges [m] along poses: rows s, y, alt, roll, pitch, crab."""
+    s, y, alt, roll, pitch, crab = pose
+    lat, lon = path.geodetic(s, y)
+    heading = np.deg2rad(path.airfield.course_deg) + crab
+    return altimeter.beam().along(terrain, lat, lon, alt, roll, pitch, heading)
+
+
+def _projected(altimeter: AltimeterModel, measured: Array, roll: Array, pitch: Array) -> Array:
+    """A laser's range onto the vertical; a radar's leading edge is a height already."""
+    return measured * np.cos(roll) * np.cos(pitch) if altimeter.sensor.kind == "laser" else measured
+
+
+def _dem_error(along: Array, spread: Spread, rng: np.random.Generator) -> Array:
+    """What varies of elevation minus truth at ascending distances [m]; the bias comes on top."""
+    short = slow(along / UNIT_M, spread.dem_short, 30.0 / UNIT_M, rng)
+    return np.asarray(short + slow(along / UNIT_M, spread.dem_long, 300.0 / UNIT_M, rng))
+
+
+def draw_profile(
+    path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, s: Array, rng: np.random.Generator
+) -> Array:
+    """One draw of the terrain as the sensor sees it [m] at ascending path lengths s: z = alt - agl.
+
+    Track, height, attitude and the navigated s are off by constants; the elevation errs over 30 and 300 m.
+    """
+    spread = PROFILE
+    sds = (spread.nav_horizontal, spread.track, spread.height, spread.roll, spread.pitch, spread.crab)
+    pose = np.outer(rng.normal(0.0, sds), np.ones_like(s))
+    pose[0] += s
+    pose[2] = flown_altitude(path, pose[0], pose[2])
+    pose[4] += spread.pitch_mean
+    measured = _projected(altimeter, _ranges(path, terrain, altimeter, pose), pose[3], pose[4])
+    return np.asarray(pose[2] - measured + _dem_error(s, spread, rng))
+
+
+def samples(flown: Flown) -> Iterator[ClearanceSample]:
+    """The approach as the monitor takes it."""
+    columns = (flown.nav_s, flown.nav_y, flown.nav_alt, flown.agl, flown.roll, flown.pitch, flown.climb)
+    for t, *row in zip(flown.t.tolist(), *(column.tolist() for column in columns), strict=True):
+        s, y, alt, agl, roll, pitch, climb = row
+        t_ns = START_NS + round(t * 1e9)
+        yield ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, flown.vertical_sd)
+
+
+def fly(monitor: ClearanceMonitor, flown: Flown) -> list[ClearanceIntegrity]:
+    """Everything that the monitor says on this approach."""
+    return [output for sample in samples(flown) if (output := monitor.step(sample)) is not None]

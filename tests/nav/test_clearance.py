@@ -1,0 +1,265 @@
+"""The monitor over a synthetic profile: what each fault looks like, when it is said and when it is over."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fti.config import Approach
+from fti.nav.approach import ApproachPath
+from fti.nav.clearance import ClearanceMonitor, ClearanceSample, GoAround
+from fti.nav.clearance_tests import Matcher
+from fti.nav.clearance_window import Bins
+from fti.nav.reference import Reference
+from fti.types import ClearanceIntegrity, IntegrityState, Reason
+
+Flight = Callable[..., Iterator[ClearanceSample]]
+S = 1_000_000_000
+SETTINGS = Approach(profile="")
+JUDGED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT}
+
+
+@pytest.fixture
+def monitor(reference: Reference) -> ClearanceMonitor:
+    return ClearanceMonitor(reference, SETTINGS)
+
+
+def run(monitor: ClearanceMonitor, samples: Iterable[ClearanceSample]) -> list[ClearanceIntegrity]:
+    return [out for sample in samples if (out := monitor.step(sample)) is not None]
+
+
+def states(outputs: Iterable[ClearanceIntegrity]) -> list[IntegrityState]:
+    """The states, without repetitions."""
+    found = [output.state for output in outputs]
+    return found[:1] + [b for a, b in pairwise(found) if a is not b]
+
+
+def near(outputs: list[ClearanceIntegrity], s: float) -> ClearanceIntegrity:
+    return min((o for o in outputs if o.s_end is not None), key=lambda o: abs((o.s_end or 0) - s))
+
+
+# ----------------------------------------------------------------------------------------------------- statistics
+
+
+def bins_of(reference: Reference, shift: float = 0.0, offset: float = 0.0, first: int = 200) -> Bins:
+    """A window that sees the profile ``shift`` metres farther out, and ``offset`` metres higher."""
+    k = round(shift / 5)
+    z = reference.z_ref[first + k : first + k + 81] + offset
+    return Bins(first, np.ones(81, bool), z, np.zeros(81))
+
+
+@pytest.mark.parametrize("shift", [-150.0, -35.0, 0.0, 35.0, 100.0])
+def test_match_finds_an_injected_shift(reference: Reference, shift: float) -> None:
+    found = Matcher(reference, 50.0).evaluate(bins_of(reference, shift), 1.0)
+    assert found.shift == pytest.approx(shift, abs=1.0)
+    assert found.t2 == pytest.approx(found.t1, abs=1e-6)
+    assert (found.t1 > 20.0) is (shift != 0.0)
+
+
+def test_match_finds_a_shift_between_the_steps(reference: Reference) -> None:
+    here = np.interp(reference.s[200:281] + 33.0, reference.s, reference.z_ref)
+    found = Matcher(reference, 50.0).evaluate(Bins(200, np.ones(81, bool), here, np.zeros(81)), 1.0)
+    assert found.shift == pytest.approx(33.0, abs=0.5)
+
+
+def test_a_shift_beyond_the_last_tried_is_unknown_not_zero(reference: Reference) -> None:
+    bowl = dataclasses.replace(reference, z_ref=1e-3 * (reference.s - 1000.0) ** 2)
+    found = Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=300.0), 1.0)
+    assert (found.shift, found.shift_sd) == (None, None)
+    assert Matcher(bowl, 50.0).evaluate(bins_of(bowl, shift=150.0), 1.0).shift == pytest.approx(150.0, abs=0.1)
+
+
+def test_a_constant_height_error_is_in_t3_alone(reference: Reference) -> None:
+    clean = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
+    found = Matcher(reference, 50.0).evaluate(bins_of(reference, offset=12.0), 1.0)
+    assert found.height_error == pytest.approx(12.0)
+    assert (found.t1, found.t2, found.t4) == pytest.approx((clean.t1, clean.t2, clean.t4), abs=1e-9)
+    # s_b^2 = navigation 1 + datum 1 + (K / K_eff) / sum w with K_eff = 10 and w = 1 / 1.25
+    assert found.height_error_sd == pytest.approx(math.sqrt(1 + 1 + 1.25 / 10))
+    assert found.t3 == pytest.approx(12.0 / found.height_error_sd)
+
+
+def test_t1_is_the_weighted_sum_of_squares(reference: Reference) -> None:
+    bins = bins_of(reference)
+    z = bins.z + np.resize([1.0, -1.0], 81)
+    found = Matcher(reference, 50.0).evaluate(Bins(200, bins.filled, z, bins.dh), 1.0)
+    mean = 1 / 81
+    assert found.t1 == pytest.approx(10 / 81 * 81 * (1 - mean**2) / 1.25)
+
+
+def test_empty_bins_have_no_weight(reference: Reference) -> None:
+    bins = bins_of(reference)
+    filled = np.arange(81) % 7 != 0
+    found = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z, 0.0), bins.dh), 1.0)
+    assert found.t1 == pytest.approx(0.0, abs=1e-9)
+    assert found.shift == pytest.approx(0.0, abs=0.5)
+
+
+def test_flat_ground_is_not_observable(reference: Reference) -> None:
+    flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
+    assert Matcher(flat, 50.0).evaluate(bins_of(flat), 1.0).observability == pytest.approx(0.0, abs=1e-9)
+    assert Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0).observability > (3 + 1.64) ** 2
+
+
+# ---------------------------------------------------------------------------------------------------------- flights
+
+
+def test_nominal_approach_becomes_ok_and_stays(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2990.0))
+    assert set(states(outputs)) <= {IntegrityState.ACQUIRE, IntegrityState.OK, IntegrityState.MONITOR}
+    first = next(o for o in outputs if o.valid)
+    assert 2990.0 - (first.s_end or 0) == pytest.approx(400.0, abs=15.0)
+    assert sum(o.state is IntegrityState.OK for o in outputs) > 0.5 * len(outputs)
+    assert all(abs(o.shift or 0) < 10 for o in outputs if o.state is IntegrityState.OK)
+
+
+def test_updates_come_every_10_m_and_200_ms_whichever_is_later(monitor: ClearanceMonitor, flight: Flight) -> None:
+    times = [o.t_valid_ns or 0 for o in run(monitor, flight(begin=2990.0, end=1500.0))]
+    assert {b - a for a, b in pairwise(times)} == {200_000_000}
+
+
+def test_outputs_name_window_limits_and_reference(monitor: ClearanceMonitor, flight: Flight) -> None:
+    out = near(run(monitor, flight(begin=2990.0, end=1900.0)), 2000.0)
+    assert (out.s_begin or 0) - (out.s_end or 0) == 400.0
+    assert out.alert_limit_v == pytest.approx(math.radians(0.35) * (out.s_end or 0))
+    assert out.alert_limit_s == 50.0
+    assert out.reference == monitor.reference.hash
+
+
+def test_obstacle_alerts_at_once_and_is_over_one_window_and_a_second_after(
+    monitor: ClearanceMonitor, flight: Flight
+) -> None:
+    outputs = run(monitor, flight(begin=2990.0, surface=lambda s: 60.0 if 1960.0 < s < 2000.0 else 0.0))
+    alert = next(o for o in outputs if o.state is IntegrityState.ALERT)
+    over = next(o for o in outputs if o.state in (IntegrityState.OK, IntegrityState.MONITOR) and o.t_ns > alert.t_ns)
+    entered, left = ((2990.0 - s) / 60.0 + 1.0 for s in (2000.0, 1960.0))
+    assert Reason.OBSTACLE in alert.reasons
+    assert alert.t_ns / S - entered < 0.5
+    assert 400.0 / 60.0 <= over.t_ns / S - left <= 400.0 / 60.0 + 1.0
+    assert states(outputs).count(IntegrityState.ALERT) == 1
+
+
+def test_a_hole_is_no_obstacle(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2990.0, surface=lambda s: -30.0 if 1990.0 < s < 2000.0 else 0.0))
+    assert all(Reason.OBSTACLE not in o.reasons for o in outputs)
+
+
+def test_navigation_35_m_ahead_raises_t1_and_t2(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2960.0, end=1500.0, nav_s=lambda s: s - 35.0))
+    judged = [o for o in outputs if o.valid and o.t2_ratio is not None]
+    assert judged
+    assert all((o.t1_ratio or 0) > 1 and (o.t2_ratio or 0) > 1 for o in judged)
+    assert judged[-1].state is IntegrityState.ALERT
+    assert {Reason.ABSOLUTE_MATCH, Reason.SHIFTED} <= set(judged[-1].reasons)
+    assert judged[-1].shift == pytest.approx(35.0, abs=3.0)
+
+
+def test_navigated_height_15_m_wrong_is_a_height_error(monitor: ClearanceMonitor, flight: Flight) -> None:
+    out = run(monitor, flight(begin=2990.0, end=1500.0, nav_alt=15.0))[-1]
+    assert (out.state, out.reasons) == (IntegrityState.ALERT, (Reason.HEIGHT_ERROR,))
+    assert out.height_error == pytest.approx(15.0, abs=0.5)
+
+
+def test_flying_high_is_no_integrity_error(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2990.0, end=500.0, height=20.0))
+    assert IntegrityState.ALERT not in states(outputs)
+
+
+def test_stuck_altimeter_is_an_alert(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2990.0, agl=lambda s, h: h if s > 2000.0 else 100.0))
+    stuck_s = (2990.0 - 2000.0) / 60.0 + 1.0
+    alert = next(o for o in outputs if o.state is IntegrityState.ALERT)
+    assert 0.0 < alert.t_ns / S - stuck_s < 400.0 / 60.0
+
+
+@pytest.mark.parametrize("side", [-200.0, 200.0])
+def test_off_track_is_refused_until_back(monitor: ClearanceMonitor, flight: Flight, side: float) -> None:
+    outputs = run(monitor, flight(begin=2990.0, y=lambda s: side if 1400.0 < s < 2200.0 else 0.0))
+    gone, back = ((2990.0 - s) / 60.0 + 1.0 for s in (2200.0, 1400.0))
+    away = [o for o in outputs if o.reasons == (Reason.OFF_TRACK,)]
+    assert away[0].t_ns / S - gone < 0.3
+    assert [o for o in outputs if away[0].t_ns <= o.t_ns < back * S] == away
+    assert {o.state for o in away} == {IntegrityState.UNAVAILABLE}
+    assert max(b.t_ns - a.t_ns for a, b in pairwise(away)) <= 540_000_000
+    after = next(o for o in outputs if o.valid and o.t_ns / S > back)
+    assert 0.8 * 390.0 <= (after.t_ns / S - back) * 60.0 <= 400.0
+
+
+def test_too_much_bank_is_refused_and_a_short_one_leaves_the_window_usable(
+    monitor: ClearanceMonitor, flight: Flight
+) -> None:
+    outputs = run(monitor, flight(begin=2990.0, end=1000.0, roll=lambda s: 0.2 if 1940.0 < s < 2000.0 else 0.0))
+    refused = [o for o in outputs if o.state is IntegrityState.UNAVAILABLE]
+    assert {o.reasons for o in refused} == {(Reason.ROLL,)}
+    following = next(o for o in outputs if o.t_ns > refused[-1].t_ns)
+    assert following.valid
+
+
+def test_gaps_make_the_window_unusable(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, (x for x in flight(begin=2990.0, end=1000.0) if not 1900.0 < x.s < 2000.0))
+    gaps = [o for o in outputs if o.reasons == (Reason.GAPS,)]
+    assert gaps
+    assert all(1480.0 < (o.s_end or 0) < 1901.0 for o in gaps)
+    assert near(outputs, 1100.0).valid
+
+
+def test_going_back_by_more_than_20_m_clears_the_window(monitor: ClearanceMonitor, flight: Flight) -> None:
+    first = run(monitor, flight(begin=2990.0, end=2000.0))
+    assert first[-1].valid
+    assert run(monitor, flight(begin=2015.0, end=1950.0, start_ns=30 * S))[-1].valid
+    again = run(monitor, flight(begin=1975.0, end=1700.0, start_ns=40 * S))
+    assert set(states(again)) == {IntegrityState.ACQUIRE}
+
+
+def test_past_the_intercept_point_it_ends_and_a_new_approach_begins_with_acquire(
+    monitor: ClearanceMonitor, flight: Flight
+) -> None:
+    outputs = run(monitor, flight(begin=500.0, end=-150.0))
+    assert (outputs[-1].state, outputs[-1].reasons) == (IntegrityState.UNAVAILABLE, (Reason.END,))
+    again = run(monitor, flight(begin=2990.0, end=2000.0, start_ns=100 * S))
+    assert states(again)[0] is IntegrityState.ACQUIRE
+    assert again[-1].valid
+
+
+def test_outside_the_profile_is_refused(monitor: ClearanceMonitor, flight: Flight) -> None:
+    (*_, last) = run(monitor, flight(begin=3500.0, end=3100.0, agl=lambda s, h: 100.0))
+    assert last.reasons == (Reason.OUTSIDE_PROFILE,)
+
+
+def test_go_around_is_said_after_3_s_of_climb(monitor: ClearanceMonitor, flight: Flight) -> None:
+    run(monitor, flight(begin=2990.0, end=2000.0))
+    outputs = run(monitor, flight(begin=2000.0, end=1500.0, climb=5.0, start_ns=20 * S))
+    around = next(o for o in outputs if o.reasons == (Reason.GO_AROUND,))
+    assert around.t_ns - 20 * S == pytest.approx(3 * S, abs=0.05 * S)
+    again = run(monitor, flight(begin=1500.0, end=1000.0, start_ns=40 * S))
+    assert IntegrityState.ACQUIRE in states(again)
+
+
+def test_a_gust_is_no_go_around() -> None:
+    judge = GoAround()
+    climbs = [3.0] * 70 + [1.0] + [3.0] * 70
+    assert not any(judge.step(k * S // 25, climb) for k, climb in enumerate(climbs))
+    assert judge.step(6 * S, None) is False
+
+
+def test_silence_is_repeated_and_one_lost_sample_says_nothing(monitor: ClearanceMonitor, flight: Flight) -> None:
+    outputs = run(monitor, flight(begin=2990.0, end=2000.0))
+    now = outputs[-1].t_ns
+    used = now + 10**8
+    monitor.step(next(flight(begin=2000.0, start_ns=used)))
+    assert monitor.refuse(used + S // 10, None, (Reason.NO_RETURN,)) is None
+    said = monitor.refuse(used + S // 5, None, (Reason.STALE,))
+    assert said is not None
+    assert (said.state, said.reasons, said.valid) == (IntegrityState.UNAVAILABLE, (Reason.STALE,), False)
+    assert monitor.tick(said.t_ns + S // 4) is None
+    repeated = monitor.tick(said.t_ns + S // 2)
+    assert repeated is not None
+    assert repeated.t_ns == said.t_ns + S // 2
+
+
+def test_same_samples_same_outputs(reference: Reference, flight: Flight, path: ApproachPath) -> None:
+    first, second = (run(ClearanceMonitor(reference, SETTINGS), flight(seed=3)) for _ in range(2))
+    assert repr(first) == repr(second)

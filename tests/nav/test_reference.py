@@ -1,0 +1,57 @@
+"""The reference file: there and back, hash, mistakes named by file, line and key."""
+
+import numpy as np
+import pytest
+
+from fti.errors import ConfigError
+from fti.nav.reference import Reference
+
+
+def test_text_and_back(reference: Reference) -> None:
+    again = Reference.parse(reference.to_text(), "r.csv")
+    assert again.header == reference.header
+    assert again.hash == reference.hash
+    np.testing.assert_allclose(again.z_ref, reference.z_ref, atol=5e-4)
+    assert again.to_text() == reference.to_text()
+
+
+def test_hash_is_of_the_content(reference: Reference) -> None:
+    lines = reference.to_text().splitlines()
+    lines[-1] = lines[-1].replace(",1.000,", ",1.001,")
+    with pytest.raises(ConfigError, match=r"r\.csv:\d+: hash = "):
+        Reference.parse("\n".join(lines), "r.csv")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("# fti reference", "# reference", r"r\.csv:1: "),
+        ("# limits.t2 = 9.0", "# limits.t2 = -9.0", r"r\.csv:\d+: limits\.t2 = -9\.0"),
+        ("# limits.t2 = 9.0\n", "", r"r\.csv: limits\.t2: missing"),
+        ("# limits.t2 = 9.0", "# limits.t2 = nine", r"r\.csv:\d+: limits\.t2 = nine: is not a value"),
+        ("# limits.t2 = 9.0", "limits.t2 = 9.0", r"r\.csv:\d+: 'limits\.t2 = 9\.0': must be"),
+        ("# limits.t2 = 9.0", "# limits.t1 = 9.0", r"r\.csv:\d+: limits\.t1: stands twice"),
+        ('"radar"', '"sonar"', r"r\.csv:\d+: sensor\.kind = 'sonar'"),
+        ("s_m,z_ref_m", "s,z", r"is missing"),
+        ("\n-195.000,", "\n-194.000,", r"r\.csv:\d+: s_m = -194\.0: must be -195\.0"),
+        ("\n-195.000,", "\n-195.000;", r"r\.csv:\d+: '-195\.000;.*must be 4 numbers"),
+        ("\n-195.000,", "\nnan,", r"must be 4 numbers"),
+    ],
+)
+def test_mistakes_name_file_line_and_key(reference: Reference, old: str, new: str, said: str) -> None:
+    text = reference.to_text()
+    assert old in text
+    with pytest.raises(ConfigError, match=said):
+        Reference.parse(text.replace(old, new), "r.csv")
+
+
+def test_line_in_the_message_is_the_line_of_the_key(reference: Reference) -> None:
+    text = reference.to_text().replace("# limits.t2 = 9.0", "# limits.t2 = -9.0")
+    line = text.splitlines().index("# limits.t2 = -9.0") + 1
+    with pytest.raises(ConfigError, match=rf"r\.csv:{line}: limits\.t2"):
+        Reference.parse(text, "r.csv")
+
+
+def test_missing_rows_are_counted(reference: Reference) -> None:
+    with pytest.raises(ConfigError, match="680 rows"):
+        Reference.parse("\n".join(reference.to_text().splitlines()[:-1]), "r.csv")
