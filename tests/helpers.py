@@ -14,7 +14,7 @@ POLL_S = 0.005
 Found = TypeVar("Found")
 
 
-def until(predicate: Callable[[], Found], timeout: float = 10.0, what: str = "") -> Found:
+def until(predicate: Callable[[], Found | None], timeout: float = 10.0, what: str = "") -> Found:
     """Poll until the predicate is truthy and return its value; AssertionError after timeout [s], saying what."""
     deadline = time.monotonic() + timeout
     while not (found := predicate()):
@@ -24,7 +24,7 @@ def until(predicate: Callable[[], Found], timeout: float = 10.0, what: str = "")
 
 
 async def until_async(
-    predicate: Callable[[], Found],
+    predicate: Callable[[], Found | None],
     timeout: float = 10.0,  # noqa: ASYNC109 - asyncio.timeout could not say what was waited for
     what: str = "",
 ) -> Found:

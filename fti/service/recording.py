@@ -183,11 +183,16 @@ class Recorder:
         """Send the bytes of a request and say what became of it, exactly once."""
         fault: str | None = None
         try:
-            link = next(u.link for u in self._units if u.link.name == request["link"])
-            await link.send(bytes.fromhex(request["data"]))
+            await self._find(request["link"]).send(bytes.fromhex(request["data"]))
         except (LinkError, ValueError) as error:
             fault = str(error)
         self._channel.send({"sent": {"id": request["id"], "fault": fault}})
+
+    def _find(self, name: str) -> Link:
+        for unit in self._units:
+            if unit.link.name == name:
+                return unit.link
+        raise ValueError(f"there is no link {name!r}")
 
     def _report(self, unit: str, error: Exception) -> None:
         text = f"{type(error).__name__}: {error}"

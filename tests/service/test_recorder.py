@@ -1,0 +1,118 @@
+"""The recorder process alone: sending, what is recorded of it, and the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.buffers.ring import Ring, RingReader
+from fti.clock import choose_epoch_ns
+from fti.config import Config, SerialLink, Session, UdpLink
+from fti.logger.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.service.children import Child
+from fti.service.orders import LinkOrder, RecorderOrder
+from tests.e2e.harness import Line, free_udp_port
+from tests.helpers import until
+
+pytestmark = pytest.mark.timeout(60)
+
+
+class Rig:
+    """A recorder with a serial line that it may send on, and a datagram link that it may not."""
+
+    def __init__(self, folder: Path) -> None:
+        self.line = Line(folder / "line")
+        self.session = SessionFolder.create(folder / "out", "rig", 0)
+        self.ring = Ring.create(2**20)
+        links = (
+            SerialLink(name="line", kind="serial", port=str(folder / "line"), transmit=True),
+            UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{free_udp_port()}"),
+        )
+        order = RecorderOrder(
+            config=Config(session=Session(name="rig"), link=links),
+            folder=str(self.session.path),
+            epoch_ns=choose_epoch_ns(),
+            sending={"line": LinkOrder(on_connect=(b"hello\r".hex(),), polls=((0.2, b"ask\r".hex()),))},
+            attachments={"config.toml": "text"},
+            metadata={"name": "rig"},
+        )
+        self.child = Child("recorder", order.model_dump_json().encode(), self.ring.fd)
+        self.channel = self.child.start()
+        self.messages: list[dict[str, Any]] = []
+        self._said = bytearray()
+
+    def said(self) -> bytes:
+        """Everything that was sent to the device."""
+        self._said += self.line.read()
+        return bytes(self._said)
+
+    def hear(self, key: str) -> dict[str, Any] | None:
+        """The first message with that key, once it has come."""
+        self.messages += self.channel.receive()
+        return next((m for m in self.messages if key in m), None)
+
+    def close(self) -> None:
+        self.child.dismiss()
+        self.line.close()
+        self.ring.close()
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Iterator[Rig]:
+    made = Rig(tmp_path)
+    yield made
+    made.close()
+
+
+def test_it_sends_what_it_was_told_and_records_it(rig: Rig) -> None:
+    until(lambda: rig.hear("ready"), 20, "ready")
+    until(lambda: rig.said().count(b"ask\r") >= 2, 20, "two questions")
+    assert rig.said().startswith(b"hello\rask\r")
+    rig.channel.send({"send": {"link": "line", "data": b"set\r".hex(), "id": 7}})
+    answer = until(lambda: rig.hear("sent"), 10, "an answer")
+    assert answer["sent"] == {"id": 7, "fault": None}
+    until(lambda: b"set\r" in rig.said(), 10, "the command")
+    rig.line.write(b"answer")
+    until(lambda: _received(rig), 10, "the answer in the ring")
+    rig.channel.send({"stop": True})
+    until(lambda: rig.hear("stopped"), 20, "stopped")
+    sent = b"".join(f.data for f in Recording.open(rig.session.path).sent())
+    assert sent.startswith(rig.said()[:20])
+    assert sent.count(b"set\r") == 1
+
+
+def _received(rig: Rig) -> bool:
+    return any(record.data == b"answer" for record in RingReader(rig.ring).read(10_000))
+
+
+@pytest.mark.parametrize(("link", "said"), [("eth", "transmit is false"), ("none", "no link 'none'")])
+def test_a_command_that_cannot_be_sent_is_refused_once(rig: Rig, link: str, said: str) -> None:
+    until(lambda: rig.hear("ready"), 20, "ready")
+    rig.channel.send({"send": {"link": link, "data": "00", "id": 1}})
+    answer = until(lambda: rig.hear("sent"), 10, "an answer")
+    assert answer["sent"]["id"] == 1
+    assert said in answer["sent"]["fault"]
+
+
+def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
+    until(lambda: rig.hear("ready"), 20, "ready")
+    rig.line.write(b"last words")
+    until(lambda: any(r.data == b"last words" for r in RingReader(rig.ring).read(10_000)), 10, "the words")
+    rig.child.close()
+    process = rig.child.process
+    assert process
+    assert process.wait(timeout=20) == 0
+    assert rig.ring.ended
+    recording = Recording.open(rig.session.path)
+    assert not recording.unfinished
+    assert b"last words" in b"".join(f.data for f in recording.frames())
+
+
+def test_a_child_without_an_order_ends_when_it_is_let_go() -> None:
+    child = Child("recorder")
+    child.prepare()
+    child.dismiss()
