@@ -141,8 +141,13 @@ class ClearanceMonitor:
         self._window.add(x.s, z, dh)
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
-        """There is no usable sample; said once none was for 0.2 s, at every change, and twice a second."""
-        if self._used_ns is not None and t_ns - self._used_ns < HOLD_NS:
+        """There is no usable sample.
+
+        Said once none was for 0.2 s (at once when the altimeter is stale: its age limit has passed already), at every
+        change, and twice a second.
+        """
+        held = self._used_ns is not None and t_ns - self._used_ns < HOLD_NS
+        if held and Reason.STALE not in reasons:
             return None
         return self._say(self._unavailable(t_ns, t_valid_ns, reasons))
 

@@ -251,9 +251,9 @@ def test_silence_is_repeated_and_one_lost_sample_says_nothing(monitor: Clearance
     used = now + 10**8
     monitor.step(next(flight(begin=2000.0, start_ns=used)))
     assert monitor.refuse(used + S // 10, None, (Reason.NO_RETURN,)) is None
-    said = monitor.refuse(used + S // 5, None, (Reason.STALE,))
+    said = monitor.refuse(used + S // 5, None, (Reason.NO_RETURN,))
     assert said is not None
-    assert (said.state, said.reasons, said.valid) == (IntegrityState.UNAVAILABLE, (Reason.STALE,), False)
+    assert (said.state, said.reasons, said.valid) == (IntegrityState.UNAVAILABLE, (Reason.NO_RETURN,), False)
     assert monitor.tick(said.t_ns + S // 4) is None
     repeated = monitor.tick(said.t_ns + S // 2)
     assert repeated is not None
