@@ -11,9 +11,12 @@ Open, therefore options: byte order, turned label, and which labels there are (`
 in addition or instead; the same label means different things on different equipment).
 
 Resynchronisation: where words begin is known when two enabled labels stand in good parity at a distance of whole
-words, with good parity between them; until then nothing is released (at most SEARCH_WORDS are held).  A word in bad
-parity, or SILENT_WORDS without an enabled label, starts the search again.  A word that is not enabled is framed and
-counted as "other".  Sign/status: normal is valid; failure, no computed data and test are not valid, and the first two
+words, with good parity between them; until then nothing is released.  From then on an enabled label is released at
+once.  A word that is not enabled is framed and counted as "other" as soon as the next enabled label shows that words
+still begin there: turned by a whole byte a word keeps its parity, so after a lost byte parity alone would believe the
+wrong place.  A word in bad parity starts the search again.  At most SEARCH_BYTES are held; as many bytes of good
+parity are proof too.
+Sign/status: normal is valid; failure, no computed data and test are not valid, and the first two
 carry no value.
 """
 
@@ -41,8 +44,7 @@ MESSAGES = dict.fromkeys(QUANTITIES, "BNR or BCD word of this quantity") | {"oth
 CARRIERS = frozenset({"serial", "udp"})
 
 WORD_BYTES = 4
-SEARCH_WORDS = 64
-SILENT_WORDS = 256
+SEARCH_BYTES = 64 * WORD_BYTES
 SETS = ("radio_altimeter", "radio_altimeter_bcd", "air_data", "ahrs", "gps", "ils")
 
 
@@ -164,6 +166,13 @@ def _entry(item: Label) -> Entry:
     return Entry(item, QUANTITIES[item.quantity], factor * item.sign, offset, turns)
 
 
+class Evidence(NamedTuple):
+    """Whether words begin somewhere, and the end of the word that shows it."""
+
+    end: int
+    good: bool
+
+
 class Decoder:
     """Words to measurements."""
 
@@ -175,8 +184,7 @@ class Decoder:
         for entry in make_entries(options):
             self._entries.setdefault(wire.label_byte(entry.label.label), []).append(entry)
         self._locked = False
-        self._silent = 0
-        self._framer = Framer(self._measure, self.counters, limit=SEARCH_WORDS * WORD_BYTES)
+        self._framer = Framer(self._measure, self.counters, limit=SEARCH_BYTES)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -201,26 +209,50 @@ class Decoder:
     def _measure(self, buffer: bytearray) -> int | Skip:
         if len(buffer) < WORD_BYTES:
             return 0
-        if not self._locked:
-            return self._search(buffer)
         word = self._word(buffer[:WORD_BYTES])
-        self._silent = 0 if self._entry(word) else self._silent + 1
-        if wire.has_odd_parity(word) and self._silent < SILENT_WORDS:
-            return WORD_BYTES
+        good, enabled = wire.has_odd_parity(word), self._entry(word) is not None
+        if self._locked and good:
+            return WORD_BYTES if enabled else self._confirm(buffer)
+        if good and enabled:
+            return self._search(buffer)
+        reason = "bad_parity" if self._locked else "no_sync"
         self._locked = False
-        return Skip(1, "bad_parity" if self._silent < SILENT_WORDS else "no_label")
+        return Skip(1, reason)
 
     def _search(self, buffer: bytearray) -> int | Skip:
-        """Lock when two enabled labels stand at a distance of whole words from here; the first stands here."""
-        for at in range(0, len(buffer) - WORD_BYTES + 1, WORD_BYTES):
+        """An enabled label stands here: words begin here if another one follows at a distance of whole words."""
+        seen = self._evidence(buffer, 0, 2)
+        if seen is None and len(buffer) < SEARCH_BYTES:
+            return 0
+        if seen is not None and not seen.good:
+            return Skip(1, "no_sync")
+        self._locked = True
+        return WORD_BYTES
+
+    def _confirm(self, buffer: bytearray) -> int | Skip:
+        """A word that is not enabled: do words still begin here, or somewhere else?  What is shown first counts."""
+        here = self._evidence(buffer, 0, 1)
+        found = [(seen.end, at) for at in (1, 2, 3) if (seen := self._evidence(buffer, at, 2)) and seen.good]
+        if found and (here is None or min(found)[0] < here.end):
+            self._locked = False
+            return Skip(min(found)[1], "no_sync")
+        if here is None:
+            return 0 if len(buffer) < SEARCH_BYTES else WORD_BYTES
+        if here.good:
+            return WORD_BYTES
+        self._locked = False
+        return Skip(1, "no_sync")
+
+    def _evidence(self, buffer: bytearray, start: int, wanted: int) -> Evidence | None:
+        """So many enabled labels from start on, or a bad parity before; None when the buffer shows neither."""
+        for at in range(start, len(buffer) - WORD_BYTES + 1, WORD_BYTES):
             word = self._word(buffer[at : at + WORD_BYTES])
-            enabled = self._entry(word) is not None
-            if not wire.has_odd_parity(word) or (at == 0 and not enabled):
-                return Skip(1, "no_sync")
-            if enabled and at:
-                self._locked, self._silent = True, 0
-                return WORD_BYTES
-        return 0
+            if not wire.has_odd_parity(word):
+                return Evidence(at + WORD_BYTES, False)
+            wanted -= self._entry(word) is not None
+            if wanted == 0:
+                return Evidence(at + WORD_BYTES, True)
+        return None
 
 
 class Encoder:
