@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from pathlib import Path
-from typing import Any
 
 from fti.buffers.ring import Ring, RingReader
 from fti.bus.message import stamped
@@ -53,6 +52,7 @@ class Navigator:
         self._resumed = resumed.position > 0
         self._last_ns = clock.now_ns()
         self._hurry = False
+        self._fault_told: str | None = None
 
     def _open_derived(self, order: NavigationOrder) -> DerivedWriter:
         session = order.config.session
@@ -141,6 +141,11 @@ class Navigator:
 
     def _tell_health(self) -> None:
         now = self._clock.now_ns()
+        fault = self._derived.fault
+        if fault != self._fault_told and (fault is None or self._fault_told is None):
+            text = f"stopped: {fault}" if fault else "goes on"
+            self._tell("error" if fault else "warning", "derived file", text)
+            self._fault_told = fault
         self._channel.send(
             {
                 "health": {
@@ -150,12 +155,15 @@ class Navigator:
                         "ring_lost_frames": self._reader.lost_frames,
                         "last_seq": self._last_seq,
                         "derived_lost": self._derived.lost,
-                        "derived_fault": self._derived.fault,
+                        "derived_fault": fault,
                     },
                 }
             }
         )
 
     def _report(self, unit: str, error: Exception) -> None:
-        event: dict[str, Any] = {"level": "error", "source": unit, "text": f"{type(error).__name__}: {error}"}
-        self._channel.send({"event": {**event, "t_ns": self._clock.now_ns()}})
+        self._tell("error", unit, f"{type(error).__name__}: {error}")
+
+    def _tell(self, level: str, source: str, text: str) -> None:
+        event = {"level": level, "source": source, "text": text, "t_ns": self._clock.now_ns()}
+        self._channel.send({"event": event})

@@ -52,6 +52,7 @@ class Recorder:
         self._seq = self._ring.next_seq
         self._stop = asyncio.Event()
         self._jobs: set[asyncio.Task[None]] = set()
+        self._fault_told: str | None = None
         self._started_ns = clock.now_ns()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
@@ -154,12 +155,23 @@ class Recorder:
         turn = 0
         while True:
             now = self._clock.now_ns()
+            self._tell_storage()
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, self._ledger(now))
                 self._writer.note("/fti/clock", now, {"t_ns": now, **sample_clocks()})
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
+
+    def _tell_storage(self) -> None:
+        """The one loud failure: the medium refuses; and that it takes bytes again."""
+        fault = self._writer.storage_fault
+        if bool(fault) != bool(self._fault_told):
+            text = (
+                f"the medium refuses, the buffers hold what they can: {fault}" if fault else "the medium accepts again"
+            )
+            self._tell("error" if fault else "warning", "storage", text)
+        self._fault_told = fault
 
     def _on_control(self) -> None:
         for message in self._channel.receive():
@@ -195,8 +207,11 @@ class Recorder:
         raise ValueError(f"there is no link {name!r}")
 
     def _report(self, unit: str, error: Exception) -> None:
-        text = f"{type(error).__name__}: {error}"
-        self._channel.send({"event": {"level": "error", "source": unit, "text": text, "t_ns": self._clock.now_ns()}})
+        self._tell("error", unit, f"{type(error).__name__}: {error}")
+
+    def _tell(self, level: str, source: str, text: str) -> None:
+        event = {"level": level, "source": source, "text": text, "t_ns": self._clock.now_ns()}
+        self._channel.send({"event": event})
 
     # ------------------------------------------------------------------------------------------------- ending
 

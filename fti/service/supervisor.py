@@ -162,7 +162,7 @@ class Supervisor:
             self._announce(f"display at {self.display_url}")
             self._publish_info()
         if "event" in message:
-            self._tell_event(message["event"], record=child.name != NAVIGATION)
+            self._tell_event(message["event"], record=True)
         if "stopped" in message:
             self._recorded.set()
 
