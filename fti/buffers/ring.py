@@ -38,6 +38,7 @@ RECORD = struct.Struct("<II")  # length, crc
 FIELDS = struct.Struct("<QqI")  # seq, t_rx_ns, link: covered by the crc
 HEAD = RECORD.size + FIELDS.size
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
+STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
 READ_BYTES = 2**18  # copied at once by the reader; no record is larger
 ATTEMPTS = 100
 
@@ -210,7 +211,7 @@ class Ring:
     def _publish_words(self, base: int, values: Sequence[int]) -> None:
         generation = self._words[base] + 1
         slot = _slot(base, generation)
-        struct.pack_into(f"={len(values)}Q", self._map, 8 * slot, *values)  # not valid yet, may be torn
+        STATES[base].pack_into(self._map, 8 * slot, *values)  # not valid yet, may be torn
         self._words[base] = generation  # one aligned 64-bit store
 
     def _consistent(self, base: int, count: int) -> list[int]:
@@ -230,11 +231,12 @@ class Ring:
         return found if first == count else found + self._map[PAGE : PAGE + count - first]
 
     def _store(self, position: int, data: bytes) -> None:
-        at = position % self._size
-        first = min(len(data), self._size - at)
-        self._map[PAGE + at : PAGE + at + first] = data[:first]
-        if first < len(data):
-            self._map[PAGE : PAGE + len(data) - first] = data[first:]
+        at, size = position % self._size, len(data)
+        if (first := self._size - at) >= size:
+            self._map[PAGE + at : PAGE + at + size] = data
+        else:
+            self._map[PAGE + at : PAGE + at + first] = data[:first]
+            self._map[PAGE : PAGE + size - first] = data[first:]
 
 
 class RingReader:

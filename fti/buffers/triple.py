@@ -165,12 +165,24 @@ class TripleBuffer:
         with self._receive.lock:
             self._frames_in += 1
             self._bytes_in += len(data)
-            self._make_room(len(data) + self._receive.overhead)
-            self._receive.append(Entry(seq, t_rx_ns, data))
-            self._hand_over()
+            entry = Entry(seq, t_rx_ns, data)
+            if self._receive.entries or not self._pass_on(entry):
+                self._make_room(len(data) + self._receive.overhead)
+                self._receive.append(entry)
+                self._hand_over()
         if self._on_ready and not self._called and self.ready:
             self._called = True
             self._on_ready()
+
+    def _pass_on(self, entry: Entry) -> bool:
+        """Straight to ``global``, as nothing waits in ``receive``; false when it is held or full."""
+        hand_over = self._global
+        if not hand_over.lock.acquire(blocking=False):
+            return False
+        if fits := hand_over.size + len(entry.data) + hand_over.overhead <= self._capacity:
+            hand_over.append(entry)
+        hand_over.lock.release()
+        return fits
 
     def _hand_over(self) -> bool:
         """receive -> global, with ``receive`` held; false when ``global`` is held by the writer."""
