@@ -44,36 +44,24 @@ def open_ours(path: Path) -> tuple[Put, Act, Act]:
 
 
 def open_official(path: Path) -> tuple[Put, Act, Act]:
-    """The official writer, uncompressed; it cannot flush without closing its chunk, so it is left alone."""
-    stream = path.open("wb")
-    writer = Writer(stream, compression=CompressionType.NONE)
-    writer.start("fti")
-    ids = [writer.register_channel(f"/raw/link{n}", "x-fti-raw", 0) for n in range(CHANNELS)]
-    add = writer.add_message
-
-    def close() -> None:
-        writer.finish()  # type: ignore[no-untyped-call]
-        stream.close()
-
-    return lambda n: add(ids[n % CHANNELS], n, PAYLOAD, n, n), lambda: None, close
+    """The official writer, uncompressed, as it is: it writes when a chunk is full."""
+    put, _, close = open_official_flushed(path)
+    return put, lambda: None, close
 
 
 def open_official_flushed(path: Path) -> tuple[Put, Act, Act]:
-    """The official writer, flushed as often as ours: a chunk every 20 ms."""
+    """The official writer, flushed as often as ours: each flush ends a chunk."""
     stream = path.open("wb")
     writer = Writer(stream, compression=CompressionType.NONE)
     writer.start("fti")
     ids = [writer.register_channel(f"/raw/link{n}", "x-fti-raw", 0) for n in range(CHANNELS)]
+    add, flush, finish = writer.add_message, writer.flush, writer.finish
 
     def close() -> None:
-        writer.finish()  # type: ignore[no-untyped-call]
+        finish()  # type: ignore[no-untyped-call]
         stream.close()
 
-    return (
-        lambda n: writer.add_message(ids[n % CHANNELS], n, PAYLOAD, n, n),
-        lambda: writer.flush(),  # type: ignore[no-untyped-call]
-        close,
-    )
+    return lambda n: add(ids[n % CHANNELS], n, PAYLOAD, n, n), flush, close
 
 
 WRITERS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
@@ -136,6 +137,31 @@ def test_a_full_medium_at_the_split_loses_nothing(folder: SessionFolder, monkeyp
     assert [f.seq for f in Recording.open(folder.path).frames()] == list(range(200))
     for file in folder.files("raw"):
         read_closed(file)
+
+
+def test_when_the_next_file_cannot_be_made_the_old_one_goes_on(
+    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = open_raw(folder, split_s=1)
+    real = os.open
+
+    def refuse(path: Any, flags: int, *rest: Any) -> int:
+        if flags & os.O_CREAT:
+            raise OSError(errno.EROFS, "Read-only file system")
+        return real(path, flags, *rest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", refuse)
+        for n in range(100):
+            log.frame("ins", n, STARTED + n * SECOND // 50, b"frame")
+            with contextlib.suppress(StorageError):
+                log.flush()
+            assert len(read_stream(log.path.read_bytes())) == n + 1
+    log.frame("ins", 100, STARTED + 2 * SECOND, b"frame")
+    log.flush()
+    log.close()
+    assert len(folder.files("raw")) == 2
+    assert [f.seq for f in Recording.open(folder.path).frames()] == list(range(101))
 
 
 def test_closing_on_a_full_medium_releases_the_file(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,36 +300,63 @@ def test_snake_case() -> None:
 # ------------------------------------------------------------------------------------------------------- recording
 
 
-def test_frames_come_in_order_of_their_number(folder: SessionFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Links are written one after another, numbers are missing, the counter passes 2^32, files are split."""
-    for patience in (50_000, 10):
-        monkeypatch.setattr("fti.logger.recording.PATIENCE", patience)
-        place = SessionFolder.create(folder.path, f"p{patience}", STARTED)
-        log = open_raw(place, split_s=1)
-        expected: list[RawFrame] = []
-        begin = 2**32 - 500
-        for batch in range(50):
-            frames = []
-            for n in range(20):
-                seq = begin + batch * 20 + n
-                if seq % 97 == 0:
-                    continue  # lost
-                link = ("ins", "radar", TICK_LINK)[n % 3]
-                data = b"" if link == TICK_LINK else bytes([n])
-                frames.append(RawFrame(link, seq, STARTED + (batch * 20 + n) * SECOND // 100, data))
-            expected += frames
-            for link in ("radar", TICK_LINK, "ins"):
-                for frame in (f for f in frames if f.link == link):
-                    if link == TICK_LINK:
-                        log.tick(frame.seq, frame.t_rx_ns)
-                    else:
-                        log.frame(link, frame.seq, frame.t_rx_ns, frame.data)
-            log.flush()
-        log.close()
-        recording = Recording.open(place.path)
-        assert len(recording.raw_files) > 5
-        shift = next(iter(recording.frames())).seq - expected[0].seq
-        assert [RawFrame(f.link, f.seq - shift, f.t_rx_ns, f.data) for f in recording.frames()] == expected
+def write_in_disorder(folder: SessionFolder) -> list[RawFrame]:
+    """Links are written one after another, radar a batch late (over splits); numbers are missing and pass 2^32."""
+    log = open_raw(folder, split_s=1)
+    expected: list[RawFrame] = []
+    late: list[RawFrame] = []
+    for batch in range(51):
+        frames = []
+        for n in range(20 if batch < 50 else 0):
+            number = batch * 20 + n
+            link = ("ins", "radar", TICK_LINK)[n % 3]
+            data = b"" if link == TICK_LINK else bytes([n])
+            frames.append(RawFrame(link, 2**32 - 500 + number, STARTED + number * SECOND // 100, data))
+        frames = [frame for frame in frames if frame.seq % 97]
+        expected += frames
+        radar = [frame for frame in frames if frame.link == "radar"]
+        for frame in (*late, *(f for f in frames if f.link == TICK_LINK), *(f for f in frames if f.link == "ins")):
+            if frame.link == TICK_LINK:
+                log.tick(frame.seq, frame.t_rx_ns)
+            else:
+                log.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+        late = radar
+        log.flush()
+    log.close()
+    return expected
+
+
+@pytest.mark.parametrize("patience", [50_000, 10])
+def test_frames_come_in_order_of_their_number(
+    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch, patience: int
+) -> None:
+    monkeypatch.setattr("fti.logger.recording.PATIENCE", patience)
+    expected = write_in_disorder(folder)
+    recording = Recording.open(folder.path)
+    assert len(recording.raw_files) > 5
+    assert list(recording.frames()) == expected
+
+
+def test_frames_do_not_wait_for_a_number_that_never_comes(
+    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fti.logger.recording.PATIENCE", 10)
+    expected = write_in_disorder(folder)
+    recording = Recording.open(folder.path)
+    chunks, taken = recording._numbered_chunks, [0, 0]
+
+    def counted() -> Any:
+        calls = taken[1]
+        taken[1] += 1
+        for chunk in chunks():
+            taken[0] += calls == 0  # the first walk; a second one only looks for the smallest numbers
+            yield chunk
+
+    monkeypatch.setattr(recording, "_numbered_chunks", counted)
+    frames = recording.frames()
+    for _ in range(len(expected) // 2):
+        next(frames)
+    assert taken[1] == 2 and taken[0] < len(recording.raw_files) * 0.7
 
 
 def test_a_recording_that_is_being_written_is_read_and_told(folder: SessionFolder) -> None:

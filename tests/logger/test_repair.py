@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+import random
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from fti.errors import MissingError, RecordingError, StorageError
+from fti.logger import records
 from fti.logger.repair import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import read_closed, read_stream
@@ -41,7 +43,9 @@ def test_a_killed_file_is_closed_once(tmp_path: Path) -> None:
 
 
 def test_garbage_behind_the_last_record_is_cut_off(tmp_path: Path) -> None:
-    for garbage in (bytes(5000), b"\x05" * 40, os.urandom(3000).replace(b"\x06", b"\x07")):
+    undeclared = records.MESSAGE.pack(records.Op.MESSAGE, records.MESSAGE_BODY, 99, 0, 0, 0)
+    noise = random.Random(1).randbytes(3000).replace(b"\x06", b"\x07")
+    for garbage in (bytes(5000), b"\x05" * 40, undeclared, noise):
         path = tmp_path / f"{len(garbage)}.mcap"
         before = write_killed(path)
         path.write_bytes(before + garbage)

@@ -403,6 +403,30 @@ def test_close_can_be_called_again_after_a_refusal(tmp_path: Path, monkeypatch: 
         assert read_closed(path) == MESSAGES[:22]
 
 
+def test_a_torn_append_is_cut_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = StreamWriter(tmp_path / "a.mcap")
+    channel = writer.add_channel("/a", "x")
+    with monkeypatch.context() as patch:
+        SickMedium(patch, 0, errno.EIO, stays=True)
+        with pytest.raises(StorageError):
+            writer.add_attachment("big", "text/plain", bytes(range(256)) * 40, 0)
+    assert (tmp_path / "a.mcap").stat().st_size > 5000
+    writer.write(channel, 1, b"small")
+    writer.flush()
+    assert (tmp_path / "a.mcap").stat().st_size < 200
+    writer.close()
+    assert read_closed(tmp_path / "a.mcap") == [("/a", 1, 1, 0, b"small")]
+
+
+def test_a_flush_of_nothing_touches_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = StreamWriter(tmp_path / "a.mcap")
+    fill(writer, MESSAGES[:8])
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pwrite", None)
+        writer.flush()
+    writer.close()
+
+
 def test_a_refused_sync_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writer = StreamWriter(tmp_path / "a.mcap")
     writer.sync()
