@@ -1,0 +1,140 @@
+"""``fti drivers`` and ``fti decode``: what they print, and what they say when something is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from fti import drivers
+from fti.canframe import unpack_can
+from fti.cli.decode import candump_frames
+from fti.cli.main import main
+from tests.helpers import ROOT
+
+CAPTURE = str(ROOT / "tests/captures/nmea-rtk.log")
+VESSEL = str(ROOT / "tests/captures/nmea2000_part1.candump.log")
+WORDS = str(ROOT / "tests/drivers/vectors/arinc429_ahrs.bin")
+MAKERS_DBC = str(ROOT / "configs/dbc/air_data_unit.dbc")
+
+
+def run(capsys: pytest.CaptureFixture[str], *args: str) -> tuple[int, list[str], list[str]]:
+    code = main(list(args))
+    out, err = capsys.readouterr()
+    return code, out.splitlines(), err.splitlines()
+
+
+def test_the_list_has_one_driver_per_line_name_first(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "drivers")
+    assert code == 0
+    assert tuple(line.split()[0] for line in out) == drivers.names()
+
+
+def test_a_driver_is_described(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run(capsys, "drivers", "arinc429")
+    text = "\n".join(out)
+    assert code == 0
+    assert "on serial, udp" in text
+    assert 'byte_order = "big"   (big, little)' in text
+    assert "radio_height" in text
+    _, out, _ = run(capsys, "drivers", "nmea0183")
+    assert "no options" in out
+
+
+def test_descriptions_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "drivers", "--json")
+    every = json.loads("\n".join(out))
+    assert [d["name"] for d in every] == list(drivers.names())
+    assert all(d["document"] and d["messages"] and d["carriers"] for d in every)
+    _, out, _ = run(capsys, "drivers", "mavlink", "--json")
+    assert json.loads("\n".join(out))["options"]["height"] == {"default": "msl", "allowed": ["msl", "ellipsoid"]}
+
+
+@pytest.mark.parametrize("chunk", ["1", "7", "4096"])
+def test_a_capture_becomes_json_lines_and_a_count(capsys: pytest.CaptureFixture[str], chunk: str) -> None:
+    code, out, err = run(capsys, "decode", CAPTURE, "--driver", "nmea0183", "--chunk", chunk, "--json")
+    assert (code, err) == (0, [])
+    *lines, last = [json.loads(line) for line in out]
+    assert last["counters"]["messages"] == {"GGA": 122, "RMC": 122}
+    assert last["counters"]["bytes_in"] == Path(CAPTURE).stat().st_size
+    assert len(lines) == 122 * 3 + 122 * 2
+    assert lines[0]["measurement"] == "Position"
+    assert lines[0]["values"]["alt_msl"] == 278.161
+    assert lines[0]["values"]["stamp"]["time_scale"] is None
+
+
+def test_without_json_the_count_goes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run(capsys, "decode", CAPTURE, "--driver", "nmea0183")
+    assert code == 0
+    assert all(json.loads(line)["values"] for line in out)
+    assert "  GGA 122" in err
+    assert "bytes 22370: framed 22083, held 0, skipped 287" in err
+    assert "  comment 287" in err
+
+
+def test_options_reach_the_driver(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "decode", WORDS, "--driver", "arinc429", "--option", "set=ahrs", "--json")
+    assert [json.loads(line).get("measurement") for line in out][:2] == ["Position", "Position"]
+    _, out, _ = run(capsys, "decode", WORDS, "--driver", "arinc429", "--option", "label_reversed=false", "--json")
+    assert json.loads(out[-1])["counters"]["framed"] == 0
+
+
+def test_a_can_log_is_read_frame_by_frame(capsys: pytest.CaptureFixture[str]) -> None:
+    for options in ((), ("--option", f"dbc_file={MAKERS_DBC}")):
+        code, out, _ = run(capsys, "decode", VESSEL, "--driver", "canaerospace", "--json", *options)
+        assert code == 0
+        assert json.loads(out[-1])["counters"]["skipped"] == {"other_id": 64_000}
+
+
+def test_can_frames_in_binary(capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(ROOT / "tests/drivers/vectors/canaerospace_libcanaerospace.bin")
+    _, out, _ = run(capsys, "decode", file, "--driver", "canaerospace", "--json")
+    assert json.loads(out[-1])["counters"]["messages"]["static_pressure"] == 2
+
+
+def test_lines_of_candump_are_frames() -> None:
+    first = "(1410714882.622188) can0 09F80102#36729A16021AB80D\n\n"
+    text = first + "(1.5) can0 123#\n(1.5) can0 123#R\n(1.5) vcan0 12345678##1AA"
+    found = list(candump_frames(text, Path("x.log")))
+    assert found[0][0] == 1_410_714_882_622_188_000
+    frames = [unpack_can(data) for _, data in found]
+    assert (frames[0].can_id, frames[0].extended, frames[0].data.hex()) == (0x09F80102, True, "36729a16021ab80d")
+    assert (frames[1].can_id, frames[1].extended, frames[1].data) == (0x123, False, b"")
+    assert frames[2].remote
+    assert (frames[3].fd, frames[3].data) == (True, b"\xaa")
+
+
+@pytest.mark.parametrize(
+    ("args", "sentence"),
+    [
+        (("drivers", "nmea"), "no driver 'nmea'; there are arinc429"),
+        (("decode", CAPTURE, "--driver", "nmea"), "no driver 'nmea'; there are arinc429"),
+        (("decode", "no_such_file", "--driver", "nmea0183"), "no_such_file: cannot be read: No such file"),
+        (("decode", CAPTURE, "--driver", "nmea0183", "--chunk", "0"), "--chunk = 0: must be 1 or more"),
+        (("decode", CAPTURE, "--driver", "nmea0183", "--option", "x"), "--option = 'x': must be KEY=VALUE"),
+        (("decode", CAPTURE, "--driver", "nmea0183", "--option", "x=1"), "--option: x: there is no such key"),
+        (("decode", WORDS, "--driver", "arinc429", "--option", "set=none"), "--option: labels: none are enabled"),
+        (("decode", VESSEL, "--driver", "canaerospace", "--option", "dbc_file=gone.dbc"), "gone.dbc: cannot be read"),
+        (("decode", VESSEL, "--driver", "canaerospace", "--option", f"dbc_file={WORDS}"), "is not UTF-8 text"),
+        (
+            ("decode", VESSEL, "--driver", "canaerospace", "--option", f"dbc_file={CAPTURE}"),
+            "--option: dbc: Invalid syntax at line 1",
+        ),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(
+    capsys: pytest.CaptureFixture[str], args: tuple[str, ...], sentence: str
+) -> None:
+    code, out, err = run(capsys, *args)
+    assert code == 2
+    assert out == []
+    assert sentence in " ".join(err)
+
+
+def test_a_damaged_can_log_names_the_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    log = tmp_path / "can.log"
+    log.write_text("(1.0) can0 123#00\n(1.0) can0 123\n")
+    code, _, err = run(capsys, "decode", str(log), "--driver", "canaerospace")
+    assert code == 2
+    assert "line 2: is no candump line" in err[0]
