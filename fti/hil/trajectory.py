@@ -11,7 +11,7 @@ approach.  Source: Spiegel 2018, 7.1 (spline trajectory, derived attitude).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -82,9 +82,9 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Truth at times t, shape (n,): positions [rad, m], velocity and acceleration n [m/s, m/s^2], attitude [rad].
+    """Truth at times t, shape (n,): position [rad, m], velocity [m/s], attitude [rad].
 
-    ``accel_e`` is the second derivative of the earth-fixed position; ``omega_nb_b`` the turn rate of the body against
+    ``accel_e`` is the second derivative of the earth-fixed position [m/s^2]; ``omega_nb_b`` the turn rate of the body against
     n in body axes [rad/s]; ``tas`` true airspeed, ``aoa`` angle of attack.
     """
 
@@ -93,7 +93,6 @@ class State:
     lon: Array
     alt: Array
     vel_n: Array
-    accel_n: Array
     accel_e: Array
     roll: Array
     pitch: Array
@@ -136,7 +135,6 @@ class Trajectory:
         """Truth at t, shape (n,) [s], within the flight."""
         times = np.atleast_1d(np.asarray(t, dtype=float))
         lat, lon, alt = self._frame.to_geodetic(self._spline(times))
-        accel_m = self._spline(times, 2)
         now = self._motion(times)
         return State(
             t=times,
@@ -144,8 +142,7 @@ class Trajectory:
             lon=lon,
             alt=alt,
             vel_n=self._in_n(self._spline(times, 1), lat, lon),
-            accel_n=self._in_n(accel_m, lat, lon),
-            accel_e=np.asarray(accel_m @ self._frame.mat_me),
+            accel_e=np.asarray(self._spline(times, 2) @ self._frame.mat_me),
             roll=now.roll,
             pitch=now.pitch,
             heading=now.heading,
@@ -177,11 +174,6 @@ class Trajectory:
         before, after = self._motion(times - RATE_STEP_S).mat_nb(), self._motion(times + RATE_STEP_S).mat_nb()
         skew = np.einsum("nji,njk->nik", now.mat_nb(), after - before) / (2.0 * RATE_STEP_S)
         return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
-
-
-def at_index(state: State, k: int) -> State:
-    """The state at one of its times, with arrays of length one."""
-    return State(**{f.name: getattr(state, f.name)[k : k + 1] for f in fields(State)})
 
 
 def earth_frame_velocity(state: State) -> Array:
