@@ -162,7 +162,7 @@ class Supervisor:
             self._announce(f"display at {self.display_url}")
             self._publish_info()
         if "event" in message:
-            self._tell_event(message["event"], record=True)
+            self._tell_event(message["event"])
         if "stopped" in message:
             self._recorded.set()
 
@@ -226,16 +226,15 @@ class Supervisor:
 
     def _event(self, level: str, source: str, text: str) -> None:
         event = {"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text}
-        self._tell_event(event, record=True)
+        self._tell_event(event)
 
-    def _tell_event(self, event: dict[str, Any], *, record: bool) -> None:
-        """To whoever watches, and into the raw file unless navigation has it in its own."""
+    def _tell_event(self, event: dict[str, Any]) -> None:
+        """To whoever watches, and into the raw file."""
         if event["level"] != "info":
             self._announce(f"{event['level']}: {event['source']}: {event['text']}")
         if self._hub:
             self._hub.publish("/event", encode(event))
-        if record:
-            self._note("/fti/event", event["t_ns"], event)
+        self._note("/fti/event", event["t_ns"], event)
 
     def _note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         recorder = self._children[0]
