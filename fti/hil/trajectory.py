@@ -84,8 +84,8 @@ class Plan:
 class State:
     """Truth at times t, shape (n,): position [rad, m], velocity [m/s], attitude [rad].
 
-    ``accel_e`` is the second derivative of the earth-fixed position [m/s^2]; ``omega_nb_b`` the turn rate of the body against
-    n in body axes [rad/s]; ``tas`` true airspeed, ``aoa`` angle of attack.
+    ``accel_e`` is the second derivative of the earth-fixed position [m/s^2]; ``omega_nb_b`` the turn rate of the
+    body against n in body axes [rad/s]; ``tas`` true airspeed [m/s]; ``aoa`` angle of attack [rad].
     """
 
     t: Array
