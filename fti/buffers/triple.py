@@ -223,14 +223,19 @@ class TripleBuffer:
         What an earlier call returned and storage did not accept comes first, filled up to the capacity.
         """
         with self._write.lock:
-            if self._global.lock.acquire(blocking=False):
-                self._global.move_to(self._write, self._capacity)
-                self._global.lock.release()
+            self._collect()
             if self._receive.lock.acquire(blocking=False):
                 self._hand_over()
                 self._receive.lock.release()
+                self._collect()
             self._called = False
             return list(self._write.entries)
+
+    def _collect(self) -> None:
+        """global -> write, with ``write`` held."""
+        if self._global.lock.acquire(blocking=False):
+            self._global.move_to(self._write, self._capacity)
+            self._global.lock.release()
 
     def written(self, count: int | None = None) -> None:
         """Storage has accepted the first ``count`` entries that ``take`` returned (all when None)."""
