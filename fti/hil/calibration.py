@@ -136,7 +136,7 @@ def make_surface(
 
 
 def few_draws_factor(n: int) -> float:
-    """sqrt((n - 1) / chi2_0.05(n - 1)): 1.65 for 10 draws; within 0.5 % from n = 5 (Wilson and Hilferty 1931)."""
+    """sqrt((n - 1) / chi2_0.05(n - 1)): 1.65 for 10 draws; within 1.6 % from n = 5 (Wilson and Hilferty 1931)."""
     degrees = n - 1
     spread = 2.0 / (9.0 * degrees)
     return float((1.0 - spread - 1.6448536 * math.sqrt(spread)) ** -1.5)

@@ -1,0 +1,126 @@
+"""Accelerated approaches over the demonstration scene against the committed reference; fresh seeds."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fti.config import Approach
+from fti.hil.approaches import RA4500, Spread, draw_profile, fly, samples, simulate
+from fti.hil.scenario import Obstacle
+from fti.hil.world import with_obstacles
+from fti.nav.approach import ApproachPath, load_airfield
+from fti.nav.clearance import ClearanceMonitor
+from fti.nav.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.reference import Reference
+from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
+from fti.terrain.terrain import Terrain
+from fti.types import ClearanceIntegrity, IntegrityState, Reason
+from tests.helpers import ROOT
+
+PROFILE = ROOT / "configs" / "profiles" / "demo.csv"
+START = 5000.0
+FRESH = 20_001
+OK, MONITOR = IntegrityState.OK, IntegrityState.MONITOR
+
+
+@pytest.fixture(scope="module")
+def terrain() -> Terrain:
+    return demo_scene()
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    return Reference.parse(PROFILE.read_text(), str(PROFILE))
+
+
+@pytest.fixture(scope="module")
+def path() -> ApproachPath:
+    return ApproachPath(load_airfield(DEMO_AIRFIELD.read_text(), str(DEMO_AIRFIELD)))
+
+
+@pytest.fixture
+def monitor(reference: Reference) -> ClearanceMonitor:
+    return ClearanceMonitor(reference, Approach(profile=""))
+
+
+def test_reference_is_that_of_the_airfield_and_the_scene(
+    reference: Reference, path: ApproachPath, terrain: Terrain
+) -> None:
+    assert reference.header.airfield == path.airfield
+    rng = np.random.default_rng(FRESH)
+    z = np.mean([draw_profile(path, terrain, RA4500, reference.s, rng) for _ in range(8)], axis=0)
+    normal = (z - reference.z_ref) / reference.s_ref
+    assert np.abs(normal).mean() < 0.5
+    assert np.abs(normal).max() < 3.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_nominal_approach_becomes_good_and_stays(
+    monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, seed: int
+) -> None:
+    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, seed]))
+    judged = [o.state for o in fly(monitor, flown) if o.valid]
+    assert len(judged) > 250
+    assert set(judged) <= {OK, MONITOR, IntegrityState.CAUTION}
+    assert judged.count(OK) > len(judged) / 2
+
+
+def test_most_windows_are_observable(monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain) -> None:
+    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 7]))
+    judged = [o for o in fly(monitor, flown) if o.valid]
+    assert sum(Reason.NOT_OBSERVABLE not in o.reasons for o in judged) > len(judged) / 2
+
+
+def test_glide_slope_is_inside_3_sigma(reference: Reference, path: ApproachPath, terrain: Terrain) -> None:
+    """Pooled over 4 approaches (the unit is the epoch, as the acceptance asks): at least 99 %."""
+    inside = []
+    for seed in range(4):
+        monitor = ClearanceMonitor(reference, Approach(profile=""))
+        flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 10, seed]))
+        for x, s, alt in zip(samples(flown), flown.s, flown.alt, strict=True):
+            output = monitor.step(x)
+            if output is None or monitor.bins is None:
+                continue
+            shown = glide_slope(output, path, Place(x.s, x.y, x.alt), mean_deviation(monitor.bins, reference))
+            if shown.valid and shown.deviation is not None and shown.sd is not None:
+                true = math.atan2(s * math.tan(path.glide) + alt - float(path.alt_path(s)), s) - path.glide
+                inside.append(abs(shown.deviation - true) <= 3 * shown.sd)
+    assert len(inside) > 1000
+    assert np.mean(inside) >= 0.99
+
+
+def outputs_over(monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain) -> list[ClearanceIntegrity]:
+    return fly(monitor, simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 20])))
+
+
+@pytest.mark.parametrize(("height", "width"), [(30.0, 20.0), (75.0, 60.0), (150.0, 60.0)])
+def test_an_obstacle_is_an_alert_that_passes(
+    monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, height: float, width: float
+) -> None:
+    box = Obstacle(kind="obstacle", before_threshold_m=2500.0, height_m=height, length_m=width, width_m=width)
+    outputs = outputs_over(monitor, path, with_obstacles(terrain, path, [box]))
+    there = 2500.0 + path.x_gpi
+    far, near = there + 120.0, there - 120.0  # generous: the beam reaches 80 m
+    before = {o.state for o in outputs if o.valid and (o.s_end or 0) > far}
+    assert before <= {OK, MONITOR, IntegrityState.CAUTION}
+    alerts = [o for o in outputs if o.state is IntegrityState.ALERT]
+    assert far > (alerts[0].s_end or 0) > near
+    assert any(Reason.OBSTACLE in o.reasons for o in alerts)
+    assert {o.state for o in outputs if o.valid and (o.s_end or 0) < near - 400.0 - 60.0} <= {OK, MONITOR}
+
+
+@pytest.mark.parametrize("side", [-120.0, 120.0])
+def test_120_m_beside_the_track_is_seen(
+    monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, side: float
+) -> None:
+    """Inside the 150 m of the off-track rule, while navigation says that all is well."""
+    beside: Callable[[np.ndarray], np.ndarray] = lambda s: np.full_like(s, side)  # noqa: E731
+    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 30]), offset=beside)
+    assert IntegrityState.ALERT in {o.state for o in fly(monitor, flown)}
+
+
+def test_the_same_seed_is_the_same_flight(path: ApproachPath, terrain: Terrain) -> None:
+    first, second = (simulate(path, terrain, RA4500, 1000.0, np.random.default_rng(5), spread=Spread()) for _ in "ab")
+    assert first.agl.tobytes() == second.agl.tobytes()
