@@ -21,6 +21,8 @@ from mcap.stream_reader import StreamReader, get_chunk_data_stream
 from fti.errors import MissingError
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
+_MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
+_STAMPS = struct.Struct("<HIQQ")
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
 
 
@@ -112,7 +114,7 @@ class McapFile:
     def _take(self, record: Any) -> list[Item]:
         if isinstance(record, Chunk):
             stream, size = get_chunk_data_stream(record, validate_crc=True)
-            return list(self._walk(stream.read(size)))
+            return self._walk(stream.read(size))
         if isinstance(record, Channel):
             self._topics[record.id] = Topic(record.topic, record.message_encoding, record.metadata)
         elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
@@ -120,20 +122,23 @@ class McapFile:
             return [Item(topic, record.log_time, record.publish_time, record.sequence, record.data)]
         return []
 
-    def _walk(self, data: bytes) -> Iterator[Item]:
-        at, topics = 0, self._topics
-        while at < len(data):
+    def _walk(self, data: bytes) -> list[Item]:
+        """The messages among the records of a chunk."""
+        items: list[Item] = []
+        at, size, topics = 0, len(data), self._topics
+        while at < size:
             op, length = HEAD.unpack_from(data, at)
             end = at + HEAD.size + length
-            if end > len(data):
+            if end > size:
                 raise ValueError("a record is longer than its chunk")
-            if op == Op.MESSAGE:
-                _, _, channel_id, sequence, log_time, publish_time = MESSAGE.unpack_from(data, at)
-                yield Item(topics[channel_id], log_time, publish_time, sequence, data[at + MESSAGE.size : end])
+            if op == _MESSAGE:
+                channel_id, sequence, log_time, publish_time = _STAMPS.unpack_from(data, at + HEAD.size)
+                body = data[at + MESSAGE.size : end]
+                items.append(Item(topics[channel_id], log_time, publish_time, sequence, body))
             elif op == Op.CHANNEL:
-                channel = Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end])))
-                self._take(channel)
+                self._take(Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end]))))
             at = end
+        return items
 
 
 def has_footer(path: Path) -> bool:

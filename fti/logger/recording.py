@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
+from operator import itemgetter
 from pathlib import Path
+from typing import NamedTuple
 
 from fti.errors import MissingError, RecordingError
 from fti.logger.mcap_file import Head, Item, McapFile
@@ -19,6 +20,7 @@ from fti.types import TICK_LINK, RawFrame
 RAW, SENT = "/raw/", "/tx/"
 #: Frames that wait for an earlier one before the files are searched for whether it comes at all.
 PATIENCE = 50_000
+_SEQ = itemgetter(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +94,17 @@ class Recording:
 
         Raises RecordingError when a number stands twice.
         """
-        for seq, item in self.numbered():
-            if not item.topic.name.startswith(SENT):
-                yield RawFrame(link_of(item.topic.name), seq, item.log_time, item.data)
+        for seq, (topic, t_ns, _, _, data) in self.numbered():
+            role = _role(topic.name)
+            if role and not role.sent:
+                yield RawFrame(role.link, seq, t_ns, data)
 
     def sent(self) -> Iterator[RawFrame]:
         """What was sent on the links, in order of ``seq``."""
-        for seq, item in self.numbered():
-            if item.topic.name.startswith(SENT):
-                yield RawFrame(link_of(item.topic.name), seq, item.log_time, item.data)
+        for seq, (topic, t_ns, _, _, data) in self.numbered():
+            role = _role(topic.name)
+            if role and role.sent:
+                yield RawFrame(role.link, seq, t_ns, data)
 
     def items(self, kind: Kind) -> Iterator[Item]:
         """All messages of the files of a kind, in the order of the files."""
@@ -129,7 +133,7 @@ class Recording:
         for chunk in self._chunks(self.raw_files):
             numbered = []
             for item in chunk:
-                if item.topic.name.startswith((RAW, SENT)) or item.topic.name == TICK_TOPIC:
+                if _role(item.topic.name):
                     last = unwrap(item.sequence, last)
                     numbered.append((last, item))
             yield numbered
@@ -144,17 +148,21 @@ class Recording:
         following: list[int] | None = None
         expected = 0
         for position, numbered in enumerate(self._numbered_chunks()):
-            for entry in numbered:
-                heapq.heappush(waiting, entry)
-            if following is None and len(waiting) > PATIENCE:
+            waiting = sorted(waiting + numbered, key=_SEQ)
+            if following is None and len(waiting) > len(numbered) + PATIENCE:
                 following = self._smallest_following()
             limit = following[position] if following else 0
-            while waiting and (waiting[0][0] <= expected or waiting[0][0] < limit):
-                expected = _checked(waiting[0], expected) + 1
-                yield heapq.heappop(waiting)
-        while waiting:
-            expected = _checked(waiting[0], expected) + 1
-            yield heapq.heappop(waiting)
+            given = 0
+            for entry in waiting:
+                if entry[0] > expected and entry[0] >= limit:
+                    break
+                expected = _checked(entry, expected) + 1
+                given += 1
+                yield entry
+            del waiting[:given]
+        for entry in waiting:
+            expected = _checked(entry, expected) + 1
+            yield entry
 
     def _smallest_following(self) -> list[int]:
         """For each chunk the smallest number in all later chunks."""
@@ -180,9 +188,21 @@ def _checked(entry: tuple[int, Item], expected: int) -> int:
     return seq
 
 
-def link_of(topic: str) -> str:
-    """Name of the link whose frames, sent bytes or ticks stand on a topic."""
-    return TICK_LINK if topic == TICK_TOPIC else topic.split("/", 2)[2]
+class _Role(NamedTuple):
+    """A numbered topic: the link whose frames it has, and whether they were sent."""
+
+    link: str
+    sent: bool
+
+
+@cache
+def _role(topic: str) -> _Role | None:
+    """What a topic is; None when it is not numbered."""
+    if topic == TICK_TOPIC:
+        return _Role(TICK_LINK, sent=False)
+    if topic.startswith((RAW, SENT)):
+        return _Role(topic.split("/", 2)[2], sent=topic.startswith(SENT))
+    return None
 
 
 def _kind_of(path: Path) -> Kind:

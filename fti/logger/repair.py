@@ -19,11 +19,13 @@ from pathlib import Path
 from fti.errors import FtiError, RecordingError, StorageError
 from fti.logger import records
 from fti.logger.mcap_file import has_footer
-from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, Op
+from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, Op
 from fti.logger.summary import Summary
 
 BLOCK = 4 * 2**20
 _FILE_HEAD = records.file_head()
+_MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
+_IN_CHUNKS = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +123,7 @@ class _Records:
         self._begin = begin
         self._file_size = file_size
         at = 0
-        while (end := self._next(at)) is not None:
+        while end := self._next(at):
             at = end
         del self.data[at:]
 
@@ -130,47 +132,47 @@ class _Records:
         """Message index: channel -> log time and offset, in turn."""
         return {channel_id: entries for channel_id, entries in self._all.items() if entries}
 
-    def _next(self, at: int) -> int | None:
-        """End of the whole record at an offset; None when there is none."""
+    def _next(self, at: int) -> int:
+        """Take the whole record at an offset; returns its end, 0 when there is none or it makes no sense."""
         if not self._have(at + HEAD.size):
-            return None
+            return 0
         op, length = HEAD.unpack_from(self.data, at)
-        end = at + HEAD.size + length
-        good = op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE) and self._have(end) and self._note(op, at, end)
-        return end if good else None
+        end: int = at + HEAD.size + length
+        if op not in _IN_CHUNKS or not self._have(end) or length < 2:
+            return 0
+        taken = self._take_message(at, length) if op == _MESSAGE else self._take_declaration(op, at, end)
+        return end if taken else 0
 
     def _have(self, size: int) -> bool:
         """Read on until that many bytes are here."""
-        if self._begin + size > self._file_size:
-            return False
         while len(self.data) < size:
-            block = os.pread(self._fd, BLOCK, self._begin + len(self.data))
+            wanted = self._begin + size <= self._file_size
+            block = os.pread(self._fd, BLOCK, self._begin + len(self.data)) if wanted else b""
             if not block:
                 return False
             self.data += block
         return True
 
-    def _note(self, op: int, at: int, end: int) -> bool:
-        """Take a record into the index; False when it makes no sense here."""
-        if end - at < HEAD.size + 2:
+    def _take_message(self, at: int, length: int) -> bool:
+        if length < MESSAGE_BODY:
             return False
-        if op == Op.MESSAGE:
-            return end - at >= MESSAGE.size and self._note_message(at)
-        (number,) = struct.unpack_from("<H", self.data, at + HEAD.size)
-        known = self.schemas if op == Op.SCHEMA else self.channels
-        known[number] = bytes(self.data[at:end])
-        if op == Op.CHANNEL:
-            self._all.setdefault(number, array("Q"))
-        return True
-
-    def _note_message(self, at: int) -> bool:
         _, _, channel_id, _, log_time, _ = MESSAGE.unpack_from(self.data, at)
         entries = self._all.get(channel_id)
         if entries is None:
             return False
         entries.append(log_time)
         entries.append(at)
-        self.times = min(self.times[0], log_time), max(self.times[1], log_time)
+        first, last = self.times
+        if not first <= log_time <= last:
+            self.times = min(first, log_time), max(last, log_time)
+        return True
+
+    def _take_declaration(self, op: int, at: int, end: int) -> bool:
+        (number,) = struct.unpack_from("<H", self.data, at + HEAD.size)
+        known = self.schemas if op == Op.SCHEMA else self.channels
+        known[number] = bytes(self.data[at:end])
+        if op == Op.CHANNEL:
+            self._all.setdefault(number, array("Q"))
         return True
 
 

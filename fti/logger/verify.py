@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 
 from fti.errors import RecordingError
 from fti.logger.mcap_file import FOOTER_BYTES
-from fti.logger.recording import RAW, Recording, link_of
+from fti.logger.recording import RAW, Recording
 from fti.logger.records import HEAD, MAGIC
 from fti.logger.survey import TopicSurvey, survey
 
@@ -124,7 +124,7 @@ def _check_numbers(recording: Recording, report: Report) -> dict[str, Account]:
     if missing:
         report.findings.append(f"{report.missing} numbers are missing: {_shown(missing)}")
     report.findings += [f"{topic}: the time goes back {n} times" for topic, n in backwards.items()]
-    return {link_of(topic): account for topic, account in accounts.items() if topic.startswith(RAW)}
+    return {topic.removeprefix(RAW): account for topic, account in accounts.items() if topic.startswith(RAW)}
 
 
 def _shown(ranges: list[tuple[int, int]]) -> str:
