@@ -96,3 +96,13 @@ def test_the_encoder_tells_validity_by_the_flags() -> None:
     assert lost[5] == 0x14
     (good,) = encoder.encode(RadioHeight(stamp=S, height_agl=10.0))
     assert good[5] == 0x10
+
+
+@pytest.mark.parametrize("at", [7, 8])
+def test_a_frame_without_its_trailer_is_not_believed(at: int) -> None:
+    bad = bytearray(frame(500))
+    bad[at] ^= 0x01
+    decoder = ra.make_decoder(ra.Options())
+    found = decoder.feed(bytes(bad) + frame(400), 1)
+    assert [m.height_agl for m in found if isinstance(m, RadioHeight)] == [pytest.approx(400 * FOOT)]
+    assert decoder.counters.skipped["bad_trailer"] == 1
