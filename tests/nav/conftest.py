@@ -14,10 +14,10 @@ RATE_HZ = 25.0
 SPEED = 60.0
 
 
-def ground(s: np.ndarray) -> np.ndarray:
+def bumps(s: np.ndarray) -> np.ndarray:
     """Altitude of the terrain [m]: bumps of several lengths, flat on the runway."""
-    bumps = 6 * np.sin(s / 37) + 5 * np.sin(s / 83 + 1) + 8 * np.sin(s / 171 + 2)
-    return np.asarray(200.0 + bumps * np.clip(s / 300, 0, 1))
+    waves = 6 * np.sin(s / 37) + 5 * np.sin(s / 83 + 1) + 8 * np.sin(s / 171 + 2)
+    return np.asarray(200.0 + waves * np.clip(s / 300, 0, 1))
 
 
 @pytest.fixture
@@ -62,8 +62,14 @@ def reference(airfield: Airfield) -> Reference:
         method="by hand",
     )
     header = Header(airfield=airfield, sensor=Sensor(kind="radar", beam_deg=40.0), profile=profile, limits=limits)
-    z = np.round(ground(s), 3)
+    z = np.round(bumps(s), 3)
     return Reference(header, s, z, np.full_like(s, 1.0), np.full_like(s, 0.5))
+
+
+@pytest.fixture
+def ground() -> Callable[[np.ndarray], np.ndarray]:
+    """Altitude of the terrain [m]."""
+    return bumps
 
 
 @pytest.fixture
@@ -76,7 +82,7 @@ Flight = Callable[..., Iterator[ClearanceSample]]
 
 @pytest.fixture
 def flight(path: ApproachPath) -> Flight:
-    """A flight down the path over ``ground``, with what is to go wrong as functions of s."""
+    """A flight down the path over the bumps, with what is to go wrong as functions of s."""
 
     def fly(
         *,
@@ -90,14 +96,15 @@ def flight(path: ApproachPath) -> Flight:
         y: Callable[[float], float] = lambda s: 0.0,
         roll: Callable[[float], float] = lambda s: 0.0,
         climb: float = -3.0,
+        speed: float = SPEED,
         start_ns: int = 10**9,
         seed: int = 1,
     ) -> Iterator[ClearanceSample]:
         rng = np.random.default_rng(seed)
-        for k in range(int((begin - end) / SPEED * RATE_HZ)):
-            s = begin - SPEED * k / RATE_HZ
+        for k in range(int((begin - end) / speed * RATE_HZ)):
+            s = begin - speed * k / RATE_HZ
             alt = float(path.alt_path(s)) + height
-            clear = alt - float(ground(np.array(s))) - surface(s) + rng.normal(0.0, 0.3)
+            clear = alt - float(bumps(np.array(s))) - surface(s) + rng.normal(0.0, 0.3)
             t_ns = start_ns + round(k / RATE_HZ * 1e9)
             yield ClearanceSample(t_ns, t_ns, nav_s(s), y(s), alt + nav_alt, agl(s, clear), roll(s), 0.02, climb, 1.0)
 

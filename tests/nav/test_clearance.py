@@ -17,6 +17,7 @@ from fti.nav.reference import Reference
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
+Ground = Callable[[np.ndarray], np.ndarray]
 S = 1_000_000_000
 SETTINGS = Approach(profile="")
 JUDGED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT}
@@ -98,6 +99,26 @@ def test_empty_bins_have_no_weight(reference: Reference) -> None:
     assert found.shift == pytest.approx(0.0, abs=0.5)
 
 
+def test_t4_is_the_excess_over_the_median_of_what_was_seen(reference: Reference) -> None:
+    bins = bins_of(reference)
+    filled = np.arange(81) % 5 != 3
+    residual = np.linspace(4.0, -3.0, 81)
+    residual[6] = 15.0
+    found = Matcher(reference, 50.0).evaluate(Bins(200, filled, np.where(filled, bins.z + residual, 0.0), bins.dh), 1.0)
+    assert found.t4 == pytest.approx((15.0 - np.median(residual[filled])) / math.sqrt(1.25))
+    assert int(np.argmax(found.obstacle)) == 6
+    assert found.obstacle[3] == -math.inf
+
+
+def test_observability_is_that_of_the_flatter_side_of_the_peak(reference: Reference) -> None:
+    found = Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0)
+    here = reference.z_ref[200:281]
+    sides = [here - reference.z_ref[200 + k : 281 + k] for k in (-10, 10)]
+    sharp = [10 / 81 * float(((e - e.mean()) ** 2).sum()) / 1.25 for e in sides]
+    assert sharp[0] != pytest.approx(sharp[1])
+    assert found.observability == pytest.approx(min(sharp))
+
+
 def test_flat_ground_is_not_observable(reference: Reference) -> None:
     flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
     assert Matcher(flat, 50.0).evaluate(bins_of(flat), 1.0).observability == pytest.approx(0.0, abs=1e-9)
@@ -121,6 +142,22 @@ def test_updates_come_every_10_m_and_200_ms_whichever_is_later(monitor: Clearanc
     assert {b - a for a, b in pairwise(times)} == {200_000_000}
 
 
+def test_a_slow_aircraft_is_judged_every_10_m(monitor: ClearanceMonitor, flight: Flight) -> None:
+    ends = [o.s_end or 0 for o in run(monitor, flight(begin=2990.0, end=2500.0, speed=20.0))]
+    assert {round(a - b, 6) for a, b in pairwise(ends)} <= {10.4}
+
+
+def test_over_flat_ground_it_monitors_without_judging_the_shift(
+    reference: Reference, flight: Flight, ground: Ground
+) -> None:
+    flat = dataclasses.replace(reference, z_ref=np.full_like(reference.z_ref, 200.0))
+    level = flight(begin=2990.0, end=2000.0, surface=lambda s: 200.0 - float(ground(np.array(s))))
+    judged = [o for o in run(ClearanceMonitor(flat, SETTINGS), level) if o.valid]
+    assert {o.state for o in judged} == {IntegrityState.MONITOR}
+    assert {o.reasons for o in judged} == {(Reason.NOT_OBSERVABLE,)}
+    assert all(o.t2_ratio is None and o.t1_ratio is not None for o in judged)
+
+
 def test_outputs_name_window_limits_and_reference(monitor: ClearanceMonitor, flight: Flight) -> None:
     out = near(run(monitor, flight(begin=2990.0, end=1900.0)), 2000.0)
     assert (out.s_begin or 0) - (out.s_end or 0) == 400.0
@@ -140,6 +177,17 @@ def test_obstacle_alerts_at_once_and_is_over_one_window_and_a_second_after(
     assert alert.t_ns / S - entered < 0.5
     assert 400.0 / 60.0 <= over.t_ns / S - left <= 400.0 / 60.0 + 1.0
     assert states(outputs).count(IntegrityState.ALERT) == 1
+
+
+def test_an_alert_outlives_a_small_obstacle_until_it_has_left_the_window(
+    monitor: ClearanceMonitor, flight: Flight
+) -> None:
+    """One bin, 12 m: T4 alone sees it, and forgets it after 50 m."""
+    outputs = run(monitor, flight(begin=2990.0, surface=lambda s: 12.0 if 1997.5 < s < 2002.5 else 0.0))
+    alerts = [o for o in outputs if o.state is IntegrityState.ALERT]
+    assert {o.reasons for o in alerts} <= {(Reason.OBSTACLE,), (Reason.OBSTACLE, Reason.NOT_OBSERVABLE)}
+    assert (alerts[-1].s_begin or 0) >= 1997.5
+    assert (alerts[-1].s_begin or 0) - 12.0 * 2 < 2002.5
 
 
 def test_a_hole_is_no_obstacle(monitor: ClearanceMonitor, flight: Flight) -> None:

@@ -218,6 +218,27 @@ def test_position_is_that_of_p_not_of_the_antenna() -> None:
     assert solution_at(pipeline, T0).alt == pytest.approx(498.0)
 
 
+def test_an_antenna_ahead_is_taken_back_along_the_heading() -> None:
+    table = config().model_dump()["device"]
+    devices = [{k: v for k, v in d.items() if v is not None} for d in table]
+    devices[0]["lever_arm_b"] = [10.0, 0.0, 0.0]
+    pipeline = Pipeline(config(device=devices), None)
+    feed_all(pipeline, ("ins", attitude(T0, heading=math.radians(60))), ("ins", position(T0)))
+    found = solution_at(pipeline, T0)
+    assert found.lat is not None
+    assert found.lon is not None
+    assert (found.lat - 0.6) * 6.37e6 == pytest.approx(-5.0, abs=0.05)
+    assert (found.lon - 0.1) * 6.38e6 * math.cos(0.6) == pytest.approx(-5 * math.sqrt(3), abs=0.05)
+
+
+def test_heading_is_interpolated_the_short_way_round() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(pipeline, ("ins", attitude(T0, heading=6.2)), ("ins", attitude(T0 + 100 * MS, heading=0.2)))
+    found = [solution_at(pipeline, T0 + at * MS).heading or 0.0 for at in (25, 75)]
+    turn = 0.2 + 2 * math.pi - 6.2
+    assert found == pytest.approx([6.2 + turn / 4, 6.2 + 0.75 * turn - 2 * math.pi], abs=1e-6)
+
+
 def test_stamp_fills_t_valid_with_the_latency() -> None:
     stamped = Pipeline(config(), None).stamp("radar", RadioHeight(stamp=Stamp(T0), height_agl=1.0))
     assert stamped.stamp.t_valid_ns == T0 - 100 * MS
