@@ -7,7 +7,7 @@ compensated for terrain.
     UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), or less than 80 % of the bins are filled
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
-    others        see fti.nav.clearance_states
+    others        see fti.nav.clearance_states; these are judgements, and ``valid`` (an ALERT too)
 
 Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the reference.
 """
