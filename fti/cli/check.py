@@ -69,8 +69,7 @@ def run(args: argparse.Namespace) -> int:
 
 def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
-    from fti.service.binding import bind_devices, read_texts
-    from fti.service.chain import parse_reference
+    from fti.service.binding import bind_devices, parse_reference, read_texts
 
     texts = read_texts(config)
     bound = bind_devices(config, texts)

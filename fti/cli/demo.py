@@ -98,7 +98,7 @@ async def _fly_once(scenario: Path, links: Path, truth: Path) -> None:
 
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
-        *("--links", str(links), "--truth", str(truth)),
+        *("--links", str(links), "--truth", str(truth), "--wait"),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         process_group=0,

@@ -30,14 +30,14 @@ QUANTITIES = {
     "y": "offset right of the track [m]",
     "height_agl": "height of P above the surface below it [m]",
     "dh": "height above the glide path [m]",
-    "deviation": "angle above the glide path as seen from its intercept point [rad]; null behind it",
+    "deviation": "angle above the glide path as seen from its intercept point [rad]; left out behind it",
 }
 SCHEMA = {
     "type": "object",
     "title": "fti.Truth",
     "properties": {
         "t_ns": {"type": "integer", "description": "FTI time [ns]"},
-        **{name: {"type": ["number", "null"], "description": text} for name, text in QUANTITIES.items()},
+        **{name: {"type": "number", "description": text} for name, text in QUANTITIES.items()},
     },
 }
 
@@ -60,7 +60,8 @@ class TruthLog:
     def write(self, k: int, start_ns: int) -> None:
         """Write row k."""
         t_ns = start_ns + round(float(self._t[k]) * SECOND_NS)
-        row = {name: _number(float(column[k])) for name, column in self._columns.items()}
+        known = {name: float(column[k]) for name, column in self._columns.items()}
+        row = {name: value for name, value in known.items() if math.isfinite(value)}
         self._writer.write(self._channel, t_ns, json.dumps({"t_ns": t_ns, **row}).encode(), k)
         if k % FLUSH_EVERY == 0:
             self._writer.flush()
@@ -99,7 +100,3 @@ def _columns(world: World, t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> d
         s, y, now.alt - world.ground(now), dh, deviation,
     )  # fmt: skip
     return dict(zip(QUANTITIES, values, strict=True))
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -129,8 +130,17 @@ class DerivedLog:
         self._log.close()
 
 
-def _part(measurement: Measurement) -> str:
-    """What tells streams on one topic apart: they are decimated one by one."""
+def _part(measurement: Measurement) -> tuple[str, ...]:
+    """What tells streams on one topic apart, decimated one by one: surface, station, and what a message carries.
+
+    Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
+    """
+    carried = tuple(name for name in _optional_fields(type(measurement)) if getattr(measurement, name) is not None)
     if isinstance(measurement, SurfaceDeflection):
-        return measurement.surface
-    return measurement.station if isinstance(measurement, DmeRange) else ""
+        return measurement.surface, *carried
+    return (measurement.station, *carried) if isinstance(measurement, DmeRange) else carried
+
+
+@cache
+def _optional_fields(kind: type) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(kind) if field.default is None)

@@ -8,6 +8,7 @@ import signal
 from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
+from fti.errors import FtiError
 from fti.service.children import Child
 
 if TYPE_CHECKING:
@@ -57,6 +58,8 @@ async def serve(
         if beside:
             beside.cancel()
             await asyncio.gather(beside, return_exceptions=True)
+    if supervisor.failed:
+        raise FtiError("the recorder cannot start; what it said stands above")
     if beside and not beside.cancelled() and (error := beside.exception()):
         raise error
     return signalled.is_set()

@@ -93,7 +93,7 @@ class Navigator:
             self._listen()
             if frames:
                 continue
-            if self._ring.ended:
+            if self._reader.finished:
                 return
             if self._channel.ended:
                 orphaned = orphaned or now + ORPHAN_S

@@ -7,7 +7,10 @@ import platform
 from importlib.metadata import version
 from pathlib import Path
 
-from fti.config import Config
+from fti.clock import FakeClock
+from fti.config import Config, Link
+from fti.errors import ConfigError
+from fti.links import open_link
 from fti.service.binding import bind_devices, parse_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
 
@@ -21,6 +24,8 @@ class Preparation:
         self._texts = read_texts(config)
         self._devices = bind_devices(config, self._texts)
         parse_reference(config, self._texts)
+        for link in config.link:
+            _check_link(config, link)
 
     def recorder_order(self, folder: str) -> bytes:
         """The order of the recorder."""
@@ -70,6 +75,14 @@ class Preparation:
             "python": platform.python_version(),
             "processor": _processor(),
         }
+
+
+def _check_link(config: Config, link: Link) -> None:
+    """A link that can never work is an error of the configuration, not of the recorder."""
+    try:
+        open_link(link, FakeClock(), lambda data, t_rx_ns: None)
+    except ConfigError as error:
+        raise ConfigError(f"{config.path}: {error}") from None
 
 
 def _processor() -> str:

@@ -8,10 +8,10 @@ the display; the supervisor.  A second interrupt shortens what comes after the r
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ HEALTH_PERIOD_S = 0.5
 NAVIGATION_END_S = 20.0
 #: The recorder has a stand-in; it is started when the others have had time to start.
 STANDBY_S = 2.0
+MOST_STARTS = 2
 DISPLAY_END_S = 3.0
 RECORDER = "recorder"
 NAVIGATION = "navigation"
@@ -58,12 +59,13 @@ class Supervisor:
         self._hurry = asyncio.Event()
         self._recorded = asyncio.Event()
         self.recording = asyncio.Event()
+        self.failed = False
         self.displayed = asyncio.Event()
         self.display_url: str | None = None
-        self.folder = self._create_folder(config, epoch_ns)
-        self._run_dir = rundir.make(config.session.name, run_dir)
-        self._ring = Ring.create(ring_size(config.link))
         self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
+        self._run_dir = rundir.make(config.session.name, run_dir)
+        self.folder = self._create_folder(config, epoch_ns)
+        self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._stopping = False
@@ -108,14 +110,14 @@ class Supervisor:
         self._start(self._children[0])
         watching = asyncio.create_task(self._watch(), name="watch")
         telling = asyncio.create_task(self._tell(), name="health")
-        closing = asyncio.create_task(asyncio.to_thread(self._close_killed_sessions), name="repair")
+        closing = asyncio.create_task(self._close_killed_sessions(), name="repair")
         server = await self._open_socket()
         try:
             await self._wait_for_end(duration_s)
         finally:
             await self._end()
+            await self._finish_repair(closing)
             await self._cancel(watching, telling)
-            await closing
             server.close()
             rundir.withdraw(self._run_dir)
             await asyncio.to_thread(self._close_own_files)
@@ -124,12 +126,13 @@ class Supervisor:
             self._ring.close()
 
     async def _wait_for_end(self, duration_s: float | None) -> None:
-        if duration_s is not None:
-            await self.recording.wait()
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._stop.wait(), duration_s)
+        stopping = asyncio.create_task(self._stop.wait(), name="stop")
+        recording = asyncio.create_task(self.recording.wait(), name="recording")
+        await asyncio.wait([stopping, recording], return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait([stopping], timeout=duration_s)
+        await self._cancel(stopping, recording)
 
-    async def _cancel(self, *tasks: asyncio.Task[None]) -> None:
+    async def _cancel(self, *tasks: asyncio.Task[Any]) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
@@ -202,10 +205,17 @@ class Supervisor:
                 code = child.died()
                 if code is not None and not self._stopping:
                     self._event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
+                    self._give_up_on(child)
                 if child.restart_is_due() and not self._stopping:
                     child.restarts += 1
                     self._start(child)
             await asyncio.sleep(WATCH_PERIOD_S)
+
+    def _give_up_on(self, child: Child) -> None:
+        """A recorder that never begins is the one thing that cannot be cured by trying on."""
+        if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
+            self.failed = True
+            self.stop()
 
     async def _tell(self) -> None:
         turn = 0
@@ -307,10 +317,23 @@ class Supervisor:
             child.state = ProcessState.STOPPED
             child.close()
 
-    def _close_killed_sessions(self) -> None:
-        with guarded("repair", self._report_later):
-            for closed in repair.close_all(Path(self._config.session.directory), in_use=[self.folder.path]):
-                self._announce(closed.fault or f"closed {closed.path}, which a killed session had left open")
+    async def _close_killed_sessions(self) -> None:
+        """Not before this session records."""
+        await self.recording.wait()
+        with guarded("repair", self._report):
+            directory = Path(self._config.session.directory)
+            closed = await asyncio.to_thread(repair.close_all, directory, in_use=[self.folder.path])
+            for fault in (c.fault for c in closed if c.fault):
+                self._announce(f"warning: {fault}")
+            for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
+                self._announce(f"closed {count} files of {folder}, which a killed session had left open")
+
+    async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
+        """A file that is being closed is closed to its end."""
+        if not self.recording.is_set():
+            await self._cancel(closing)
+        else:
+            await closing
 
     def _close_own_files(self) -> None:
         """What a killed child left open."""

@@ -81,14 +81,13 @@ class Writer:
         with guarded("writer", self._report):
             self._drain()
 
-    def _step(self) -> bool:
-        """Carry over what the buffers hand out; false when they had nothing."""
+    def _step(self) -> None:
+        """Carry over what the buffers hand out."""
         moved = [source for source in self._sources if self._record_entries(source)]
         self._record_notes()
         self._persist()
         for source in moved:
             source.buffer.written()
-        return bool(moved)
 
     def _record_entries(self, source: Source) -> bool:
         entries = source.buffer.take()
@@ -124,5 +123,6 @@ class Writer:
             self._synced = time.monotonic()
 
     def _drain(self) -> None:
-        while self._step():
-            pass
+        """Until nothing is left: a buffer that is being looked at hands out nothing for a moment."""
+        while not all(source.buffer.empty for source in self._sources):
+            self._step()

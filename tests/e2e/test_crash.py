@@ -155,6 +155,6 @@ def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path) -> None:
         before = [f.data for f in Recording.open(raw).frames()]
         with daemon(*arguments, "--duration", "1") as running:
             running.wait()
-        assert any(str(raw) in line for line in running.lines)
+        assert any("closed" in line and str(session) in line for line in running.lines)
         _assert_readable(session)
         assert [f.data for f in Recording.open(raw).frames()] == before
