@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import typing
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,11 @@ GAP_TOPIC = "/fti/gap"
 LOCATION_TOPIC = "/nav/location"
 #: Whoever forgets to flush (a reprocess as fast as it goes) does not fill the memory.
 PENDING_LIMIT = 2**20
+#: What a message of each class may leave out.
+OPTIONAL_FIELDS: dict[type, tuple[str, ...]] = {
+    kind: tuple(field.name for field in dataclasses.fields(kind) if field.default is None)
+    for kind in typing.get_args(Measurement)
+}
 
 
 @cache
@@ -135,12 +141,8 @@ def _part(measurement: Measurement) -> tuple[str, ...]:
 
     Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
     """
-    carried = tuple(name for name in _optional_fields(type(measurement)) if getattr(measurement, name) is not None)
+    names = OPTIONAL_FIELDS[type(measurement)]
+    carried = tuple(name for name in names if getattr(measurement, name) is not None)
     if isinstance(measurement, SurfaceDeflection):
         return measurement.surface, *carried
     return (measurement.station, *carried) if isinstance(measurement, DmeRange) else carried
-
-
-@cache
-def _optional_fields(kind: type) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(kind) if field.default is None)

@@ -79,7 +79,7 @@ def test_stuffing_takes_every_height_there_and_back(feet: list[int], rule: str) 
     encoder = ra.make_encoder(options)
     data = b"".join(b for h in feet for b in encoder.encode(RadioHeight(stamp=S, height_agl=h * FOOT)))
     found = heights(data, options)
-    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [ra.quantise_ft(h) for h in feet]
+    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [ra.quantise_ft(h * FOOT / FOOT) for h in feet]
 
 
 def test_a_lone_escape_in_a_stuffed_frame_is_not_a_frame() -> None:
