@@ -7,6 +7,8 @@ import { showValidity } from "./validity.js";
 const TOPIC = "/nav/nav_solution";
 const PER_DEGREE = 5.2; // drawing units
 const HEADING_STEP = 4.2;
+const TOP = -135; // of the drawing
+const TAPE = 108; // top of the heading tape
 const KNOT = 1852 / 3600;
 const FOOT = 0.3048;
 
@@ -19,7 +21,7 @@ export class Attitude {
     this.sources = side;
     const cells = Object.values(this.cells);
     this.values = cells.map((cell) => cell.value);
-    root.append(heading, this.horizon.root, this.verdict, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)));
+    root.append(heading, this.verdict, this.horizon.root, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)));
   }
 
   show({ outputs }) {
@@ -68,19 +70,19 @@ class Horizon {
   constructor() {
     this.ladder = svg("g", { class: "ladder" }, ...ladder());
     this.bank = svg("g", {}, this.ladder);
-    this.bankMark = svg("path", { class: "bank-mark", d: "M0 -96 l-7 13 h14 Z" });
+    this.bankMark = svg("path", { class: "bank-mark", d: "M0 -112 l-8 14 h16 Z" });
     this.tape = svg("g", { class: "tape" }, ...tape());
-    const clip = svg("clipPath", { id: "horizon-clip" }, svg("rect", { x: -150, y: -110, width: 300, height: 220, rx: 8 }));
-    const tapeClip = svg("clipPath", { id: "tape-clip" }, svg("rect", { x: -150, y: 84, width: 300, height: 26 }));
+    const clip = svg("clipPath", { id: "horizon-clip" }, svg("rect", { x: -150, y: TOP, width: 300, height: 270, rx: 8 }));
+    const tapeClip = svg("clipPath", { id: "tape-clip" }, svg("rect", { x: -150, y: TAPE, width: 300, height: 27 }));
     this.root = svg(
       "svg",
-      { class: "horizon", viewBox: "-150 -110 300 220", role: "img", "aria-label": "artificial horizon" },
+      { class: "horizon", viewBox: `-150 ${TOP} 300 270`, role: "img", "aria-label": "artificial horizon" },
       svg("defs", {}, clip, tapeClip),
       svg("g", { "clip-path": "url(#horizon-clip)" }, this.bank, svg("g", { class: "bank-scale" }, ...bankScale()), this.bankMark),
       svg("path", { class: "aircraft", d: "M-78 0 h42 v9 M78 0 h-42 v9 M-4 -4 h8 v8 h-8 Z" }),
-      svg("g", { "clip-path": "url(#tape-clip)" }, svg("rect", { class: "tape-face", x: -150, y: 84, width: 300, height: 26 }), this.tape),
-      svg("path", { class: "lubber", d: "M0 88 l-6 -9 h12 Z" }),
-      svg("g", { class: "flag" }, svg("path", { d: "M-150 -110 L150 110 M150 -110 L-150 110" }), svg("rect", { x: -46, y: -22, width: 92, height: 44, rx: 3 }), svg("text", { y: 11 }, "ATT")),
+      svg("g", { "clip-path": "url(#tape-clip)" }, svg("rect", { class: "tape-face", x: -150, y: TAPE, width: 300, height: 27 }), this.tape),
+      svg("path", { class: "lubber", d: "M0 112 l-7 -11 h14 Z" }),
+      svg("g", { class: "flag" }, svg("path", { d: "M-150 -135 L150 135 M150 -135 L-150 135" }), svg("rect", { x: -46, y: -22, width: 92, height: 44, rx: 3 }), svg("text", { y: 11 }, "ATT")),
     );
   }
 
@@ -110,7 +112,7 @@ function ladder() {
 
 function bankScale() {
   return [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60].map((angle) =>
-    svg("path", { d: `M0 -98 v${angle % 30 === 0 ? -11 : -6}`, transform: `rotate(${angle})` }),
+    svg("path", { d: `M0 -114 v${angle % 30 === 0 ? -13 : -7}`, transform: `rotate(${angle})` }),
   );
 }
 
@@ -118,8 +120,8 @@ function tape() {
   const parts = [];
   for (let angle = -60; angle <= 420; angle += 5) {
     const x = angle * HEADING_STEP;
-    parts.push(svg("path", { d: `M${x} 84 v${angle % 10 === 0 ? 6 : 4}` }));
-    if (angle % 10 === 0) parts.push(svg("text", { x, y: 104 }, nameOf((angle + 360) % 360)));
+    parts.push(svg("path", { d: `M${x} ${TAPE} v${angle % 10 === 0 ? 6 : 4}` }));
+    if (angle % 10 === 0) parts.push(svg("text", { x, y: TAPE + 22 }, nameOf((angle + 360) % 360)));
   }
   return parts;
 }

@@ -1,6 +1,6 @@
 // Where the bytes come from, whether they are recorded, and where to.
 
-import { age, bytes, clock, duration, title } from "./format.js";
+import { age, bytes, clock, duration, title, UNKNOWN } from "./format.js";
 import { h, Keyed, setAttribute, setText } from "./dom.js";
 
 const ORIGINS = {
@@ -9,6 +9,8 @@ const ORIGINS = {
   flight: ["FLIGHT", ""],
 };
 const RECORDING = { recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
+
+const lastPart = (path) => (path ?? "").split("/").pop();
 
 function field(label, testid) {
   const value = h("b", { "data-testid": testid }, "–");
@@ -44,11 +46,12 @@ export class Banner {
     if (!health) return;
     const { session, storage, processes } = health;
     this.#showOrigin(session.origin);
-    setText(this.session.value, session.name);
-    document.title = `${session.name} · fti`;
+    const folder = lastPart(session.folder) || session.name;
+    setText(this.session.value, folder);
+    document.title = `${folder} · fti`;
     setText(this.state, RECORDING[session.state] ?? session.state);
     setAttribute(this.state, "data-state", session.state);
-    setText(this.file.value, storage.file?.split("/").pop() ?? "–");
+    setText(this.file.value, lastPart(storage.file).replace(`${folder}_`, "") || UNKNOWN);
     setText(this.size.value, bytes(storage.file_bytes));
     setText(this.written.value, age(storage.file_age_s * 1000 + silence));
     setText(this.free.value, bytes(storage.free_mb * 1e6));

@@ -28,10 +28,11 @@ export function setClass(element, name, on) {
   element.classList.toggle(name, Boolean(on));
 }
 
-// One child of `parent` for each key, in that order; `make(key)` returns an object with `.root`.
+// One child of `parent` for each key, in that order, behind the first `after` children; `make(key)` returns an object with `.root`.
 export class Keyed {
-  constructor(parent, make) {
+  constructor(parent, make, after = 0) {
     this.parent = parent;
+    this.after = after;
     this.make = make;
     this.items = new Map();
   }
@@ -43,7 +44,8 @@ export class Keyed {
         this.items.delete(key);
       }
     }
-    keys.forEach((key, place) => {
+    keys.forEach((key, i) => {
+      const place = i + this.after;
       if (!this.items.has(key)) this.items.set(key, this.make(key));
       const root = this.items.get(key).root;
       if (this.parent.children[place] !== root) this.parent.insertBefore(root, this.parent.children[place] ?? null);

@@ -1,6 +1,6 @@
 // What happened, the newest first.
 
-import { clock } from "./format.js";
+import { clock, title } from "./format.js";
 import { h, panelTitle } from "./dom.js";
 
 export class Events {
@@ -21,5 +21,5 @@ export class Events {
 }
 
 function makeItem({ t_ns: tNs, level, source, text }) {
-  return h("li", { "data-level": level }, h("time", {}, clock(tNs)), h("b", {}, source), h("span", { title: text }, text));
+  return h("li", { "data-level": level }, h("time", {}, clock(tNs)), h("span", {}, h("b", {}, title(source)), text));
 }

@@ -17,12 +17,12 @@ export class Glide {
     this.dh = figure("height above path", "glide-dh", "m", "large");
     this.distance = figure("to intercept point", "glide-distance", "m");
     this.offset = figure("right of track", "glide-offset", "m");
-    this.dhNav = figure("height above path, navigation", "glide-dh-nav", "m");
+    this.dhNav = figure("above path, navigation", "glide-dh-nav", "m");
     this.words = h("p", { class: "fly", "data-testid": "glide-words" });
     this.verdict = h("span", { class: "verdict", "data-testid": "glide-verdict" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "glide-plot" });
     const figures = [this.deviation, this.dh, this.distance, this.offset, this.dhNav];
-    this.values = figures.map((f) => f.value);
+    this.values = figures.flatMap((f) => [f.value, f.sd]);
     root.append(
       panelTitle("Glide slope", "deviation from the published path").root,
       h("div", { class: "glide-top" }, this.scale.root, h("div", { class: "figures" }, this.verdict, this.words, ...figures.map((f) => f.root))),
@@ -73,6 +73,7 @@ function figure(label, testid, unit, kind = "") {
   return {
     root,
     value,
+    sd,
     show(text, sdText = "") {
       setText(value, text);
       setText(sd, sdText);
@@ -98,9 +99,8 @@ class Scale {
 
   // Above the path (dots > 0) the path is below: the diamond goes down.
   show(output) {
-    const known = isNumber(output?.dots);
-    setAttribute(this.needle, "transform", `translate(40 ${(CENTRE + (known ? output.dots : 0) * DOT).toFixed(1)})`);
-    setClass(this.root, "unusable", !output?.valid);
-    setClass(this.root, "unknown", !known);
+    const usable = output?.valid && isNumber(output.dots);
+    if (usable) setAttribute(this.needle, "transform", `translate(40 ${(CENTRE + output.dots * DOT).toFixed(1)})`);
+    setClass(this.root, "unusable", !usable);
   }
 }

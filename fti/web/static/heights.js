@@ -8,13 +8,16 @@ import { showValidity } from "./validity.js";
 const PREFIX = "/nav/height_above_ground/";
 const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
 
+// The first is broad, so that those on top of it leave it visible.
+const widthOf = (place) => (place === 0 ? 4 : 1.5);
+
 const colourOf = (place) => COLOURS[place % COLOURS.length];
 
 export class Heights {
   constructor(root) {
     this.list = h("div", { class: "sensors" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "heights-plot" });
-    const { root: heading } = panelTitle("Height above ground", "compensated, at P — line; raw — dotted · m");
+    const { root: heading } = panelTitle("Height above ground", "line compensated · dots raw");
     root.append(heading, this.list, this.plotPlace);
     this.rows = new Keyed(this.list, (topic) => new Sensor(topic));
     this.topics = [];
@@ -40,7 +43,7 @@ export class Heights {
     this.plot?.close();
     const series = topics.flatMap((topic, place) => [
       { key: `${topic}:raw`, color: colourOf(place), dash: [2, 4], width: 1 },
-      { key: `${topic}:height_agl`, color: colourOf(place) },
+      { key: `${topic}:height_agl`, color: colourOf(place), width: widthOf(place) },
     ]);
     this.plot = new HistoryPlot(this.plotPlace, { series, digits: 0, range });
     if (this.history) this.plot.load(this.history);
@@ -80,6 +83,6 @@ class Sensor {
     setText(this.value, fixed(output.height_agl, 1));
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.raw, fixed(output.raw, 1));
-    showValidity(output, [this.value, this.raw], this.verdict);
+    showValidity(output, [this.value, this.sd, this.raw], this.verdict);
   }
 }

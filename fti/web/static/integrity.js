@@ -88,8 +88,8 @@ class Estimate {
 function makeEstimates() {
   return [
     new Estimate("along-track shift", "shift", "m", (o) => withSd(o.shift, o.shift_sd, 0)),
-    new Estimate("height error b(0)", "height-error", "m", (o) => withSd(o.height_error, o.height_error_sd, 1)),
-    new Estimate("observability O", "observability", "", (o) => fixed(o.observability, 1)),
+    new Estimate("height error", "height-error", "m", (o) => withSd(o.height_error, o.height_error_sd, 1)),
+    new Estimate("observability", "observability", "", (o) => fixed(o.observability, 1)),
     new Estimate("window", "window", "m", (o) => interval(o.s_begin, o.s_end)),
     new Estimate("alert limit, along", "alert-s", "m", (o) => limit(o.alert_limit_s, 0)),
     new Estimate("alert limit, vertical", "alert-v", "m", (o) => limit(o.alert_limit_v, 1)),

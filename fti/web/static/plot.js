@@ -24,7 +24,7 @@ export class HistoryPlot {
       height: 100,
       legend: { show: false },
       cursor: { show: false },
-      padding: [6, 8, 0, 0],
+      padding: [6, 26, 0, 0],
       scales: { x: { time: false, range: () => this.#span() }, y: { range: (_, min, max) => range(min, max) } },
       axes: [
         { ...AXIS, size: 20, gap: 2, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },

@@ -4,27 +4,28 @@ import { age, bytes, fixed, isNumber, title } from "./format.js";
 import { h, Keyed, panelTitle, setAttribute, setText } from "./dom.js";
 
 const BUFFERS = ["receive", "global", "write"];
+const LINK_COLUMNS = ["link", "state", "frames/s", "bytes", "age", "R G W", "dropped", "sent"];
+const DEVICE_COLUMNS = ["device", "state", "rate", "age", "skipped"];
+const LEFT = ["link", "device", "state", "R G W"];
 
 class Table {
-  constructor(root, heading, note, columns, make) {
-    this.heading = panelTitle(heading, note);
-    const body = h("tbody");
-    const head = h("tr", {}, ...columns.map(([text, kind]) => h("th", kind ? { class: kind } : {}, text)));
-    root.append(this.heading.root, h("div", { class: "scroll" }, h("table", {}, h("thead", {}, head), body)));
-    this.rows = new Keyed(body, make);
+  constructor(root, heading, columns, make) {
+    this.heading = panelTitle(heading);
+    const head = h("tr", {}, ...columns.map((text) => h("th", { class: LEFT.includes(text) ? "" : "number" }, text)));
+    const table = h("table", {}, h("thead", {}, head));
+    root.append(this.heading.root, h("div", { class: "scroll" }, table));
+    this.rows = new Keyed(table, make, 1);
   }
 
   showRows(table, silence) {
-    const names = Object.keys(table);
-    const rows = this.rows.sync(names);
-    for (const name of names) rows.get(name).show(table[name], silence);
+    const rows = this.rows.sync(Object.keys(table));
+    for (const [name, fields] of Object.entries(table)) rows.get(name).show(fields, silence);
   }
 }
 
 export class Links extends Table {
   constructor(root) {
-    const columns = [["link"], ["state"], ["hint", "wide"], ["frames/s", "number"], ["bytes", "number"], ["age", "number"], ["buffers R G W"], ["dropped", "number"], ["sent", "number"]];
-    super(root, "Links", "", columns, (name) => new LinkRow(name));
+    super(root, "Links", LINK_COLUMNS, (name) => new LinkRow(name));
   }
 
   show({ health, health_age_ms: silence }) {
@@ -37,85 +38,89 @@ export class Links extends Table {
 
 export class Devices extends Table {
   constructor(root) {
-    const columns = [["device"], ["state"], ["driver · hint", "wide"], ["rate", "number"], ["age", "number"], ["skipped", "number"]];
-    super(root, "Devices", "", columns, (name) => new DeviceRow(name));
+    super(root, "Devices", DEVICE_COLUMNS, (name) => new DeviceRow(name));
   }
 
   show({ health, health_age_ms: silence }) {
     this.showRows(health?.devices ?? {}, silence);
     const navigation = health?.navigation;
-    if (navigation) setText(this.heading.side, `navigation ${fixed(navigation.lag_ms, 0)} ms behind · ring lost ${navigation.ring_lost_frames}`);
+    if (!navigation) return;
+    const { lag_ms: lag, ring_lost_frames: lost } = navigation;
+    setText(this.heading.side, `navigation ${fixed(lag, 0)} ms behind · ring lost ${lost}`);
   }
 }
 
-function cell(kind = "") {
-  return h("td", kind ? { class: kind } : {});
+// Name, state and the cells of one link or device; its hint stands below as long as something is wrong.
+class Row {
+  constructor(kind, name, cells) {
+    this.state = h("span", { class: "pill", "data-testid": `${kind}-${name}-state` });
+    this.kind = h("span");
+    this.hint = h("td", { colspan: cells.length + 2, "data-testid": `${kind}-${name}-hint` });
+    this.hintRow = h("tr", { class: "hint" }, this.hint);
+    const label = h("td", { class: "name" }, h("b", {}, title(name)), this.kind);
+    const line = h("tr", {}, label, h("td", {}, this.state), ...cells);
+    this.root = h("tbody", { "data-testid": `${kind}-${name}` }, line, this.hintRow);
+  }
+
+  showState({ state, hint }, kind) {
+    setText(this.state, state);
+    setAttribute(this.state, "data-state", state.replace(" ", "_"));
+    setText(this.kind, kind);
+    setText(this.hint, hint ?? "");
+    this.hintRow.hidden = !hint || state === "good";
+  }
 }
 
-function showState(place, state) {
-  setText(place, state);
-  setAttribute(place, "data-state", state.replace(" ", "_"));
-}
-
-function showHint(place, text) {
-  setText(place, text);
-  setAttribute(place, "title", text);
-}
-
-function showCount(place, text, bad) {
-  setText(place, text);
-  setAttribute(place, "data-bad", Boolean(bad));
-}
-
-class LinkRow {
+class LinkRow extends Row {
   constructor(name) {
-    this.name = h("td", { class: "name" }, title(name));
-    this.state = h("span", { class: "pill", "data-testid": `link-${name}-state` });
-    this.hint = cell("hint");
-    this.numbers = ["rate", "bytes", "age"].map(() => cell("number"));
-    this.bars = BUFFERS.map(() => h("i"));
-    this.dropped = cell("number");
-    this.sent = cell("number");
-    const buffers = h("td", {}, h("div", { class: "loads" }, ...this.bars.map((bar) => h("div", {}, bar))));
-    this.root = h("tr", { "data-testid": `link-${name}` }, this.name, h("td", {}, this.state), this.hint, ...this.numbers, buffers, this.dropped, this.sent);
+    const [rate, size, aged, dropped, sent] = Array.from({ length: 5 }, numberCell);
+    const bars = BUFFERS.map(() => h("i"));
+    const loads = h("td", {}, h("div", { class: "loads" }, ...bars.map((bar) => h("div", {}, bar))));
+    super("link", name, [rate, size, aged, loads, dropped, sent]);
+    Object.assign(this, { rate, size, aged, dropped, sent, bars });
   }
 
   show(link, silence) {
-    showState(this.state, link.state);
-    showHint(this.hint, link.hint || link.kind);
-    const texts = [fixed(link.rate_hz, 1), bytes(link.bytes), age(isNumber(link.age_ms) ? link.age_ms + silence : null)];
-    texts.forEach((text, i) => setText(this.numbers[i], text));
-    BUFFERS.forEach((name, i) => this.#showLoad(this.bars[i], name, link.load?.[name] ?? 0));
-    const { dropped_frames: dropped } = link;
-    showCount(this.dropped, dropped ? `${dropped} (${bytes(link.dropped_bytes)})` : "0", dropped);
+    this.showState(link, link.kind);
+    setText(this.rate, fixed(link.rate_hz, 1));
+    setText(this.size, bytes(link.bytes));
+    setText(this.aged, grown(link.age_ms, silence));
+    BUFFERS.forEach((name, i) => showLoad(this.bars[i], name, link.load?.[name] ?? 0));
+    showCount(this.dropped, String(link.dropped_frames), `${bytes(link.dropped_bytes)} dropped`);
     setText(this.sent, String(link.tx_frames));
-  }
-
-  #showLoad(bar, name, load) {
-    bar.style.transform = `scaleY(${Math.min(load, 1).toFixed(3)})`;
-    setAttribute(bar.parentElement, "title", `${name} buffer ${(load * 100).toFixed(0)} %`);
-    setAttribute(bar, "data-level", load >= 0.9 ? "full" : load >= 0.5 ? "high" : "low");
   }
 }
 
-class DeviceRow {
+class DeviceRow extends Row {
   constructor(name) {
-    this.name = h("td", { class: "name" }, title(name));
-    this.state = h("span", { class: "pill", "data-testid": `device-${name}-state` });
-    this.hint = cell("hint");
-    this.numbers = ["rate", "age"].map(() => cell("number"));
-    this.skipped = cell("number");
-    this.root = h("tr", { "data-testid": `device-${name}` }, this.name, h("td", {}, this.state), this.hint, ...this.numbers, this.skipped);
+    const [rate, aged, skipped] = Array.from({ length: 3 }, numberCell);
+    super("device", name, [rate, aged, skipped]);
+    Object.assign(this, { rate, aged, skipped });
   }
 
   show(device, silence) {
-    showState(this.state, device.state);
-    showHint(this.hint, device.hint || device.driver);
-    setText(this.numbers[0], isNumber(device.rate_hz) ? `${fixed(device.rate_hz, 1)} Hz` : "–");
-    setText(this.numbers[1], age(isNumber(device.age_ms) ? device.age_ms + silence : null));
+    this.showState(device, device.driver);
+    setText(this.rate, isNumber(device.rate_hz) ? `${fixed(device.rate_hz, 1)} Hz` : fixed(null));
+    setText(this.aged, grown(device.age_ms, silence));
     const skipped = Object.entries(device.skipped ?? {});
     const total = skipped.reduce((sum, [, count]) => sum + count, 0);
-    showCount(this.skipped, total ? bytes(total) : "0", total);
-    setAttribute(this.skipped, "title", skipped.map(([reason, count]) => `${title(reason)}: ${count} bytes`).join("\n"));
+    const reasons = skipped.map(([reason, count]) => `${title(reason)}: ${count} bytes`).join("\n");
+    showCount(this.skipped, total ? bytes(total) : "0", reasons);
   }
+}
+
+const numberCell = () => h("td", { class: "number" });
+
+const grown = (milliseconds, silence) => age(isNumber(milliseconds) ? milliseconds + silence : null);
+
+function showCount(place, text, detail) {
+  setText(place, text);
+  setAttribute(place, "data-bad", text !== "0");
+  setAttribute(place, "title", detail);
+}
+
+function showLoad(bar, name, load) {
+  bar.style.transform = `scaleY(${Math.min(load, 1).toFixed(3)})`;
+  setAttribute(bar.parentElement, "title", `${name} buffer ${(load * 100).toFixed(0)} %`);
+  setAttribute(bar, "data-level", load >= 0.9 ? "full" : load >= 0.5 ? "high" : "low");
 }

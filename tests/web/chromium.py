@@ -1,0 +1,194 @@
+"""Headless Chromium over its DevTools protocol.
+
+``async with Chromium() as browser: page = await browser.open(url)``
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import itertools
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import aiohttp
+
+from tests.helpers import until_async
+
+PROGRAM = "/usr/bin/chromium"
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--remote-debugging-port=0",
+)
+START_S = 30.0
+WAIT_S = 15.0
+#: A screenshot is a large message.
+LONGEST_MESSAGE = 64 * 2**20
+
+
+class BrowserError(Exception):
+    """The browser refused a command, or a script on the page threw."""
+
+
+class Chromium:
+    """One browser with an empty profile, closed at the end of the block."""
+
+    def __init__(self) -> None:
+        self._stack = contextlib.AsyncExitStack()
+        self._numbers = itertools.count(1)
+        self._waiting: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._pages: dict[str, Page] = {}
+        self._socket: aiohttp.ClientWebSocketResponse
+
+    async def __aenter__(self) -> Chromium:
+        async with self._stack as stack:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
+            await self._start(Path(folder), stack)
+            address = await self._find_address(Path(folder))
+            client = await stack.enter_async_context(aiohttp.ClientSession())
+            self._socket = await stack.enter_async_context(client.ws_connect(address, max_msg_size=LONGEST_MESSAGE))
+            reader = asyncio.create_task(self._read(), name="devtools")
+            stack.push_async_callback(_end_task, reader)
+            self._stack = stack.pop_all()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self._stack.aclose()
+
+    async def _start(self, folder: Path, stack: contextlib.AsyncExitStack) -> None:
+        arguments = [*FLAGS, f"--user-data-dir={folder}", "about:blank"]
+        devnull = asyncio.subprocess.DEVNULL
+        process = await asyncio.create_subprocess_exec(PROGRAM, *arguments, stdout=devnull, stderr=devnull)
+        stack.push_async_callback(_end_process, process)
+
+    async def _find_address(self, folder: Path) -> str:
+        """The browser writes its port and path into its profile when it listens."""
+        file = folder / "DevToolsActivePort"
+        lines = await until_async(lambda: file.exists() and file.read_text().split(), START_S, "Chromium to start")
+        assert isinstance(lines, list)
+        return f"ws://127.0.0.1:{lines[0]}{lines[1]}"
+
+    async def _read(self) -> None:
+        async for message in self._socket:
+            found = message.json()
+            if "id" in found:
+                future = self._waiting.pop(found["id"], None)
+                if future and not future.done():
+                    future.set_result(found)
+            elif page := self._pages.get(found.get("sessionId", "")):
+                page.take(found["method"], found["params"])
+
+    async def command(self, method: str, session: str | None = None, **params: Any) -> dict[str, Any]:
+        """One DevTools command and its result."""
+        number = next(self._numbers)
+        message = {"id": number, "method": method, "params": params} | ({"sessionId": session} if session else {})
+        self._waiting[number] = asyncio.get_running_loop().create_future()
+        await self._socket.send_json(message)
+        answer = await asyncio.wait_for(self._waiting[number], START_S)
+        if "error" in answer:
+            raise BrowserError(f"{method}: {answer['error']['message']}")
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    async def open(self, url: str, width: int = 1440, height: int = 900) -> Page:
+        """A new page of that size, navigated to the address."""
+        target = await self.command("Target.createTarget", url="about:blank")
+        attached = await self.command("Target.attachToTarget", targetId=target["targetId"], flatten=True)
+        page = self._pages[attached["sessionId"]] = Page(self, attached["sessionId"])
+        for domain in ("Page", "Runtime", "Network", "Log"):
+            await page.command(f"{domain}.enable")
+        await page.resize(width, height)
+        await page.command("Page.navigate", url=url)
+        await page.wait_for("document.readyState === 'complete'")
+        return page
+
+
+class Page:
+    """One page.  ``requests``: every address it asked for; ``problems``: what the console says went wrong."""
+
+    def __init__(self, browser: Chromium, session: str) -> None:
+        self._browser = browser
+        self._session = session
+        self.requests: list[str] = []
+        self.problems: list[str] = []
+
+    def take(self, method: str, params: dict[str, Any]) -> None:
+        """Take one DevTools event."""
+        match method:
+            case "Network.requestWillBeSent":
+                self.requests.append(params["request"]["url"])
+            case "Network.webSocketCreated":
+                self.requests.append(params["url"])
+            case "Runtime.exceptionThrown":
+                details = params["exceptionDetails"]
+                self.problems.append(details.get("exception", {}).get("description", details["text"]))
+            case "Log.entryAdded" if params["entry"]["level"] == "error":
+                self.problems.append(f"{params['entry']['text']} {params['entry'].get('url', '')}")
+
+    async def command(self, method: str, **params: Any) -> dict[str, Any]:
+        """One DevTools command for this page."""
+        return await self._browser.command(method, self._session, **params)
+
+    async def eval(self, expression: str) -> Any:
+        """Value of a JavaScript expression (a promise is awaited).  Raises BrowserError when it throws."""
+        found = await self.command("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in found:
+            raise BrowserError(found["exceptionDetails"].get("exception", {}).get("description", expression))
+        return found["result"].get("value")
+
+    async def wait_for(self, expression: str, seconds: float = WAIT_S) -> Any:
+        """Poll until the expression is truthy; returns its value."""
+        end = asyncio.get_running_loop().time() + seconds
+        while not (found := await self.eval(expression)):
+            late = asyncio.get_running_loop().time() > end
+            assert not late, f"waited {seconds:g} s for {expression}; console: {self.problems}"
+            await asyncio.sleep(0.05)
+        return found
+
+    async def text(self, testid: str) -> str:
+        """Text of the element with that data-testid."""
+        return str(await self.eval(f"{by_testid(testid)}.textContent"))
+
+    async def resize(self, width: int, height: int) -> None:
+        """Give the page that size [px]."""
+        size = {"width": width, "height": height}
+        await self.command("Emulation.setDeviceMetricsOverride", **size, deviceScaleFactor=1, mobile=False)
+
+    async def screenshot(self, path: str | Path) -> None:
+        """Write what the page shows now as PNG."""
+        found = await self.command("Page.captureScreenshot", format="png")
+        await asyncio.to_thread(Path(path).write_bytes, base64.b64decode(found["data"]))
+
+
+def by_testid(testid: str) -> str:
+    """JavaScript expression of the element with that data-testid; null when there is none."""
+    return f"document.querySelector('[data-testid=\"{testid}\"]')"
+
+
+async def _end_task(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+async def _end_process(process: asyncio.subprocess.Process) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.terminate()
+    try:
+        await asyncio.wait_for(process.wait(), 10.0)
+    except TimeoutError:
+        process.kill()
+        await process.wait()
