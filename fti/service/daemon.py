@@ -13,7 +13,8 @@ from fti.service.children import Child
 
 if TYPE_CHECKING:
     from fti.config import Config
-    from fti.service.supervisor import Announce, Supervisor
+    from fti.service.bulletin import Announce
+    from fti.service.supervisor import Supervisor
 
 #: What else runs with the daemon, from its first recorded moment on; it is cancelled when the daemon ends.
 Companion = Callable[["Supervisor"], Awaitable[None]]

@@ -8,26 +8,14 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from fti.bus.message import decode
-from fti.bus.zenoh_bus import Subscriber
 from fti.clock import SystemClock
 from fti.errors import FtiError
 from fti.service.control import Channel, adopt_channel
+from fti.service.listening import listen
 from fti.web.feed import Feed
 from fti.web.server import PageServer
 
 EXIT_WRONG = 2
-
-
-def subscribe(feed: Feed, endpoint: str, session: str, clock: SystemClock) -> Subscriber:
-    """Let the feed hear the bus.  Raises MissingError when there is none."""
-
-    def take(topic: str, payload: bytes) -> None:
-        fields = decode(payload)
-        if fields is not None:
-            feed.take(topic, fields, clock.now_ns())
-
-    return Subscriber.connect(endpoint, session, take, feed.take_alive)
 
 
 async def wait_for_end(channel: Channel) -> None:
@@ -53,7 +41,7 @@ async def serve(endpoint: str, session: str, port: int, channel: Channel) -> Non
     feed = Feed(clock.now_ns())
     server = PageServer(feed, clock.now_ns)
     chosen = await server.start(port)
-    subscriber = await asyncio.to_thread(subscribe, feed, endpoint, session, clock)
+    subscriber = await asyncio.to_thread(listen, feed, endpoint, session, clock)
     channel.send({"ready": True, "port": chosen})
     try:
         await wait_for_end(channel)

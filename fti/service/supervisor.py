@@ -8,24 +8,23 @@ the display; the supervisor.  A second interrupt shortens what comes after the r
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring, ring_size
-from fti.bus.message import encode
 from fti.bus.zenoh_bus import Hub
 from fti.clock import SystemClock
 from fti.config import Config
 from fti.logger import repair
 from fti.logger.session import SessionFolder
 from fti.service import control, rundir
+from fti.service.bulletin import Announce, Bulletin
 from fti.service.children import Child, ProcessState
 from fti.service.control import Message
+from fti.service.control_socket import serve_commands
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.preparation import Preparation
@@ -40,8 +39,6 @@ DISPLAY_END_S = 3.0
 RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
-
-Announce = Callable[[str], None]
 
 
 class Supervisor:
@@ -68,6 +65,7 @@ class Supervisor:
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
+        self._bulletin = Bulletin(self._clock, self._hub, announce, self._note)
         self._stopping = False
 
     def _create_folder(self, config: Config, epoch_ns: int) -> SessionFolder:
@@ -107,11 +105,11 @@ class Supervisor:
 
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
+        server = await serve_commands(self._run_dir / rundir.SOCKET, self._obey, self._bulletin.report)
         self._start(self._children[0])
         watching = asyncio.create_task(self._watch(), name="watch")
         telling = asyncio.create_task(self._tell(), name="health")
         closing = asyncio.create_task(self._close_killed_sessions(), name="repair")
-        server = await self._open_socket()
         try:
             await self._wait_for_end(duration_s)
         finally:
@@ -147,7 +145,7 @@ class Supervisor:
         if channel is None:
             return
         for message in channel.receive():
-            with guarded(child.name, self._report):
+            with guarded(child.name, self._bulletin.report):
                 self._hear(child, message)
         if channel.ended:
             asyncio.get_running_loop().remove_reader(channel.fileno())
@@ -165,7 +163,7 @@ class Supervisor:
             self._announce(f"display at {self.display_url}")
             self._publish_info()
         if "event" in message:
-            self._tell_event(message["event"])
+            self._bulletin.pass_on(message["event"])
         if "stopped" in message:
             self._recorded.set()
 
@@ -204,7 +202,7 @@ class Supervisor:
             for child in self._children:
                 code = child.died()
                 if code is not None and not self._stopping:
-                    self._event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
+                    self._bulletin.event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
                     self._give_up_on(child)
                 if child.restart_is_due() and not self._stopping:
                     child.restarts += 1
@@ -220,61 +218,20 @@ class Supervisor:
     async def _tell(self) -> None:
         turn = 0
         while True:
-            with guarded("health", self._report):
+            with guarded("health", self._bulletin.report):
                 health = self._board.compose(self._clock.now_ns(), self._children)
-                if self._hub:
-                    self._hub.publish("/health", encode(health))
-                if turn % 2 == 0:
-                    self._note("/fti/health", health["t_ns"], health)
+                self._bulletin.health(health, record=turn % 2 == 0)
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
-
-    # ------------------------------------------------------------------------------------------------- events
-
-    def _report(self, unit: str, error: Exception) -> None:
-        self._event("error", unit, f"{type(error).__name__}: {error}")
-
-    def _event(self, level: str, source: str, text: str) -> None:
-        event = {"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text}
-        self._tell_event(event)
-
-    def _tell_event(self, event: dict[str, Any]) -> None:
-        """To whoever watches, and into the raw file."""
-        if event["level"] != "info":
-            self._announce(f"{event['level']}: {event['source']}: {event['text']}")
-        if self._hub:
-            self._hub.publish("/event", encode(event))
-        self._note("/fti/event", event["t_ns"], event)
 
     def _note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         recorder = self._children[0]
         if recorder.channel:
             recorder.channel.send({"note": {"topic": topic, "t_ns": t_ns, "content": content}})
 
-    # ------------------------------------------------------------------------------------------ control socket
-
-    async def _open_socket(self) -> asyncio.Server:
-        path = self._run_dir / rundir.SOCKET
-        path.unlink(missing_ok=True)
-        server = await asyncio.start_unix_server(self._on_client, path)
-        path.chmod(0o600)
-        return server
-
-    async def _on_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """One command a line, one answer a line."""
-        with guarded("control socket", self._report):
-            while line := await reader.readline():
-                writer.write(json.dumps(self._obey(line)).encode() + b"\n")
-                await writer.drain()
-        writer.close()
-
-    def _obey(self, line: bytes) -> dict[str, Any]:
-        try:
-            command = json.loads(line)
-        except ValueError:
-            return {"fault": "not JSON"}
-        if isinstance(command, dict) and isinstance(command.get("mark"), str):
-            self._event("info", "mark", command["mark"])
+    def _obey(self, command: dict[str, Any]) -> dict[str, Any]:
+        if isinstance(command.get("mark"), str):
+            self._bulletin.event("info", "mark", command["mark"])
             return {"t_ns": self._clock.now_ns()}
         return {"fault": "there is no such command"}
 
@@ -320,7 +277,7 @@ class Supervisor:
     async def _close_killed_sessions(self) -> None:
         """Not before this session records."""
         await self.recording.wait()
-        with guarded("repair", self._report):
+        with guarded("repair", self._bulletin.report):
             directory = Path(self._config.session.directory)
             closed = await asyncio.to_thread(repair.close_all, directory, in_use=[self.folder.path])
             for fault in (c.fault for c in closed if c.fault):
@@ -337,10 +294,10 @@ class Supervisor:
 
     def _close_own_files(self) -> None:
         """What a killed child left open."""
-        with guarded("repair", self._report_later):
+        with guarded("repair", self._report_to_user):
             repair.close_all(self.folder.path.parent)
 
-    def _report_later(self, unit: str, error: Exception) -> None:
+    def _report_to_user(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")
 
 

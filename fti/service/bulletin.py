@@ -1,0 +1,47 @@
+"""What the supervisor tells: events and health, to the user, on the bus and into the raw file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fti.bus.message import encode
+from fti.bus.zenoh_bus import Hub
+from fti.clock import Clock
+
+Announce = Callable[[str], None]
+#: Records a JSON message: topic, FTI time [ns], content.
+Note = Callable[[str, int, dict[str, Any]], None]
+
+
+class Bulletin:
+    """announce : gets a line for the user; note : records; hub : None when the bus is switched off."""
+
+    def __init__(self, clock: Clock, hub: Hub | None, announce: Announce, note: Note) -> None:
+        self._clock = clock
+        self._hub = hub
+        self._announce = announce
+        self._note = note
+
+    def event(self, level: str, source: str, text: str) -> None:
+        """Something has happened now.  level : info, warning or error."""
+        self.pass_on({"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text})
+
+    def pass_on(self, event: dict[str, Any]) -> None:
+        """An event, of ours or of a child."""
+        if event["level"] != "info":
+            self._announce(f"{event['level']}: {event['source']}: {event['text']}")
+        if self._hub:
+            self._hub.publish("/event", encode(event))
+        self._note("/fti/event", event["t_ns"], event)
+
+    def report(self, unit: str, error: Exception) -> None:
+        """A unit under the guard has failed."""
+        self.event("error", unit, f"{type(error).__name__}: {error}")
+
+    def health(self, health: dict[str, Any], *, record: bool) -> None:
+        """The health of everything; recorded at a lower rate than shown."""
+        if self._hub:
+            self._hub.publish("/health", encode(health))
+        if record:
+            self._note("/fti/health", health["t_ns"], health)

@@ -1,0 +1,53 @@
+"""``fti demo``: the main job in one command, and what it leaves."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+from foxglove.messages import LocationFix
+from mcap.reader import make_reader
+from mcap.records import Channel, Message, Schema
+
+from tests.e2e.harness import fti
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+LINKS = ("radalt_line", "ins_eth", "air_can", "ahrs_line", "gnss_line", "mavlink_eth")
+OUTPUTS = ("nav_solution", "height_above_ground/altimeter", "clearance_integrity", "glide_slope", "location")
+
+
+def _messages(path: Path) -> list[tuple[Schema | None, Channel, Message]]:
+    """Every message of a file, read by the official reader with checksums validated."""
+    return list(make_reader(io.BytesIO(path.read_bytes()), validate_crcs=True).iter_messages())
+
+
+def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
+    done = fti("demo", "--headless", "--duration", "35", "--out", str(tmp_path), "--run-dir", str(tmp_path / "run"))
+    assert done.returncode == 0, done.stderr
+    assert "display at http://127.0.0.1:" in done.stdout
+    (session,) = tmp_path.glob("demo_*")
+    (raw,) = session.glob(f"{session.name}_0*.mcap")
+    (derived,) = session.glob("*_derived_000.mcap")
+    (truth,) = session.glob("*_truth_000.mcap")
+    topics = {channel.topic for _, channel, _ in _messages(raw)}
+    assert topics >= {f"/raw/{link}" for link in LINKS} | {"/fti/tick", "/fti/clock", "/fti/ledger", "/fti/health"}
+    found = _messages(derived)
+    assert {channel.topic for _, channel, _ in found} >= {f"/nav/{name}" for name in OUTPUTS}
+    _assert_schemas(found)
+    assert len(_messages(truth)) > 100
+    assert fti("verify", str(session)).returncode == 0
+
+
+def _assert_schemas(messages: list[tuple[Schema | None, Channel, Message]]) -> None:
+    """Every message follows its own schema, and positions are those of Foxglove."""
+    validators: dict[int, jsonschema.Draft7Validator] = {}
+    for schema, _, message in messages:
+        assert schema
+        if schema.id not in validators:
+            validators[schema.id] = jsonschema.Draft7Validator(json.loads(schema.data))
+        validators[schema.id].validate(json.loads(message.data))
+    names = {schema.name for schema, channel, _ in messages if schema and channel.topic == "/nav/location"}
+    assert names == {LocationFix.get_schema().name}
