@@ -1,0 +1,175 @@
+"""Runs inside the user-mode kernel: a link and a witness listen to vcan0, frames come from python-can and raw sockets.
+
+python -m tests.vcan.probe_socketcan OUT    writes what both saw, with stamps and states, to OUT as JSON.
+Nothing is judged here: ``test_socketcan.py`` does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import can
+
+from fti.clock import SystemClock, choose_epoch_ns
+from fti.config import CanLink
+from fti.errors import LinkError
+from fti.links import Link, open_link
+from fti.types import LinkState
+from tests.helpers import until_async
+
+BURST = 3000  # what a default socket buffer does not hold
+OWN_FRAME = (0x321).to_bytes(4, "little") + b"\x02\0\0\0" + b"\xaa\xbb" + bytes(6)
+
+FRAMES = [
+    can.Message(arbitration_id=0x000, is_extended_id=False, data=b""),
+    can.Message(arbitration_id=0x7FF, is_extended_id=False, data=bytes(range(8))),
+    can.Message(arbitration_id=0x000, is_extended_id=True, data=b"\x00"),
+    can.Message(arbitration_id=0x1FFFFFFF, is_extended_id=True, data=b"\xff" * 8),
+    can.Message(arbitration_id=0x123, is_extended_id=False, is_remote_frame=True, dlc=4),
+    can.Message(arbitration_id=0x18DAF110, is_extended_id=True, is_remote_frame=True, dlc=0),
+    can.Message(arbitration_id=0x456, is_extended_id=False, is_fd=True, data=b""),
+    can.Message(arbitration_id=0x456, is_extended_id=False, is_fd=True, bitrate_switch=True, data=bytes(range(64))),
+    can.Message(arbitration_id=0x12345678, is_extended_id=True, is_fd=True, data=bytes(range(12))),
+]
+
+Seen = list[tuple[str, int]]
+
+
+class Witness:
+    """What a plain socket of the kernel hands over, as candump reads it."""
+
+    def __init__(self, channel: str) -> None:
+        self.sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self.sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
+        self.sock.bind((channel,))
+        self.sock.setblocking(False)
+
+    def frames(self) -> list[str]:
+        """Every frame since the last call, in hexadecimal."""
+        found = []
+        while True:
+            try:
+                found.append(self.sock.recv(72).hex())
+            except BlockingIOError:
+                return found
+            except OSError:
+                continue  # the interface went down
+
+
+def ip_link(channel: str, state: str) -> None:
+    subprocess.run(["ip", "link", "set", channel, state], check=True)
+
+
+def link_of(channel: str, seen: Seen, clock: SystemClock, **keys: Any) -> Link:
+    config = CanLink(name=channel, kind="can", interface="socketcan", channel=channel, fd=True, **keys)
+    return open_link(config, clock, lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns)))
+
+
+def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:
+    for frame in frames:
+        bus.send(frame, timeout=1.0)
+
+
+async def every_kind(link: Link, seen: Seen, witness: Witness, bus: can.BusABC, clock: SystemClock) -> dict[str, Any]:
+    """Frames of every kind, sent while the loop is busy elsewhere: only kernel stamps can tell them apart."""
+    before = clock.now_ns()
+    send_all(bus, FRAMES)
+    after = clock.now_ns()
+    time.sleep(0.3)  # noqa: ASYNC251 - a busy loop is what is tested
+    await until_async(lambda: len(seen) >= len(FRAMES), what="every kind of frame")
+    return {
+        "link": [s[0] for s in seen],
+        "times": [s[1] for s in seen],
+        "witness": witness.frames(),
+        "sent": [before, after],
+    }
+
+
+async def burst(link: Link, seen: Seen, bus: can.BusABC) -> dict[str, Any]:
+    """More frames than a default buffer holds, while nobody reads."""
+    seen.clear()
+    for i in range(BURST):
+        bus.send(can.Message(arbitration_id=1, is_extended_id=False, data=i.to_bytes(8, "little")), timeout=1.0)
+    await until_async(lambda: len(seen) + link.status.socket_dropped >= BURST, what="the burst")
+    return {
+        "counts": [int.from_bytes(bytes.fromhex(s[0])[8:], "little") for s in seen],
+        "dropped": link.status.socket_dropped,
+    }
+
+
+async def down_and_up(link: Link, seen: Seen, witness: Witness) -> dict[str, Any]:
+    """The interface goes down and comes back."""
+    seen.clear()
+    witness.frames()
+    ip_link("vcan0", "down")
+    await until_async(lambda: link.status.state is LinkState.ABSENT, what="the link to notice")
+    hint = link.status.hint
+    ip_link("vcan0", "up")
+    await until_async(lambda: link.status.state is not LinkState.ABSENT, what="the link to come back")
+    with can.Bus(interface="socketcan", channel="vcan0") as bus:  # a new one: the old one's first send would fail
+        send_all(bus, FRAMES[:3])
+    await until_async(lambda: len(seen) >= 3, what="frames after the interface came back")
+    return {"hint": hint, "link": [s[0] for s in seen], "witness": witness.frames()}
+
+
+async def sending(clock: SystemClock) -> dict[str, Any]:
+    """A link that may send does; the frame is not received by itself, and one that may not send refuses."""
+    seen: Seen = []
+    witness = Witness("vcan1")
+    link = link_of("vcan1", seen, clock, transmit=True)
+    task = asyncio.create_task(link.run(), name="sender")
+    await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan1")
+    await link.send(OWN_FRAME)
+    with can.Bus(interface="socketcan", channel="vcan1") as bus:
+        bus.send(FRAMES[1])
+    await until_async(lambda: len(seen) >= 1, what="the frame of another")
+    await cancel(task)
+    return {"link": [s[0] for s in seen], "witness": witness.frames(), "tx_frames": link.status.tx_frames}
+
+
+async def absent(clock: SystemClock) -> dict[str, Any]:
+    """An interface that does not exist."""
+    link = link_of("vcan7", [], clock)
+    task = asyncio.create_task(link.run(), name="absent")
+    await until_async(lambda: "vcan7" in link.status.hint, what="a hint")
+    await cancel(task)
+    return {"state": link.status.state.value, "hint": link.status.hint}
+
+
+async def cancel(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
+async def probe() -> dict[str, Any]:
+    clock = SystemClock(choose_epoch_ns())
+    seen: Seen = []
+    link = link_of("vcan0", seen, clock)
+    witness = Witness("vcan0")
+    task = asyncio.create_task(link.run(), name="vcan0")
+    await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan0")
+    refused = ""
+    try:
+        await link.send(OWN_FRAME)
+    except (ValueError, LinkError) as error:
+        refused = str(error)
+    with can.Bus(interface="socketcan", channel="vcan0", fd=True) as bus:
+        found = {
+            "kinds": await every_kind(link, seen, witness, bus, clock),
+            "burst": await burst(link, seen, bus),
+            "down": await down_and_up(link, seen, witness),
+        }
+    await cancel(task)
+    return {**found, "refused": refused, "sending": await sending(clock), "absent": await absent(clock)}
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(json.dumps(asyncio.run(probe()), indent=1))

@@ -1,0 +1,97 @@
+"""SocketCAN for real: the link inside a user-mode kernel sees byte for byte what a plain socket sees."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+from typing import Any
+
+import can
+import pytest
+
+from tests.helpers import ROOT
+from tests.vcan.probe_socketcan import BURST, FRAMES, OWN_FRAME
+
+pytestmark = [pytest.mark.e2e, pytest.mark.socketcan]
+
+RUNNER = ROOT / "tests" / "vcan" / "run"
+NOT_INSTALLED = 77
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the probe saw inside."""
+    out = tmp_path_factory.mktemp("vcan")
+    command = [str(RUNNER), str(out), sys.executable, "-m", "tests.vcan.probe_socketcan", str(out / "found.json")]
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    if done.returncode == NOT_INSTALLED:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stdout + done.stderr
+    result: dict[str, Any] = json.loads((out / "found.json").read_text())
+    return result
+
+
+def test_every_kind_of_frame_is_recorded_as_the_kernel_gives_it(found: dict[str, Any]) -> None:
+    kinds = found["kinds"]
+    assert len(kinds["link"]) == len(FRAMES)
+    assert kinds["link"] == kinds["witness"]
+
+
+@pytest.mark.parametrize("index", range(len(FRAMES)))
+def test_the_bytes_say_what_was_sent(found: dict[str, Any], index: int) -> None:
+    """Laid beside linux/can.h by hand: identifier and its flags, length, data; 16 or 72 bytes."""
+    sent, frame = FRAMES[index], bytes.fromhex(found["kinds"]["link"][index])
+    word = sent.arbitration_id | sent.is_extended_id << 31 | sent.is_remote_frame << 30
+    assert len(frame) == (72 if sent.is_fd else 16)
+    assert int.from_bytes(frame[:4], "little") == word
+    assert frame[4] == sent.dlc
+    assert frame[8 : 8 + len(sent.data)] == bytes(sent.data)
+    assert not any(frame[8 + len(sent.data) :])
+    if sent.is_fd:
+        assert bool(frame[5] & 1) == sent.bitrate_switch
+
+
+def test_frames_are_stamped_by_the_kernel(found: dict[str, Any]) -> None:
+    """They were read 0.3 s after they were sent; the stamps are of the sending, and in order."""
+    times, (before, after) = found["kinds"]["times"], found["kinds"]["sent"]
+    slack_ns = 2_000_000  # the carrying over of a stamp from one clock to the other
+    assert all(before - slack_ns <= t <= after + slack_ns for t in times)
+    assert all(b - a >= -slack_ns for a, b in itertools.pairwise(times))
+
+
+def test_a_burst_that_nobody_reads_in_time_is_complete(found: dict[str, Any]) -> None:
+    """A default socket keeps some 280 frames and drops the rest without a word."""
+    assert found["burst"]["dropped"] == 0
+    assert found["burst"]["counts"] == list(range(BURST))
+
+
+def test_an_interface_that_goes_down_is_named_and_comes_back(found: dict[str, Any]) -> None:
+    down = found["down"]
+    assert "vcan0 is down" in down["hint"]
+    assert len(down["link"]) == 3
+    assert down["link"] == down["witness"]
+
+
+def test_what_the_link_sends_is_sent_and_not_received(found: dict[str, Any]) -> None:
+    sending = found["sending"]
+    assert sending["witness"][0] == OWN_FRAME.hex()
+    assert sending["link"] == sending["witness"][1:]
+    assert sending["tx_frames"] == 1
+
+
+def test_sending_needs_leave(found: dict[str, Any]) -> None:
+    assert "transmit is false" in found["refused"]
+
+
+def test_an_interface_that_does_not_exist_is_absent(found: dict[str, Any]) -> None:
+    assert found["absent"]["state"] == "absent"
+    assert "vcan0" in found["absent"]["hint"], "the hint lists the interfaces that there are"
+
+
+def test_the_frames_cover_every_kind() -> None:
+    """A guard for the list itself."""
+    kinds = {(f.is_extended_id, f.is_remote_frame, f.is_fd) for f in FRAMES}
+    assert kinds == {(e, r, fd) for e in (False, True) for r, fd in ((False, False), (True, False), (False, True))}
+    assert all(isinstance(f, can.Message) for f in FRAMES)
