@@ -69,18 +69,17 @@ def run(args: argparse.Namespace) -> int:
 
 def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
-    from fti.service.binding import bind_devices, parse_reference, read_texts
+    from fti.service.binding import bind_devices
+    from fti.service.preparation import Preparation
 
-    texts = read_texts(config)
-    bound = bind_devices(config, texts)
-    parse_reference(config, texts)
+    Preparation(config, epoch_ns=0)  # refuses what fti run would refuse
     _check_terrain(config)
     session = config.session
     return {
         "config": config.path,
         "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb"})},
         "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
-        "devices": [_describe_device(b) for b in bound],
+        "devices": [_describe_device(bound) for bound in bind_devices(config)],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "terrain": list(config.nav.terrain.files) if config.nav.terrain else [],
         "approach": config.nav.approach.profile if config.nav.approach else None,

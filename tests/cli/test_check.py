@@ -112,6 +112,7 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
         ("rate_hz = 25", "options = { checksum = 1 }", "device[0].options.checksum = 1: input should be 'none', "),
         ("[nav]", '[nav]\nterrain = { files = ["no.npz"], vertical = "egm96" }', "nav.terrain.files[0] = "),
         ("[nav]", '[nav]\napproach = { profile = "no.csv" }', "no.csv: cannot be read: No such file"),
+        ("[nav]", '[[link]]\nname = "net"\nkind = "udp"\nbind = "127.0.0.1:99999"\n[nav]', "port 99999; allowed is"),
         ('kind = "serial"', 'kind = "udp"\nbind = "127.0.0.1:1"', "link[0].port: there is no such key"),
     ],
 )
