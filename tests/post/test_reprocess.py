@@ -1,0 +1,120 @@
+"""Reprocessing a small session that is written here: same outputs, and what navigation missed repeated or healed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.drivers import freeflight_ra4500 as ra
+from fti.errors import RecordingError
+from fti.logger.derived_log import DerivedLog
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.post.reprocess import Segment, flown_segments, recorded_setup, reprocess
+
+CONFIG = """
+[session]
+name = "small"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/unused"
+
+[[device]]
+name = "altimeter"
+link = "line"
+driver = "freeflight_ra4500"
+max_age_ms = 100
+
+[device.altimeter]
+kind = "radar"
+range_m = [0.5, 762]
+
+[nav]
+altimeters = ["altimeter"]
+"""
+START_NS = 1_700_000_000_000_000_000
+TICK_NS = 20_000_000
+FRAMES = 400
+
+
+def _record(folder: Path, attachments: dict[str, str]) -> SessionFolder:
+    """A height every 40 ms, a tick every 20 ms, and silence in the middle."""
+    session = SessionFolder.create(folder, "small", START_NS)
+    log = RawLog(
+        session,
+        [RawTopic("line", "serial", {})],
+        split_s=60,
+        split_mb=10,
+        attachments=[(name, "text/plain", text.encode()) for name, text in attachments.items()],
+    )
+    seq = 0
+    for i in range(FRAMES):
+        t_ns = START_NS + i * TICK_NS
+        if i % 2 == 0 and not 150 <= i < 250:
+            log.frame("line", seq, t_ns, ra.encode_height(50.0 + i, ("in_air",), ra.Options()))
+            seq += 1
+        log.tick(seq, t_ns + 1)
+        seq += 1
+    log.close()
+    return session
+
+
+def _note_gaps(session: SessionFolder, gaps: list[dict[str, Any]]) -> None:
+    log = DerivedLog(session, split_s=60, split_mb=10)
+    for gap in gaps:
+        log.gap(START_NS, gap)
+    log.close()
+
+
+def _outputs(session: Path) -> list[tuple[str, int, bytes]]:
+    return [(topic, log, data) for topic, log, _, _, data in Recording.open(session).messages("/nav/")]
+
+
+def _again(session: SessionFolder, out: Path, *, as_flown: bool = False) -> Path:
+    recording = Recording.open(session.path)
+    setup = recorded_setup(recording, session.path)
+    return reprocess(recording, setup, out, as_flown=as_flown, progress=lambda seq: None)
+
+
+def test_twice_the_same_bytes(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": CONFIG})
+    first, second = _outputs(_again(session, tmp_path / "a")), _outputs(_again(session, tmp_path / "b"))
+    heights = [json.loads(data) for topic, _, data in first if topic.endswith("/altimeter")]
+    assert first == second
+    assert {reason for row in heights for reason in row["reasons"]} >= {"stale"}
+    assert sum(row["valid"] for row in heights) == 0  # no attitude is configured, and that is said
+    assert len(heights) > 150
+
+
+def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": CONFIG})
+    _note_gaps(
+        session,
+        [
+            {"kind": "ring", "after_seq": 99, "before_seq": 200},
+            {"kind": "restart", "after_seq": 299, "before_seq": 300},
+        ],
+    )
+    assert flown_segments(Recording.open(session.path)) == [
+        Segment(0, 299, ((99, 200),)),
+        Segment(300, None),
+    ]
+    healed = _outputs(_again(session, tmp_path / "healed"))
+    flown = _outputs(_again(session, tmp_path / "flown", as_flown=True))
+    assert len(flown) < len(healed)
+    assert flown[:50] == healed[:50]
+    missed = [f.t_rx_ns for f in Recording.open(session.path).frames() if 99 < f.seq < 200]
+    assert not [t for _, t, _ in flown if missed[0] <= t <= missed[-1]]
+    assert [t for _, t, _ in healed if missed[0] <= t <= missed[-1]]
+
+
+def test_a_session_without_its_configuration_is_refused(tmp_path: Path) -> None:
+    session = _record(tmp_path, {})
+    with pytest.raises(RecordingError, match="holds no configuration"):
+        _again(session, tmp_path / "out")
