@@ -8,10 +8,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fti.web.words import describe_reasons
+
 Alarm = dict[str, str]
 
 HEALTH_LIMIT_MS = 2000.0
 NAV_LIMIT_MS = 1000.0
+INTEGRITY = {"alert": ("red", "GROUND CLEARANCE ALERT"), "caution": ("amber", "GROUND CLEARANCE CAUTION")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +24,7 @@ class Sight:
     health, health_silence_ms : the last health message and the time since it came [ms]
     nav_silence_ms            : time since the last output of navigation came [ms]
     nav_age_ms                : age of that output now [ms]; None before the first
+    integrity                 : the last judgement of the integrity monitor; empty when it is late
     dead                      : processes whose liveliness token has gone
     """
 
@@ -28,13 +32,13 @@ class Sight:
     health_silence_ms: float
     nav_silence_ms: float
     nav_age_ms: float | None
-    nav_seen: bool
+    integrity: Mapping[str, Any]
     dead: frozenset[str]
 
 
 def find_alarms(sight: Sight) -> list[Alarm]:
     """The alarms that stand now."""
-    return [*_daemon(sight), *_recording(sight), *_navigation(sight), *_losses(sight)]
+    return [*_daemon(sight), *_recording(sight), *_navigation(sight), *_integrity(sight), *_losses(sight)]
 
 
 def _alarm(name: str, level: str, title: str, detail: str) -> Alarm:
@@ -61,7 +65,7 @@ def _recording(sight: Sight) -> Iterator[Alarm]:
 
 def _navigation(sight: Sight) -> Iterator[Alarm]:
     state = _table(_table(sight.health, "processes"), "navigation").get("state")
-    if state == "starting" and not sight.nav_seen:
+    if state == "starting" and sight.nav_age_ms is None:
         yield _alarm("navigation_starting", "amber", "NAVIGATION STARTING", "recording already runs")
     elif why := _why_stopped(sight, state):
         yield _alarm("navigation_stopped", "red", "NAVIGATION STOPPED", f"{why}; its last values are struck out")
@@ -79,6 +83,14 @@ def _why_stopped(sight: Sight, state: object) -> str | None:
     if sight.nav_silence_ms > NAV_LIMIT_MS:
         return f"no output for {sight.nav_silence_ms / 1000:.1f} s"
     return None
+
+
+def _integrity(sight: Sight) -> Iterator[Alarm]:
+    state = str(sight.integrity.get("state"))
+    if state in INTEGRITY:
+        yield _alarm(
+            f"integrity_{state}", *INTEGRITY[state], ", ".join(describe_reasons(sight.integrity.get("reasons")))
+        )
 
 
 def _losses(sight: Sight) -> Iterator[Alarm]:

@@ -23,6 +23,7 @@ NS_PER_MS = 1_000_000
 EVENTS_KEPT = 50
 TOPICS_KEPT = 256
 DEFAULT_MAX_AGE_MS = 1000.0
+INTEGRITY_TOPIC = "/nav/clearance_integrity"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,11 @@ class Received:
     def age_ms(self, now_ns: int) -> float:
         """Age of the value now [ms]."""
         return number(self.fields.get("age_ms")) + self.held_ms(now_ns)
+
+    def is_late(self, now_ns: int) -> bool:
+        """It was late when it was published, or has grown too old since."""
+        limit_ms = number(self.fields.get("max_age_ms"), DEFAULT_MAX_AGE_MS)
+        return bool(self.fields.get("late")) or self.age_ms(now_ns) > limit_ms
 
 
 def number(value: object, otherwise: float = 0.0) -> float:
@@ -108,6 +114,11 @@ class Feed:
         last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
         return (now_ns - last) / NS_PER_MS
 
+    def _integrity(self, now_ns: int) -> Fields:
+        """What the integrity monitor says, unless it is late."""
+        received = self._outputs.get(INTEGRITY_TOPIC)
+        return received.fields if received and not received.is_late(now_ns) else {}
+
     def _sight(self, now_ns: int) -> Sight:
         last = self._last_nav
         return Sight(
@@ -115,16 +126,16 @@ class Feed:
             health_silence_ms=(self._health or self._started).held_ms(now_ns),
             nav_silence_ms=(last or self._started).held_ms(now_ns),
             nav_age_ms=last.age_ms(now_ns) if last else None,
-            nav_seen=last is not None,
+            integrity=self._integrity(now_ns),
             dead=frozenset(process for process, alive in self._alive.items() if not alive),
         )
 
 
 def _shown(received: Received, now_ns: int, stopped: bool) -> dict[str, Any]:
     fields = dict(received.fields)
-    age_ms = received.age_ms(now_ns)
-    late = stopped or bool(fields.get("late")) or age_ms > number(fields.get("max_age_ms"), DEFAULT_MAX_AGE_MS)
-    fields |= {"age_ms": round(age_ms, 1), "late": late, "valid": bool(fields.get("valid")) and not late}
+    late = stopped or received.is_late(now_ns)
+    fields |= {"age_ms": round(received.age_ms(now_ns), 1), "late": late}
+    fields["valid"] = bool(fields.get("valid")) and not late
     fields["reasons_text"] = describe_reasons(fields.get("reasons"))
     if "state" in fields:
         fields["state_text"] = STATES.get(str(fields["state"]), "")

@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-SPAN_S = 120.0
-PERIOD_S = 0.2
-GAP_S = 1.0  # a longer silence is a gap in the lines
+SPAN_NS = 120_000_000_000
+PERIOD_NS = 200_000_000
+GAP_NS = 1_000_000_000  # a longer silence is a gap in the lines
 HEIGHT = "/nav/height_above_ground/"
 GLIDE = "/nav/glide_slope"
 
@@ -17,7 +17,7 @@ class History:
     """Rows of ``{series: value}``; a series is ``topic:field``, a value that is not valid is None."""
 
     def __init__(self) -> None:
-        self._rows: deque[tuple[float, dict[str, float | None]]] = deque()
+        self._rows: deque[tuple[int, dict[str, float | None]]] = deque()
         self._now: dict[str, float | None] = {}
 
     def take(self, topic: str, fields: Mapping[str, Any]) -> None:
@@ -25,22 +25,22 @@ class History:
         if not topic.startswith((HEIGHT, GLIDE)) or not isinstance(fields.get("t_ns"), int):
             return
         self._now |= _values(topic, fields)
-        t = fields["t_ns"] / 1e9
-        last = self._rows[-1][0] if self._rows else t - PERIOD_S
-        if t - last > GAP_S:
-            self._rows.append((last + PERIOD_S, {}))
-        if t - last >= PERIOD_S:
-            self._rows.append((t, dict(self._now)))
-            self._forget(t - SPAN_S)
+        t_ns = fields["t_ns"]
+        last_ns = self._rows[-1][0] if self._rows else t_ns - PERIOD_NS
+        if t_ns - last_ns > GAP_NS:
+            self._rows.append((last_ns + PERIOD_NS, {}))
+        if t_ns - last_ns >= PERIOD_NS:
+            self._rows.append((t_ns, dict(self._now)))
+            self._forget(t_ns - SPAN_NS)
 
-    def _forget(self, before: float) -> None:
-        while self._rows and self._rows[0][0] < before:
+    def _forget(self, before_ns: int) -> None:
+        while self._rows and self._rows[0][0] < before_ns:
             self._rows.popleft()
 
     def message(self) -> dict[str, Any]:
         """``{"type": "history", "t": [s], "series": {name: [value]}}``."""
         series = {name: [row.get(name) for _, row in self._rows] for name in sorted(self._now)}
-        return {"type": "history", "span_s": SPAN_S, "t": [t for t, _ in self._rows], "series": series}
+        return {"type": "history", "t": [t_ns / 1e9 for t_ns, _ in self._rows], "series": series}
 
 
 def _values(topic: str, fields: Mapping[str, Any]) -> dict[str, float | None]:

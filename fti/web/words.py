@@ -5,16 +5,17 @@ from __future__ import annotations
 from fti.types import IntegrityState, Reason
 
 REASONS: dict[str, str] = {
-    Reason.DEVICE_FLAG: "device reports invalid",
-    Reason.NO_RETURN: "no return from the ground",
-    Reason.BELOW_RANGE: "below the range of the sensor",
-    Reason.ABOVE_RANGE: "above the range of the sensor",
-    Reason.ROLL: "roll beyond limit",
-    Reason.PITCH: "pitch beyond limit",
+    Reason.DEVICE_FLAG: "device says invalid",
+    Reason.NO_RETURN: "no return",
+    Reason.BELOW_RANGE: "below range",
+    Reason.ABOVE_RANGE: "above range",
+    Reason.ROLL: "roll limit",
+    Reason.PITCH: "pitch limit",
     Reason.STALE: "stale",
     Reason.SILENT: "never heard",
     Reason.NO_ATTITUDE: "no attitude",
     Reason.NO_POSITION: "no position",
+    Reason.NO_ALTITUDE: "no altitude",
     Reason.NO_VELOCITY: "no velocity",
     Reason.NO_ALTIMETER: "no altimeter",
     Reason.NO_PROFILE: "no approach profile",

@@ -30,7 +30,6 @@ from fti.types import (
     Output,
     Reason,
 )
-from tests.helpers import until
 
 SESSION = "da42_20260412T093107_1"
 MAX_AGE_MS = 500.0
@@ -220,15 +219,16 @@ EVENTS = (
 class FakeDaemon:
     """Publishes outputs at 10 Hz and health at 2 Hz from a thread, through a hub of its own.
 
-    muted        : topics that are not sent
-    change_health: may rewrite each health message
-    lead_s       : how much of the approach has been flown at the start
+    muted : topics that are not sent
+    change_health, change_integrity : may rewrite each message
+    lead_s : how much of the approach has been flown at the start
     """
 
     def __init__(self, lead_s: float = 0.0) -> None:
         self.hub = Hub.open(0, SESSION)
         self.muted: set[str] = set()
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
+        self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
         self._navigation: Publisher | None = None
         self._lead_s = lead_s
         self._approach = Approach()
@@ -274,8 +274,11 @@ class FakeDaemon:
         navigation = self._navigation
         t_ns = self._started_ns + round(t * 1e9)
         for topic, output in self._approach.outputs(t, t_ns).items():
+            fields = asdict(output)
+            if topic == "/nav/clearance_integrity":
+                fields = self.change_integrity(fields)
             if navigation and topic not in self.muted:
-                navigation.publish(topic, stamped(asdict(output), t_ns, t_ns + 4_000_000, MAX_AGE_MS))
+                navigation.publish(topic, stamped(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
 
     def _send_events(self, t: float) -> None:
         while self._events and self._events[0][0] <= t:
@@ -305,13 +308,21 @@ class DisplayProcess:
 
     def _read_port(self) -> int:
         self.control.settimeout(20.0)
-        line = self.control.makefile().readline()
+        with self.control.makefile() as lines:
+            line = lines.readline()
+        if not line:
+            self.control.close()
+            raise ConnectionError(f"the display ended with code {self.process.wait(10.0)}")
         return int(json.loads(line)["port"])
 
     def close(self) -> int:
         """Let it see the end of its supervisor; returns its exit code."""
         self.control.close()
-        until(lambda: self.process.poll() is not None, what="the display to exit")
+        try:
+            self.process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
         return int(self.process.returncode)
 
 

@@ -40,7 +40,7 @@ const CELLS = [
   ["heading", "heading", "°"],
   ["speed", "ground speed", "kt"],
   ["climb", "vertical", "ft/min"],
-  ["alt", "height, ellipsoid", "m"],
+  ["alt", "alt, WGS84", "m"],
   ["lat", "latitude", ""],
   ["lon", "longitude", ""],
 ];
@@ -68,17 +68,19 @@ function read(output) {
 
 class Horizon {
   constructor() {
-    this.ladder = svg("g", { class: "ladder" }, ...ladder());
-    this.bank = svg("g", {}, this.ladder);
+    this.world = svg("g", {}, ...makeWorld());
+    this.ladder = svg("g", { class: "ladder" }, ...makeLadder());
     this.bankMark = svg("path", { class: "bank-mark", d: "M0 -112 l-8 14 h16 Z" });
-    this.tape = svg("g", { class: "tape" }, ...tape());
+    this.tape = svg("g", { class: "tape" }, ...makeTape());
     const clip = svg("clipPath", { id: "horizon-clip" }, svg("rect", { x: -150, y: TOP, width: 300, height: 270, rx: 8 }));
+    const ladderClip = svg("clipPath", { id: "ladder-clip" }, svg("rect", { x: -150, y: -82, width: 300, height: 182 }));
     const tapeClip = svg("clipPath", { id: "tape-clip" }, svg("rect", { x: -150, y: TAPE, width: 300, height: 27 }));
     this.root = svg(
       "svg",
       { class: "horizon", viewBox: `-150 ${TOP} 300 270`, role: "img", "aria-label": "artificial horizon" },
-      svg("defs", {}, clip, tapeClip),
-      svg("g", { "clip-path": "url(#horizon-clip)" }, this.bank, svg("g", { class: "bank-scale" }, ...bankScale()), this.bankMark),
+      svg("defs", {}, clip, ladderClip, tapeClip),
+      svg("g", { "clip-path": "url(#horizon-clip)" }, this.world, svg("g", { class: "bank-scale" }, ...makeBankScale()), this.bankMark),
+      svg("g", { class: "rungs", "clip-path": "url(#ladder-clip)" }, this.ladder),
       svg("path", { class: "aircraft", d: "M-78 0 h42 v9 M78 0 h-42 v9 M-4 -4 h8 v8 h-8 Z" }),
       svg("g", { "clip-path": "url(#tape-clip)" }, svg("rect", { class: "tape-face", x: -150, y: TAPE, width: 300, height: 27 }), this.tape),
       svg("path", { class: "lubber", d: "M0 112 l-7 -11 h14 Z" }),
@@ -90,33 +92,44 @@ class Horizon {
     const roll = degrees(output?.roll);
     const pitch = degrees(output?.pitch);
     const heading = degrees(output?.heading);
-    setAttribute(this.bank, "transform", `rotate(${(-(roll ?? 0)).toFixed(2)})`);
-    setAttribute(this.ladder, "transform", `translate(0 ${((pitch ?? 0) * PER_DEGREE).toFixed(2)})`);
-    setAttribute(this.bankMark, "transform", `rotate(${(-(roll ?? 0)).toFixed(2)})`);
+    const turn = `rotate(${(-(roll ?? 0)).toFixed(2)})`;
+    const turnAndShift = `${turn} translate(0 ${((pitch ?? 0) * PER_DEGREE).toFixed(2)})`;
+    setAttribute(this.world, "transform", turnAndShift);
+    setAttribute(this.ladder, "transform", turnAndShift);
+    setAttribute(this.bankMark, "transform", turn);
     setAttribute(this.tape, "transform", `translate(${(-(heading ?? 0) * HEADING_STEP).toFixed(1)} 0)`);
     setClass(this.root, "unusable", !output?.valid || roll === null || pitch === null);
     setClass(this.root, "no-heading", heading === null);
   }
 }
 
-function ladder() {
-  const parts = [svg("rect", { class: "sky", x: -400, y: -900, width: 800, height: 900 }), svg("rect", { class: "ground", x: -400, y: 0, width: 800, height: 900 })];
+function makeWorld() {
+  return [
+    svg("rect", { class: "sky", x: -400, y: -900, width: 800, height: 900 }),
+    svg("rect", { class: "ground", x: -400, y: 0, width: 800, height: 900 }),
+    svg("path", { class: "horizon-line", d: "M-400 0 H400" }),
+  ];
+}
+
+function makeLadder() {
+  const parts = [];
   for (let angle = -60; angle <= 60; angle += 5) {
+    if (angle === 0) continue;
     const y = -angle * PER_DEGREE;
-    const half = angle === 0 ? 400 : angle % 10 === 0 ? 34 : 17;
-    parts.push(svg("path", { class: angle === 0 ? "horizon-line" : "rung", d: `M${-half} ${y} H${half}` }));
-    if (angle && angle % 10 === 0) for (const x of [-46, 46]) parts.push(svg("text", { x, y: y + 4 }, String(Math.abs(angle))));
+    const half = angle % 10 === 0 ? 34 : 17;
+    parts.push(svg("path", { class: "rung", d: `M${-half} ${y} H${half}` }));
+    if (angle % 10 === 0) for (const x of [-46, 46]) parts.push(svg("text", { x, y: y + 4 }, String(Math.abs(angle))));
   }
   return parts;
 }
 
-function bankScale() {
+function makeBankScale() {
   return [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60].map((angle) =>
     svg("path", { d: `M0 -114 v${angle % 30 === 0 ? -13 : -7}`, transform: `rotate(${angle})` }),
   );
 }
 
-function tape() {
+function makeTape() {
   const parts = [];
   for (let angle = -60; angle <= 420; angle += 5) {
     const x = angle * HEADING_STEP;

@@ -40,7 +40,7 @@ export class Heights {
   #arrange(topics) {
     this.topics = topics;
     this.list.dataset.count = topics.length;
-    this.plot?.close();
+    if (this.plot) this.history = this.plot.close();
     const series = topics.flatMap((topic, place) => [
       { key: `${topic}:raw`, color: colourOf(place), dash: [2, 4], width: 1 },
       { key: `${topic}:height_agl`, color: colourOf(place), width: widthOf(place) },

@@ -1,9 +1,9 @@
 // A history plot: the last two minutes on one time axis, with gaps where nothing valid was there.
 
 import uPlot from "./vendor/uplot-1.6.32/uPlot.esm.js";
-import { clock } from "./format.js";
+import { clock, fixed } from "./format.js";
 
-const PERIOD_S = 0.2;
+const PERIOD_S = 0.19; // states come at 10 Hz, not to the millisecond: every second one
 const GAP_S = 1.0;
 const SPAN_S = 120;
 const AXIS = { stroke: "#8fa1b3", font: "11px B612", grid: { stroke: "#1d2936", width: 1 }, ticks: { show: false } };
@@ -27,8 +27,8 @@ export class HistoryPlot {
       padding: [6, 26, 0, 0],
       scales: { x: { time: false, range: () => this.#span() }, y: { range: (_, min, max) => range(min, max) } },
       axes: [
-        { ...AXIS, size: 20, gap: 2, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
-        { ...AXIS, size: 44, gap: 4, space: 28, values: (_, splits) => splits.map((v) => v.toFixed(digits)) },
+        { ...AXIS, size: 24, gap: 8, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
+        { ...AXIS, size: 44, gap: 4, space: 28, values: (_, splits) => splits.map((v) => fixed(v, digits)) },
       ],
       series: [{}, ...this.series.map(lineOf)],
     };
@@ -69,9 +69,13 @@ export class HistoryPlot {
     values.forEach((value, i) => this.data[i + 1].push(scaled(value, this.series[i].scale ?? 1)));
   }
 
+  // Ends the plot and returns its history, for one that takes its place.
   close() {
     this.observer.disconnect();
     this.plot.destroy();
+    const [t, ...columns] = this.data;
+    const unscaled = this.series.map(({ key, scale = 1 }, i) => [key, columns[i].map((v) => scaled(v, 1 / scale))]);
+    return { t, series: Object.fromEntries(unscaled) };
   }
 }
 

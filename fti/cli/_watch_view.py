@@ -1,0 +1,117 @@
+"""The terminal's picture of a daemon: one state of ``fti.web.feed.Feed`` as rich tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+Fields = Mapping[str, Any]
+
+HEIGHT = "/nav/height_above_ground/"
+INTEGRITY = "/nav/clearance_integrity"
+GLIDE = "/nav/glide_slope"
+STRUCK = "strike bright_black"
+UNKNOWN = "–"
+ALARM_STYLES = {"red": "bold white on red", "amber": "bold black on yellow"}
+LINK_STYLES = {"good": "green", "silent": "yellow", "invalid": "yellow", "wrong rate": "yellow"}
+INTEGRITY_STYLES = {
+    "ok": "bold black on green",
+    "monitor": "bold white on blue",
+    "caution": "bold black on yellow",
+    "alert": "bold white on red",
+}
+
+
+def render(state: Fields) -> RenderableType:
+    """Banner, alarms, outputs and links."""
+    health = state["health"] or {}
+    tables = (_outputs(state["outputs"]), _links(health.get("links", {})))
+    return Group(_banner(health), *_alarms(state["alarms"]), *tables)
+
+
+def _banner(health: Fields) -> Text:
+    session, storage = health.get("session", {}), health.get("storage", {})
+    origin = str(session.get("origin", UNKNOWN)).upper()
+    text = Text()
+    text.append(f" {origin} ", "bold" if origin == "FLIGHT" else "bold black on yellow")
+    text.append(f"  {session.get('name', UNKNOWN)}  ", "bold")
+    text.append(str(session.get("state", UNKNOWN)), "green" if session.get("state") == "recording" else "bold red")
+    size_mb = (storage.get("file_bytes") or 0) / 1e6
+    return text.append(f"  {size_mb:.1f} MB, {_number(storage.get('free_mb'), 0)} MB free")
+
+
+def _alarms(alarms: list[Fields]) -> Iterator[Text]:
+    for alarm in alarms:
+        yield Text(f" {alarm['title']} – {alarm['detail']} ", ALARM_STYLES[alarm["level"]])
+
+
+def _outputs(outputs: Fields) -> Table:
+    table = Table("output", "value", "sigma", "", "", expand=True, box=None, header_style="dim")
+    for topic, output in outputs.items():
+        if topic.startswith(HEIGHT):
+            values = (_metres(output["height_agl"], 1), _sigma(output["sd"], "m"), f"raw {_metres(output['raw'], 1)}")
+            _add(table, topic.removeprefix(HEIGHT), output, values)
+    if integrity := outputs.get(INTEGRITY):
+        _add_integrity(table, integrity)
+    if glide := outputs.get(GLIDE):
+        deviation = f"{_number(_degrees(glide['deviation']), 2, '+')}°, {_metres(glide['dh'], 1, '+')}"
+        values = (deviation, _sigma(_degrees(glide["sd"]), "°"), f"{_metres(glide['s'], 0)} to go")
+        _add(table, "glide slope", glide, values)
+    return table
+
+
+def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:
+    style = "" if output["valid"] else STRUCK
+    table.add_row(Text(name, "bold"), *(Text(value, style) for value in values), _verdict(output))
+
+
+def _verdict(output: Fields) -> Text:
+    if output["late"]:
+        return Text(f"STALE {output['age_ms'] / 1000:.1f} s", "red")
+    reasons = ", ".join(output["reasons_text"])
+    return Text(reasons or "valid", "green" if output["valid"] else "yellow")
+
+
+def _add_integrity(table: Table, output: Fields) -> None:
+    late = output["late"]
+    state = Text(f" {str(output['state']).upper()} ", STRUCK if late else INTEGRITY_STYLES.get(output["state"], "bold"))
+    ratios = " ".join(f"T{i} {_number(output[f't{i}_ratio'], 2)}" for i in range(1, 5))
+    words = ", ".join(output["reasons_text"]) or output["state_text"]
+    verdict = _verdict(output) if late else Text(words)
+    table.add_row(Text("integrity", "bold"), state, "", Text(ratios, STRUCK if late else ""), verdict)
+
+
+def _links(links: Fields) -> Table:
+    table = Table("link", "state", "frames/s", "bytes", "dropped", "hint", expand=True, box=None, header_style="dim")
+    for name, link in links.items():
+        dropped = link.get("dropped_frames", 0)
+        table.add_row(
+            Text(name, "bold"),
+            Text(link["state"], LINK_STYLES.get(link["state"], "red")),
+            _number(link.get("rate_hz"), 1),
+            f"{link.get('bytes', 0):,}",
+            Text(str(dropped), "bold red" if dropped else ""),
+            Text(link.get("hint") or "", "dim", overflow="ellipsis"),
+        )
+    return table
+
+
+def _number(value: object, digits: int, sign: str = "") -> str:
+    return f"{value:{sign}.{digits}f}" if isinstance(value, int | float) else UNKNOWN
+
+
+def _metres(value: object, digits: int, sign: str = "") -> str:
+    return f"{_number(value, digits, sign)} m"
+
+
+def _sigma(value: object, unit: str) -> str:
+    return f"± {_number(value, 2)} {unit}" if isinstance(value, int | float) else ""
+
+
+def _degrees(value: object) -> float | None:
+    return math.degrees(value) if isinstance(value, int | float) else None

@@ -1,0 +1,101 @@
+"""Show what a running daemon measures, in the terminal.
+
+  fti watch                  live table of heights, integrity, glide slope and links; Ctrl-C ends it
+  fti watch --once --json    one JSON object {"health", "outputs", "alarms", "events"} for a script
+  fti watch --json           one such object a second
+
+A value that is late or not valid is struck out; in JSON it has ``valid: false`` and, when late, ``late: true``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from fti.service.rundir import DaemonInfo
+
+#: Every output comes at 2 Hz or more, health at 2 Hz.
+COLLECT_S = 1.2
+HEALTH_TIMEOUT_S = 5.0
+JSON_PERIOD_S = 1.0
+LIVE_PERIOD_S = 0.2
+
+State = dict[str, Any]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti watch``."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
+    which.add_argument("--name", metavar="NAME", help="the name of its session, instead")
+    parser.add_argument("--once", action="store_true", help="show it once and end")
+    parser.add_argument("--json", action="store_true", help="print JSON only")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Listen to the bus and show it."""
+    from fti.clock import SystemClock
+    from fti.errors import MissingError
+    from fti.service.listening import listen
+    from fti.web.feed import Feed
+
+    info = _find(args)
+    if info.zenoh is None:
+        raise MissingError(f"the daemon {info.name} has no bus; set bus.enabled = true in its configuration")
+    clock = SystemClock(0)
+    feed = Feed(clock.now_ns())
+    subscriber = listen(feed, info.zenoh, info.name, clock)
+    try:
+        _collect(lambda: feed.state(clock.now_ns()), info.name)
+        show = _show_json if args.json else _show_table
+        show(lambda: feed.state(clock.now_ns()), args.once)
+    finally:
+        subscriber.close()
+    return 0
+
+
+def _find(args: argparse.Namespace) -> DaemonInfo:
+    from fti.service.rundir import base, find_daemon
+
+    return find_daemon(str(base() / args.name) if args.name else args.run_dir)
+
+
+def _collect(read: Callable[[], State], name: str) -> None:
+    """Wait until every output and health can have come.  Raises MissingError when no health comes."""
+    from fti.errors import MissingError
+
+    begin = time.monotonic()
+    while (waited := time.monotonic() - begin) < COLLECT_S or read()["health"] is None:
+        if waited > HEALTH_TIMEOUT_S:
+            raise MissingError(f"the daemon {name} has sent nothing for {HEALTH_TIMEOUT_S:g} s")
+        time.sleep(0.05)
+
+
+def _show_json(read: Callable[[], State], once: bool) -> None:
+    while True:
+        state = read()
+        print(json.dumps({key: state[key] for key in ("health", "outputs", "alarms", "events")}), flush=True)
+        if once:
+            return
+        time.sleep(JSON_PERIOD_S)
+
+
+def _show_table(read: Callable[[], State], once: bool) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    from fti.cli._watch_view import render
+
+    console = Console()
+    if once:
+        console.print(render(read()))
+        return
+    with Live(console=console, auto_refresh=False, screen=console.is_terminal) as live:
+        while True:
+            live.update(render(read()), refresh=True)
+            time.sleep(LIVE_PERIOD_S)

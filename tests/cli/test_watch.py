@@ -1,0 +1,124 @@
+"""``fti watch``: one JSON object for scripts, tables for a person."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from fti.cli._watch_view import render
+from fti.cli.main import main
+from fti.service.rundir import DaemonInfo, publish
+from fti.web.feed import Feed
+from tests.web.fake_feed import SESSION, FakeDaemon, make_health
+
+
+@pytest.fixture
+def daemon() -> Iterator[FakeDaemon]:
+    made = FakeDaemon(lead_s=60.0)
+    made.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def run_dir(daemon: FakeDaemon, tmp_path: Path) -> Path:
+    return announce(tmp_path, daemon.hub.endpoint)
+
+
+def announce(path: Path, endpoint: str | None) -> Path:
+    publish(path, DaemonInfo(os.getpid(), SESSION, "", None, endpoint, 0, ""))
+    return path
+
+
+def test_once_json_is_one_object(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", "--run-dir", str(run_dir), "--once", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["health"]["session"]["name"] == SESSION
+    assert found["outputs"]["/nav/height_above_ground/radar_altimeter"]["valid"] is True
+    assert {"/nav/clearance_integrity", "/nav/glide_slope", "/nav/nav_solution"} < set(found["outputs"])
+    assert found["alarms"] == []
+
+
+def test_a_name_finds_it_too(
+    run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(run_dir.parent))
+    (run_dir.parent / "fti").symlink_to(run_dir.parent)
+    assert main(["watch", "--name", run_dir.name, "--once"]) == 0
+    assert "radar_altimeter" in capsys.readouterr().out
+
+
+def test_a_stopped_navigation_is_in_the_json(
+    daemon: FakeDaemon, run_dir: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    daemon.change_health = lambda health: health["processes"]["navigation"].update(state="stopped")
+    main(["watch", "--run-dir", str(run_dir), "--once", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert [alarm["id"] for alarm in found["alarms"]] == ["navigation_stopped"]
+    assert all(output["late"] and not output["valid"] for output in found["outputs"].values())
+
+
+def test_without_a_daemon_or_a_bus_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
+    assert "no daemon is running there" in capsys.readouterr().err
+    assert main(["watch", "--run-dir", str(announce(tmp_path, None)), "--once"]) == 2
+    assert "set bus.enabled = true" in capsys.readouterr().err
+
+
+def test_json_goes_on_until_interrupted(run_dir: Path) -> None:
+    command = [sys.executable, "-m", "fti.cli.main", "watch", "--run-dir", str(run_dir), "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        times = [json.loads(process.stdout.readline())["health"]["t_ns"] for _ in range(2)]
+        process.send_signal(signal.SIGINT)
+    assert times[0] < times[1]
+    assert process.returncode == 130
+
+
+# ------------------------------------------------------------------------------------------------------ the tables
+
+
+def rendered(feed: Feed, now_ns: int) -> str:
+    console = Console(width=140, force_terminal=True, color_system="standard", file=io.StringIO(), record=True)
+    console.print(render(feed.state(now_ns)))
+    return console.export_text(styles=True)
+
+
+def make_feed(**height: Any) -> Feed:
+    feed = Feed(0)
+    fields: dict[str, Any] = {"t_ns": 0, "raw": 123.0, "height_agl": 120.04, "sd": 0.5, "valid": True, "reasons": []}
+    feed.take("/nav/height_above_ground/ra", fields | height, 0)
+    feed.take("/health", make_health(10.0, 0, 0), 0)
+    return feed
+
+
+def test_values_links_and_origin_are_shown() -> None:
+    text = rendered(make_feed(), 0)
+    for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):
+        assert words in text
+    assert STRUCK not in text
+
+
+STRUCK = "\x1b[9;90m120.0 m"
+
+
+def test_stale_and_invalid_values_are_struck_out_with_the_reason() -> None:
+    stale = rendered(make_feed(), 1_500_000_000)
+    assert STRUCK in stale
+    assert "STALE 1.5 s" in stale
+    assert "NAVIGATION STOPPED" in stale
+    invalid = rendered(make_feed(valid=False, reasons=["roll"]), 0)
+    assert STRUCK in invalid
+    assert "roll limit" in invalid
+
+
+def test_before_the_first_health_there_is_a_picture() -> None:
+    assert "–" in rendered(Feed(0), 0)

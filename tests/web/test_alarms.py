@@ -1,0 +1,99 @@
+"""Which alarms stand when."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from fti.web.alarms import Sight, find_alarms
+
+
+def make_health(**changes: Any) -> dict[str, Any]:
+    running = {"state": "running"}
+    return {
+        "session": {"state": "recording"},
+        "storage": {"state": "ok", "hint": ""},
+        "processes": {"recorder": running, "navigation": running, "display": running},
+        "links": {"can1": {"dropped_frames": 0}},
+    } | changes
+
+
+GOOD = Sight(
+    health=make_health(),
+    health_silence_ms=400.0,
+    nav_silence_ms=30.0,
+    nav_age_ms=40.0,
+    integrity={"state": "ok"},
+    dead=frozenset(),
+)
+
+
+def found(sight: Sight) -> dict[str, tuple[str, str]]:
+    return {alarm["id"]: (alarm["level"], alarm["detail"]) for alarm in find_alarms(sight)}
+
+
+def with_processes(**states: str) -> Sight:
+    return replace(GOOD, health=make_health(processes={name: {"state": state} for name, state in states.items()}))
+
+
+def test_no_alarm_when_all_is_well() -> None:
+    assert found(GOOD) == {}
+
+
+@pytest.mark.parametrize(
+    "sight", [replace(GOOD, health_silence_ms=2001.0), replace(GOOD, dead=frozenset({"supervisor"}))]
+)
+def test_daemon_stopped(sight: Sight) -> None:
+    assert list(found(sight)) == ["daemon_stopped"]
+
+
+@pytest.mark.parametrize(
+    ("sight", "why"),
+    [
+        (replace(GOOD, nav_silence_ms=1001.0, nav_age_ms=1040.0), "no output for 1.0 s"),
+        (replace(GOOD, dead=frozenset({"navigation"})), "process ended"),
+        (with_processes(recorder="running", navigation="stopped"), "process stopped"),
+        (with_processes(recorder="running", navigation="restarting"), "process restarting"),
+    ],
+)
+def test_navigation_stopped(sight: Sight, why: str) -> None:
+    assert found(sight) == {"navigation_stopped": ("red", f"{why}; its last values are struck out")}
+
+
+def test_navigation_that_starts_is_no_failure() -> None:
+    sight = replace(with_processes(navigation="starting"), nav_silence_ms=9000.0, nav_age_ms=None)
+    assert found(sight) == {"navigation_starting": ("amber", "recording already runs")}
+
+
+def test_navigation_that_catches_up_is_late_not_stopped() -> None:
+    assert found(replace(GOOD, nav_age_ms=3200.0)) == {"navigation_late": ("amber", "catching up, 3.2 s behind")}
+
+
+@pytest.mark.parametrize(
+    ("changes", "detail"),
+    [
+        ({"storage": {"state": "full", "hint": "12 MB free"}}, "storage full: 12 MB free"),
+        ({"session": {"state": "storage_error"}, "storage": {"state": "error", "hint": "EIO"}}, "storage error: EIO"),
+    ],
+)
+def test_a_refusing_medium_is_said_loudly(changes: dict[str, Any], detail: str) -> None:
+    assert found(replace(GOOD, health=make_health(**changes))) == {"storage": ("red", detail)}
+
+
+def test_a_recorder_that_is_not_there() -> None:
+    assert found(with_processes(recorder="restarting")) == {"recorder": ("red", "the recorder is restarting")}
+
+
+def test_losses_name_the_link() -> None:
+    health = make_health(links={"can1": {"dropped_frames": 12}, "ins": {"dropped_frames": 0}})
+    assert found(replace(GOOD, health=health)) == {"losses": ("amber", "12 frames on can1")}
+
+
+def test_integrity_in_words() -> None:
+    sight = replace(GOOD, integrity={"state": "caution", "reasons": ["shifted"]})
+    assert found(sight) == {"integrity_caution": ("amber", "another position fits better")}
+
+
+def test_the_most_urgent_comes_first() -> None:
+    sight = replace(GOOD, health_silence_ms=5000.0, nav_silence_ms=5000.0, integrity={"state": "caution"})
+    assert list(found(sight)) == ["daemon_stopped", "navigation_stopped", "integrity_caution"]

@@ -1,0 +1,155 @@
+"""The page in a real browser, fed by the real display process over the real bus."""
+
+import asyncio
+import signal
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.web.chromium import Chromium, Page, by_testid
+from tests.web.fake_feed import SESSION, DisplayProcess, FakeDaemon
+
+pytestmark = [pytest.mark.browser, pytest.mark.e2e]
+
+LASER = "height-laser_altimeter"
+FRESH = f"document.body.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
+
+
+@pytest.fixture
+def daemon() -> Iterator[FakeDaemon]:
+    made = FakeDaemon(lead_s=70.0)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def display(daemon: FakeDaemon) -> Iterator[DisplayProcess]:
+    made = DisplayProcess(daemon)
+    daemon.start()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+async def page(display: DisplayProcess) -> AsyncIterator[Page]:
+    async with Chromium() as browser:
+        opened = await browser.open(display.url)
+        await opened.wait_for(FRESH)
+        yield opened
+
+
+def is_struck(testid: str) -> str:
+    style = f"getComputedStyle({by_testid(testid)})"
+    return f"{style}.textDecorationLine === 'line-through'"
+
+
+def shows(testid: str, words: str) -> str:
+    return f"{by_testid(testid)}?.textContent.includes('{words}')"
+
+
+def counts_colours(plot: str) -> str:
+    """How many pixels of a plot's canvas are not transparent."""
+    canvas = f"document.querySelector('[data-testid=\"{plot}\"] canvas')"
+    pixels = f"{canvas}.getContext('2d').getImageData(0, 0, {canvas}.width, {canvas}.height).data"
+    return f"{pixels}.reduce((sum, v, i) => sum + (i % 4 === 3 && v > 0), 0)"
+
+
+async def test_values_change_and_nothing_comes_from_outside(page: Page, display: DisplayProcess) -> None:
+    before = await page.text(f"{LASER}-agl")
+    assert float(before) > 0
+    await page.wait_for(f"{by_testid(f'{LASER}-agl')}.textContent !== '{before}'")
+    assert not await page.eval(is_struck(f"{LASER}-agl"))
+    assert await page.text(f"{LASER}-verdict") == "VALID"
+    assert await page.text("session") == SESSION
+    assert await page.text("recording") == "RECORDING"
+    assert await page.text("link-gnss_line-state") == "absent"
+    assert "ttyUSB3 does not exist" in await page.text("link-gnss_line-hint")
+    assert not await page.eval(f"{by_testid('no-alarms')}.hidden")
+    await page.wait_for(f"{counts_colours('heights-plot')} > 3000")
+    assert {urlsplit(url).netloc for url in page.requests} == {f"127.0.0.1:{display.port}"}
+    assert page.problems == []
+
+
+async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: Page) -> None:
+    for width, height in ((1440, 900), (1920, 1080)):
+        await page.resize(width, height)
+        assert await page.eval("document.documentElement.scrollHeight") == height
+        assert await page.eval("document.documentElement.scrollWidth") == width
+        assert await page.eval(CUT_OFF) == []
+    await page.resize(1024, 768)
+    assert await page.eval("document.documentElement.scrollWidth") == 1024
+
+
+#: Numbers that do not fit into their place.
+CUT_OFF = """[...document.querySelectorAll('main b, main dd, td.number, #banner b')]
+    .filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0 && getComputedStyle(e).overflow === 'hidden'
+        || e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right)
+    .map((e) => e.textContent)"""
+
+
+async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page, daemon: FakeDaemon) -> None:
+    daemon.muted.add("/nav/height_above_ground/laser_altimeter")
+    await page.wait_for(f"{is_struck(f'{LASER}-agl')} && {is_struck(f'{LASER}-raw')}")
+    assert (await page.text(f"{LASER}-verdict")).startswith("STALE ")
+    assert not await page.eval(is_struck("height-radar_altimeter-agl"))
+    daemon.muted.clear()
+    await page.wait_for(f"!({is_struck(f'{LASER}-agl')})")
+
+
+async def test_a_stopped_navigation_is_announced(page: Page, daemon: FakeDaemon) -> None:
+    assert await page.eval(f"{by_testid('alarm-navigation_stopped')} === null")
+    daemon.stop_navigation()
+    await page.wait_for(shows("alarm-navigation_stopped", "NAVIGATION STOPPED"))
+    values = (f"{LASER}-agl", "glide-deviation", "attitude-roll", "integrity-state", "t1")
+    await page.wait_for(" && ".join(is_struck(testid) for testid in values))
+    assert await page.eval(f"getComputedStyle({by_testid('glide-needle')}).display") == "none"
+
+
+async def test_a_stopped_daemon_is_announced(page: Page, daemon: FakeDaemon) -> None:
+    daemon.muted.add("/health")
+    await page.wait_for(shows("alarm-daemon_stopped", "DAEMON STOPPED"))
+    await page.wait_for(is_struck("recording"))
+
+
+async def test_a_lost_connection_is_unmistakable_and_ends(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    display.process.kill()
+    display.process.wait()
+    await page.wait_for("document.body.classList.contains('disconnected')")
+    box = await page.eval(f"(({by_testid('no-connection')}).firstElementChild.getBoundingClientRect()).toJSON()")
+    assert box["width"] == 1440
+    assert await page.eval(f"getComputedStyle({by_testid('no-connection')}).display") == "grid"
+    assert (await page.text("no-connection-text")).startswith("values are frozen since ")
+    successor = DisplayProcess(daemon, display.port)
+    try:
+        await page.wait_for(FRESH)
+    finally:
+        await asyncio.to_thread(successor.close)
+
+
+async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:
+    display.process.send_signal(signal.SIGSTOP)
+    try:
+        await page.wait_for(shows("no-connection-text", "values are frozen since "))
+    finally:
+        display.process.send_signal(signal.SIGCONT)
+    await page.wait_for(FRESH)
+
+
+async def test_an_alert_is_a_red_block_and_an_alarm(page: Page, daemon: FakeDaemon, tmp_path: Path) -> None:
+    daemon.change_integrity = make_alert
+    await page.wait_for(shows("alarm-integrity_alert", "GROUND CLEARANCE ALERT"))
+    await page.wait_for(f"{by_testid('integrity-state')}.textContent === 'ALERT'")
+    block = f"getComputedStyle({by_testid('integrity-state')}.parentElement).backgroundColor"
+    assert await page.eval(block) == "rgb(208, 23, 39)"
+    assert await page.text("integrity-reasons") == "obstacle"
+    await page.screenshot(tmp_path / "alert.png")
+    assert (tmp_path / "alert.png").stat().st_size > 20_000
+
+
+def make_alert(fields: dict[str, Any]) -> dict[str, Any]:
+    return fields | {"state": "alert", "reasons": ("obstacle",), "valid": False, "t4_ratio": 2.3}

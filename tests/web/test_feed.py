@@ -1,0 +1,115 @@
+"""What a display knows: values grow older while they lie there, and late is not valid."""
+
+from dataclasses import asdict
+from typing import Any
+
+import pytest
+
+from fti.bus.message import decode, stamped
+from fti.types import ClearanceIntegrity, HeightAboveGround, IntegrityState, Reason
+from fti.web.feed import EVENTS_KEPT, TOPICS_KEPT, Feed
+
+MS = 1_000_000
+TOPIC = "/nav/height_above_ground/ra"
+INTEGRITY = "/nav/clearance_integrity"
+MAX_AGE_MS = 200.0
+
+
+def make_height(t_ns: int = 0, now_ns: int = 0, **changes: Any) -> dict[str, Any]:
+    fields: dict[str, Any] = {"valid": True, "reasons": ()} | changes
+    height = HeightAboveGround(t_ns=t_ns, t_valid_ns=t_ns, sensor="ra", raw=11.0, height_agl=10.0, sd=0.3, **fields)
+    return as_received(height, t_ns, now_ns)
+
+
+def as_received(output: Any, t_ns: int = 0, now_ns: int = 0) -> dict[str, Any]:
+    found = decode(stamped(asdict(output), t_ns, now_ns, MAX_AGE_MS))
+    assert found is not None
+    return found
+
+
+def shown(feed: Feed, now_ns: int, topic: str = TOPIC) -> dict[str, Any]:
+    found: dict[str, Any] = feed.state(now_ns)["outputs"][topic]
+    return found
+
+
+def alarm_ids(feed: Feed, now_ns: int) -> list[str]:
+    return [alarm["id"] for alarm in feed.state(now_ns)["alarms"]]
+
+
+def test_a_value_grows_older_until_it_is_late() -> None:
+    feed = Feed(0)
+    feed.take(TOPIC, make_height(now_ns=50 * MS), 0)
+    fresh = shown(feed, 149 * MS)
+    assert (fresh["age_ms"], fresh["late"], fresh["valid"]) == (199.0, False, True)
+    late = shown(feed, 151 * MS)
+    assert (late["age_ms"], late["late"], late["valid"]) == (201.0, True, False)
+    assert late["height_agl"] == 10.0, "the last value stays, struck out"
+
+
+def test_late_at_publishing_stays_late() -> None:
+    feed = Feed(0)
+    feed.take(TOPIC, make_height(now_ns=300 * MS), 0)
+    assert shown(feed, 0)["late"]
+
+
+def test_reasons_and_states_come_in_words() -> None:
+    feed = Feed(0)
+    feed.take(TOPIC, make_height(valid=False, reasons=(Reason.ROLL, Reason.NO_RETURN)), 0)
+    assert shown(feed, 0)["reasons_text"] == ["roll limit", "no return"]
+    output = ClearanceIntegrity(t_ns=0, t_valid_ns=0, state=IntegrityState.ACQUIRE, reasons=(), valid=False)
+    feed.take(INTEGRITY, as_received(output), 0)
+    assert shown(feed, 0, INTEGRITY)["state_text"] == "collecting the first window"
+
+
+def test_a_dead_navigation_makes_fresh_values_late() -> None:
+    feed = Feed(0)
+    feed.take(TOPIC, make_height(), 0)
+    feed.take_alive("navigation", True)
+    assert not shown(feed, 0)["late"]
+    feed.take_alive("navigation", False)
+    assert shown(feed, 0)["late"]
+    assert "navigation_stopped" in alarm_ids(feed, 0)
+
+
+def test_fti_time_goes_on_from_the_last_health() -> None:
+    feed = Feed(0)
+    assert feed.state(0)["t_ns"] is None
+    feed.take("/health", {"t_ns": 5_000}, 10)
+    assert feed.state(17)["t_ns"] == 5_007
+
+
+def test_silence_of_the_bus_is_counted_from_the_last_message_of_any_kind() -> None:
+    feed = Feed(0)
+    assert feed.state(30 * MS)["stale_bus_ms"] == 30.0
+    feed.take("/health", {}, 40 * MS)
+    feed.take(TOPIC, make_height(), 60 * MS)
+    assert feed.state(70 * MS)["stale_bus_ms"] == 10.0
+
+
+def test_events_and_topics_are_bounded() -> None:
+    feed = Feed(0)
+    for i in range(EVENTS_KEPT + 5):
+        feed.take("/event", {"text": str(i)}, 0)
+    for i in range(TOPICS_KEPT + 5):
+        feed.take(f"/nav/{i}", {}, 0)
+    state = feed.state(0)
+    assert [event["text"] for event in state["events"]] == [str(i) for i in range(5, EVENTS_KEPT + 5)]
+    assert len(state["outputs"]) == TOPICS_KEPT
+
+
+def test_an_alert_is_an_alarm_as_long_as_it_is_not_late() -> None:
+    feed = Feed(0)
+    fields = {"state": IntegrityState.ALERT, "reasons": (Reason.OBSTACLE,), "valid": False}
+    feed.take(INTEGRITY, as_received(ClearanceIntegrity(t_ns=0, t_valid_ns=0, **fields)), 0)  # type: ignore[arg-type]
+    alarm = next(a for a in feed.state(0)["alarms"] if a["id"] == "integrity_alert")
+    assert (alarm["level"], alarm["detail"]) == ("red", "obstacle")
+    assert "integrity_alert" not in alarm_ids(feed, 201 * MS)
+
+
+@pytest.mark.parametrize("nonsense", [{}, {"age_ms": "old", "max_age_ms": None, "reasons": 3, "state": 7, "t_ns": "x"}])
+def test_nonsense_on_the_bus_is_shown_as_invalid(nonsense: dict[str, Any]) -> None:
+    feed = Feed(0)
+    for topic in (TOPIC, "/health", "/event", INTEGRITY):
+        feed.take(topic, nonsense, 0)
+    assert not shown(feed, 0)["valid"]
+    feed.history()

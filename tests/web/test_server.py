@@ -1,0 +1,165 @@
+"""The page's server: what it serves, to whom, and that nothing in it points outside."""
+
+import asyncio
+import re
+import socket
+from collections.abc import AsyncIterator
+from typing import Any
+
+import aiohttp
+import pytest
+
+from fti.errors import MissingError
+from fti.web.feed import Feed
+from fti.web.server import PageServer, static_files
+
+MS = 1_000_000
+OUTSIDE = re.compile(
+    rb"(?:https?:|wss?:)?//(?!www\.w3\.org/(?:2000/svg|1999/xlink))[a-z0-9$.-]+\.[a-z]{2,}", re.IGNORECASE
+)
+
+
+class Site:
+    """A served feed whose clock stands where the test puts it."""
+
+    def __init__(self, client: aiohttp.ClientSession) -> None:
+        self.now_ns = 0
+        self.feed = Feed(0)
+        self.client = client
+        self.server = PageServer(self.feed, lambda: self.now_ns)
+        self.port = 0
+
+    async def status(self, path: str = "/", **headers: str) -> int:
+        async with self.client.get(f"http://127.0.0.1:{self.port}{path}", headers=headers) as response:
+            return response.status
+
+    def connect(self, **headers: str) -> Any:
+        headers.setdefault("Origin", f"http://127.0.0.1:{self.port}")
+        return self.client.ws_connect(f"http://127.0.0.1:{self.port}/ws", headers=headers)
+
+
+@pytest.fixture
+async def site() -> AsyncIterator[Site]:
+    async with aiohttp.ClientSession() as client:
+        made = Site(client)
+        made.port = await made.server.start(0)
+        yield made
+        await made.server.stop()
+
+
+async def test_every_part_of_the_page_is_served_with_the_policy(site: Site) -> None:
+    for path, (body, content_type) in static_files().items():
+        async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
+            assert (response.status, response.content_type) == (200, content_type)
+            assert await response.read() == body
+            assert response.headers["Content-Security-Policy"].startswith("default-src 'self';")
+            assert response.headers["X-Content-Type-Options"] == "nosniff"
+
+
+@pytest.mark.parametrize(
+    "path", ["/no_such.js", "/..%2fserver.py", "/../server.py", "//etc/passwd", "/vendor", "/vendor/"]
+)
+async def test_nothing_else_is_served(site: Site, path: str) -> None:
+    assert await site.status(path) == 404
+
+
+async def test_nothing_can_be_sent(site: Site) -> None:
+    async with site.client.post(f"http://127.0.0.1:{site.port}/", data=b"x") as response:
+        assert response.status == 405
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "[::1]"])
+async def test_own_names_and_own_origin_are_welcome(site: Site, name: str) -> None:
+    host = f"{name}:{site.port}"
+    assert await site.status(Host=host, Origin=f"http://{host}") == 200
+    async with site.connect(Host=host, Origin=f"http://{host}") as ws:
+        assert (await ws.receive_json())["type"] == "history"
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "localhost.evil.example:{port}"]
+)
+async def test_a_strange_host_is_refused(site: Site, host: str) -> None:
+    assert await site.status(Host=host.format(port=site.port)) == 403
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "https://127.0.0.1:{port}", "http://127.0.0.1:1", "http://localhost:{port}", "null"],
+)
+async def test_a_strange_origin_is_refused(site: Site, origin: str) -> None:
+    origin = origin.format(port=site.port)
+    assert await site.status(Origin=origin) == 403
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+        await site.connect(Origin=origin)
+
+
+async def test_the_socket_demands_an_origin(site: Site) -> None:
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+        await site.client.ws_connect(f"http://127.0.0.1:{site.port}/ws")
+
+
+async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
+    site.feed.take("/health", {"t_ns": 7}, 0)
+    site.feed.take("/nav/glide_slope", {"valid": True, "t_ns": 7, "dh": 1.0}, 0)
+    async with site.connect() as ws:
+        assert (await ws.receive_json())["type"] == "history"
+        first = await ws.receive_json()
+        assert (first["type"], first["health"], first["t_ns"]) == ("state", {"t_ns": 7}, 7)
+        assert first["outputs"]["/nav/glide_slope"]["valid"]
+        site.now_ns = 5000 * MS
+        while (later := await ws.receive_json())["t_ns"] == 7:
+            pass
+    assert later["outputs"]["/nav/glide_slope"]["late"]
+    assert [alarm["id"] for alarm in later["alarms"]] == ["daemon_stopped", "navigation_stopped"]
+
+
+async def test_what_a_client_says_changes_nothing(site: Site) -> None:
+    async with site.connect() as ws:
+        for _ in range(20):
+            await ws.send_str('{"type": "state"}')
+        assert [(await ws.receive_json())["type"] for _ in range(4)] == ["history", "state", "state", "state"]
+
+
+async def test_a_large_message_ends_the_connection(site: Site) -> None:
+    async with site.connect() as ws:
+        await ws.send_bytes(b"x" * 100_000)
+        async with asyncio.timeout(10.0):
+            kinds = [message.type async for message in ws]
+    assert ws.closed
+    assert set(kinds) <= {aiohttp.WSMsgType.TEXT}
+
+
+async def test_the_end_of_the_server_closes_its_sockets(site: Site) -> None:
+    async with site.connect() as ws:
+        await ws.receive_json()
+        stopping = asyncio.create_task(site.server.stop())
+        async with asyncio.timeout(10.0):
+            while (await ws.receive()).type == aiohttp.WSMsgType.TEXT:
+                pass
+        assert ws.close_code == aiohttp.WSCloseCode.GOING_AWAY
+        await stopping
+
+
+async def test_a_port_in_use_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(MissingError, match=f"display.port = {port}: cannot be served on 127.0.0.1: .*in use"):
+            await PageServer(Feed(0), lambda: 0).start(port)
+
+
+def test_no_file_of_the_page_points_outside() -> None:
+    for path, (body, content_type) in static_files().items():
+        if content_type.startswith("text/") and not path.startswith("/vendor/"):
+            assert not OUTSIDE.findall(body), path
+
+
+def test_no_inline_script_or_style() -> None:
+    page = static_files()["/"][0].decode()
+    assert not re.search(r"<style|style=|\son\w+=|javascript:|<script(?![^>]*\ssrc=)", page)
+
+
+def test_the_vendored_parts_carry_their_licences() -> None:
+    folders = {path.rsplit("/", 1)[0] for path in static_files() if path.count("/") > 2}
+    assert folders == {"/vendor/uplot-1.6.32", "/vendor/b612"}
+    assert all(b"Copyright" in static_files()[f"{folder}/LICENSE.txt"][0] for folder in folders)
