@@ -38,7 +38,10 @@ class Sight:
 
 def find_alarms(sight: Sight) -> list[Alarm]:
     """The alarms that stand now."""
-    return [*_daemon(sight), *_recording(sight), *_navigation(sight), *_integrity(sight), *_losses(sight)]
+    navigation = list(_navigation(sight))
+    stopped = any(alarm["id"] == "navigation_stopped" for alarm in navigation)
+    integrity = [] if stopped else list(_integrity(sight))
+    return [*_daemon(sight), *_recording(sight), *navigation, *integrity, *_losses(sight)]
 
 
 def _alarm(name: str, level: str, title: str, detail: str) -> Alarm:

@@ -198,7 +198,7 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
         "storage": {
             "file": f"/data/{SESSION}/{SESSION}_000.mcap",
             "file_bytes": int(2_000_000 + t * 15_000),
-            "file_age_s": 0.02,
+            "file_age_s": t,
             "free_mb": 118_400.0,
             "state": "ok",
             "hint": "",

@@ -95,5 +95,10 @@ def test_integrity_in_words() -> None:
 
 
 def test_the_most_urgent_comes_first() -> None:
-    sight = replace(GOOD, health_silence_ms=5000.0, nav_silence_ms=5000.0, integrity={"state": "caution"})
-    assert list(found(sight)) == ["daemon_stopped", "navigation_stopped", "integrity_caution"]
+    sight = replace(GOOD, health_silence_ms=5000.0, nav_age_ms=5000.0, integrity={"state": "caution"})
+    assert list(found(sight)) == ["daemon_stopped", "navigation_late", "integrity_caution"]
+
+
+def test_a_stopped_navigation_judges_nothing() -> None:
+    sight = replace(GOOD, dead=frozenset({"navigation"}), integrity={"state": "alert"})
+    assert list(found(sight)) == ["navigation_stopped"]

@@ -83,11 +83,12 @@ async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: 
     assert await page.eval("document.documentElement.scrollWidth") == 1024
 
 
-#: Numbers that do not fit into their place.
-CUT_OFF = """[...document.querySelectorAll('main b, main dd, td.number, #banner b')]
-    .filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth > 0 && getComputedStyle(e).overflow === 'hidden'
-        || e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right)
-    .map((e) => e.textContent)"""
+#: Numbers that reach beyond their panel, and panels that hide a part of what is in them.
+CUT_OFF = """[
+    ...[...document.querySelectorAll('b, dd, td.number')].filter((e) =>
+        e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
+    ...[...document.querySelectorAll('.panel')].filter((e) => e.scrollHeight > e.clientHeight),
+].map((e) => e.id || e.textContent)"""
 
 
 async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page, daemon: FakeDaemon) -> None:

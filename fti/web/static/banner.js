@@ -26,13 +26,13 @@ export class Banner {
     this.state = h("strong", { class: "recording", "data-testid": "recording" }, "–");
     this.file = field("file", "file");
     this.size = field("size", "file-size");
-    this.written = field("written", "file-age");
+    this.age = field("age", "file-age");
     this.free = field("free", "free-space");
     this.elapsed = field("elapsed", "elapsed");
     this.utc = field("FTI time", "utc");
     const list = h("div", { class: "processes" });
     this.processes = new Keyed(list, makeProcess);
-    const fields = [this.file, this.size, this.written, this.free].map((f) => f.root);
+    const fields = [this.file, this.size, this.age, this.free].map((f) => f.root);
     root.append(
       h("div", { class: "origin-block" }, this.origin, this.originText),
       this.session.root,
@@ -42,7 +42,7 @@ export class Banner {
     );
   }
 
-  show({ health, t_ns: tNs, health_age_ms: silence }) {
+  show({ health, t_ns: tNs }) {
     if (!health) return;
     const { session, storage, processes } = health;
     this.#showOrigin(session.origin);
@@ -53,7 +53,7 @@ export class Banner {
     setAttribute(this.state, "data-state", session.state);
     setText(this.file.value, lastPart(storage.file).replace(`${folder}_`, "") || UNKNOWN);
     setText(this.size.value, bytes(storage.file_bytes));
-    setText(this.written.value, age(storage.file_age_s * 1000 + silence));
+    setText(this.age.value, age(storage.file_age_s * 1000));
     setText(this.free.value, bytes(storage.free_mb * 1e6));
     setText(this.elapsed.value, duration(tNs - session.started_ns));
     setText(this.utc.value, `${clock(tNs)} UTC`);

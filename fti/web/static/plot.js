@@ -25,7 +25,7 @@ export class HistoryPlot {
       legend: { show: false },
       cursor: { show: false },
       padding: [6, 26, 0, 0],
-      scales: { x: { time: false, range: () => this.#span() }, y: { range: (_, min, max) => range(min, max) } },
+      scales: { x: { time: false, auto: false }, y: { range: (_, min, max) => range(min, max) } },
       axes: [
         { ...AXIS, size: 24, gap: 8, space: 70, incrs: [30, 60], values: (_, splits) => splits.map((t) => clock(t * 1e9)) },
         { ...AXIS, size: 44, gap: 4, space: 28, values: (_, splits) => splits.map((v) => fixed(v, digits)) },
@@ -34,10 +34,13 @@ export class HistoryPlot {
     };
   }
 
-  #span() {
-    const times = this.data[0];
-    const end = times.length ? times[times.length - 1] : 0;
-    return [end - SPAN_S, end];
+  // The time axis moves also while nothing valid is there.
+  #draw() {
+    const end = this.data[0].at(-1) ?? 0;
+    this.plot.batch(() => {
+      this.plot.setData(this.data, false);
+      this.plot.setScale("x", { min: end - SPAN_S, max: end });
+    });
   }
 
   #fit(parent) {
@@ -50,18 +53,18 @@ export class HistoryPlot {
       history.t,
       ...this.series.map(({ key, scale = 1 }) => history.t.map((_, i) => scaled(history.series[key]?.[i], scale))),
     ];
-    this.plot.setData(this.data);
+    this.#draw();
   }
 
   // Add one row; values in the order of the series, null where there is none.
   add(t, values) {
     const times = this.data[0];
-    const last = times.length ? times[times.length - 1] : -Infinity;
+    const last = times.at(-1) ?? -Infinity;
     if (t - last < PERIOD_S) return;
     if (times.length && t - last > GAP_S) this.#push(last + PERIOD_S, values.map(() => null));
     this.#push(t, values);
     while (times[0] < t - SPAN_S) this.data.forEach((column) => column.shift());
-    this.plot.setData(this.data);
+    this.#draw();
   }
 
   #push(t, values) {
