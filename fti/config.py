@@ -159,7 +159,7 @@ class Display(StrictModel):
     """``[display]``: the page; on loopback only."""
 
     enabled: bool = True
-    address: Literal["127.0.0.1", "::1"] = "127.0.0.1"
+    address: Literal["127.0.0.1"] = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65535)] = 8080
 
 
