@@ -5,6 +5,10 @@ and how long storage may stall before a link loses its first byte.
 
   fti check configs/research_aircraft.toml
   fti check configs/bench.toml --json
+  fti check configs/bench.toml --live
+
+With --live it also listens for five seconds on every link, and says what the daemon would say of it; it sends nothing,
+and ends with 1 when a link is not good.
 
 The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
 A role without a device is no error: its outputs are invalid, with the reason that is named here.
@@ -23,6 +27,8 @@ if TYPE_CHECKING:
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
     from fti.service.binding import BoundDevice
 
+LIVE_S = 5.0
+EXIT_DOES_NOT_HOLD = 1
 #: Where a link's devices name no rate.
 ASSUMED_RATE_HZ = 100.0
 #: Reads in which one message of a serial line arrives, in the mean (Spiegel 2018, eq. 6.2, c_msg).
@@ -51,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti check``."""
     parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--live", action="store_true", help="listen five seconds on every link")
+    parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -59,9 +67,25 @@ def run(args: argparse.Namespace) -> int:
 
     from fti import config as configuration
 
-    found = describe(configuration.load(args.config))
+    config = configuration.load(args.config)
+    if args.links:
+        config = configuration.with_links(config, args.links)
+    found = describe(config)
+    if args.live:
+        found["live"] = _listen(config)
     print(json.dumps(found, indent=2) if args.json else "\n".join(lines(found)))
-    return 0
+    return 0 if all(link["state"] == "good" for link in found.get("live", {}).values()) else EXIT_DOES_NOT_HOLD
+
+
+def _listen(config: Config) -> dict[str, dict[str, Any]]:
+    import asyncio
+    import sys
+
+    from fti.service.binding import bind_devices
+    from fti.service.live_check import listen_to_all
+
+    print(f"listening for {LIVE_S:g} s ...", file=sys.stderr)
+    return asyncio.run(listen_to_all(config, bind_devices(config), LIVE_S))
 
 
 # --------------------------------------------------------------------------------------------------------- checking
@@ -183,6 +207,13 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     yield from _table(list(_role_cells(found)))
     for warning in found["warnings"]:
         yield f"warning: {warning}"
+    if "live" in found:
+        yield "now"
+        yield from _table([_live_cells(name, link) for name, link in found["live"].items()])
+
+
+def _live_cells(name: str, link: dict[str, Any]) -> tuple[str, ...]:
+    return (name, link["state"], f"{link['frames']} frames, {link['bytes']} bytes", link["hint"])
 
 
 def _link_cells(link: dict[str, Any]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import threading
 from pathlib import Path
@@ -197,3 +198,22 @@ def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> N
         assert done.returncode == 2, done.stdout + done.stderr
         assert str(place) in done.stderr
         assert "Traceback" not in done.stderr
+
+
+def test_a_look_at_the_links_says_what_the_daemon_would_say(tmp_path: Path) -> None:
+    links = tmp_path / "links"
+    links.mkdir()
+    (tmp_path / "bench.toml").write_text(CONFIG)
+    look = ("check", str(tmp_path / "bench.toml"), "--live", "--json", "--links", str(links))
+    without = fti(*look)
+    assert without.returncode == 1
+    assert json.loads(without.stdout)["live"]["line"]["state"] == "absent"
+    line = Line(links / "line")
+    frame = freeflight_ra4500.encode_height(100.0, (), freeflight_ra4500.Options())
+    with Chatter(line, frame, 0.04):
+        found = fti(*look)
+    line.close()
+    live = json.loads(found.stdout)["live"]["line"]
+    assert live["state"] == "good", live
+    assert live["bytes"] > 50 * len(frame)
+    assert found.returncode == 0

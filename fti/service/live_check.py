@@ -1,0 +1,61 @@
+"""A look at every link of a configuration, without recording: what the daemon would say of it."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from fti.clock import SystemClock, choose_epoch_ns
+from fti.config import Config
+from fti.links import Link, open_link
+from fti.service.binding import BoundDevice
+from fti.service.chain import Chain
+from fti.service.diagnosis import Diagnosis
+from fti.service.guard import keep_running
+from fti.service.health import merge_link
+from fti.types import RawFrame
+
+LOOK_S = 0.5
+
+
+async def listen_to_all(config: Config, devices: Sequence[BoundDevice], duration_s: float) -> dict[str, dict[str, Any]]:
+    """Open every link for so long [s]; per link its state, hint, frames and bytes.  Nothing is sent."""
+    clock = SystemClock(choose_epoch_ns())
+    chain = Chain(config, devices, None)
+    diagnosis = Diagnosis(config, chain)
+
+    def hear(name: str) -> Callable[[bytes, int], None]:
+        def accept(data: bytes, t_rx_ns: int) -> None:
+            frame = RawFrame(name, 0, t_rx_ns, data)
+            diagnosis.listen(frame)
+            chain.feed(frame)
+
+        return accept
+
+    quiet = [link.model_copy(update={"transmit": False}) for link in config.link]
+    links = [open_link(link, clock, hear(link.name)) for link in quiet]
+    tasks = [asyncio.create_task(keep_running(k.name, k.run, lambda unit, error: None), name=k.name) for k in links]
+    try:
+        return await _watch(links, diagnosis, clock, duration_s)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _watch(
+    links: Sequence[Link], diagnosis: Diagnosis, clock: SystemClock, duration_s: float
+) -> dict[str, dict[str, Any]]:
+    end = asyncio.get_running_loop().time() + duration_s
+    while True:
+        devices = diagnosis.devices(clock.now_ns())
+        if asyncio.get_running_loop().time() >= end:
+            return {link.name: merge_link(link.name, _seen(link), devices) for link in links}
+        await asyncio.sleep(LOOK_S)
+
+
+def _seen(link: Link) -> dict[str, Any]:
+    status = dataclasses.asdict(link.status)
+    return {key: status[key] for key in ("state", "hint", "frames", "bytes")}
