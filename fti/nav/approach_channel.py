@@ -58,6 +58,8 @@ class ApproachChannel:
         place = self._place(nav)
         sample = _sample(height, nav, place)
         if sample is None:
+            if place is not None:
+                self._monitor.follow(place.s)
             reasons = height.reasons + _missing(nav)
             return self._with_slope(self._monitor.refuse(height.t_ns, height.t_valid_ns, reasons), place)
         return self._with_slope(self._monitor.step(sample), place)
@@ -67,6 +69,8 @@ class ApproachChannel:
         repeated = self._monitor.tick(t_ns)
         if repeated is None or self._slope is None:
             return []
+        if self._monitor.bins is None:
+            return self._with_slope(repeated, self._place(nav))
         return [repeated, dataclasses.replace(self._slope, t_ns=t_ns)]
 
     def _follow_source(self, source: str | None) -> None:

@@ -4,7 +4,8 @@ Per altimeter sample: terrain as this sensor sees it, z = alt - agl, into the wi
 later of the two) the window against the reference; then the alarm logic.  The height is the raw one moved to P, never
 compensated for terrain.
 
-    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), or less than 80 % of the bins are filled
+    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, or
+                  the aircraft made no 10 m of way within 2 s, so that nothing new was judged
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
     others        see fti.nav.clearance_states; these are judgements, and ``valid`` (an ALERT too)
@@ -33,6 +34,8 @@ UPDATE_NS = 200_000_000
 UPDATE_M = 10.0
 REPEAT_NS = 500_000_000
 HOLD_NS = UPDATE_NS
+#: The oldest window that is vouched for: 10 m at 5 m/s.
+QUIET_NS = 2_000_000_000
 GO_AROUND_CLIMB = 2.0
 GO_AROUND_NS = 3_000_000_000
 #: The margin over sqrt(t2) that makes a shift of AL_s visible with 95 %: O >= (sqrt(t2) + 1.64)^2.
@@ -106,6 +109,7 @@ class ClearanceMonitor:
         self._go_around = GoAround()
         self._last: ClearanceIntegrity | None = None
         self._used_ns: int | None = None
+        self._judged_ns = 0
         self.restart()
 
     def restart(self) -> None:
@@ -123,6 +127,7 @@ class ClearanceMonitor:
         if outside:
             self.restart()
             return self._say(self._unavailable(x.t_ns, x.t_valid_ns, (outside,)))
+        self.follow(x.s)
         reasons = tuple(reason for reason, broken in RULES if broken(x, self._settings))
         if reasons:
             return self.refuse(x.t_ns, x.t_valid_ns, reasons)
@@ -131,13 +136,17 @@ class ClearanceMonitor:
         if not self._is_due(x):
             return None
         self._updated = (x.t_valid_ns, x.s)
+        self._judged_ns = x.t_ns
         return self._say(self._judge(x), always=True)
+
+    def follow(self, s: float) -> None:
+        """Where the aircraft is, usable sample or not: more than 20 m back out, and the window is of another try."""
+        if self._window.goes_backward(s):
+            self.restart()
 
     def _collect(self, x: ClearanceSample) -> None:
         z = x.alt - x.agl
         dh = x.agl - float(np.interp(x.s, self.reference.s, self._agl_ref))
-        if self._window.goes_backward(x.s):
-            self.restart()
         self._window.add(x.s, z, dh)
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
@@ -152,8 +161,16 @@ class ClearanceMonitor:
         return self._say(self._unavailable(t_ns, t_valid_ns, reasons))
 
     def tick(self, t_ns: int) -> ClearanceIntegrity | None:
-        """Repeat the last output when it is half a second old."""
-        if self._last is None or t_ns - self._last.t_ns < REPEAT_NS:
+        """Repeat the last output when it is half a second old; a window that nothing was added to ages.
+
+        Without 10 m of way there is no update: a navigation that stands still, with fresh times, would else be
+        vouched for as long as it lasts.
+        """
+        if self._last is None:
+            return None
+        if self._last.state is not IntegrityState.UNAVAILABLE and t_ns - self._judged_ns >= QUIET_NS:
+            return self._say(self._unavailable(t_ns, self._last.t_valid_ns, (Reason.STALE,)))
+        if t_ns - self._last.t_ns < REPEAT_NS:
             return None
         self._last = dataclasses.replace(self._last, t_ns=t_ns)
         return self._last
@@ -206,7 +223,7 @@ class ClearanceMonitor:
         """The newest bin at which T4 was over its limit."""
         over = np.flatnonzero(found.obstacle > self._limits.t4)
         if len(over):
-            self._bad_bin = found.first_bin + int(over[0])
+            self._bad_bin = min(self._bad_bin, found.first_bin + int(over[0]))
 
     # ---------------------------------------------------------------------------------------------------- output
 

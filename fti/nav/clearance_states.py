@@ -5,7 +5,8 @@ CAUTION  T2 or T3 over its limit once
 ALERT -> OK when every T_i is below 0.8 of its limit, in 3 consecutive updates, for a window that holds no sample
          at which T4 was over.  (T1 to T3 are sums over the whole window: they fall when the affected samples
          have left it, so this is one window and less than a second after the last of them.)
-MONITOR instead of OK while the shift is not observable: T2 is then not judged.
+MONITOR instead of OK while the shift is not observable: T2 is then not judged, and an ALERT that T2 caused does not
+end, for not seeing the shift is not seeing that it has gone.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ class AlarmLogic:
     def step(self, ratios: Ratios, window_is_new: bool) -> tuple[IntegrityState, tuple[Reason, ...]]:
         """The state after an update.  window_is_new : the window holds no sample at which T4 was over."""
         self._recent.append(ratios.over(1.0))
-        self._calm = 0 if ratios.over(CALM_RATIO) else self._calm + 1
+        blind = ratios.t2 is None and Reason.SHIFTED in self._causes
+        self._calm = 0 if blind or ratios.over(CALM_RATIO) else self._calm + 1
         if self._calm >= CALM_UPDATES and window_is_new:
             self._causes = frozenset()
         self._causes |= self._confirmed()

@@ -56,8 +56,11 @@ class Window:
         self._first_s = None
 
     def goes_backward(self, s: float) -> bool:
-        """Whether a sample at s [m] lies more than 20 m farther out than the nearest one so far."""
-        return self._first_s is not None and s > self._least_s + BACKWARD_M
+        """Whether s [m] lies more than 20 m farther out than the nearest place since the first sample."""
+        if self._first_s is None:
+            return False
+        self._least_s = min(s, self._least_s)
+        return s > self._least_s + BACKWARD_M
 
     def add(self, s: float, z: float, dh: float) -> None:
         """Take a sample at s [m]."""

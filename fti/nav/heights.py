@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from fti.config import Device
@@ -41,9 +42,9 @@ class AltimeterChannel:
 
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
         """What a measurement says; sigma from the configuration when the device states none."""
-        value = m.height_agl if isinstance(m, RadioHeight) else m.slant_range
-        sd = m.sd if m.sd is not None else self.limits.sd_m
-        return Reading(m.stamp.t_rx_ns, t_valid_ns, value, sd, not m.valid)
+        value = _number(m.height_agl if isinstance(m, RadioHeight) else m.slant_range)
+        sd = _number(m.sd)
+        return Reading(m.stamp.t_rx_ns, t_valid_ns, value, self.limits.sd_m if sd is None else sd, not m.valid)
 
     def take(self, reading: Reading, nav: NavState) -> HeightAboveGround:
         """The output of a sample, with the attitude at its time."""
@@ -110,3 +111,8 @@ class AltimeterChannel:
             pitch_sd=attitude.pitch_sd,
         )
         return height.height_agl, height.sd
+
+
+def _number(value: float | None) -> float | None:
+    """The value; None where it is no number, for nan passes every limit."""
+    return value if value is not None and math.isfinite(value) else None

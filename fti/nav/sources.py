@@ -10,7 +10,9 @@ device's ``max_age_ms``.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
+from typing import ClassVar
 
 from fti.config import Device
 from fti.geodesy import wgs84
@@ -56,6 +58,8 @@ class Source:
 
     PARTS = ("roll", "pitch", "heading", "lat", "lon", "alt", "north", "east", "down", "ground_speed", "track")
     ANGLES = frozenset({"roll", "pitch", "heading", "lon", "track"})
+    #: What no place on Earth has [rad]: how some devices say that they do not know.
+    LARGEST: ClassVar[dict[str, float]] = {"lat": math.pi / 2, "lon": 2 * math.pi}
 
     def __init__(self, device: Device) -> None:
         self.name = device.name
@@ -87,13 +91,15 @@ class Source:
         parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
         alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
         self._push(t_ns, m.valid, parts + alone)
-        self._velocity_sd = VELOCITY_SD_UNKNOWN if m.sd is None else m.sd
+        self._velocity_sd = VELOCITY_SD_UNKNOWN if m.sd is None or not math.isfinite(m.sd) else m.sd
 
     def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
         silent = all(value is None for _, value, _ in parts)
         for name, value, sd in parts:
             if value is not None or (silent and not valid):
-                self._parts[name].push(t_ns, value if valid else None, sd)
+                known = valid and value is not None and abs(value) <= self.LARGEST.get(name, sys.float_info.max)
+                told = sd is not None and math.isfinite(sd)
+                self._parts[name].push(t_ns, value if known else None, sd if told else None)
 
     # ---------------------------------------------------------------------------------------------------- joining
 

@@ -46,7 +46,7 @@ RULES: tuple[tuple[Reason, Rule], ...] = (
     (Reason.STALE, lambda s, a: s.heard and s.age_ns > s.max_age_ns),
     (Reason.DEVICE_FLAG, lambda s, a: s.heard and s.flagged),
     (Reason.NO_RETURN, lambda s, a: s.heard and s.value is None),
-    (Reason.BELOW_RANGE, lambda s, a: s.value is not None and s.value < a.range_m[0]),
+    (Reason.BELOW_RANGE, lambda s, a: s.value is not None and s.value < max(0.0, a.range_m[0])),
     (Reason.ABOVE_RANGE, lambda s, a: s.value is not None and s.value > a.range_m[1]),
     (Reason.NO_ATTITUDE, lambda s, a: s.heard and (s.roll is None or s.pitch is None)),
     (Reason.ROLL, lambda s, a: _beyond(s.roll, a.max_roll_deg)),

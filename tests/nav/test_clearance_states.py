@@ -30,6 +30,11 @@ TABLE = {
     "above 0.8 is not calm": ([T1, T1, GOOD, GOOD, WARM, GOOD, GOOD, GOOD], "ok" + " alert" * 6 + " ok"),
     "not observable is monitor": ([BLIND, GOOD], "monitor ok"),
     "monitor alerts too": ([BLIND_T1, BLIND_T1], "monitor alert"),
+    "a shift that is no longer seen has not gone": (
+        [T2, T2] + [BLIND] * 5 + [GOOD] * 3,
+        "caution" + " alert" * 8 + " ok",
+    ),
+    "another alert may end unobserved": ([T1, T1, BLIND, BLIND, BLIND], "ok alert alert alert monitor"),
 }
 
 

@@ -67,3 +67,9 @@ def test_reasons_come_once_and_in_the_order_of_the_table(sample: Sample) -> None
     order = [reason for reason, _ in RULES]
     found = [order.index(reason) for reason in reasons_against(sample, LIMITS)]
     assert found == sorted(set(found))
+
+
+def test_a_negative_height_is_below_every_range() -> None:
+    """A radar altimeter may say -6 ft on the ground; there is no height at P for it, so it is not valid."""
+    ground = Altimeter(kind="radar", range_m=(-6.0, 700.0))
+    assert reasons_against(Sample(value=-1.0, max_age_ns=1, roll=0.0, pitch=0.0), ground) == (Reason.BELOW_RANGE,)

@@ -1,0 +1,243 @@
+"""Inputs that must never become a valid output: not a number, a frozen position, a second try, a clock that steps."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from fti.config import Approach, Config, parse
+from fti.nav.approach import ApproachPath
+from fti.nav.clearance import ClearanceMonitor, ClearanceSample
+from fti.nav.pipeline import Pipeline
+from fti.nav.reference import Reference
+from fti.types import (
+    Attitude,
+    ClearanceIntegrity,
+    Event,
+    GlideSlope,
+    HeightAboveGround,
+    IntegrityState,
+    Measurement,
+    NavSolution,
+    Output,
+    Position,
+    RadioHeight,
+    Reason,
+    Stamp,
+    Velocity,
+)
+
+MS = 1_000_000
+S = 1_000_000_000
+Inputs = list[tuple[int, str, Measurement | None]]
+Outputs = list[Output | Event]
+Change = Callable[[int, Measurement], Measurement]
+Flight = Callable[..., Iterator[ClearanceSample]]
+NOT_NUMBERS = (math.nan, math.inf, -math.inf)
+
+
+def config() -> Config:
+    device = {"link": "l", "driver": "d"}
+    altimeter = {"kind": "radar", "range_m": [0.5, 762.0], "beam_deg": 40.0}
+    table = {
+        "session": {"name": "t"},
+        "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
+        "device": [
+            {"name": "ins", "max_age_ms": 500.0, **device},
+            {"name": "radar", "max_age_ms": 500.0, "altimeter": altimeter, **device},
+        ],
+        "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": ["radar"], "approach": {"profile": "p.csv"}},
+    }
+    return parse(table, "", Path("t.toml"))
+
+
+@pytest.fixture
+def fly(reference: Reference, path: ApproachPath, flight: Flight) -> Callable[..., Outputs]:
+    """An approach through the whole pipeline; ``change(t_ns, measurement)`` is what goes wrong."""
+
+    def run(change: Change = lambda t, m: m, *, begin: float = 2500.0, end: float = 600.0) -> Outputs:
+        pipeline = Pipeline(config(), reference)
+        out: Outputs = []
+        for x in flight(begin=begin, end=end):
+            for m in messages(path, x):
+                device = "radar" if isinstance(m, RadioHeight) else "ins"
+                out += pipeline.feed(device, change(x.t_ns, m))
+            out += [o for k in (1, 21) for o in pipeline.tick(x.t_ns + k * MS)]
+        return out
+
+    return run
+
+
+def messages(path: ApproachPath, x: ClearanceSample) -> list[Measurement]:
+    stamp = Stamp(x.t_ns)
+    lat, lon = (float(v) for v in path.geodetic(x.s, x.y))
+    course = math.radians(path.airfield.course_deg)
+    north, east, down = 60 * math.cos(course), 60 * math.sin(course), 60 * math.tan(path.glide)
+    return [
+        Attitude(stamp=stamp, roll=0.0, pitch=0.02, heading=course),
+        Position(stamp=stamp, lat=lat, lon=lon, alt=x.alt, horizontal_sd=1.0, vertical_sd=1.0),
+        Velocity(stamp=stamp, north=north, east=east, down=down, sd=0.05),
+        RadioHeight(stamp=stamp, height_agl=x.agl, sd=0.5),
+    ]
+
+
+def integrity(outputs: Outputs, after_ns: int) -> list[ClearanceIntegrity]:
+    return [o for o in outputs if isinstance(o, ClearanceIntegrity) and o.t_ns > after_ns]
+
+
+def valid_needles(outputs: Outputs, after_ns: int) -> list[GlideSlope]:
+    return [o for o in outputs if isinstance(o, GlideSlope) and o.valid and o.t_ns > after_ns]
+
+
+BROKEN = 12 * S  # s is 1840 m
+
+
+@pytest.mark.parametrize("bad", NOT_NUMBERS)
+@pytest.mark.parametrize(
+    ("kind", "field"),
+    [
+        (RadioHeight, "height_agl"),
+        (Attitude, "roll"),
+        (Attitude, "pitch"),
+        (Position, "lat"),
+        (Position, "lon"),
+        (Position, "alt"),
+    ],
+)
+def test_what_is_not_a_number_is_never_valid(
+    fly: Callable[..., Outputs], kind: type[Measurement], field: str, bad: float
+) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        if isinstance(m, kind) and t >= BROKEN:
+            object.__setattr__(m, field, bad)
+        return m
+
+    outputs = fly(change, end=1500.0)
+    settled = BROKEN + 600 * MS
+    found = integrity(outputs, settled)
+    assert found
+    assert {o.state for o in found} == {IntegrityState.UNAVAILABLE}
+    assert not valid_needles(outputs, settled)
+    if kind is RadioHeight:
+        assert not any(isinstance(o, HeightAboveGround) and o.valid for o in outputs if o.t_ns > settled)
+    else:
+        assert not any(isinstance(o, NavSolution) and o.valid for o in outputs if o.t_ns > settled)
+
+
+@pytest.mark.parametrize("bad", NOT_NUMBERS)
+def test_a_velocity_that_is_no_number_does_not_move_the_position(fly: Callable[..., Outputs], bad: float) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        return replace(m, north=bad, down=bad) if isinstance(m, Velocity) and t >= BROKEN else m
+
+    for o in fly(change, end=1500.0):
+        if isinstance(o, NavSolution) and o.lat is not None and o.alt is not None:
+            assert math.isfinite(o.lat)
+            assert math.isfinite(o.alt)
+
+
+@pytest.mark.parametrize(("lat", "lon"), [(math.radians(214.7), 0.1), (0.8, 7.0)])
+def test_a_place_that_is_not_on_earth_is_no_position(fly: Callable[..., Outputs], lat: float, lon: float) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        return replace(m, lat=lat, lon=lon) if isinstance(m, Position) else m
+
+    outputs = fly(change, end=2400.0)
+    assert {o.reasons for o in outputs if isinstance(o, NavSolution)} == {(Reason.NO_POSITION,)}
+
+
+def test_a_position_that_stands_still_is_stale_and_not_valid_for_ever(fly: Callable[..., Outputs]) -> None:
+    """Frozen navigation with fresh times: s moves no 10 m any more, so no window is judged any more."""
+    held: dict[type, Measurement] = {}
+
+    def change(t: int, m: Measurement) -> Measurement:
+        if not isinstance(m, (Position, Velocity)) or t < BROKEN:
+            return m
+        return replace(held.setdefault(type(m), m), stamp=m.stamp)
+
+    outputs = fly(change)
+    assert valid_needles(outputs, BROKEN - S)
+    found = integrity(outputs, BROKEN + 2700 * MS)
+    assert {(o.state, o.reasons) for o in found} == {(IntegrityState.UNAVAILABLE, (Reason.STALE,))}
+    assert not valid_needles(outputs, BROKEN + 2700 * MS)
+    assert max(b.t_ns - a.t_ns for a, b in pairwise(found)) <= 560 * MS
+
+
+@pytest.mark.parametrize("height", [0.0, 65535 * 0.3048])
+def test_an_altimeter_at_the_end_of_its_scale_is_refused(fly: Callable[..., Outputs], height: float) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        return replace(m, height_agl=height) if isinstance(m, RadioHeight) and t >= BROKEN else m
+
+    outputs = fly(change, end=1500.0)
+    assert {o.state for o in integrity(outputs, BROKEN + 240 * MS)} == {IntegrityState.UNAVAILABLE}
+    assert not valid_needles(outputs, BROKEN + 240 * MS)
+
+
+def test_a_stuck_altimeter_takes_the_needle_away_within_5_s(fly: Callable[..., Outputs]) -> None:
+    held: list[RadioHeight] = []
+
+    def change(t: int, m: Measurement) -> Measurement:
+        if not isinstance(m, RadioHeight) or t < BROKEN:
+            return m
+        held.append(m)
+        return replace(held[0], stamp=m.stamp)
+
+    outputs = fly(change)
+    assert not valid_needles(outputs, BROKEN + 5 * S)
+    assert any(o.state is IntegrityState.ALERT for o in integrity(outputs, BROKEN))
+
+
+def test_a_jump_of_1_km_needs_a_new_window(fly: Callable[..., Outputs], path: ApproachPath) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        if not isinstance(m, Position) or t < BROKEN or m.lat is None or m.lon is None:
+            return m
+        s, y = path.along(m.lat, m.lon)
+        lat, lon = path.geodetic(float(s) - 1000.0, y)
+        return replace(m, lat=float(lat), lon=float(lon))
+
+    outputs = fly(change, end=1400.0)
+    assert not valid_needles(outputs, BROKEN + 250 * MS)
+
+
+def test_a_clock_that_steps_back_says_nothing_valid(fly: Callable[..., Outputs]) -> None:
+    def change(t: int, m: Measurement) -> Measurement:
+        return replace(m, stamp=Stamp(m.stamp.t_rx_ns - 3600 * S)) if t >= BROKEN else m
+
+    outputs = fly(change, end=1500.0)
+    assert not [o for o in outputs if isinstance(o, ClearanceIntegrity) and o.valid and o.t_ns > BROKEN + 600 * MS]
+
+
+def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: Reference, flight: Flight) -> None:
+    """Away, beyond the limits of use, and back: s grew, although no sample of the way round was used."""
+    monitor = ClearanceMonitor(reference, Approach(profile=""))
+    for x in flight(begin=2990.0, end=2000.0):
+        monitor.step(x)
+    for x in flight(begin=2000.0, end=1900.0, y=lambda s: 400.0, start_ns=30 * S):
+        monitor.step(x)
+    for x in flight(begin=2900.0, end=1990.0, y=lambda s: 400.0, start_ns=60 * S):
+        monitor.step(x)
+    again = [o for x in flight(begin=1990.0, end=1700.0, start_ns=90 * S) if (o := monitor.step(x))]
+    assert {o.state for o in again} == {IntegrityState.ACQUIRE}
+
+
+def test_a_second_try_without_an_altimeter_in_between_begins_anew(
+    reference: Reference, path: ApproachPath, flight: Flight
+) -> None:
+    """The same with an altimeter out of range on the way round: only the position tells that s grew."""
+    pipeline = Pipeline(config(), reference)
+    legs = [
+        (flight(begin=2990.0, end=2000.0), True),
+        (flight(begin=2000.0, end=1900.0, start_ns=30 * S), False),
+        (flight(begin=2900.0, end=1990.0, start_ns=60 * S), False),
+        (flight(begin=1990.0, end=1700.0, start_ns=90 * S), True),
+    ]
+    outputs: Outputs = []
+    for leg, seen in legs:
+        for x in leg:
+            for m in messages(path, x):
+                is_height = isinstance(m, RadioHeight)
+                said = replace(m, valid=False) if isinstance(m, RadioHeight) and not seen else m
+                outputs += pipeline.feed("radar" if is_height else "ins", said)
+    again = integrity(outputs, 90 * S)
+    assert {o.state for o in again} == {IntegrityState.ACQUIRE}
