@@ -63,21 +63,23 @@ def decode_attitude(m: Any, t_rx_ns: int, height: str) -> list[Measurement]:
 
 
 def decode_global_position(m: Any, t_rx_ns: int, height: str) -> list[Measurement]:
-    """GLOBAL_POSITION_INT 33; height : what the autopilot means by alt, "msl" or "ellipsoid"."""
-    stamp = _boot(t_rx_ns, m.time_boot_ms)
+    """GLOBAL_POSITION_INT 33; height : what the autopilot means by alt, "msl" or "ellipsoid".
+
+    The message has no validity: an autopilot that has not found its place yet sends latitude and longitude 0.
+    """
+    stamp, known = _boot(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
     above = {"alt_msl" if height == "msl" else "alt": m.alt * 1e-3}
     return [
-        Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2),
-        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, **above),
+        Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2, valid=known),
+        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, valid=known, **above),
     ]
 
 
 def decode_gps_raw(m: Any, t_rx_ns: int, height: str) -> list[Measurement]:
-    """GPS_RAW_INT 24; the extension with ellipsoidal height and accuracies is missing when all of it is zero."""
+    """GPS_RAW_INT 24; an ellipsoidal height of exactly 0 is none: no extension, or accuracies without an undulation."""
     stamp = _micros(t_rx_ns, m.time_usec)
     ok = m.fix_type >= FIX_3D
-    extended = bool(m.alt_ellipsoid or m.h_acc or m.v_acc)
-    alt, alt_msl = m.alt_ellipsoid * 1e-3 if extended else None, m.alt * 1e-3
+    alt, alt_msl = _known(m.alt_ellipsoid, 0, 1e-3), m.alt * 1e-3
     position = Position(
         stamp=stamp,
         lat=m.lat * 1e-7 * DEGREE,

@@ -123,6 +123,24 @@ def test_the_height_is_what_the_option_says() -> None:
     assert [(p.alt, p.alt_msl) for p in positions if isinstance(p, Position)] == [(None, 500.0), (500.0, None)]
 
 
+def test_a_receiver_with_accuracies_but_without_an_undulation_has_no_ellipsoid() -> None:
+    """An autopilot that knows no undulation fills in the accuracies and leaves alt_ellipsoid at 0."""
+    message = common.MAVLink_gps_raw_int_message(
+        1000, 3, 480_000_000, 115_000_000, 453_000, 65535, 65535, 65535, 65535, 255, alt_ellipsoid=0, h_acc=900
+    )
+    position = next(m for m in decode(pack(message))[0] if isinstance(m, Position))
+    assert (position.alt, position.alt_msl, position.undulation) == (None, 453.0, None)
+    assert position.horizontal_sd == pytest.approx(0.9)
+
+
+def test_an_autopilot_that_has_not_found_its_place_is_not_valid() -> None:
+    """GLOBAL_POSITION_INT has no flag; before the first fix latitude and longitude are 0."""
+    message = common.MAVLink_global_position_int_message(1000, 0, 0, 17_000, 0, 0, 0, 0, 65535)
+    found = decode(pack(message))[0]
+    assert [type(m) for m in found] == [Velocity, Position]
+    assert not any(m.valid for m in found if isinstance(m, Velocity | Position))
+
+
 def test_a_receiver_without_a_fix_is_not_valid_and_without_extension_has_no_ellipsoid() -> None:
     message = common.MAVLink_gps_raw_int_message(1000, 1, 0, 0, 0, 65535, 65535, 65535, 65535, 255)
     (velocity, position, satellites, status), _ = decode(pack(message))
