@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,7 +20,7 @@ class DeviceFaults:
         self._faults = [
             f for f in faults if isinstance(f, Cut | Stuck | Invalid) and (not f.devices or device in f.devices)
         ]
-        self._held: dict[int, list[Measurement]] = {}
+        self._held: dict[tuple[int, type, int], Measurement] = {}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
         """What the device sends at t [s] instead of these measurements."""
@@ -32,9 +33,17 @@ class DeviceFaults:
         if isinstance(fault, Cut):
             return []
         if isinstance(fault, Stuck):
-            held = self._held.setdefault(index, measurements)
-            return [replace(old, stamp=measurements[0].stamp) for old in held] if measurements else []
+            return self._stuck(index, measurements)
         return [_invalidated(m, fault.flags) for m in measurements]
+
+    def _stuck(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
+        """Each kind of measurement as it was the first time: a device may send some in every cycle and some seldom."""
+        seen: Counter[type] = Counter()
+        found: list[Measurement] = []
+        for m in measurements:
+            seen[type(m)] += 1
+            found.append(replace(self._held.setdefault((index, type(m), seen[type(m)]), m), stamp=m.stamp))
+        return found
 
 
 def _invalidated(measurement: Measurement, flags: tuple[str, ...]) -> Measurement:

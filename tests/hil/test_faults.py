@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fti.hil.faults import DeviceFaults
 from fti.hil.scenario import Cut, Fault, Invalid, Stuck
-from fti.types import DeviceStatus, ImuSample, Measurement, RadioHeight, Stamp
+from fti.types import Airspeed, Attitude, DeviceStatus, ImuSample, Measurement, RadioHeight, Range, Stamp
 
 
 def sample(t: float) -> list[Measurement]:
@@ -40,6 +40,25 @@ def test_a_stuck_device_repeats_its_values_with_fresh_times() -> None:
     assert [m.stamp for m in later] == [m.stamp for m in sample(15.0)]
     assert isinstance(later[1], RadioHeight)
     assert later[1].height_agl == 89.5
+
+
+def test_a_stuck_device_goes_on_with_everything_that_it_sends_more_seldom() -> None:
+    """Cycles differ: an attitude in each, a range in every second one; both stick, and neither falls silent."""
+    faults = DeviceFaults("a", [Stuck(kind="stuck", from_s=10.0, to_s=20.0)])
+
+    def cycle(t: float) -> list[Measurement]:
+        stamp = Stamp(round(t * 1e9))
+        ranges: list[Measurement] = [Range(stamp=stamp, slant_range=t)] if t % 2 == 0 else []
+        speeds = [Airspeed(stamp=stamp, cas=t), Airspeed(stamp=stamp, tas=t + 0.5)]
+        return [Attitude(stamp=stamp, roll=t), *ranges, *speeds]
+
+    sent = [faults.apply(t, cycle(t)) for t in (11.0, 12.0, 13.0, 14.0)]
+    assert [[type(m) for m in cycle] for cycle in sent] == [
+        [type(m) for m in cycle(t)] for t in (11.0, 12.0, 13.0, 14.0)
+    ]
+    assert [m.slant_range for cycle in sent for m in cycle if isinstance(m, Range)] == [12.0, 12.0]
+    assert [m.roll for cycle in sent for m in cycle if isinstance(m, Attitude)] == [11.0] * 4
+    assert [(m.cas, m.tas) for m in sent[3] if isinstance(m, Airspeed)] == [(11.0, None), (None, 11.5)]
 
 
 def test_an_invalid_device_says_so_and_names_why() -> None:
