@@ -27,7 +27,7 @@ from fti.errors import ConfigError
 from fti.hil.approaches import NOMINAL, AltimeterModel, Flown, draw_profile, fly, simulate
 from fti.nav.approach import Airfield, ApproachPath
 from fti.nav.clearance import ClearanceMonitor
-from fti.nav.reference import Header, Limits, Profile, Reference, grid
+from fti.nav.reference import LEAST_CORRELATIONS, Header, Limits, Profile, Reference, grid
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -35,7 +35,6 @@ Array = NDArray[np.float64]
 DS_M = 5.0
 WINDOW_M = 400.0
 SD_FLOOR_M = 0.5
-LEAST_CORRELATIONS = 8
 EULER_GAMMA = 0.5772156649015329
 BOOTSTRAPS = 500
 TESTS = ("t1", "t2", "t3", "t4")

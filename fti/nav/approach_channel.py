@@ -7,6 +7,7 @@ import dataclasses
 from fti.config import Approach, Config, Device
 from fti.errors import ConfigError
 from fti.nav.clearance import REPEAT_NS, ClearanceMonitor, ClearanceSample
+from fti.nav.clearance_tests import SHIFT_MAX_M
 from fti.nav.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.navigation import NavState
 from fti.nav.reference import Reference, Sensor
@@ -98,7 +99,8 @@ class ApproachChannel:
 def make_channel(config: Config, reference: Reference | None) -> ApproachChannel | IdleChannel:
     """The channel that configuration and reference allow.
 
-    Raises ConfigError when the window is not the one that the reference's limits were made with.
+    Raises ConfigError when the window is not the one that the reference's limits were made with, and when AL_s is not
+    among the shifts that are tried.
     """
     settings = config.nav.approach
     if reference is None or settings is None:
@@ -108,6 +110,11 @@ def make_channel(config: Config, reference: Reference | None) -> ApproachChannel
         raise ConfigError(
             f"{config.path}: nav.approach.window_m = {settings.window_m}: the limits of {settings.profile} "
             f"were made with {made_with}"
+        )
+    least = reference.header.profile.ds_m
+    if not least <= settings.alert_s_m <= SHIFT_MAX_M:
+        raise ConfigError(
+            f"{config.path}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {least} to {SHIFT_MAX_M}"
         )
     devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
     fitting = [device.name for device in devices if _fits(device, reference.header.sensor)]

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 TITLE = "# fti reference profile"
 COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
 MARGIN_M = 200.0
+#: Correlation lengths that a window must hold.
+LEAST_CORRELATIONS = 8
 
 
 class Sensor(StrictModel):
@@ -120,8 +122,10 @@ class Reference:
             header = bind(Header, table, file)
         except ConfigError as error:
             raise ConfigError(_with_line(str(error), file, where)) from None
+        _check_window(header.profile, file)
         rows = _read_rows(lines[at + 1 :], file, at + 2)
         _check_grid(rows[:, 0], header.profile, file, at + 2)
+        _check_sigmas(rows, file, at + 2)
         reference = cls(header, *(np.ascontiguousarray(column) for column in rows.T))
         if stated != reference.hash:
             raise ConfigError(f"{file}:{where.get('hash', at)}: hash = {stated!r}: the content has {reference.hash!r}")
@@ -197,6 +201,21 @@ def _check_grid(s: Array, profile: Profile, file: str, first: int) -> None:
     wrong = np.flatnonzero(np.abs(s - expected) > 1e-3)
     if len(wrong):
         raise ConfigError(f"{file}:{first + wrong[0]}: s_m = {s[wrong[0]]}: must be {expected[wrong[0]]}")
+
+
+def _check_sigmas(rows: Array, file: str, first: int) -> None:
+    for name, column in zip(("s_ref_m", "s_alt_m"), rows.T[2:], strict=True):
+        wrong = np.flatnonzero(column <= 0.0)
+        if len(wrong):
+            raise ConfigError(f"{file}:{first + wrong[0]}: {name} = {column[wrong[0]]}: must be > 0")
+
+
+def _check_window(profile: Profile, file: str) -> None:
+    if profile.correlation_m > profile.window_m / LEAST_CORRELATIONS:
+        raise ConfigError(
+            f"{file}: profile.correlation_m = {profile.correlation_m}: must be at most window_m / "
+            f"{LEAST_CORRELATIONS} = {profile.window_m / LEAST_CORRELATIONS}"
+        )
 
 
 def grid(ds: float, s_max: float) -> Array:

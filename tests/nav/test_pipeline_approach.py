@@ -202,6 +202,13 @@ def test_another_window_than_the_calibrated_one_is_a_mistake(reference: Referenc
         Pipeline(config(window_m=300.0), reference)
 
 
+@pytest.mark.parametrize("alert_s_m", [2.0, 205.0])
+def test_an_alert_limit_where_the_peak_cannot_be_looked_at_is_a_mistake(reference: Reference, alert_s_m: float) -> None:
+    """Below one step the shift would never be observable and never tested; beyond the last there is no J."""
+    with pytest.raises(ConfigError, match=rf"nav\.approach\.alert_s_m = {alert_s_m}: must be 5\.0 to 200\.0"):
+        Pipeline(config(alert_s_m=alert_s_m), reference)
+
+
 def test_an_altimeter_never_heard_is_silent_for_the_monitor_too(reference: Reference) -> None:
     outputs = integrity([o for k in range(60) for o in Pipeline(config(), reference).tick(k * 20 * MS)])
     assert outputs == []

@@ -1,5 +1,7 @@
 """The reference file: there and back, hash, mistakes named by file, line and key."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,22 @@ def test_line_in_the_message_is_the_line_of_the_key(reference: Reference) -> Non
     line = text.splitlines().index("# limits.t2 = -9.0") + 1
     with pytest.raises(ConfigError, match=rf"r\.csv:{line}: limits\.t2"):
         Reference.parse(text, "r.csv")
+
+
+@pytest.mark.parametrize("column", ["s_ref", "s_alt"])
+def test_a_sigma_of_zero_is_no_sigma(reference: Reference, column: str) -> None:
+    """Its weight would be infinite, every statistic no number, and no test would ever be over its limit."""
+    zero = np.zeros_like(reference.s)
+    broken = {"s_ref": dataclasses.replace(reference, s_ref=zero), "s_alt": dataclasses.replace(reference, s_alt=zero)}
+    with pytest.raises(ConfigError, match=rf"r\.csv:\d+: {column}_m = 0\.0: must be > 0"):
+        Reference.parse(broken[column].to_text(), "r.csv")
+
+
+def test_the_window_holds_8_correlation_lengths(reference: Reference) -> None:
+    profile = reference.header.profile.model_copy(update={"correlation_m": 50.1})
+    long = dataclasses.replace(reference, header=reference.header.model_copy(update={"profile": profile}))
+    with pytest.raises(ConfigError, match=r"r\.csv: profile\.correlation_m = 50\.1: must be at most window_m / 8"):
+        Reference.parse(long.to_text(), "r.csv")
 
 
 def test_missing_rows_are_counted(reference: Reference) -> None:
