@@ -205,7 +205,29 @@ def test_a_clock_that_steps_back_says_nothing_valid(fly: Callable[..., Outputs])
         return replace(m, stamp=Stamp(m.stamp.t_rx_ns - 3600 * S)) if t >= BROKEN else m
 
     outputs = fly(change, end=1500.0)
-    assert not [o for o in outputs if isinstance(o, ClearanceIntegrity) and o.valid and o.t_ns > BROKEN + 600 * MS]
+    judged = [o for o in outputs if isinstance(o, ClearanceIntegrity | GlideSlope) and o.valid]
+    assert judged
+    assert all(0 < o.t_ns <= BROKEN + 600 * MS for o in judged)
+
+
+def test_duplicated_frames_change_no_judgement(reference: Reference, path: ApproachPath, flight: Flight) -> None:
+    def judged(times: int) -> list[IntegrityState]:
+        pipeline = Pipeline(config(), reference)
+        outputs: Outputs = []
+        for x in flight(begin=2500.0, end=1500.0):
+            for m in messages(path, x):
+                for _ in range(times):
+                    outputs += pipeline.feed("radar" if isinstance(m, RadioHeight) else "ins", m)
+        return [o.state for o in integrity(outputs, 0)]
+
+    assert judged(1) == judged(2)
+
+
+def test_without_a_heading_the_height_is_judged_all_the_same(fly: Callable[..., Outputs]) -> None:
+    """Nothing here needs the heading; what is not known is not made up."""
+    outputs = fly(lambda t, m: replace(m, heading=None) if isinstance(m, Attitude) else m, end=1500.0)
+    assert valid_needles(outputs, BROKEN)
+    assert {o.heading for o in outputs if isinstance(o, NavSolution)} == {None}
 
 
 def test_a_second_try_does_not_inherit_the_window_of_the_first(reference: Reference, flight: Flight) -> None:
