@@ -1,12 +1,14 @@
 """The scene of the demonstration: real elevation around an imaginary airfield, refined by synthetic detail.
 
-The elevation is resampled (cubic) from 3 arc seconds to 5 m.  On it lie fractal relief, forest and buildings; the
+The elevation is resampled (cubic) from 3 arc seconds to 5 m.  On it lie fractal relief, forest and buildings.  Under
+the approach low ridges and hollows cross the track, woods on the crests and fields between them: a pattern that differs
+from itself 50 m on, and little from itself 15 m to the side, so that an error along the track is observable.  The
 runway and its strip are level with the runway plane, and nothing stands in the approach: below the obstacle limit
 
     limit = max(0.02 (d - 60), 15.24 + d tan g - 65) + 0.15 max(0, |y| - 150)     d before the threshold, y sideways [m]
 
 (2 % as in ICAO Annex 14, table 4-1) so that the glide path clears everything under it by 60 m and more beyond 1500 m.
-What is natural above the limit is cut, trees and houses above it are left out.
+What is natural above the limit is cut, trees are kept down to it and houses no higher.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import radii
 from fti.terrain.grid import ElevationGrid, cubic_weights, load_jacksboro
-from fti.terrain.synthetic import buildings, forest, fractal_relief
+from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, ridges
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -40,6 +42,14 @@ STRIP_HALF_M, STRIP_END_M, BLEND_M = 75.0, 60.0, 150.0
 
 #: Standard deviation of the fractal relief (30 to 500 m) that the elevation is too coarse to hold.
 RELIEF_SD_M = 3.0
+#: Trees below the limit are kept cut to it; what would be lower than this is cleared [m].
+LOWEST_COVER_M = 1.0
+#: Ridges, hollows and fields run across the approach, askew by up to so much [tangent], which changes this often [m].
+SKEW, WANDER_STEP_M = 0.25, 600.0
+#: How far ridges and hollows reach to each side of the track before they run out, over as much again [m].
+RIDGES_HALF_M = 220.0
+#: How far fields reach to each side of the track, at least and at most; forest and houses stand beyond [m].
+FIELDS_HALF_M = (150.0, 210.0)
 
 
 @dataclass(frozen=True)
@@ -134,6 +144,35 @@ def _limit(runway: _Runway, before: Array, right: Array) -> Array:
     return np.where(before > -runway.length, limit, np.inf)
 
 
+def _wander(along: Array, rng: np.random.Generator, low: float, high: float) -> Array:
+    """A figure between low and high that changes on the way: random every WANDER_STEP_M of ``along`` [m], linear."""
+    nodes = np.arange(-BEHIND_M - SIDE_M, BEFORE_M + SIDE_M + WANDER_STEP_M, WANDER_STEP_M)
+    return np.interp(along, nodes, rng.uniform(low, high, len(nodes)))
+
+
+def _across(before: Array, right: Array, rng: np.random.Generator) -> Array:
+    """Distance before the threshold [m], on the track, of the line of the country through a point.
+
+    The lines cross the track at angles that change on the way and meander: 100 m beside it every edge is elsewhere.
+    """
+    skew = _wander(before, rng, -SKEW, SKEW)
+    meander = fractal_relief(before.shape, CELL_M, rng, sd=8.0, longest_m=800.0, shortest_m=200.0)
+    return np.asarray(before + skew * right + meander)
+
+
+def _near_track(right: Array) -> Array:
+    """1 within RIDGES_HALF_M of the track, 0 beyond twice as far, smooth between."""
+    share = np.clip(2.0 - np.abs(right) / RIDGES_HALF_M, 0.0, 1.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share))
+
+
+def _cover(across: Array, right: Array, crests: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    """Height of what stands on the ground [m]: fields and woods along the track, forest and houses beyond them."""
+    row = fields(across, crests, rng, shortest_m=80.0, longest_m=200.0)
+    wild = np.maximum(forest(across.shape, CELL_M, rng, cover=0.4), buildings(across.shape, CELL_M, rng))
+    return np.where(np.abs(right) < _wander(across, rng, *FIELDS_HALF_M), row, wild)
+
+
 def _posts(runway: _Runway) -> tuple[Array, Array]:
     """East and north [m] of the columns and rows of posts around the strip."""
     corners = runway.east_north([BEFORE_M, BEFORE_M, -BEHIND_M, -BEHIND_M], [SIDE_M, -SIDE_M, SIDE_M, -SIDE_M])
@@ -158,9 +197,12 @@ def demo_scene(seed: int = 2018) -> Terrain:
 
     natural = _resample(load_jacksboro(), frame, east[0], north[0], shape)
     natural += fractal_relief(shape, CELL_M, rng, sd=RELIEF_SD_M, longest_m=500.0, shortest_m=30.0)
+    across = _across(before, right, rng)
+    waves = ridges(across, rng, low=8.0, high=12.0, shortest_m=140.0, longest_m=220.0)
+    natural += waves * _near_track(right)
     ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
-    cover = np.maximum(forest(shape, CELL_M, rng), buildings(shape, CELL_M, rng))
-    surface = ground + np.where((country == 1.0) & (ground + cover <= limit), cover, 0.0)
+    cover = np.minimum(_cover(across, right, waves > 1.0, rng), limit - ground)
+    surface = ground + np.where((country == 1.0) & (cover > LOWEST_COVER_M), cover, 0.0)
     return Terrain.from_array(
         surface, CELL_M, lat0=runway.lat, lon0=runway.lon, alt0=runway.alt, east0=float(east[0]), north0=float(north[0])
     )

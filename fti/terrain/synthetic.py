@@ -1,4 +1,4 @@
-"""Seeded synthetic surfaces: fractal relief, forest, buildings, an obstacle.
+"""Seeded synthetic surfaces: fractal relief, ridges and fields in a row, forest, buildings, an obstacle.
 
 Each function takes a numpy Generator and returns an array of heights [m] on the posts of a grid; the same seed gives
 the same bytes.  The figures are those of wooded hill country; they are stated, not measured.
@@ -53,6 +53,38 @@ def forest(
     age = np.clip(0.5 + 0.3 * fractal_relief(shape, cell_m, rng, **smooth), 0.0, 1.0)
     stand = np.clip(10.0 + 15.0 * age + crown_sd * rng.standard_normal(shape), 10.0, 25.0)
     return np.where(pattern > np.quantile(pattern, 1.0 - cover), stand, 0.0)
+
+
+def irregular_steps(begin: float, end: float, rng: Rng, *, shortest_m: float, longest_m: float) -> Array:
+    """Ascending positions [m] from ``begin`` to beyond ``end``, shortest_m to longest_m apart, without a period."""
+    count = int((end - begin) / shortest_m) + 2
+    steps = rng.uniform(shortest_m, longest_m, count).cumsum()
+    return np.asarray(begin + np.concatenate(([0.0], steps)))
+
+
+def ridges(along: Array, rng: Rng, *, low: float, high: float, shortest_m: float, longest_m: float) -> Array:
+    """Low ridges and hollows in turn, at distances ``along`` [m] in the direction in which they follow each other.
+
+    low, high            : least and greatest height of a ridge over the mean, and depth of a hollow under it [m]
+    shortest_m, longest_m : from a crest to the next hollow [m]; the slope between is half a wave of a cosine
+    """
+    nodes = irregular_steps(float(along.min()), float(along.max()), rng, shortest_m=shortest_m, longest_m=longest_m)
+    heights = rng.uniform(low, high, len(nodes)) * np.where(np.arange(len(nodes)) % 2, 1.0, -1.0)
+    at = np.searchsorted(nodes, along, side="right") - 1
+    share = 0.5 - 0.5 * np.cos(np.pi * (along - nodes[at]) / (nodes[at + 1] - nodes[at]))
+    return np.asarray(heights[at] + share * (heights[at + 1] - heights[at]))
+
+
+def fields(along: Array, wooded: NDArray[np.bool_], rng: Rng, *, shortest_m: float, longest_m: float) -> Array:
+    """Height of what grows on a row of fields and woods, at distances ``along`` [m] down the row; edges are sharp.
+
+    wooded                : where trees stand, 9 to 18 m high; elsewhere nothing, a crop or an orchard of up to 4 m
+    shortest_m, longest_m : what is grown changes after so much [m]
+    """
+    edges = irregular_steps(float(along.min()), float(along.max()), rng, shortest_m=shortest_m, longest_m=longest_m)
+    trees, crops = rng.uniform(9.0, 18.0, len(edges)), rng.uniform(0.0, 4.0, len(edges))
+    at = np.searchsorted(edges, along, side="right") - 1
+    return np.where(wooded, trees[at], crops[at])
 
 
 def buildings(shape: Shape, cell_m: float, rng: Rng, *, per_km2: float = 25.0) -> Array:

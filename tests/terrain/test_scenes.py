@@ -26,9 +26,9 @@ def path_up(before: np.ndarray) -> np.ndarray:
     return np.asarray(TCH + before * np.tan(GLIDE))
 
 
-def profile(scene: Terrain, before: np.ndarray) -> np.ndarray:
-    """The ground as the radar altimeter sees it from the glide path."""
-    east, north = track_point(before)
+def profile(scene: Terrain, before: np.ndarray, right: float = 0.0) -> np.ndarray:
+    """The ground as the radar altimeter sees it from the glide path, or as much to the right of it [m]."""
+    east, north = track_point(before, right)
     up = path_up(before)
     poses = scene.frame.to_geodetic(np.stack((east, north, up), axis=-1))
     return np.asarray(up - RadarAltimeter().along(scene, *poses, 0.0, 0.0, COURSE))
@@ -78,14 +78,42 @@ def test_radar_altimeter_is_in_range_all_the_way(scene: Terrain) -> None:
     assert np.isfinite(height).all() and height.max() < 305  # below 1000 ft its steps are 20 ft and finer
 
 
+def windows_of(values: np.ndarray) -> np.ndarray:
+    """400 m windows, every 50 m."""
+    return np.lib.stride_tricks.sliding_window_view(values, 80)[::10]
+
+
 def test_along_track_shift_is_observable(scene: Terrain) -> None:
     """In 400 m windows the profile differs from itself 50 m on by metres, once the mean is removed."""
     ground = profile(scene, np.arange(6500.0, 0.0, -5.0))
-    windows = np.lib.stride_tricks.sliding_window_view(ground, 80)[::10]
-    shifted = np.lib.stride_tricks.sliding_window_view(ground, 80)[10:][::10]
-    sd = (shifted[: len(windows)] - windows[: len(shifted)]).std(axis=1)
-    assert np.median(sd) > 4.0 and (sd > 2.0).mean() > 0.95
-    assert np.median(windows.std(axis=1)) > 5.0
+    sd = windows_of(ground[10:] - ground[:-10]).std(axis=1)
+    assert np.median(sd) > 7.0 and sd.min() > 4.0
+    assert np.median(windows_of(ground).std(axis=1)) > 8.0
+
+
+def test_what_crosses_the_track_is_the_same_15_m_beside_it(scene: Terrain) -> None:
+    """15 m of track change the profile much less than 50 m along it; 100 m make it another one."""
+    before = np.arange(5300.0, 250.0, -5.0)
+    ground = profile(scene, before)
+    along = windows_of(ground[10:] - ground[:-10]).std(axis=1)
+    for right in (-15.0, 15.0):
+        across = windows_of((profile(scene, before, right) - ground)[10:]).std(axis=1)
+        assert (across < 0.5 * along).all() and np.median(across) < 2.0
+    for right in (-100.0, 100.0):
+        assert np.median(windows_of(profile(scene, before, right) - ground).std(axis=1)) > 5.0
+
+
+def test_nothing_repeats_within_the_shifts_that_are_tried(scene: Terrain) -> None:
+    """No shift from 50 to 200 m makes a window look like itself."""
+    ground = profile(scene, np.arange(5300.0, 250.0, -5.0))
+    for lag in range(10, 41):
+        assert windows_of(ground[lag:] - ground[:-lag]).std(axis=1).min() > 3.0, lag * 5
+
+
+def test_trees_are_lower_near_the_runway(scene: Terrain) -> None:
+    """Under the approach nothing stands above 2 % from 60 m before the threshold, where path - 65 m is lower."""
+    before, right = np.meshgrid(np.arange(60.0, 1400.0, 2.5), np.arange(-140.0, 141.0, 5.0))
+    assert (scene.up(*track_point(before, right)) <= np.maximum(0.02 * (before - 60.0), 0.0) + 0.11).all()
 
 
 def test_real_elevation_is_under_it(scene: Terrain) -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fti.terrain.synthetic import buildings, forest, fractal_relief
+from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, irregular_steps, ridges
 
 
 def rng() -> np.random.Generator:
@@ -31,6 +31,34 @@ def test_forest_covers_its_share_between_10_and_25_m() -> None:
     assert canopy[under].min() >= 10.0 and canopy[under].max() <= 25.0
     edges = (under[:, 1:] != under[:, :-1]).sum(axis=1).mean() / (600 * 5.0 / 1000)
     assert 1.0 < edges < 30.0  # edges a kilometre: stands of some hundred metres, not single trees
+
+
+def test_irregular_steps_reach_the_end_and_keep_to_their_sizes() -> None:
+    steps = irregular_steps(-300.0, 5000.0, rng(), shortest_m=80.0, longest_m=200.0)
+    sizes = np.diff(steps)
+    assert steps[0] == -300.0 and steps[-1] > 5000.0
+    assert sizes.min() >= 80.0 and sizes.max() <= 200.0 and sizes.std() > 20.0
+
+
+def test_ridges_and_hollows_alternate_and_have_no_period() -> None:
+    relief = ridges(np.arange(0.0, 40000.0, 5.0), rng(), low=5.0, high=9.0, shortest_m=100.0, longest_m=200.0)
+    rising = np.diff(relief) > 0
+    turns = np.flatnonzero(rising[1:] != rising[:-1]) + 1
+    assert (np.sign(relief[turns][1:]) == -np.sign(relief[turns][:-1])).all()
+    assert np.abs(relief[turns]).min() >= 4.9 and np.abs(relief).max() <= 9.0
+    assert np.diff(turns).min() * 5.0 >= 95.0 and np.diff(turns).max() * 5.0 <= 205.0
+    lags = range(100, 1000)  # 500 m to 5 km: nowhere is it like itself again
+    assert max(float(np.corrcoef(relief[:-lag], relief[lag:])[0, 1]) for lag in lags) < 0.5
+
+
+def test_fields_hold_trees_where_wooded_and_crops_elsewhere() -> None:
+    along = np.arange(0.0, 20000.0, 5.0)
+    wooded = np.sin(along / 60.0) > 0.0
+    height = fields(along, wooded, rng(), shortest_m=80.0, longest_m=200.0)
+    assert height[wooded].min() >= 9.0 and height[wooded].max() <= 18.0
+    assert height[~wooded].min() >= 0.0 and height[~wooded].max() <= 4.0
+    crop_sizes = 20000.0 / len(np.unique(height[~wooded]))
+    assert 80.0 <= crop_sizes <= 200.0
 
 
 def test_buildings_are_blocks_of_stated_size() -> None:
