@@ -17,7 +17,7 @@ from fti.logger.recording import Recording
 from tests.e2e.harness import Daemon, Line, daemon, free_udp_port
 from tests.helpers import ROOT, until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+pytestmark = pytest.mark.timeout(180)
 CAPTURES = ROOT / "tests" / "captures"
 CAN_LOG = CAPTURES / "nmea2000_part1.candump.log"
 FILES = sorted(p for p in CAPTURES.iterdir() if p.suffix in (".log", ".gps") and p != CAN_LOG)

@@ -47,11 +47,13 @@ def _assert_complete(session: Path, feeder: Feeder) -> None:
 
 def _assert_readable(session: Path) -> None:
     """The official reader accepts every file, checksums and all."""
-    files = sorted(session.glob("*.mcap"))
-    assert files
-    for path in files:
+    count = {path.name: 0 for path in session.glob("*.mcap")}
+    for path in session.glob("*.mcap"):
         with path.open("rb") as stream:
-            assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) > 0
+            count[path.name] = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
+    raw = {name: n for name, n in count.items() if "_derived_" not in name}
+    assert raw
+    assert min(raw.values()) > 0, count  # a derived file may have been killed before its first message
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

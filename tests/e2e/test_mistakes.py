@@ -15,7 +15,7 @@ from fti.drivers import freeflight_ra4500
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import ROOT, until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(120)]
+pytestmark = pytest.mark.timeout(120)
 
 CONFIG = """
 [session]
