@@ -85,6 +85,11 @@ class DerivedLog:
         """Bytes in all derived files of this log."""
         return self._log.bytes_written
 
+    @property
+    def fault(self) -> str | None:
+        """Why the file cannot be split, though it takes what is written; else None."""
+        return self._log.fault
+
     def free_mb(self) -> float:
         """Space left on the medium [MiB]."""
         return self._log.free_mb()

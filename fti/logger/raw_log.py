@@ -69,6 +69,11 @@ class RawLog:
         """Bytes that wait for a flush."""
         return self._log.pending_bytes
 
+    @property
+    def fault(self) -> str | None:
+        """Why the file cannot be split, though it takes what is written; else None."""
+        return self._log.fault
+
     def free_mb(self) -> float:
         """Space left on the medium [MiB]."""
         return self._log.free_mb()

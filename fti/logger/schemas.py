@@ -62,8 +62,11 @@ def _plain(value: Any) -> Any:
 
 
 def encode(obj: Any) -> bytes:
-    """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say."""
-    return json.dumps(_plain(obj), separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say.
+
+    What is no character (a stray byte of a command line) becomes a question mark.
+    """
+    return json.dumps(_plain(obj), separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(errors="replace")
 
 
 # --------------------------------------------------------------------------------------------------------- schemas

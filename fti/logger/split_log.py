@@ -26,7 +26,10 @@ FILE_METADATA = "fti.file"
 
 
 class SplitLog:
-    """Writes the files of one kind of a session.  Raises StorageError as StreamWriter does; nothing is lost by it."""
+    """Writes the files of one kind of a session.  Raises StorageError as StreamWriter does; nothing is lost by it.
+
+    fault : why the next file cannot be made or the last one not be closed; the present one goes on.  Else None.
+    """
 
     def __init__(
         self,
@@ -48,6 +51,7 @@ class SplitLog:
         self._channels: list[tuple[str, str, int, Mapping[str, str]]] = []
         self._unclosed: list[StreamWriter] = []
         self._closed_bytes = 0
+        self.fault: str | None = None
         self._writer = self._open_next()
 
     @property
@@ -93,11 +97,20 @@ class SplitLog:
         self._writer.write(channel_id, log_time, data, sequence, publish_time)
 
     def flush(self) -> None:
-        """Bring what is buffered into the file; go on to the next file when it is time."""
+        """Bring what is buffered into the file; go on to the next file when it is time.
+
+        Raises StorageError only when the file takes nothing; see ``fault`` for the rest, which the next flush tries
+        again.
+        """
         self._writer.flush()
-        self._close_old()
-        if self._writer.span_ns >= self._split_ns or self._writer.bytes_written >= self._split_bytes:
-            self._split()
+        try:
+            self._close_old()
+            if self._writer.span_ns >= self._split_ns or self._writer.bytes_written >= self._split_bytes:
+                self._split()
+        except StorageError as error:
+            self.fault = str(error)
+        else:
+            self.fault = None
 
     def sync(self) -> None:
         """Bring what is in the file onto the medium."""

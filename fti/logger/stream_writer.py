@@ -54,7 +54,8 @@ class StreamWriter:
             self._append(records.file_head(profile, library))
         except StorageError:
             self.abandon()
-            path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                path.unlink()
             raise
 
     def _begin_chunk(self) -> None:

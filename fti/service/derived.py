@@ -86,7 +86,7 @@ class DerivedWriter:
         except StorageError as error:
             self.fault = str(error)
         else:
-            self.fault = None
+            self.fault = self._log.fault
 
     def _space_is_short(self) -> bool:
         try:

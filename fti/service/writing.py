@@ -26,12 +26,27 @@ RETRY_S = 0.2
 LAST_CHANCE_S = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Source:
-    """A triple buffer and how its entries go into the file."""
+    """A triple buffer and how its entries go into the log.
+
+    recorded : of what the buffer hands out, so many are in the log already, and not yet on the medium
+    """
 
     buffer: TripleBuffer
     record: Callable[[Entry], None]
+    recorded: int = 0
+
+    def record_all(self) -> None:
+        """Record what the buffer hands out, each entry once, however often it is handed out."""
+        for entry in self.buffer.take()[self.recorded :]:
+            self.record(entry)
+            self.recorded += 1
+
+    def mark_written(self) -> None:
+        """What was recorded is on the medium."""
+        self.buffer.written(self.recorded)
+        self.recorded = 0
 
 
 class Writer:
@@ -83,21 +98,18 @@ class Writer:
 
     def _step(self) -> None:
         """Carry over what the buffers hand out."""
-        moved = [source for source in self._sources if self._record_entries(source)]
+        for source in self._sources:
+            source.record_all()
         self._record_notes()
         self._persist()
-        for source in moved:
-            source.buffer.written()
-
-    def _record_entries(self, source: Source) -> bool:
-        entries = source.buffer.take()
-        for entry in entries:
-            source.record(entry)
-        return bool(entries)
+        for source in self._sources:
+            source.mark_written()
 
     def _record_notes(self) -> None:
         while self._notes:
-            self._log.json(*self._notes.popleft())
+            note = self._notes.popleft()
+            with guarded("note", self._report):
+                self._log.json(*note)
 
     def _persist(self) -> None:
         """Flush until the medium has accepted it; sync once a second."""
@@ -114,7 +126,7 @@ class Writer:
                         raise
                 time.sleep(RETRY_S)
             else:
-                self.storage_fault = None
+                self.storage_fault = self._log.fault
                 return
 
     def _sync_when_due(self) -> None:

@@ -152,3 +152,8 @@ def test_a_fix_without_sigma_has_an_unknown_covariance() -> None:
 
 def test_no_fix_without_position() -> None:
     assert foxglove.location(NavSolution(t_ns=1, t_valid_ns=None, valid=True, reasons=(), lat=0.1, lon=0.2)) is None
+
+
+def test_a_stray_byte_of_a_command_line_is_no_obstacle() -> None:
+    event = {"t_ns": 1, "level": "info", "source": "mark", "text": "bad \udcff mark"}
+    assert json.loads(schemas.encode_note("/fti/event", event))["message"] == "bad ? mark"

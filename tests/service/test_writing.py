@@ -1,0 +1,93 @@
+"""The writer thread: what fails is told, and no entry is written twice or left behind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.buffers.triple import TripleBuffer
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.service.writing import Source, Writer
+from tests.helpers import until
+
+
+class Rig:
+    """A writer with one link."""
+
+    def __init__(self, folder: Path, split_s: float = 300) -> None:
+        self.folder = SessionFolder.create(folder, "s", 0)
+        self.log = RawLog(self.folder, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
+        self.buffer = TripleBuffer()
+        self.reports: list[str] = []
+        source = Source(self.buffer, lambda e: self.log.frame("a", e.seq, e.t_rx_ns, e.data))
+        self.writer = Writer(self.log, [source], lambda unit, error: self.reports.append(f"{unit}: {error}"))
+
+    def finish(self) -> list[int]:
+        """End it; the numbers that are in the file."""
+        self.writer.stop()
+        self.writer.finish()
+        recording = Recording.open(self.folder.path)
+        assert not recording.unfinished
+        return [frame.seq for frame in recording.frames()]
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
+    rig.buffer.put(0, 1, b"x")
+    rig.writer.note("/no/topic", 1, {})
+    rig.writer.start()
+    until(lambda: rig.buffer.empty, 10, "an empty buffer")
+    rig.writer.note("/no/topic", 1, {})
+    rig.buffer.put(1, 2, b"x")
+    assert rig.finish() == [0, 1]
+    assert len(rig.reports) == 2
+    assert all(report.startswith("note: no note is kept") for report in rig.reports)
+
+
+def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    flush, failures = rig.log.flush, iter(range(3))
+
+    def fail() -> None:
+        if next(failures, None) is not None:
+            raise RuntimeError("sick")
+        flush()
+
+    monkeypatch.setattr(rig.log, "flush", fail)
+    for seq in range(3):
+        rig.buffer.put(seq, seq, b"x")
+    rig.writer.start()
+    until(lambda: rig.buffer.empty, 10, "an empty buffer")
+    assert rig.finish() == [0, 1, 2]
+    assert rig.reports == ["writer: sick"] * 3
+
+
+def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig(tmp_path, split_s=1e-6)
+    real = os.open
+
+    def refuse(path: Any, flags: int, *rest: Any) -> int:
+        if flags & os.O_CREAT:
+            raise FileNotFoundError(2, "No such file or directory")
+        return real(path, flags, *rest)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", refuse)
+        rig.writer.start()
+        for seq in range(5):
+            rig.buffer.put(seq, seq * 10_000, b"x")
+            until(lambda: rig.buffer.empty, 10, "an empty buffer")
+        assert "cannot be created" in str(rig.writer.storage_fault)
+        rig.writer.stop()
+    rig.writer.finish()
+    assert [frame.seq for frame in Recording.open(rig.folder.path).frames()] == list(range(5))
