@@ -30,7 +30,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--control-fd", type=int, required=True)
     args = parser.parse_args(argv)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides when it ends
+    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
+        signal.signal(number, signal.SIG_IGN)
     _ask_for_priority()
     told = await_order(args.control_fd)
     if told:

@@ -89,13 +89,17 @@ class Recorder:
         return Unit(link, described.kind, index, received, sent)
 
     def _sink(self, index: int, buffer: TripleBuffer) -> Callable[[bytes, int], None]:
-        """Number a frame, buffer it for the file and offer it to the ring."""
+        """Number a frame, put it into the ring and buffer it for the file.
+
+        First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
+        know of.
+        """
 
         def accept(data: bytes, t_ns: int) -> None:
             seq = self._seq
             self._seq = seq + 1
-            buffer.put(seq, t_ns, data)
             self._ring.put(index, seq, t_ns, data)
+            buffer.put(seq, t_ns, data)
 
         return accept
 
@@ -167,9 +171,7 @@ class Recorder:
         """The one loud failure: the medium refuses; and that it takes bytes again."""
         fault = self._writer.storage_fault
         if bool(fault) != bool(self._fault_told):
-            text = (
-                f"the medium refuses, the buffers hold what they can: {fault}" if fault else "the medium accepts again"
-            )
+            text = f"the medium refuses: {fault}" if fault else "the medium accepts again"
             self._tell("error" if fault else "warning", "storage", text)
         self._fault_told = fault
 
@@ -178,6 +180,7 @@ class Recorder:
             with guarded("control", self._report):
                 self._obey(message)
         if self._channel.ended:
+            asyncio.get_running_loop().remove_reader(self._channel.fileno())
             self._stop.set()
 
     def _obey(self, message: Message) -> None:
@@ -217,9 +220,7 @@ class Recorder:
 
     async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
         """Kernel queues drained, readers stopped, buffers written, file closed, ring ended: in this order."""
-        for unit in self._units:
-            with guarded(unit.link.name, self._report):
-                await unit.link.drain()
+        await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
         for task in (*readers, *helpers, *self._jobs):
             task.cancel()
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
@@ -230,6 +231,10 @@ class Recorder:
         self._ring.end()
         self._channel.send({"health": self._health(now)})
         self._channel.send({"stopped": True})
+
+    async def _drain(self, link: Link) -> None:
+        with guarded(link.name, self._report):
+            await link.drain()
 
     # ------------------------------------------------------------------------------------------------- telling
 
