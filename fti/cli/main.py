@@ -53,8 +53,8 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; what the user must know stands in one sentence on standard error."""
-    args = make_parser().parse_args(argv)
     try:
+        args = make_parser().parse_args(argv)
         return int(args.run(args))
     except RecordingError as error:
         print(f"fti: {error}", file=sys.stderr)

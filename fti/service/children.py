@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import socket
 import subprocess
@@ -59,7 +60,9 @@ class Child:
     def prepare(self) -> None:
         """Have a process at hand that has loaded what it needs and waits for its order."""
         if self._waiting is not None:
-            return
+            if self._waiting.process.poll() is None:
+                return
+            self._waiting.socket.close()  # it died while it waited
         ours, theirs = socket.socketpair()
         process = subprocess.Popen(
             [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
@@ -77,7 +80,8 @@ class Child:
         self.process, sock = self._waiting
         self._waiting = None
         if self.order is not None and self.ring_fd is not None:
-            send_order(sock, self.order, self.ring_fd)
+            with contextlib.suppress(OSError):  # it has just died, which ``died`` will tell
+                send_order(sock, self.order, self.ring_fd)
         self.channel = Channel(sock)
         self.state = ProcessState.STARTING
         self._started = time.monotonic()
@@ -89,7 +93,10 @@ class Child:
         return self.process.pid if self.process else None
 
     def died(self) -> int | None:
-        """The exit code, once, when the process has ended; afterwards it waits for its restart."""
+        """The exit code, once, when the process has ended; afterwards it waits for its restart.
+
+        The channel stays open: what the child said last is still to be heard.
+        """
         code = self.process.poll() if self.process else None
         if code is None:
             return None
@@ -99,7 +106,6 @@ class Child:
         self._delay = min(2 * self._delay, LONGEST_RESTART_S)
         self.process = None
         self.state = ProcessState.RESTARTING
-        self.close()
         return code
 
     def restart_is_due(self) -> bool:

@@ -49,8 +49,8 @@ class Channel:
                 del self._pending[: self._socket.send(self._pending)]
         except BlockingIOError:
             return True
-        except OSError:
-            self.ended = True
+        except OSError:  # gone; what it said before is still there to be received
+            self._pending.clear()
             return False
         return True
 
@@ -94,8 +94,10 @@ def read_memory_file(fd: int) -> bytes:
 def send_order(sock: socket.socket, order: bytes, ring_fd: int) -> None:
     """Tell a new child what to do: its order and the ring."""
     fd = make_memory_file("fti_order", order)
-    socket.send_fds(sock, [ORDER_MARK], [fd, ring_fd])
-    os.close(fd)
+    try:
+        socket.send_fds(sock, [ORDER_MARK], [fd, ring_fd])
+    finally:
+        os.close(fd)
 
 
 def await_order(control_fd: int) -> tuple[Channel, bytes, int] | None:

@@ -50,8 +50,9 @@ async def serve(
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor import Supervisor  # noqa: PLC0415
 
-    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, announce)
-    signalled = _stop_on_signals(supervisor)
+    # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
+    signalled = _stop_on_signals(lambda: supervisor.stop())  # noqa: PLW0108
+    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce))
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
     try:
         await supervisor.run(duration_s)
@@ -66,12 +67,22 @@ async def serve(
     return signalled.is_set()
 
 
-def _stop_on_signals(supervisor: Supervisor) -> asyncio.Event:
+def _never_failing(announce: Announce) -> Announce:
+    """A terminal that is gone, or a log on a full medium, must not disturb the recording."""
+
+    def tell(line: str) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            announce(line)
+
+    return tell
+
+
+def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
     signalled = asyncio.Event()
 
     def stop() -> None:
         signalled.set()
-        supervisor.stop()
+        stop_supervisor()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop)

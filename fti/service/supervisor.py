@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections import Counter
+from collections import Counter, deque
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,8 @@ NAVIGATION_END_S = 20.0
 STANDBY_S = 2.0
 MOST_STARTS = 2
 DISPLAY_END_S = 3.0
+#: Notes that wait for a recorder while there is none.
+MOST_UNRECORDED = 1000
 RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
@@ -66,6 +68,7 @@ class Supervisor:
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._note)
+        self._unrecorded: deque[Message] = deque(maxlen=MOST_UNRECORDED)
         self._stopping = False
 
     def _create_folder(self, config: Config, epoch_ns: int) -> SessionFolder:
@@ -139,6 +142,9 @@ class Supervisor:
         channel = child.start()
         loop = asyncio.get_running_loop()
         loop.add_reader(channel.fileno(), self._on_message, child)
+        if child.name == RECORDER:
+            while self._unrecorded and channel.send(self._unrecorded[0]):
+                self._unrecorded.popleft()
 
     def _on_message(self, child: Child) -> None:
         channel = child.channel
@@ -200,14 +206,29 @@ class Supervisor:
         """Start again what has died."""
         while True:
             for child in self._children:
-                code = child.died()
-                if code is not None and not self._stopping:
-                    self._bulletin.event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
-                    self._give_up_on(child)
-                if child.restart_is_due() and not self._stopping:
-                    child.restarts += 1
-                    self._start(child)
+                with guarded(child.name, self._bulletin.report):
+                    self._look_after(child)
             await asyncio.sleep(WATCH_PERIOD_S)
+
+    def _look_after(self, child: Child) -> None:
+        code = child.died()
+        if code is not None:
+            self._hear_out(child)
+        if self._stopping:
+            return
+        if code is not None:
+            self._bulletin.event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
+            self._give_up_on(child)
+        if child.restart_is_due():
+            child.restarts += 1
+            self._start(child)
+
+    def _hear_out(self, child: Child) -> None:
+        """Take the last words of a child that has ended, and close its channel."""
+        self._on_message(child)
+        if child.channel:
+            asyncio.get_running_loop().remove_reader(child.channel.fileno())
+            child.close()
 
     def _give_up_on(self, child: Child) -> None:
         """A recorder that never begins is the one thing that cannot be cured by trying on."""
@@ -225,9 +246,10 @@ class Supervisor:
             await asyncio.sleep(HEALTH_PERIOD_S)
 
     def _note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        recorder = self._children[0]
-        if recorder.channel:
-            recorder.channel.send({"note": {"topic": topic, "t_ns": t_ns, "content": content}})
+        channel = self._children[0].channel
+        message = {"note": {"topic": topic, "t_ns": t_ns, "content": content}}
+        if channel is None or not channel.send(message):
+            self._unrecorded.append(message)
 
     def _obey(self, command: dict[str, Any]) -> dict[str, Any]:
         if isinstance(command.get("mark"), str):
@@ -253,8 +275,9 @@ class Supervisor:
         recorder = self._children[0]
         if recorder.channel:
             recorder.channel.send({"stop": True})
-        if recorder.process:
-            await asyncio.to_thread(recorder.process.wait)
+        code = await asyncio.to_thread(recorder.process.wait) if recorder.process else 0
+        if code:
+            self._announce(f"error: recorder: ended with {_describe_exit(code)} before it had closed its files")
         if not self._recorded.is_set():
             self._ring.end()
         recorder.state = ProcessState.STOPPED
@@ -272,7 +295,7 @@ class Supervisor:
             await asyncio.sleep(WATCH_PERIOD_S)
         if child:
             child.state = ProcessState.STOPPED
-            child.close()
+            self._hear_out(child)
 
     async def _close_killed_sessions(self) -> None:
         """Not before this session records."""

@@ -151,13 +151,13 @@ class Daemon:
 
     def kill_all(self) -> None:
         """A power cut: the supervisor and its children at once."""
-        for pid in [*_children_of(self.process.pid), self.process.pid]:
+        for pid in [*children_of(self.process.pid), self.process.pid]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.process.communicate(timeout=END_S)
 
 
-def _children_of(pid: int) -> list[int]:
+def children_of(pid: int) -> list[int]:
     tasks = Path(f"/proc/{pid}/task")
     return [int(p) for task in tasks.iterdir() for p in (task / "children").read_text().split()]
 

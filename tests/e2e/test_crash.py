@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader
 from fti.logger.recording import Recording
 from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
-from tests.e2e.harness import Daemon, daemon, fti
+from tests.e2e.harness import Daemon, children_of, daemon, fti
 from tests.helpers import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
@@ -124,6 +124,31 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_pat
         assert first[-1].seq < second[0].seq
         assert second[0].t_rx_ns - killed < RESTART_NS
         assert _bytes(session, "line").endswith(feeder.sent[-1])
+
+
+def _recorders(running: Daemon) -> set[int]:
+    """The recorder and its stand-in."""
+    commands = {pid: Path(f"/proc/{pid}/cmdline") for pid in children_of(running.process.pid)}
+    return {pid for pid, command in commands.items() if b"fti.service.recorder" in command.read_bytes()}
+
+
+def test_recorder_and_stand_in_killed_with_nobody_reading_the_output(tmp_path: Path) -> None:
+    with Feeder(tmp_path / "links") as feeder:
+        with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+            session = running.session
+            assert running.process.stdout
+            running.process.stdout.close()
+            killed = until(lambda: pids if len(pids := _recorders(running)) == 2 else None, 20, "the stand-in")
+            for pid in killed:
+                os.kill(pid, signal.SIGKILL)
+            until(lambda: _recorders(running) - killed, 20, "another recorder")
+            _feed(feeder, running)
+            feeder.stop()
+            running.process.send_signal(signal.SIGINT)
+            running.process.wait(timeout=60)
+        assert _bytes(session, "line") == b"".join(feeder.sent)
+        events = [data for _, _, _, _, data in Recording.open(session).messages("/fti/event", kind="raw")]
+        assert any(b"ended with signal 9" in data for data in events)
 
 
 def _frames_of(session: Path, number: str) -> list[RawFrame]:

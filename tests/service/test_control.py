@@ -52,3 +52,13 @@ def test_the_end_of_the_other_side_is_seen_after_its_last_word() -> None:
 def test_a_memory_file_carries_any_amount() -> None:
     data = bytes(range(256)) * 40_000
     assert read_memory_file(make_memory_file("test", data)) == data
+
+
+def test_the_last_words_of_the_other_side_are_heard_though_sending_fails() -> None:
+    left, right = _pair()
+    right.send({"last": "words"})
+    right.close()
+    assert not left.send({"who": "is there"})
+    assert left.receive() == [{"last": "words"}]
+    assert left.ended
+    left.close()

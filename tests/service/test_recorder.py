@@ -116,3 +116,17 @@ def test_a_child_without_an_order_ends_when_it_is_let_go() -> None:
     child = Child("recorder")
     child.prepare()
     child.dismiss()
+
+
+def test_a_stand_in_that_died_is_replaced(tmp_path: Path) -> None:
+    ring = Ring.create(2**16)
+    child = Child("recorder", b"{}", ring.fd)
+    child.prepare()
+    assert child._waiting
+    dead = child._waiting.process
+    dead.kill()
+    dead.wait()
+    child.start()
+    assert child.process is not dead
+    child.dismiss()
+    ring.close()
