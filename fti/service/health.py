@@ -9,6 +9,8 @@ from typing import Any
 from fti.service.children import Child
 from fti.types import LinkState
 
+#: The recorder reports twice a second; what it said longer ago is not true any more.
+LATE_NS = 3_000_000_000
 #: Order in which the state of a link's devices becomes the state of the link: the best one counts.
 BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
 
@@ -24,7 +26,7 @@ class HealthBoard:
     def compose(self, now_ns: int, children: Iterable[Child]) -> dict[str, Any]:
         """One health message."""
         devices = self.navigation.get("devices", {})
-        storage = self.recorder.get("storage", {})
+        storage = self._judge_storage(now_ns)
         links = self.recorder.get("links", {})
         fault = storage.get("state", "ok") == "error"
         return {
@@ -36,6 +38,14 @@ class HealthBoard:
             "storage": storage,
             "navigation": self.navigation.get("navigation", {}),
         }
+
+    def _judge_storage(self, now_ns: int) -> dict[str, Any]:
+        """What the recorder said of the storage, unless that is long ago: late is not valid."""
+        storage: dict[str, Any] = self.recorder.get("storage", {})
+        silent_ns = now_ns - self.recorder.get("t_ns", now_ns)
+        if silent_ns <= LATE_NS:
+            return storage
+        return {**storage, "state": "error", "hint": f"the recorder has said nothing for {silent_ns / 1e9:.0f} s"}
 
 
 def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:

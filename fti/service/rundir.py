@@ -95,9 +95,16 @@ def _read(path: Path) -> DaemonInfo:
 def _try_read(path: Path) -> DaemonInfo | None:
     try:
         info = DaemonInfo(**json.loads(path.read_text()))
-        os.kill(info.pid, 0)
-    except PermissionError:
-        return info
     except (OSError, ValueError, TypeError):
         return None
-    return info
+    return info if _is_running(info.pid) else None
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except PermissionError:  # it runs, and is another user's
+        return True
+    except OSError:
+        return False
+    return True

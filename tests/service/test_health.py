@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from fti.service.health import merge_link
+from fti.service.health import LATE_NS, HealthBoard, merge_link
 
 
 def _device(state: str, hint: str = "") -> dict[str, Any]:
@@ -29,3 +29,11 @@ def test_state(port: str, devices: dict[str, dict[str, Any]], expected: str) -> 
 
 def test_the_hint_names_the_device() -> None:
     assert merge_link("a", {"state": "good", "hint": ""}, {"d": _device("noise", "baud?")})["hint"] == "d: baud?"
+
+
+def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
+    board = HealthBoard({"state": "recording"}, {"t_ns": 0, "storage": {"state": "ok", "hint": ""}})
+    assert board.compose(LATE_NS, [])["session"]["state"] == "recording"
+    late = board.compose(LATE_NS + 1, [])
+    assert late["session"]["state"] == "storage_error"
+    assert "said nothing" in late["storage"]["hint"]

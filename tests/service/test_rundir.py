@@ -58,3 +58,12 @@ def test_a_second_daemon_of_the_same_name_gets_a_directory_of_its_own(
     assert rundir.make("da42", None) == tmp_path / "fti" / "da42_2"
     with pytest.raises(MissingError, match="another daemon"):
         rundir.make("da42", str(first))
+
+
+def test_what_may_not_be_read_is_no_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> str:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    with pytest.raises(MissingError, match="no daemon"):
+        rundir.find_daemon(str(tmp_path))
