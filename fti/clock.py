@@ -13,6 +13,9 @@ from typing import Protocol
 SECOND_NS = 1_000_000_000
 #: A kernel stamp older than this (or in the future) is not believed; the time of the read is taken instead.
 MAX_STAMP_AGE_NS = 10 * SECOND_NS
+#: Two clocks have been read together when no more than this passed; so often it is tried.
+TOGETHER_NS = 20_000
+CLOCK_READINGS = 5
 
 
 class Clock(Protocol):
@@ -42,9 +45,18 @@ class SystemClock:
         return time.monotonic_ns() + self.epoch_ns
 
     def from_realtime_ns(self, stamp_ns: int) -> int | None:
-        """FTI time of a CLOCK_REALTIME stamp, through its age at this moment; None outside 0..10 s."""
-        age = time.clock_gettime_ns(time.CLOCK_REALTIME) - stamp_ns
-        return self.now_ns() - age if 0 <= age <= MAX_STAMP_AGE_NS else None
+        """FTI time of a CLOCK_REALTIME stamp, through its age at this moment; None outside 0..10 s.
+
+        The two clocks are read one after the other; when something came in between, they are read again, so that the
+        stamps of a burst keep their order.
+        """
+        for _ in range(CLOCK_READINGS):
+            before = time.monotonic_ns()
+            age = time.clock_gettime_ns(time.CLOCK_REALTIME) - stamp_ns
+            after = time.monotonic_ns()
+            if after - before < TOGETHER_NS:
+                break
+        return (before + after) // 2 + self.epoch_ns - age if 0 <= age <= MAX_STAMP_AGE_NS else None
 
 
 @dataclass(slots=True)

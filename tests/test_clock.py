@@ -50,6 +50,22 @@ def test_kernel_stamp_is_carried_over_by_its_age(monkeypatch: pytest.MonkeyPatch
     assert stamp == (63 * SECOND_NS - age_ns if believed else None)
 
 
+def test_an_interruption_between_two_readings_is_not_taken_for_age(monkeypatch: pytest.MonkeyPatch) -> None:
+    """50 ms pass between the two clocks at the first try; the stamp is as if they had been read together."""
+    hands = Hands(monkeypatch, monotonic=60 * SECOND_NS, realtime=1_700_000_000 * SECOND_NS)
+    interruptions = [50_000_000]
+
+    def read_realtime(clock_id: int) -> int:
+        late = interruptions.pop() if interruptions else 0
+        hands.realtime += late
+        hands.monotonic += late
+        return hands.realtime - late
+
+    stamp = hands.realtime - 1000
+    monkeypatch.setattr(time, "clock_gettime_ns", read_realtime)
+    assert SystemClock(epoch_ns=0).from_realtime_ns(stamp) == 60 * SECOND_NS - 1000
+
+
 def test_system_clock_runs_with_the_monotonic_clock() -> None:
     clock = SystemClock(epoch_ns=choose_epoch_ns())
     before = time.monotonic_ns() + clock.epoch_ns

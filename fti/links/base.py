@@ -8,6 +8,7 @@ the time from arrival to stamp is one call.  Nothing here looks into the bytes.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -119,8 +120,7 @@ class BaseLink(ABC):
             self.status.connects += 1
             self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
             if self._transmit:
-                for data in self._on_connect:
-                    await self.send(data)
+                await self._greet()
             await self._watch(self._lost)
         except OSError as error:
             raise LinkError(f"link {self.name}: {error.strerror or error}") from None
@@ -128,6 +128,12 @@ class BaseLink(ABC):
             self._fail(LinkError(f"link {self.name}: closed"))  # whoever waits to send
             self._lost = None
             self._close()
+
+    async def _greet(self) -> None:
+        """Tell the device what it must hear.  What cannot be sent now is no reason not to listen."""
+        for data in self._on_connect:
+            with contextlib.suppress(LinkError):
+                await self.send(data)
 
     async def _watch(self, lost: asyncio.Future[LinkError]) -> None:
         while True:

@@ -123,6 +123,13 @@ async def test_peer_of_the_configuration_is_sent_to(device: socket.socket) -> No
         assert device.recv(100) == b"wake up"
 
 
+async def test_who_cannot_be_greeted_yet_is_heard_all_the_same(device: socket.socket) -> None:
+    async with running(link(transmit=True), on_connect=[b"wake up"]) as (opened, heard):
+        device.sendto(b"hello", opened.address)
+        await until_async(lambda: heard.frames)
+        assert opened.status.connects == 1
+
+
 async def test_multicast_group(device: socket.socket) -> None:
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
     device.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
