@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ EMULATOR_END_S = 10.0
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti demo``."""
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of recording")
     parser.add_argument("--headless", action="store_true", help="do not open the browser")
     parser.add_argument("--out", metavar="DIR", default="data", help="record below DIR (default: data)")
     parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="which flight; fti hil --list")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti hil``."""
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name of a shipped scenario, or a file")
     parser.add_argument("--list", action="store_true", help="list the shipped scenarios and end")
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of the flight")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of the flight")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
     parser.add_argument("--config", metavar="CONFIG", help="another daemon configuration than the scenario's")

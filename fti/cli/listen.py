@@ -17,6 +17,8 @@ import argparse
 import asyncio
 from typing import TYPE_CHECKING
 
+from fti.cli._arguments import seconds
+
 if TYPE_CHECKING:
     from fti.config import CanLink, SerialLink, UdpLink
     from fti.drivers import Decoder
@@ -34,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--config", metavar="CONFIG", help="the configuration in which LINK stands")
     parser.add_argument("--baud", type=int, metavar="N", help="of a serial port (default: as configured, or 115200)")
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -12,39 +12,24 @@ from __future__ import annotations
 
 import argparse
 
+from fti.cli._arguments import factor, seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti replay``."""
     parser.add_argument("session", metavar="SESSION", help="folder of a session, or one of its files")
-    parser.add_argument("--speed", type=_positive, default=1.0, metavar="X", help="times as fast (default: 1)")
-    parser.add_argument(
-        "--from", type=_seconds, default=0.0, dest="from_s", metavar="T", help="leave out the first T s"
-    )
+    parser.add_argument("--speed", type=factor, default=1.0, metavar="X", help="times as fast (default: 1)")
+    parser.add_argument("--from", type=seconds, default=0.0, dest="from_s", metavar="T", help="leave out the first T s")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--config", metavar="CONFIG", help="another configuration than the session's own")
     parser.add_argument(
         "--wait",
-        type=_seconds,
+        type=seconds,
         default=0.5,
         metavar="S",
         help="wait so long after every port was opened (default: 0.5)",
     )
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be 0 or more seconds")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _seconds(text)
-    if value == 0.0:
-        raise argparse.ArgumentTypeError("0: must be more than 0")
-    return value
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import argparse
 
+from fti.cli._arguments import seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti run``."""
     parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
-    parser.add_argument("--duration", type=float, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of recording")
     parser.add_argument("--out", metavar="DIR", help="record below DIR instead of [session] directory")
     parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
     parser.add_argument("--origin", choices=("flight", "hil", "replay"), help="what the bytes come from; shown always")
