@@ -8,7 +8,7 @@ runway and its strip are level with the runway plane, and nothing stands in the 
     limit = max(0.02 (d - 60), 15.24 + d tan g - 65) + 0.15 max(0, |y| - 150)     d before the threshold, y sideways [m]
 
 (2 % as in ICAO Annex 14, table 4-1) so that the glide path clears everything under it by 60 m and more beyond 1500 m.
-What is natural above the limit is cut, trees are kept down to it and houses no higher.
+What is natural above the limit is cut, trees are kept down to it and houses no higher; the last 300 m are bare.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ STRIP_HALF_M, STRIP_END_M, BLEND_M = 75.0, 60.0, 150.0
 RELIEF_SD_M = 3.0
 #: Trees below the limit are kept cut to it; what would be lower than this is cleared [m].
 LOWEST_COVER_M = 1.0
+#: Nothing grows or stands from this far before the threshold on, within so much of the track [m].
+CLEARED_M, CLEARED_HALF_M = 300.0, 150.0
 #: Ridges, hollows and fields run across the approach, askew by up to so much [tangent], which changes this often [m].
 SKEW, WANDER_STEP_M = 0.25, 600.0
 #: How far ridges and hollows reach to each side of the track before they run out, over as much again [m].
@@ -202,7 +204,8 @@ def demo_scene(seed: int = 2018) -> Terrain:
     natural += waves * _near_track(right)
     ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
     cover = np.minimum(_cover(across, right, waves > 1.0, rng), limit - ground)
-    surface = ground + np.where((country == 1.0) & (cover > LOWEST_COVER_M), cover, 0.0)
+    cleared = (country < 1.0) | ((before < CLEARED_M) & (np.abs(right) < CLEARED_HALF_M)) | (cover < LOWEST_COVER_M)
+    surface = ground + np.where(cleared, 0.0, cover)
     return Terrain.from_array(
         surface, CELL_M, lat0=runway.lat, lon0=runway.lon, alt0=runway.alt, east0=float(east[0]), north0=float(north[0])
     )

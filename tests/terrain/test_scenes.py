@@ -116,6 +116,16 @@ def test_trees_are_lower_near_the_runway(scene: Terrain) -> None:
     assert (scene.up(*track_point(before, right)) <= np.maximum(0.02 * (before - 60.0), 0.0) + 0.11).all()
 
 
+def test_low_over_the_last_300_m_the_seen_height_is_the_true_one(scene: Terrain) -> None:
+    """No edge of a wood beside the track is nearer than the ground below."""
+    before = np.arange(400.0, -290.0, -5.0)
+    for right in (-10.0, 0.0, 10.0):
+        seen = path_up(before) - profile(scene, before, right)
+        true = path_up(before) - scene.up(*track_point(before, right))
+        low = seen < 25.0
+        assert low.sum() > 60 and np.abs(seen - true)[low].max() < 1.5
+
+
 def test_real_elevation_is_under_it(scene: Terrain) -> None:
     before, right = np.meshgrid(np.arange(400.0, 7300.0, 40.0), np.arange(-900.0, 901.0, 40.0))
     east, north = track_point(before, right)
