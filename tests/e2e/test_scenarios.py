@@ -40,7 +40,8 @@ def test_nominal_integrity_becomes_and_stays_good(flights: dict[str, Flight]) ->
     later = _between(rows, good, end)
     assert len(later) > 150
     assert {row["state"] for row in later} <= set(GOOD)
-    assert sum(row["state"] == "ok" for row in later) > len(later) / 2
+    since_ok = _between(rows, _first(rows, "ok")["t"], end)
+    assert sum(row["state"] == "ok" for row in since_ok) >= 0.85 * len(since_ok)
 
 
 def test_nominal_deviation_is_the_flown_one(flights: dict[str, Flight]) -> None:
