@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import importlib.resources
 import tomllib
-from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Literal, NamedTuple, Self
 
@@ -37,6 +36,7 @@ from fti.drivers._arinc429_word import BcdState, BnrState
 from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import DeviceStatus, Measurement, Stamp
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels), over four-byte words of a converter"
@@ -283,18 +283,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder.  Raises ValueError when no label is enabled."""
     return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The bus talks by itself."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """No command is offered."""
-    raise ValueError(f"arinc429 has no command {name!r}")

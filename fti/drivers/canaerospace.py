@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import importlib.resources
 import math
-from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, NamedTuple
 
@@ -36,6 +35,7 @@ from fti.canframe import pack_can, unpack_can
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "CANaerospace interface specification 1.7 (Stock Flight Systems, 2006); other layouts by DBC"
@@ -214,18 +214,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder.  Raises ValueError when the DBC is wrong."""
     return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The units talk by themselves."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """No command is offered."""
-    raise ValueError(f"canaerospace has no command {name!r}")

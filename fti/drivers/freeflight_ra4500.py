@@ -19,12 +19,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from typing import Literal
 
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._units import FOOT
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 
@@ -169,18 +169,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
     return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The altimeter talks by itself."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """The altimeter takes no commands."""
-    raise ValueError(f"freeflight_ra4500 has no command {name!r}")

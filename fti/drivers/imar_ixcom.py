@@ -26,7 +26,7 @@ from __future__ import annotations
 import binascii
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Annotated
 
 from pydantic import Field
@@ -34,6 +34,7 @@ from pydantic import Field
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import SECOND_NS, device_time_ns, gps_ns, gps_week
 from fti.drivers._units import wrap_heading
 from fti.types import (
@@ -333,18 +334,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
     return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The system is configured to talk by itself."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """No command is offered."""
-    raise ValueError(f"imar_ixcom has no command {name!r}")

@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import binascii
 import re
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -41,6 +40,7 @@ from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._mavlink_decode import READERS
 from fti.drivers._mavlink_encode import Encoder
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement
 
 DOCUMENT = "MAVLink 2 serialization and common.xml (mavlink.io)"
@@ -148,18 +148,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
     return Encoder(options.system or 1, options.height)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The autopilot streams as it is configured."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """No command is offered."""
-    raise ValueError(f"mavlink has no command {name!r}")

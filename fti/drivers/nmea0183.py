@@ -25,13 +25,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
 
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._nmea_sentences import Sentences
+from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import Attitude, DeviceTime, Measurement, Position, TimeScale, Velocity
@@ -195,18 +195,3 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
     return Encoder(options)
-
-
-def on_connect(options: Options) -> list[bytes]:
-    """The receiver talks by itself."""
-    return []
-
-
-def poll(options: Options) -> tuple[float, bytes] | None:
-    """Nothing is asked."""
-    return None
-
-
-def command(name: str, args: Mapping[str, str]) -> bytes:
-    """No command is offered."""
-    raise ValueError(f"nmea0183 has no command {name!r}")
