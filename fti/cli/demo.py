@@ -13,6 +13,7 @@ The recording stays; the last line names its folder.
 from __future__ import annotations
 
 import argparse
+import re
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from fti.service.supervisor import Supervisor
 
 EMULATOR_END_S = 10.0
+#: Where the configuration of the demonstration stands for the emulator, beside its ports.
+CONFIG = "demo.toml"
+BOUND = re.compile(r'(bind = "127\.0\.0\.1:)(\d+)"')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 
     scenario = scenarios.find(args.scenario)
     with early_recorder() as recorder, tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
-        config = _configure(scenarios.load_config(scenarios.load(scenario)), args.out, links)
+        config = _configure(Path(scenarios.load(scenario).config), Path(links), args.out)
 
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
@@ -68,12 +72,31 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_INTERRUPTED if signalled else 0
 
 
-def _configure(config: Config, out: str, links: str) -> Config:
-    """The scenario's configuration with the emulator's ports, on free ports of this machine."""
+def _configure(file: Path, links: Path, out: str) -> Config:
+    """The scenario's configuration on ports that are free now; for the emulator also as ``links/CONFIG``."""
+    import tomllib
+
     from fti import config as configuration
 
+    _, text = configuration.read_toml(file)
+    text = BOUND.sub(lambda found: f'{found[1]}{_free_port(int(found[2]))}"', text)
+    (links / CONFIG).write_text(text)
+    config = configuration.parse(tomllib.loads(text), text, file)
     moved = configuration.with_session(configuration.with_links(config, links), directory=out, origin="hil")
     return moved.model_copy(update={"display": moved.display.model_copy(update={"port": 0})})
+
+
+def _free_port(wanted: int) -> int:
+    """The port, when nobody listens on it: two demonstrations must not hear each other's sensors."""
+    import socket
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        try:
+            sock.bind(("127.0.0.1", wanted))
+        except OSError:
+            sock.bind(("127.0.0.1", 0))
+        port: int = sock.getsockname()[1]
+        return port
 
 
 async def _open_browser(supervisor: Supervisor) -> None:
@@ -99,7 +122,7 @@ async def _fly_once(scenario: Path, links: Path, truth: Path) -> None:
 
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
-        *("--links", str(links), "--truth", str(truth), "--wait"),
+        *("--links", str(links), "--config", str(links / CONFIG), "--truth", str(truth), "--wait"),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         process_group=0,

@@ -7,13 +7,12 @@ import re
 import typing
 from collections.abc import Mapping, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Attachment, Metadata, SplitLog
+from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
 from fti.types import Ack, DmeRange, Event, HeightAboveGround, Measurement, NavSolution, Output, SurfaceDeflection
 
 SECOND_NS = 1_000_000_000
@@ -56,7 +55,7 @@ class Decimator:
         return True
 
 
-class DerivedLog:
+class DerivedLog(Log):
     """Writes the derived files of a session.  Every call but ``flush``, ``sync`` and ``close`` only buffers."""
 
     def __init__(
@@ -69,30 +68,12 @@ class DerivedLog:
         metadata: Metadata | None = None,
         decimate_hz: float = 25.0,
     ) -> None:
-        self._log = SplitLog(
-            folder, "derived", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=metadata or {}
+        about = metadata or {}
+        super().__init__(
+            SplitLog(folder, "derived", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=about)
         )
         self._decimator = Decimator(decimate_hz)
         self._channels: dict[str, int] = {}
-
-    @property
-    def path(self) -> Path:
-        """The file that is being written."""
-        return self._log.path
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes in all derived files of this log."""
-        return self._log.bytes_written
-
-    @property
-    def fault(self) -> str | None:
-        """Why the file cannot be split, though it takes what is written; else None."""
-        return self._log.fault
-
-    def free_mb(self) -> float:
-        """Space left on the medium [MiB]."""
-        return self._log.free_mb()
 
     def measurement(self, device: str, measurement: Measurement) -> None:
         """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
@@ -127,18 +108,6 @@ class DerivedLog:
         self._log.write(channel, times[0], data, 0, times[1])
         if self._log.pending_bytes >= PENDING_LIMIT:
             self._log.flush()
-
-    def flush(self) -> None:
-        """Bring what is buffered into the file, so that it survives the end of this process."""
-        self._log.flush()
-
-    def sync(self) -> None:
-        """Bring what is in the file onto the medium, so that it survives a power cut."""
-        self._log.sync()
-
-    def close(self) -> None:
-        """Finish the files."""
-        self._log.close()
 
 
 def _part(measurement: Measurement) -> tuple[str, ...]:

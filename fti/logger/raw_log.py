@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from fti.logger import schemas
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Attachment, Metadata, SplitLog
+from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
 
 RAW_ENCODING = "x-fti-raw"
 TICK_TOPIC = "/fti/tick"
@@ -26,7 +25,7 @@ class RawTopic:
     settings: Mapping[str, str]
 
 
-class RawLog:
+class RawLog(Log):
     """Writes the raw files of a session.  ``frame``, ``sent``, ``tick`` and ``json`` buffer; ``flush`` writes.
 
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
@@ -43,7 +42,9 @@ class RawLog:
         metadata: Metadata | None = None,
     ) -> None:
         about = {**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}}
-        self._log = SplitLog(folder, "raw", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=about)
+        super().__init__(
+            SplitLog(folder, "raw", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=about)
+        )
         self._write = self._log.write
         self._received = {topic.link: self._add_link("/raw/", topic) for topic in links}
         self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
@@ -53,30 +54,6 @@ class RawLog:
     def _add_link(self, prefix: str, topic: RawTopic) -> int:
         about = {"link": topic.link, "kind": topic.kind, **topic.settings}
         return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, about)
-
-    @property
-    def path(self) -> Path:
-        """The file that is being written."""
-        return self._log.path
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes in all raw files of this log."""
-        return self._log.bytes_written
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes that wait for a flush."""
-        return self._log.pending_bytes
-
-    @property
-    def fault(self) -> str | None:
-        """Why the file cannot be split, though it takes what is written; else None."""
-        return self._log.fault
-
-    def free_mb(self) -> float:
-        """Space left on the medium [MiB]."""
-        return self._log.free_mb()
 
     def frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
         """A frame that arrived."""
@@ -99,15 +76,3 @@ class RawLog:
         if channel is None:
             channel = self._notes[topic] = self._log.add_channel(topic, "json", schemas.note_schema(topic))
         self._write(channel, t_ns, schemas.encode_note(topic, obj))
-
-    def flush(self) -> None:
-        """Bring what is buffered into the file, so that it survives the end of this process."""
-        self._log.flush()
-
-    def sync(self) -> None:
-        """Bring what is in the file onto the medium, so that it survives a power cut."""
-        self._log.sync()
-
-    def close(self) -> None:
-        """Finish the files."""
-        self._log.close()

@@ -160,3 +160,46 @@ class SplitLog:
             writer.add_schema(schema.name, schema.encoding, schema.data)
         for channel in self._channels:
             writer.add_channel(*channel)
+
+
+class Log:
+    """What the raw and the derived log share: files that are flushed, synced and finished."""
+
+    def __init__(self, log: SplitLog) -> None:
+        self._log = log
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self._log.path
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes in all files of this log."""
+        return self._log.bytes_written
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes that wait for a flush."""
+        return self._log.pending_bytes
+
+    @property
+    def fault(self) -> str | None:
+        """Why the file cannot be split, though it takes what is written; else None."""
+        return self._log.fault
+
+    def free_mb(self) -> float:
+        """Space left on the medium [MiB].  Raises StorageError."""
+        return self._log.free_mb()
+
+    def flush(self) -> None:
+        """Bring what is buffered into the file, so that it survives the end of this process."""
+        self._log.flush()
+
+    def sync(self) -> None:
+        """Bring what is in the file onto the medium, so that it survives a power cut."""
+        self._log.sync()
+
+    def close(self) -> None:
+        """Finish the files."""
+        self._log.close()

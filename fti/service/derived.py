@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections import deque
@@ -23,9 +22,8 @@ MOST_WAITING = 200_000
 class DerivedWriter:
     """Takes what navigation makes and writes it in order.  ``lost`` counts what the medium did not take in time."""
 
-    def __init__(self, log: DerivedLog, folder: str, min_free_mb: float, report: Report) -> None:
+    def __init__(self, log: DerivedLog, min_free_mb: float, report: Report) -> None:
         self._log = log
-        self._folder = folder
         self._min_free_mb = min_free_mb
         self._report = report
         self._waiting: deque[Callable[[], None]] = deque()
@@ -74,10 +72,10 @@ class DerivedWriter:
 
     def _step(self, due: bool) -> None:
         """Write what waits; when space runs out this file stops first, so that the raw bytes have what is left."""
-        if self._space_is_short():
-            self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left in {self._folder}"
-            return
         try:
+            if self._log.free_mb() < self._min_free_mb:
+                self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left for {self._log.path}"
+                return
             while self._waiting:
                 self._waiting.popleft()()
             self._log.flush()
@@ -87,10 +85,3 @@ class DerivedWriter:
             self.fault = str(error)
         else:
             self.fault = self._log.fault
-
-    def _space_is_short(self) -> bool:
-        try:
-            state = os.statvfs(self._folder)
-        except OSError:
-            return True
-        return state.f_bavail * state.f_frsize < self._min_free_mb * 2**20

@@ -63,7 +63,7 @@ class Navigator:
             attachments=[(name, "text/plain", text.encode()) for name, text in order.attachments.items()],
             metadata={"fti": order.metadata},
         )
-        return DerivedWriter(log, order.folder, session.min_free_mb, self._report)
+        return DerivedWriter(log, session.min_free_mb, self._report)
 
     def run(self) -> None:
         """Work until the ring has ended and is empty."""

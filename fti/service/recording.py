@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 from fti.buffers.ring import Ring
 from fti.buffers.triple import Entry, TripleBuffer
 from fti.clock import SystemClock, sample_clocks
-from fti.errors import LinkError
+from fti.errors import LinkError, StorageError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
@@ -53,7 +52,6 @@ class Recorder:
         self._stop = asyncio.Event()
         self._jobs: set[asyncio.Task[None]] = set()
         self._fault_told: str | None = None
-        self._started_ns = clock.now_ns()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
         self._log = self._open_log()
@@ -245,7 +243,7 @@ class Recorder:
         return {
             "t_ns": now,
             "links": {unit.link.name: self._link_health(unit, now) for unit in self._units},
-            "storage": self._storage_health(now),
+            "storage": self._storage_health(),
             "next_seq": self._seq,
         }
 
@@ -268,14 +266,20 @@ class Recorder:
             "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
         }
 
-    def _storage_health(self, now: int) -> dict[str, Any]:
-        free_mb = _free_mb(self._order.folder)
+    def _free_mb(self) -> float | None:
+        try:
+            return self._log.free_mb()
+        except StorageError:
+            return None
+
+    def _storage_health(self) -> dict[str, Any]:
+        free_mb = self._free_mb()
         fault = self._writer.storage_fault
         low = free_mb is not None and free_mb < self._order.config.session.min_free_mb
         return {
             "file": str(self._log.path),
             "file_bytes": self._log.bytes_written,
-            "file_age_s": (now - self._started_ns) / SECOND_NS,
+            "file_age_s": self._writer.silence_s,
             "free_mb": free_mb,
             "state": "error" if fault else "full" if low else "ok",
             "hint": fault or ("less space than session.min_free_mb is left" if low else ""),
@@ -304,11 +308,3 @@ def _account(unit: Unit) -> dict[str, Any]:
         "recorded_bytes": stats.bytes_out,
         "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
     }
-
-
-def _free_mb(folder: str) -> float | None:
-    try:
-        state = os.statvfs(folder)
-    except OSError:
-        return None
-    return state.f_bavail * state.f_frsize / 2**20

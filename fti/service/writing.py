@@ -60,8 +60,13 @@ class Writer:
         self._wake = threading.Event()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="writer")
-        self._synced = time.monotonic()
+        self._synced = self._accepted = time.monotonic()
         self.storage_fault: str | None = None
+
+    @property
+    def silence_s(self) -> float:
+        """Time since the medium took bytes last [s]."""
+        return time.monotonic() - self._accepted
 
     def start(self) -> None:
         """Start the thread."""
@@ -117,6 +122,7 @@ class Writer:
         while True:
             try:
                 self._log.flush()
+                self._accepted = time.monotonic()
                 self._sync_when_due()
             except StorageError as error:
                 self.storage_fault = str(error)
