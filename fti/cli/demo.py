@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 EMULATOR_END_S = 10.0
 #: Where the configuration of the demonstration stands for the emulator, beside its ports.
 CONFIG = "demo.toml"
-BOUND = re.compile(r'(bind = "127\.0\.0\.1:)(\d+)"')
+#: What names a file in it, and an address.
+NAMED = re.compile(r'((?:profile|\w+_file) = )"([^"]+)"')
+BOUND = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,13 +53,14 @@ def run(args: argparse.Namespace) -> int:
 
     scenario = scenarios.find(args.scenario)
     with early_recorder() as recorder, tempfile.TemporaryDirectory(prefix="fti-demo-") as links:
-        config = _configure(Path(scenarios.load(scenario).config), Path(links), args.out)
+        file, text = _on_free_ports(Path(scenarios.load(scenario).config), Path(links))
+        config = _configure(file, text, links, args.out)
 
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
                 await _open_browser(supervisor)
             while True:
-                await _fly_once(scenario, Path(links), supervisor.folder.next_path("truth"))
+                await _fly_once(scenario, file, links, supervisor.folder.next_path("truth"))
 
         signalled = asyncio.run(
             serve(
@@ -72,29 +75,36 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_INTERRUPTED if signalled else 0
 
 
-def _configure(file: Path, links: Path, out: str) -> Config:
-    """The scenario's configuration on ports that are free now; for the emulator also as ``links/CONFIG``."""
+def _on_free_ports(file: Path, folder: Path) -> tuple[Path, str]:
+    """A copy of the scenario's configuration in ``folder`` that binds free ports; file and text.
+
+    Two demonstrations must not hear each other's sensors.
+    """
+    from fti import config as configuration
+
+    _, text = configuration.read_toml(file)
+    moved = BOUND.sub(lambda found: f'{found[1]}{_free_port()}"', text)
+    moved = NAMED.sub(lambda found: f'{found[1]}"{(file.parent / found[2]).absolute()}"', moved)
+    (folder / CONFIG).write_text(moved)
+    return folder / CONFIG, moved
+
+
+def _configure(file: Path, text: str, links: str, out: str) -> Config:
+    """The same with the emulator's ports, recording below ``out``."""
     import tomllib
 
     from fti import config as configuration
 
-    _, text = configuration.read_toml(file)
-    text = BOUND.sub(lambda found: f'{found[1]}{_free_port(int(found[2]))}"', text)
-    (links / CONFIG).write_text(text)
     config = configuration.parse(tomllib.loads(text), text, file)
     moved = configuration.with_session(configuration.with_links(config, links), directory=out, origin="hil")
     return moved.model_copy(update={"display": moved.display.model_copy(update={"port": 0})})
 
 
-def _free_port(wanted: int) -> int:
-    """The port, when nobody listens on it: two demonstrations must not hear each other's sensors."""
+def _free_port() -> int:
     import socket
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        try:
-            sock.bind(("127.0.0.1", wanted))
-        except OSError:
-            sock.bind(("127.0.0.1", 0))
+        sock.bind(("127.0.0.1", 0))
         port: int = sock.getsockname()[1]
         return port
 
@@ -110,7 +120,7 @@ async def _open_browser(supervisor: Supervisor) -> None:
         await asyncio.to_thread(webbrowser.open, supervisor.display_url or "")
 
 
-async def _fly_once(scenario: Path, links: Path, truth: Path) -> None:
+async def _fly_once(scenario: Path, config: Path, links: str, truth: Path) -> None:
     """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
 
     Raises FtiError when the emulator fails.
@@ -122,7 +132,7 @@ async def _fly_once(scenario: Path, links: Path, truth: Path) -> None:
 
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
-        *("--links", str(links), "--config", str(links / CONFIG), "--truth", str(truth), "--wait"),
+        *("--links", links, "--config", str(config), "--truth", str(truth), "--wait"),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         process_group=0,

@@ -58,11 +58,15 @@ def option_files(config: Config) -> dict[str, Path]:
 
 def read_texts(config: Config) -> dict[str, str]:
     """The content of every file that options and ``nav.approach`` name, by key path.  Raises MissingError."""
-    texts = {key: _read_named(config, key, path) for key, path in option_files(config).items()}
+    texts = _read_option_texts(config)
     if config.nav.approach:
         key = "nav.approach.profile"
         texts[key] = _read_named(config, key, Path(config.nav.approach.profile))
     return texts
+
+
+def _read_option_texts(config: Config) -> dict[str, str]:
+    return {key: _read_named(config, key, path) for key, path in option_files(config).items()}
 
 
 def _read_named(config: Config, key: str, path: Path) -> str:
@@ -73,11 +77,11 @@ def _read_named(config: Config, key: str, path: Path) -> str:
 
 
 def bind_devices(config: Config, texts: Mapping[str, str] | None = None) -> list[BoundDevice]:
-    """Every device with driver and checked options.  texts : see ``read_texts``, which is called when None.
+    """Every device with driver and checked options.  texts : see ``read_texts``; when None, what options name is read.
 
     Raises ConfigError with file, key path, value and what is allowed.
     """
-    found = read_texts(config) if texts is None else texts
+    found = _read_option_texts(config) if texts is None else texts
     return [_bind(config, i, device, found) for i, device in enumerate(config.device)]
 
 

@@ -154,3 +154,20 @@ async def test_an_alert_is_a_red_block_and_an_alarm(page: Page, daemon: FakeDaem
 
 def make_alert(fields: dict[str, Any]) -> dict[str, Any]:
     return fields | {"state": "alert", "reasons": ("obstacle",), "valid": False, "t4_ratio": 2.3}
+
+
+SHARED_HISTORY = """
+(async () => {
+  const { HistoryPlot } = await import("/plot.js");
+  const history = { t: [1, 2, 3], series: { a: [1, 1, 1] } };
+  const options = { series: [{ key: "a", color: "#fff" }], digits: 0, range: (min, max) => [min ?? 0, max ?? 1] };
+  const plots = [0, 1].map(() => new HistoryPlot(document.createElement("div"), options));
+  for (const plot of plots) plot.load(history);
+  for (const plot of plots) plot.add(3.5, [7]);
+  return plots.map((plot) => plot.data.map((column) => column.at(-1)));
+})()
+"""
+
+
+async def test_plots_of_one_history_go_on_each_by_itself(page: Page) -> None:
+    assert await page.eval(SHARED_HISTORY) == [[3.5, 7], [3.5, 7]]

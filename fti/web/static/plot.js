@@ -50,7 +50,7 @@ export class HistoryPlot {
 
   load(history) {
     this.data = [
-      history.t,
+      [...history.t], // several plots are loaded from the same history, and each goes on by itself
       ...this.series.map(({ key, scale = 1 }) => history.t.map((_, i) => scaled(history.series[key]?.[i], scale))),
     ];
     this.#draw();
