@@ -160,7 +160,7 @@ SHARED_HISTORY = """
 (async () => {
   const { HistoryPlot } = await import("/plot.js");
   const history = { t: [1, 2, 3], series: { a: [1, 1, 1] } };
-  const options = { series: [{ key: "a", color: "#fff" }], digits: 0, range: (min, max) => [min ?? 0, max ?? 1] };
+  const options = { series: [{ key: "a", color: "#fff" }], digits: 0, range: () => [0, 10] };
   const plots = [0, 1].map(() => new HistoryPlot(document.createElement("div"), options));
   for (const plot of plots) plot.load(history);
   for (const plot of plots) plot.add(3.5, [7]);
