@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import socket
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ class Channel:
         self._socket = sock
         self._received = bytearray()
         self._pending = bytearray()
+        self._sending = threading.Lock()  # a writer thread tells of its failures too
         self.ended = False
 
     def fileno(self) -> int:
@@ -37,13 +39,19 @@ class Channel:
 
     def send(self, message: Mapping[str, Any]) -> bool:
         """Queue a message; False when the other side is gone or has stopped reading."""
-        if len(self._pending) > MOST_PENDING:
-            return False
-        self._pending += json.dumps(message, separators=(",", ":")).encode() + b"\n"
-        return self.flush()
+        line = json.dumps(message, separators=(",", ":")).encode() + b"\n"
+        with self._sending:
+            if len(self._pending) > MOST_PENDING:
+                return False
+            self._pending += line
+            return self._hand_over()
 
     def flush(self) -> bool:
         """Hand over what is queued, as far as the socket takes it; False when the other side is gone."""
+        with self._sending:
+            return self._hand_over()
+
+    def _hand_over(self) -> bool:
         try:
             while self._pending:
                 del self._pending[: self._socket.send(self._pending)]

@@ -1,11 +1,13 @@
 """The control channel: messages whole and in order, never waiting, and the end of the other side seen."""
 
 import socket
+from concurrent.futures import ThreadPoolExecutor
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.service.control import MOST_PENDING, Channel, make_memory_file, read_memory_file
+from tests.helpers import until
 
 
 def _pair() -> tuple[Channel, Channel]:
@@ -62,3 +64,31 @@ def test_the_last_words_of_the_other_side_are_heard_though_sending_fails() -> No
     assert left.receive() == [{"last": "words"}]
     assert left.ended
     left.close()
+
+
+def test_threads_do_not_tear_each_others_messages() -> None:
+    """The socket is small, so that nearly every message is handed over in pieces."""
+    left, right = socket.socketpair()
+    left.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2048)
+    sender, receiver = Channel(left), Channel(right)
+    found: list[dict[str, object]] = []
+    with ThreadPoolExecutor(3) as pool:
+        jobs = [pool.submit(_send_many, sender, who) for who in range(3)]
+        until(lambda: _received(receiver, sender, found) == 900, 30, "900 messages")
+        for job in jobs:
+            job.result()
+    for who in range(3):
+        assert [m["n"] for m in found if m["who"] == who] == list(range(300))
+    sender.close()
+    receiver.close()
+
+
+def _send_many(sender: Channel, who: int) -> None:
+    for n in range(300):
+        assert sender.send({"who": who, "n": n, "text": "x" * 500})
+
+
+def _received(receiver: Channel, sender: Channel, found: list[dict[str, object]]) -> int:
+    sender.flush()
+    found += receiver.receive()
+    return len(found)
