@@ -21,7 +21,6 @@ from fti.cli._arguments import seconds
 
 if TYPE_CHECKING:
     from fti.config import CanLink, SerialLink, UdpLink
-    from fti.drivers import Decoder
     from fti.links import Link
 
 REPORT_S = 1.0
@@ -136,6 +135,8 @@ class Ear:
     def __init__(self, carrier: str) -> None:
         self.start_ns = 0
         self.frames = self.bytes = 0
+        from fti.service.diagnosis import default_decoders
+
         self._carrier = carrier
         self._decoders = default_decoders(carrier)
 
@@ -163,23 +164,6 @@ class Ear:
 
         sys.stdout.flush()
         print(text, file=sys.stderr, flush=True)
-
-
-def default_decoders(carrier: str) -> dict[str, Decoder]:
-    """A decoder of every driver that can be on such a link and needs no options."""
-    from fti import drivers
-
-    found = {}
-    for name in drivers.names():
-        driver = drivers.load(name)
-        try:
-            options = driver.Options()
-            decoder = driver.make_decoder(options)
-        except ValueError:  # it needs options
-            continue
-        if carrier in driver.CARRIERS:
-            found[name] = decoder
-    return found
 
 
 def shown(data: bytes, carrier: str) -> list[str]:

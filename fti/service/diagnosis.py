@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from pydantic import ValidationError
-
 from fti import drivers
 from fti.config import Config
+from fti.drivers import Decoder
 from fti.service.chain import Chain, Listener
 from fti.types import LinkState, RawFrame
 
@@ -40,17 +40,22 @@ class Past:
     counts: deque[Count] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
 
-def guess_drivers(data: bytes, carrier: str) -> list[str]:
-    """Names of the drivers that find messages in these bytes, most first; those that need options are not tried."""
-    found: list[tuple[int, str]] = []
+def default_decoders(carrier: str) -> dict[str, Decoder]:
+    """A decoder of every driver that can be on such a link and needs no options."""
+    found = {}
     for name in drivers.names():
         driver = drivers.load(name)
         if carrier not in driver.CARRIERS:
             continue
-        try:
-            decoder = driver.make_decoder(driver.Options())
-        except (ValidationError, ValueError):
-            continue
+        with contextlib.suppress(ValueError):  # it needs options
+            found[name] = driver.make_decoder(driver.Options())
+    return found
+
+
+def guess_drivers(data: bytes, carrier: str) -> list[str]:
+    """Names of the drivers that find messages in these bytes, most first; those that need options are not tried."""
+    found: list[tuple[int, str]] = []
+    for name, decoder in default_decoders(carrier).items():
         decoder.feed(data, 0)
         if decoder.counters.framed * 2 > len(data):
             found.append((decoder.counters.framed, name))

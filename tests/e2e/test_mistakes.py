@@ -192,7 +192,9 @@ def test_a_missing_configuration_and_a_wrong_dbc(tmp_path: Path) -> None:
 def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "bench.toml").write_text(CONFIG)
     (tmp_path / "file").write_text("")
-    places = [tmp_path / "file", Path("/proc")] + ([] if os.getuid() == 0 else [Path("/root/below")])
+    locked = tmp_path / "locked"
+    locked.mkdir(mode=0o500)
+    places = [tmp_path / "file", Path("/proc")] + ([] if os.getuid() == 0 else [locked])
     for place in places:
         done = fti("run", str(tmp_path / "bench.toml"), "--out", str(place))
         assert done.returncode == 2, done.stdout + done.stderr
