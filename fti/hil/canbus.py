@@ -11,19 +11,17 @@ import can
 
 from fti.config import CanLink
 from fti.errors import MissingError
-from fti.hil.pty import Sent
+from fti.hil.trying import TryingEndpoint
 from fti.links.can import pack_message, unpack_message
 
-RETRY_S = 0.002
 
-
-class CanBusEndpoint:
+class CanBusEndpoint(TryingEndpoint):
     """A node on a bus that python-can reaches."""
 
     is_stream: ClassVar[bool] = False
 
     def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]]) -> None:
-        self.sent = Sent()
+        super().__init__()
         self._link = link
         self._respond = respond
         self._bus: can.BusABC | None = None
@@ -48,17 +46,6 @@ class CanBusEndpoint:
 
     async def reader_ready(self) -> None:
         """A bus does not tell who listens."""
-
-    def send(self, data: bytes) -> None:
-        """Send one frame, or count it as dropped."""
-        if not self._try(data):
-            self.sent.dropped_messages += 1
-            self.sent.dropped_bytes += len(data)
-
-    async def send_all(self, data: bytes) -> None:
-        """Send one frame; wait while the bus is full."""
-        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
-            await asyncio.sleep(RETRY_S)
 
     async def drained(self) -> None:
         """What was sent is on the bus."""

@@ -19,12 +19,12 @@ from fti.config import CanLink, SerialLink, UdpLink
 from fti.errors import MissingError
 from fti.hil.lawicel import Adapter
 from fti.hil.pty import POLL_S, PtyEndpoint, Sent
+from fti.hil.trying import TryingEndpoint
 from fti.links.slcan import format_frame
 
 Respond = Callable[[bytes], list[bytes]]
 #: python-can interfaces whose channel two programs of one machine can share.
 SHARED_INTERFACES = ("slcan", "socketcan", "udp_multicast", "virtual")
-RETRY_S = 0.002
 #: Where a datagram to "any address" goes without leaving the machine.
 LOOPBACK_OF = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  nothing is bound to these
 
@@ -136,13 +136,13 @@ class SlcanEndpoint(PtyEndpoint):
         return []
 
 
-class UdpEndpoint:
+class UdpEndpoint(TryingEndpoint):
     """Datagrams from a simulated device."""
 
     is_stream: ClassVar[bool] = False
 
     def __init__(self, link: UdpLink, respond: Respond) -> None:
-        self.sent = Sent()
+        super().__init__()
         self._link = link
         self._respond = respond
         self._target = _target(link)
@@ -169,17 +169,6 @@ class UdpEndpoint:
         """Wait until somebody has bound the port that we send to."""
         while not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
             await asyncio.sleep(POLL_S)
-
-    def send(self, data: bytes) -> None:
-        """Send one datagram, or count it as dropped."""
-        if not self._try(data):
-            self.sent.dropped_messages += 1
-            self.sent.dropped_bytes += len(data)
-
-    async def send_all(self, data: bytes) -> None:
-        """Send one datagram; wait while the socket is full."""
-        while not self._try(data):  # noqa: ASYNC110  the kernel does not tell when there is room
-            await asyncio.sleep(RETRY_S)
 
     async def drained(self) -> None:
         """What was sent lies in the receiver's queue already."""
