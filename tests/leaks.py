@@ -12,6 +12,8 @@ import sys
 import threading
 from pathlib import Path
 
+from tests.processes import children_of, command_of
+
 IGNORED_THREADS = ("asyncio_", "pytest_timeout", "ThreadPoolExecutor-", "pydevd")
 IGNORED_CHILDREN = ("resource_tracker", "forkserver")
 IGNORED_FILES = ("/dev/null", "/dev/urandom", "/proc/", "/sys/", "/usr/", sys.prefix, sys.base_prefix)
@@ -30,19 +32,11 @@ def _threads() -> dict[str, str]:
 
 def _children() -> dict[str, str]:
     found = {}
-    for pid in (p for task in Path("/proc/self/task").iterdir() for p in _read(task / "children").split()):
-        command = _read(Path("/proc", pid, "cmdline")).replace("\0", " ").strip()
+    for pid in children_of(os.getpid()):
+        command = command_of(pid)
         if not any(ignored in command for ignored in IGNORED_CHILDREN):
             found[f"process {pid}"] = f"child process {pid} {command or '(ended, nobody waited for it)'}"
     return found
-
-
-def _read(path: Path) -> str:
-    """Text of a file of /proc; empty when what it describes has ended."""
-    try:
-        return path.read_text()
-    except OSError:
-        return ""
 
 
 def _descriptors() -> dict[str, str]:

@@ -20,6 +20,7 @@ from typing import Any
 
 from fti.bus.zenoh_bus import Subscriber
 from tests.helpers import until
+from tests.processes import children_of
 
 FTI = [sys.executable, "-m", "fti.cli.main"]
 START_S = 30.0
@@ -155,11 +156,6 @@ class Daemon:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.process.communicate(timeout=END_S)
-
-
-def children_of(pid: int) -> list[int]:
-    tasks = Path(f"/proc/{pid}/task")
-    return [int(p) for task in tasks.iterdir() for p in (task / "children").read_text().split()]
 
 
 @contextlib.contextmanager

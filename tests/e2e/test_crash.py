@@ -17,8 +17,9 @@ from mcap.stream_reader import StreamReader
 from fti.logger.recording import Recording
 from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
-from tests.e2e.harness import Daemon, children_of, daemon, fti
+from tests.e2e.harness import Daemon, daemon, fti
 from tests.helpers import until
+from tests.processes import children_of, command_of
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
 KILL_TOLERANCE_NS = 50_000_000
@@ -128,8 +129,7 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_pat
 
 def _recorders(running: Daemon) -> set[int]:
     """The recorder and its stand-in."""
-    commands = {pid: Path(f"/proc/{pid}/cmdline") for pid in children_of(running.process.pid)}
-    return {pid for pid, command in commands.items() if b"fti.service.recorder" in command.read_bytes()}
+    return {pid for pid in children_of(running.process.pid) if "fti.service.recorder" in command_of(pid)}
 
 
 def test_recorder_and_stand_in_killed_with_nobody_reading_the_output(tmp_path: Path) -> None:
