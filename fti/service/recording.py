@@ -5,39 +5,29 @@ from __future__ import annotations
 import asyncio
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
 from fti.buffers.triple import Entry, TripleBuffer
 from fti.clock import SystemClock, sample_clocks
-from fti.errors import LinkError, StorageError
+from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
+from fti.service.accounts import HEALTH_PERIOD_S, Unit, ledger, link_health
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
+from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
-from fti.service.writing import Source, Writer
+from fti.service.source import Source
+from fti.service.storage_report import StorageReport
+from fti.service.writing import Writer
 from fti.types import TICK_PERIOD_NS
 
-HEALTH_PERIOD_S = 0.5
 LEDGER_PERIOD_S = 1.0
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
-
-
-@dataclass(slots=True)
-class Unit:
-    """A link with its buffers.  index : in the ring; what is sent on it has index + ``sent_offset``."""
-
-    link: Link
-    kind: str
-    index: int
-    received: TripleBuffer
-    sent: TripleBuffer
-    frames_before: int = 0
 
 
 class Recorder:
@@ -48,15 +38,16 @@ class Recorder:
         self._clock = clock
         self._channel = channel
         self._ring = Ring.attach(ring_fd)
-        self._seq = self._ring.next_seq
+        self._intake = Intake(self._ring)
         self._stop = asyncio.Event()
         self._jobs: set[asyncio.Task[None]] = set()
-        self._fault_told: str | None = None
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
         self._log = self._open_log()
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         self._writer = Writer(self._log, self._sources(), self._report)
+        min_free_mb = order.config.session.min_free_mb
+        self._storage = StorageReport(self._log, self._writer, min_free_mb, self._tell)
 
     # ------------------------------------------------------------------------------------------------- making
 
@@ -80,26 +71,11 @@ class Recorder:
         link = open_link(
             described,
             self._clock,
-            self._sink(index, received),
+            self._intake.sink(index, received),
             on_connect=[bytes.fromhex(text) for text in orders.on_connect],
         )
-        link.on_sent = self._sink(self._tick_index + 1 + index, sent)
+        link.on_sent = self._intake.sink(self._tick_index + 1 + index, sent)
         return Unit(link, described.kind, index, received, sent)
-
-    def _sink(self, index: int, buffer: TripleBuffer) -> Callable[[bytes, int], None]:
-        """Number a frame, put it into the ring and buffer it for the file.
-
-        First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
-        know of.
-        """
-
-        def accept(data: bytes, t_ns: int) -> None:
-            seq = self._seq
-            self._seq = seq + 1
-            self._ring.put(index, seq, t_ns, data)
-            buffer.put(seq, t_ns, data)
-
-        return accept
 
     def _sources(self) -> list[Source]:
         log = self._log
@@ -146,7 +122,7 @@ class Recorder:
 
     async def _tick(self) -> None:
         """A frame every 20 ms, so that silence has a time too."""
-        accept = self._sink(self._tick_index, self._ticks)
+        accept = self._intake.sink(self._tick_index, self._ticks)
         while True:
             now = self._clock.now_ns()
             await asyncio.sleep((TICK_PERIOD_NS - now % TICK_PERIOD_NS) / SECOND_NS)
@@ -157,21 +133,13 @@ class Recorder:
         turn = 0
         while True:
             now = self._clock.now_ns()
-            self._tell_storage()
+            self._storage.tell_changes()
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.note("/fti/ledger", now, self._ledger(now))
+                self._writer.note("/fti/ledger", now, ledger(now, self._units))
                 self._writer.note("/fti/clock", now, {"t_ns": now, **sample_clocks()})
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
-
-    def _tell_storage(self) -> None:
-        """The one loud failure: the medium refuses; and that it takes bytes again."""
-        fault = self._writer.storage_fault
-        if bool(fault) != bool(self._fault_told):
-            text = f"the medium refuses: {fault}" if fault else "the medium accepts again"
-            self._tell("error" if fault else "warning", "storage", text)
-        self._fault_told = fault
 
     def _on_control(self) -> None:
         for message in self._channel.receive():
@@ -224,7 +192,7 @@ class Recorder:
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
         await asyncio.to_thread(self._writer.stop)
         now = self._clock.now_ns()
-        self._writer.note("/fti/ledger", now, self._ledger(now))
+        self._writer.note("/fti/ledger", now, ledger(now, self._units))
         self._writer.finish()
         self._ring.end()
         self._channel.send({"health": self._health(now)})
@@ -236,15 +204,12 @@ class Recorder:
 
     # ------------------------------------------------------------------------------------------------- telling
 
-    def _ledger(self, now: int) -> dict[str, Any]:
-        return {"t_ns": now, "links": {unit.link.name: _account(unit) for unit in self._units}}
-
     def _health(self, now: int) -> dict[str, Any]:
         return {
             "t_ns": now,
-            "links": {unit.link.name: self._link_health(unit, now) for unit in self._units},
-            "storage": self._storage_health(),
-            "next_seq": self._seq,
+            "links": {unit.link.name: link_health(unit, now) for unit in self._units},
+            "storage": self._storage.health(),
+            "next_seq": self._intake.seq,
         }
 
     def _link_health(self, unit: Unit, now: int) -> dict[str, Any]:
@@ -266,25 +231,6 @@ class Recorder:
             "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
         }
 
-    def _free_mb(self) -> float | None:
-        try:
-            return self._log.free_mb()
-        except StorageError:
-            return None
-
-    def _storage_health(self) -> dict[str, Any]:
-        free_mb = self._free_mb()
-        fault = self._writer.storage_fault
-        low = free_mb is not None and free_mb < self._order.config.session.min_free_mb
-        return {
-            "file": str(self._log.path),
-            "file_bytes": self._log.bytes_written,
-            "file_age_s": self._writer.silence_s,
-            "free_mb": free_mb,
-            "state": "error" if fault else "full" if low else "ok",
-            "hint": fault or ("less space than session.min_free_mb is left" if low else ""),
-        }
-
 
 def _recorder_of(record: Callable[[str, int, int, bytes], None], link: str) -> Callable[[Entry], None]:
     return lambda entry: record(link, entry.seq, entry.t_rx_ns, entry.data)
@@ -293,18 +239,3 @@ def _recorder_of(record: Callable[[str, int, int, bytes], None], link: str) -> C
 def _settings(link: Any) -> dict[str, str]:
     """What the channel metadata says of a link: everything that the configuration says."""
     return {key: str(value) for key, value in link.model_dump().items() if key not in ("name", "kind")}
-
-
-def _account(unit: Unit) -> dict[str, Any]:
-    stats, status = unit.received.stats, unit.link.status
-    dropped = {
-        "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
-        "socket_queue": {"frames": status.socket_dropped, "bytes": 0},
-    }
-    return {
-        "in_frames": stats.frames_in + status.socket_dropped,
-        "in_bytes": stats.bytes_in,
-        "recorded_frames": stats.frames_out,
-        "recorded_bytes": stats.bytes_out,
-        "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
-    }

@@ -10,43 +10,19 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
-from fti.buffers.triple import Entry, TripleBuffer
 from fti.errors import StorageError
 from fti.logger.raw_log import RawLog
 from fti.service.guard import Report, guarded
+from fti.service.source import Source
 
 FLUSH_PERIOD_S = 0.02
 SYNC_PERIOD_S = 1.0
 RETRY_S = 0.2
 #: At the end, a medium that refuses for so long gets no more chances.
 LAST_CHANCE_S = 5.0
-
-
-@dataclass(slots=True)
-class Source:
-    """A triple buffer and how its entries go into the log.
-
-    recorded : of what the buffer hands out, so many are in the log already, and not yet on the medium
-    """
-
-    buffer: TripleBuffer
-    record: Callable[[Entry], None]
-    recorded: int = 0
-
-    def record_all(self) -> None:
-        """Record what the buffer hands out, each entry once, however often it is handed out."""
-        for entry in self.buffer.take()[self.recorded :]:
-            self.record(entry)
-            self.recorded += 1
-
-    def mark_written(self) -> None:
-        """What was recorded is on the medium."""
-        self.buffer.written(self.recorded)
-        self.recorded = 0
 
 
 class Writer:

@@ -12,7 +12,8 @@ from fti.buffers.triple import TripleBuffer
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.service.writing import Source, Writer
+from fti.service.source import Source
+from fti.service.writing import Writer
 from tests.helpers import until
 
 
