@@ -1,0 +1,72 @@
+"""What the machine takes: a process on each core that wakes every 2 ms and notes when it was not let run.
+
+    python -m tests.e2e.heartbeat CORE
+
+A pause of the heart is time that the host, and no program of ours, had: the process sleeps, has the priority of the
+recorder, and needs nothing but the core.  It runs until its standard input ends, and then prints its pauses as a JSON
+list of [begin, end] (monotonic clock, ns).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+
+from fti.service.recorder import PRIORITY
+from tests.e2e.flood import goes_on
+from tests.helpers import ROOT
+
+PERIOD_NS = 2_000_000
+#: Shorter ones are the ordinary turns of a scheduler.
+PAUSE_NS = 8_000_000
+
+
+class Heartbeats:
+    """A heart on each core; ``pauses`` tells when they have been stopped."""
+
+    def __init__(self) -> None:
+        self.pauses: list[list[tuple[int, int]]] = []
+        self._processes = [
+            subprocess.Popen(
+                [sys.executable, "-m", "tests.e2e.heartbeat", str(core)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                cwd=ROOT,
+            )
+            for core in sorted(os.sched_getaffinity(0))
+        ]
+
+    def stop(self) -> None:
+        """End them."""
+        for process in self._processes:
+            said, _ = process.communicate(timeout=30)
+            self.pauses.append(json.loads(said))
+        self._processes = []
+
+    def paused_ns(self, begin_ns: int, end_ns: int) -> int:
+        """How long of a span a core stood still [ns]; of the core that stood still longest."""
+        return max(
+            sum(max(min(end, end_ns) - max(begin, begin_ns), 0) for begin, end in pauses) for pauses in self.pauses
+        )
+
+
+def _beat(core: int) -> list[tuple[int, int]]:
+    os.sched_setaffinity(0, {core})
+    os.set_blocking(0, False)
+    pauses, before = [], time.monotonic_ns()
+    while goes_on():
+        time.sleep(PERIOD_NS / 1e9)
+        now = time.monotonic_ns()
+        if now - before > PERIOD_NS + PAUSE_NS:
+            pauses.append((before + PERIOD_NS, now))
+        before = now
+    return pauses
+
+
+if __name__ == "__main__":
+    if os.getuid() == 0:
+        os.nice(PRIORITY)
+    print(json.dumps(_beat(int(sys.argv[1]))))

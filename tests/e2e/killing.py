@@ -1,0 +1,255 @@
+"""Recorders that are killed one after another in one session, fed all the time; and what was lost each time.
+
+What was received is known exactly: the ring outlives the recorder.  What was recorded is read with the official
+reader, first as the file lies, then when it has been closed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+
+from fti.buffers.ring import Ring, RingReader
+from fti.clock import choose_epoch_ns
+from fti.config import Config, Session, UdpLink
+from fti.logger import records
+from fti.logger.repair import close_unfinished
+from fti.logger.session import SessionFolder
+from fti.service.children import Child
+from fti.service.control import Channel as ControlChannel
+from fti.service.orders import RecorderOrder
+from tests.e2e.flood import Flood, free_ports, parse
+from tests.helpers import until
+
+HOST = "127.0.77.1"
+LINKS = 23
+RING_BYTES = 64 * 2**20
+SETTLED_FRAMES = 100
+#: seq -> topic, stamp, data
+Frames = dict[int, tuple[str, int, bytes]]
+#: Waits for the moment of a kill, given the rig.
+Moment = Callable[["Rig"], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """What a kill has cost.
+
+    lost_ns : from the first frame that is missing to the last one received
+    began_ns, killed_ns : FTI times between which that happened; frames : so many are missing; received : of so many
+    """
+
+    lost_ns: int
+    frames: int
+    received: int
+    began_ns: int
+    killed_ns: int
+
+
+class Rig:
+    """A session whose recorder is killed again and again.
+
+    chance : decides about the moments; recorded : numbered messages in all files that were closed
+    """
+
+    def __init__(self, folder: Path, rate_hz: float, chance: Random, split_mb: float = 1024.0) -> None:
+        self.chance = chance
+        self.epoch_ns = choose_epoch_ns()
+        self.session = SessionFolder.create(folder, "killed", self.epoch_ns)
+        self._ring = Ring.create(RING_BYTES)
+        self._reader = RingReader(self._ring)
+        ports = free_ports(HOST, LINKS)
+        self._topics = [f"/raw/udp{n}" for n in range(LINKS)] + ["/fti/tick"]
+        self._child = Child("recorder", self._order(ports, split_mb), self._ring.fd)
+        self._child.prepare()
+        self._flood = Flood(HOST, rate_hz, ports)
+        self._next_number = [0] * LINKS
+        self.recorded = 0
+
+    def _order(self, ports: list[int], split_mb: float) -> bytes:
+        links = tuple(UdpLink(name=f"udp{n}", kind="udp", bind=f"{HOST}:{port}") for n, port in enumerate(ports))
+        order = RecorderOrder(
+            config=Config(session=Session(name="killed", split_mb=split_mb), link=links),
+            folder=str(self.session.path),
+            epoch_ns=self.epoch_ns,
+            sending={},
+            attachments={"config.toml": "text"},
+            metadata={"name": "killed"},
+        )
+        return order.model_dump_json().encode()
+
+    @property
+    def channel(self) -> ControlChannel:
+        """To the recorder that runs."""
+        assert self._child.channel
+        return self._child.channel
+
+    @property
+    def files(self) -> list[Path]:
+        """The raw files that there are."""
+        return self.session.files("raw")
+
+    def kill(self, moment: Moment) -> Loss:
+        """Let a recorder record, kill it when the moment has come, and look at what it has left."""
+        finished = len(self.files)
+        first = self._ring.next_seq
+        self._child.start()
+        self._child.prepare()
+        until(lambda: self._ring.next_seq > first + SETTLED_FRAMES, 30, "recorded frames")
+        self.linger(0.3)
+        copies = {path: path.read_bytes() for path in self.files[finished:]}
+        moment(self)
+        killed_ns = time.monotonic_ns() + self.epoch_ns
+        self._child.kill()
+        until(lambda: self._child.died() is not None, 20, "its end")
+        self._child.close()
+        return self._judge(self.files[finished:], copies, killed_ns)
+
+    def linger(self, most_s: float) -> None:
+        """Let a random time go by."""
+        time.sleep(self.chance.uniform(0, most_s))
+
+    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int) -> Loss:
+        received = self._received()
+        lying = _merge(read_as_it_lies(path) for path in files)
+        _assert_same(lying, received)
+        for path in files:
+            close_unfinished(path)
+            assert_unchanged(copies.get(path, b""), path.read_bytes())
+        closed = _merge(_numbered(path) for path in files)
+        _assert_same(closed, received)
+        assert lying.keys() <= closed.keys()
+        self._assert_in_order(closed)
+        self.recorded += len(closed)
+        return _loss(received, lying, killed_ns)
+
+    def _received(self) -> Frames:
+        """What the recorder had received since the last kill."""
+        found: Frames = {}
+        while batch := self._reader.read(100_000):
+            found.update((r.seq, (self._topics[r.link_index], r.t_rx_ns, r.data)) for r in batch)
+        self._reader.commit()
+        assert not self._reader.lost_frames
+        return found
+
+    def _assert_in_order(self, recorded: Frames) -> None:
+        """Each link's datagrams are the ones that were sent, in their order, none twice."""
+        for seq in sorted(recorded):
+            topic, _, data = recorded[seq]
+            if topic.startswith("/raw/"):
+                link, number = parse(data)
+                assert topic == f"/raw/udp{link}"
+                assert number >= self._next_number[link]
+                self._next_number[link] = number + 1
+
+    def close(self) -> None:
+        """End everything."""
+        self._child.kill()
+        self._child.dismiss()
+        self._flood.stop()
+        self._ring.close()
+
+
+def _loss(received: Frames, recorded: Frames, killed_ns: int) -> Loss:
+    last_ns = max(t_ns for _, t_ns, _ in received.values())
+    missing = [t_ns for seq, (_, t_ns, _) in received.items() if seq not in recorded]
+    began_ns = min(missing, default=last_ns)
+    return Loss(last_ns - began_ns, len(missing), len(received), began_ns, killed_ns)
+
+
+# ---------------------------------------------------------------------------------------------------------- reading
+
+
+def read_as_it_lies(path: Path) -> Frames:
+    """The numbered messages of a file that may have no end, with the official reader of streams."""
+    found: Frames = {}
+    topics: dict[int, str] = {}
+    if path.stat().st_size < len(records.MAGIC):
+        return found  # killed before it had written the first bytes
+    with path.open("rb") as stream:
+        try:
+            for record in StreamReader(stream, validate_crcs=True).records:
+                if isinstance(record, Channel):
+                    topics[record.id] = record.topic
+                elif isinstance(record, Message):
+                    _take(found, topics[record.channel_id], record)
+        except EndOfFile:
+            pass
+    return found
+
+
+def _numbered(path: Path) -> Frames:
+    """The numbered messages of a finished file, with the official reader."""
+    found: Frames = {}
+    with path.open("rb") as stream:
+        for _, channel, message in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
+            _take(found, channel.topic, message)
+    return found
+
+
+def _take(found: Frames, topic: str, message: Message) -> None:
+    if topic.startswith("/raw/") or topic == "/fti/tick":
+        assert message.sequence not in found
+        found[message.sequence] = topic, message.log_time, message.data
+
+
+def _merge(parts: Iterable[Frames]) -> Frames:
+    merged: Frames = {}
+    for part in parts:
+        assert not merged.keys() & part.keys()
+        merged |= part
+    return merged
+
+
+def _assert_same(recorded: Frames, received: Frames) -> None:
+    """Nothing is in the file that was not received as it stands there."""
+    for seq, frame in recorded.items():
+        assert received.get(seq) == frame, seq
+
+
+def assert_unchanged(before: bytes, after: bytes) -> None:
+    """What lay in a file is still there; only the head of the chunk that was open may be another."""
+    head = _last_chunk(before)
+    assert after[:head] == before[:head]
+    body = head + records.CHUNK.size
+    whole = _whole_records(before, body) if head < len(before) else head
+    assert after[body:whole] == before[body:whole]
+
+
+def _last_chunk(data: bytes) -> int:
+    """Where the last chunk of a file begins; its end when there is none."""
+    at, found = len(records.MAGIC), len(data)
+    while at + records.HEAD.size <= len(data):
+        op, length = records.HEAD.unpack_from(data, at)
+        found = at if op == records.Op.CHUNK else found
+        at += records.HEAD.size + length
+    return found
+
+
+def _whole_records(data: bytes, at: int) -> int:
+    """End of the last whole record, from the first one of a chunk on."""
+    while at + records.HEAD.size <= len(data):
+        _, length = records.HEAD.unpack_from(data, at)
+        if at + records.HEAD.size + length > len(data):
+            break
+        at += records.HEAD.size + length
+    return at
+
+
+def describe(losses: list[Loss], excused: int) -> str:
+    """What the kills have cost."""
+    spans = sorted(loss.lost_ns / 1e6 for loss in losses)
+    outage = sorted((loss.killed_ns - loss.began_ns) / 1e6 for loss in losses)
+    return (
+        f"{len(losses)} kills; lost of what was received: median {spans[len(spans) // 2]:.1f} ms, "
+        f"most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} frames; from the first lost one to the "
+        f"kill: median {outage[len(outage) // 2]:.1f} ms, most {outage[-1]:.1f} ms; over 50 ms: {excused}"
+    )
