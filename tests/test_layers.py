@@ -13,7 +13,8 @@ from tests.helpers import ROOT
 #: What the recorder may be made of.
 BYTES_ONLY = ["fti.types", "fti.errors", "fti.clock", "fti.config", "fti.canframe", "fti.buffers", "fti.links"]
 BYTES_ONLY += ["fti.buffers.triple", "fti.buffers.ring", "fti.logger.raw_log"]
-HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pyarrow", "pymavlink"]
+HEAVY = ["numpy", "numba", "llvmlite", "scipy", "zenoh", "aiohttp", "aiomqtt", "foxglove", "pyproj", "pymavlink"]
+HEAVY += ["pyarrow"]
 UNDERSTANDING = ["fti.drivers", "fti.nav", "fti.ranging", "fti.terrain", "fti.web", "fti.bus", "fti.hil"]
 
 SHOW_MODULES = (
