@@ -2,20 +2,38 @@
 
 FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one second: it is written
 once and never corrected, so a step of the real-time clock cannot tear a recording.
+
+CLOCK_REALTIME - CLOCK_MONOTONIC is constant while the real-time clock is only slewed: the kernel slews both alike
+(clock_gettime(2)).  It changes with a step, and then stamps that the kernel took before the step cannot be carried
+over: converted after it they would be wrong by the step.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
 
 SECOND_NS = 1_000_000_000
 #: A kernel stamp older than this (or in the future) is not believed; the time of the read is taken instead.
 MAX_STAMP_AGE_NS = 10 * SECOND_NS
-#: Two clocks have been read together when no more than this passed; so often it is tried.
+#: Clocks have been read together when no more than this passed; so often it is tried.
 TOGETHER_NS = 20_000
 CLOCK_READINGS = 5
+#: The real-time clock was stepped when it moved by more than this against the monotonic clock, and by more than the
+#: two readings can be wrong.
+STEP_NS = 100_000
+
+
+class StampWindow(NamedTuple):
+    """What kernel stamps are worth at one moment.
+
+    A CLOCK_REALTIME stamp [ns] is believed when oldest_ns <= stamp <= newest_ns; then FTI time is stamp + offset_ns.
+    """
+
+    offset_ns: int
+    oldest_ns: int
+    newest_ns: int
 
 
 class Clock(Protocol):
@@ -24,39 +42,134 @@ class Clock(Protocol):
     def now_ns(self) -> int:
         """FTI time [ns]."""
 
+    def stamp_window(self) -> StampWindow:
+        """How kernel stamps taken until now become FTI time; for a batch: ask after its last read."""
+
     def from_realtime_ns(self, stamp_ns: int) -> int | None:
         """FTI time [ns] of a kernel stamp taken with CLOCK_REALTIME; None when it cannot be believed."""
 
 
+class Reading(NamedTuple):
+    """CLOCK_MONOTONIC, what CLOCK_REALTIME has more, and within which time the two were read [ns]."""
+
+    monotonic_ns: int
+    offset_ns: int
+    width_ns: int
+
+
+def read_clocks() -> Reading:
+    """Both clocks; when something came in between they are read again, and the closest reading counts."""
+    best = Reading(0, 0, MAX_STAMP_AGE_NS)
+    for _ in range(CLOCK_READINGS):
+        before = time.monotonic_ns()
+        realtime = time.clock_gettime_ns(time.CLOCK_REALTIME)
+        width = time.monotonic_ns() - before
+        if width < best.width_ns:
+            monotonic = before + width // 2
+            best = Reading(monotonic, realtime - monotonic, width)
+        if width < TOGETHER_NS:
+            break
+    return best
+
+
 def choose_epoch_ns() -> int:
     """Offset [ns] from CLOCK_MONOTONIC to FTI time, such that FTI time is real time rounded to 1 s at the start."""
-    offset = time.clock_gettime_ns(time.CLOCK_REALTIME) - time.clock_gettime_ns(time.CLOCK_MONOTONIC)
-    return round(offset / SECOND_NS) * SECOND_NS
+    return round(read_clocks().offset_ns / SECOND_NS) * SECOND_NS
 
 
-@dataclass(frozen=True, slots=True)
+class Step(NamedTuple):
+    """The real-time clock was set: by so much [ns] (positive: forward); seen at the FTI time t_ns."""
+
+    t_ns: int
+    by_ns: int
+
+
+class _Past(NamedTuple):
+    """An offset that held until a step: CLOCK_REALTIME - CLOCK_MONOTONIC, and when on the latter its end was seen."""
+
+    offset_ns: int
+    ended_ns: int
+
+
+@dataclass(slots=True)
 class SystemClock:
-    """FTI time of a session.  epoch_ns : offset from CLOCK_MONOTONIC [ns]."""
+    """FTI time of a session.  epoch_ns : offset from CLOCK_MONOTONIC [ns].
+
+    Steps of the real-time clock are seen whenever clocks are read; a recorder does so at least once a second.
+    """
 
     epoch_ns: int
+    _trusted: Reading = field(init=False, repr=False)
+    _past: list[_Past] = field(init=False, repr=False, default_factory=list)
+    _steps: list[Step] = field(init=False, repr=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._trusted = read_clocks()
 
     def now_ns(self) -> int:
         """FTI time [ns]."""
         return time.monotonic_ns() + self.epoch_ns
 
-    def from_realtime_ns(self, stamp_ns: int) -> int | None:
-        """FTI time of a CLOCK_REALTIME stamp, through its age at this moment; None outside 0..10 s.
+    def sample(self) -> dict[str, int]:
+        """The kernel's clocks at one moment, for ``/fti/clock`` [ns].
 
-        The two clocks are read one after the other; when something came in between, they are read again, so that the
-        stamps of a burst keep their order.
+        t_ns : FTI time; width_ns : the three were read within so much
         """
-        for _ in range(CLOCK_READINGS):
-            before = time.monotonic_ns()
-            age = time.clock_gettime_ns(time.CLOCK_REALTIME) - stamp_ns
-            after = time.monotonic_ns()
-            if after - before < TOGETHER_NS:
-                break
-        return (before + after) // 2 + self.epoch_ns - age if 0 <= age <= MAX_STAMP_AGE_NS else None
+        return min((self._sample() for _ in range(CLOCK_READINGS)), key=lambda sample: sample["width_ns"])
+
+    def _sample(self) -> dict[str, int]:
+        raw_before = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
+        now = self._look()
+        raw_after = time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
+        return {
+            "t_ns": now.monotonic_ns + self.epoch_ns,
+            "monotonic_ns": now.monotonic_ns,
+            "monotonic_raw_ns": (raw_before + raw_after) // 2,
+            "realtime_ns": now.monotonic_ns + now.offset_ns,
+            "width_ns": raw_after - raw_before,
+        }
+
+    def take_steps(self) -> list[Step]:
+        """The steps of the real-time clock that were seen since the last call."""
+        steps, self._steps = self._steps, []
+        return steps
+
+    def stamp_window(self) -> StampWindow:
+        """Stamps of the last 10 s, without those that may have been taken before a step of the real-time clock."""
+        now = self._look()
+        realtime = now.monotonic_ns + now.offset_ns
+        oldest = realtime - MAX_STAMP_AGE_NS
+        if self._past:
+            oldest = max(oldest, self._after_steps(now))
+        return StampWindow(self.epoch_ns - now.offset_ns, oldest, realtime)
+
+    def from_realtime_ns(self, stamp_ns: int) -> int | None:
+        """FTI time of one CLOCK_REALTIME stamp; None when it cannot be believed (see ``stamp_window``)."""
+        offset_ns, oldest_ns, newest_ns = self.stamp_window()
+        return stamp_ns + offset_ns if oldest_ns <= stamp_ns <= newest_ns else None
+
+    def _look(self) -> Reading:
+        """Read the clocks; notice when the real-time clock was stepped since they were read last."""
+        now, trusted = read_clocks(), self._trusted
+        moved = now.offset_ns - trusted.offset_ns
+        stepped = abs(moved) > STEP_NS + (now.width_ns + trusted.width_ns) // 2
+        if stepped:
+            self._past.append(_Past(trusted.offset_ns, now.monotonic_ns))
+            self._steps.append(Step(now.monotonic_ns + self.epoch_ns, moved))
+        if stepped or now.width_ns < trusted.width_ns:
+            self._trusted = now
+        return now
+
+    def _after_steps(self, now: Reading) -> int:
+        """The oldest stamp [ns] that cannot be from before a step.
+
+        One from before was taken with the offset of then, until the step was seen, and has waited for 10 s at most.
+        """
+        earliest = now.monotonic_ns - MAX_STAMP_AGE_NS
+        self._past = [past for past in self._past if past.ended_ns >= earliest]
+        newest = now.monotonic_ns + now.offset_ns
+        doubtful = (past for past in self._past if past.offset_ns + earliest <= newest)
+        return max((past.offset_ns + past.ended_ns + 1 for past in doubtful), default=0)
 
 
 @dataclass(slots=True)
@@ -69,20 +182,15 @@ class FakeClock:
         """FTI time [ns]."""
         return self.time_ns
 
+    def stamp_window(self) -> StampWindow:
+        """Stamps are taken to be FTI time already."""
+        return StampWindow(0, self.time_ns - MAX_STAMP_AGE_NS, self.time_ns)
+
     def from_realtime_ns(self, stamp_ns: int) -> int | None:
         """Stamps are taken to be FTI time already."""
-        age = self.time_ns - stamp_ns
-        return stamp_ns if 0 <= age <= MAX_STAMP_AGE_NS else None
+        _, oldest_ns, newest_ns = self.stamp_window()
+        return stamp_ns if oldest_ns <= stamp_ns <= newest_ns else None
 
     def advance(self, seconds: float) -> None:
         """Move the clock forward."""
         self.time_ns += round(seconds * SECOND_NS)
-
-
-def sample_clocks() -> dict[str, int]:
-    """MONOTONIC, MONOTONIC_RAW and REALTIME [ns] at one moment, for ``/fti/clock``."""
-    return {
-        "monotonic_ns": time.monotonic_ns(),
-        "monotonic_raw_ns": time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW),
-        "realtime_ns": time.time_ns(),
-    }

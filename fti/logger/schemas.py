@@ -131,7 +131,8 @@ _TABLE: Json = {"type": "object", "properties": {}}
 _NOTES: dict[str, tuple[str, Json]] = {
     "/fti/clock": (
         "fti.Clock",
-        {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER},
+        {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER}
+        | {"width_ns": _INTEGER},
     ),
     "/fti/ledger": ("fti.Ledger", {"t_ns": _INTEGER, "links": _TABLE}),
     "/fti/health": (

@@ -10,7 +10,7 @@ from typing import Any
 
 from fti.buffers.ring import Ring
 from fti.buffers.triple import Entry, TripleBuffer
-from fti.clock import SystemClock, sample_clocks
+from fti.clock import SystemClock
 from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
@@ -137,9 +137,17 @@ class Recorder:
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, ledger(now, self._units))
-                self._writer.note("/fti/clock", now, {"t_ns": now, **sample_clocks()})
+                self._note_clocks()
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
+
+    def _note_clocks(self) -> None:
+        """The clocks into the file, and a word when somebody has set the real-time clock."""
+        sample = self._clock.sample()
+        self._writer.note("/fti/clock", sample["t_ns"], sample)
+        for step in self._clock.take_steps():
+            text = f"the real-time clock was stepped by {step.by_ns / SECOND_NS:+.3f} s; FTI time goes on"
+            self._tell("warning", "clock", text)
 
     def _on_control(self) -> None:
         for message in self._channel.receive():
