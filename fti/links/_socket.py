@@ -18,11 +18,13 @@ from fti.links.base import LinkStatus
 SO_RCVBUFFORCE = 33
 SO_TIMESTAMPNS = 35
 SO_RXQ_OVFL = 40
+SO_MEMINFO = 55
 
 RECEIVE_BUFFER = 4 * 2**20
 BATCH = 64  # datagrams per call of the loop, so that no link starves another
 TIMESPEC = struct.Struct("@ll")
 DROPS = struct.Struct("@I")
+MEMINFO = struct.Struct("@9I")  # linux/sock_diag.h; the last one is the drop counter
 ANCILLARY_BYTES = socket.CMSG_SPACE(TIMESPEC.size) + socket.CMSG_SPACE(DROPS.size)
 
 Ancillary = Iterable[tuple[int, int, bytes]]
@@ -60,6 +62,14 @@ class Arrival:
             return self._clock.now_ns()
         return stamp
 
+    def ask_drops(self, sock: socket.socket) -> None:
+        """Ask for the drop counter: a datagram tells of those before it, and behind the last drop none may come."""
+        with contextlib.suppress(OSError):  # a kernel without it
+            self._count_drops(MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[-1])
+
     def _count_drops(self, total: int) -> None:
-        self._status.socket_dropped += (total - self._dropped) & 0xFFFF_FFFF
-        self._dropped = total
+        """The counter as the kernel had it at some time: a datagram from the queue tells of the past."""
+        fresh = (total - self._dropped) & 0xFFFF_FFFF
+        if fresh < 2**31:
+            self._status.socket_dropped += fresh
+            self._dropped = total

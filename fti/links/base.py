@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from fti.clock import SECOND_NS, Clock
@@ -40,6 +40,7 @@ class LinkStatus:
     noise_bytes    : bytes of an adapter's protocol that are no frame and no answer
     socket_dropped : frames that the kernel dropped because nobody read in time
     stamp_refused  : kernel stamps that were not believed
+    errors         : line errors since the start, by name, of a UART or a CAN controller; only what is really counted
     """
 
     state: LinkState = LinkState.ABSENT
@@ -54,6 +55,7 @@ class LinkStatus:
     stamp_refused: int = 0
     tx_frames: int = 0
     tx_bytes: int = 0
+    errors: dict[str, int] = field(default_factory=dict)
 
 
 class BaseLink(ABC):

@@ -29,6 +29,7 @@ from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
 from fti.links.base import BaseLink, Sink
+from fti.links.can_errors import count_error, is_error
 from fti.links.ports import can_interfaces
 from fti.types import LinkState
 
@@ -142,6 +143,8 @@ class BusLink(BaseLink):
             loop.remove_writer(self._fd)
         if self._reader:
             self._reader.stop()
+        if self._socket:
+            self._arrival.ask_drops(self._socket)
         if self._bus:
             self._bus.shutdown()
         self._bus = self._socket = self._reader = None
@@ -201,8 +204,15 @@ class BusLink(BaseLink):
         if self._errors >= MAX_ERRORS or isinstance(error, OSError):
             self._fail(LinkError(f"{self._config.interface} {self._config.channel}: {error}"))
 
+    def _receive(self, data: bytes, t_rx_ns: int) -> None:
+        if is_error(data):
+            count_error(self.status.errors, data)
+        super()._receive(data, t_rx_ns)
+
     def _judge(self) -> None:
         super()._judge()
+        if self._socket:
+            self._arrival.ask_drops(self._socket)
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
         if self._socket and state != "up":
             self.status.state = LinkState.ABSENT

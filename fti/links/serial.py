@@ -23,6 +23,7 @@ from fti.config import SerialLink as SerialConfig
 from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import group_of, serial_names
+from fti.links.uart import LineWatch
 
 READ_BYTES = 65536
 LAST_READS = 1000  # from a device that is about to be left
@@ -92,11 +93,13 @@ class SerialPortLink(BaseLink):
         self._port: _Port | None = None
         self._fd = -1
         self._device = 0
+        self._errors = LineWatch(self.status.errors)
 
     async def _open(self) -> None:
         self._port = open_port(self._config)
         self._fd = self._port.fileno()
         self._device = os.fstat(self._fd).st_rdev
+        self._errors.begin(self._fd, self._clock.now_ns())
         asyncio.get_running_loop().add_reader(self._fd, self._on_readable)
 
     def _close(self) -> None:
@@ -105,6 +108,7 @@ class SerialPortLink(BaseLink):
         loop = asyncio.get_running_loop()
         loop.remove_reader(self._fd)
         loop.remove_writer(self._fd)
+        self._errors.read(self._fd)
         if os.major(self._device) not in PTY_MAJORS:
             with contextlib.suppress(termios.error):
                 termios.tcflush(self._fd, termios.TCOFLUSH)  # else closing waits up to 30 s for a stopped device
@@ -135,6 +139,7 @@ class SerialPortLink(BaseLink):
 
     def _judge(self) -> None:
         super()._judge()
+        self._errors.look(self._fd, self._clock.now_ns())
         try:
             device = Path(self._config.port).stat().st_rdev
         except OSError:

@@ -97,6 +97,7 @@ class UdpLink(BaseLink):
         loop = asyncio.get_running_loop()
         loop.remove_reader(self._socket.fileno())
         loop.remove_writer(self._socket.fileno())
+        self._arrival.ask_drops(self._socket)
         self._socket.close()
         self._socket = None
 
@@ -126,6 +127,11 @@ class UdpLink(BaseLink):
                 return
             except BlockingIOError:
                 await self._writable(self._socket.fileno())
+
+    def _judge(self) -> None:
+        super()._judge()
+        if self._socket:
+            self._arrival.ask_drops(self._socket)
 
     def _silent_hint(self) -> str:
         place = f"{self._group or self._bind[0]}:{self._bind[1]}"

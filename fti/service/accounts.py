@@ -1,20 +1,44 @@
-"""What the recorder says of its links: the ledger that stands in the file, and health."""
+"""What the recorder says of its links: the ledger that stands in the file, and health.
+
+A frame that was received has a number; it is recorded, held in a buffer, or dropped for a reason.  Frames that the
+kernel dropped because nobody read in time never got a number; they came in and were dropped all the same.
+
+    in = recorded + held + dropped, for each link and for what was sent on it
+    numbers given (next_seq - first_seq) = frames in of all links, of what was sent and of the ticks, but for those of
+    ``socket_queue``
+
+Line errors (of a UART, of a CAN controller) have no frame of their own: they stand beside the account.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from fti.buffers.triple import TripleBuffer
 from fti.links import Link
+from fti.service.intake import Intake
 
 HEALTH_PERIOD_S = 0.5
 
 
 @dataclass(slots=True)
+class Loss:
+    """Frames and bytes that were not recorded."""
+
+    frames: int = 0
+    bytes: int = 0
+
+
+@dataclass(slots=True)
 class Unit:
-    """A link with its buffers.  index : in the ring; what is sent on it has index + ``sent_offset``."""
+    """A link with its buffers.
+
+    index         : in the ring; what is sent on it has index + ``sent_offset``
+    not_triggered : of what its buffer gave out, so much was not recorded, because no trigger came
+    """
 
     link: Link
     kind: str
@@ -22,30 +46,62 @@ class Unit:
     received: TripleBuffer
     sent: TripleBuffer
     frames_before: int = 0
+    not_triggered: Loss = field(default_factory=Loss)
+    sent_not_triggered: Loss = field(default_factory=Loss)
 
 
-def ledger(now: int, units: Iterable[Unit]) -> dict[str, Any]:
-    """Per link: frames and bytes in = recorded + held + dropped by reason."""
-    return {"t_ns": now, "links": {unit.link.name: _account(unit) for unit in units}}
+class Books:
+    """The account of this recorder, from zero: another recorder of the same session has its own."""
+
+    def __init__(self, units: Sequence[Unit], ticks: TripleBuffer, intake: Intake, started_ns: int) -> None:
+        self._units = units
+        self._ticks = ticks
+        self._intake = intake
+        self._recorder = {"pid": os.getpid(), "started_ns": started_ns, "first_seq": intake.seq}
+
+    def note(self, now: int, *, final: bool = False) -> dict[str, Any]:
+        """The ledger now.  final : nothing comes after it."""
+        return {
+            "t_ns": now,
+            "recorder": self._recorder,
+            "next_seq": self._intake.seq,
+            "final": final,
+            "ticks": account(self._ticks, Loss()),
+            "links": {unit.link.name: link_account(unit) for unit in self._units},
+        }
 
 
-def _account(unit: Unit) -> dict[str, Any]:
-    stats, status = unit.received.stats, unit.link.status
-    dropped = {
+def link_account(unit: Unit) -> dict[str, Any]:
+    """Per link: frames and bytes in = recorded + held + dropped by reason; what was sent; line errors."""
+    status = unit.link.status
+    return {
+        **account(unit.received, unit.not_triggered, status.socket_dropped),
+        "sent": account(unit.sent, unit.sent_not_triggered),
+        "errors": dict(status.errors),
+    }
+
+
+def account(buffer: TripleBuffer, not_triggered: Loss, socket_dropped: int = 0) -> dict[str, Any]:
+    """Account of one buffer.  How many bytes the kernel dropped is not known: null, and not in the sum."""
+    stats = buffer.stats
+    dropped: dict[str, dict[str, int | None]] = {
+        "socket_queue": {"frames": socket_dropped, "bytes": None},
         "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
-        "socket_queue": {"frames": status.socket_dropped, "bytes": 0},
+        "not_triggered": {"frames": not_triggered.frames, "bytes": not_triggered.bytes},
     }
     return {
-        "in_frames": stats.frames_in + status.socket_dropped,
+        "in_frames": stats.frames_in + socket_dropped,
         "in_bytes": stats.bytes_in,
-        "recorded_frames": stats.frames_out,
-        "recorded_bytes": stats.bytes_out,
+        "recorded_frames": stats.frames_out - not_triggered.frames,
+        "recorded_bytes": stats.bytes_out - not_triggered.bytes,
+        "held_frames": stats.frames_held,
+        "held_bytes": stats.bytes_held,
         "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
     }
 
 
 def link_health(unit: Unit, now: int) -> dict[str, Any]:
-    """State, counters, rate and loads of a link, called every ``HEALTH_PERIOD_S``."""
+    """State, counters, rate, loads and account of a link, called every ``HEALTH_PERIOD_S``."""
     status, stats = unit.link.status, unit.received.stats
     rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
     unit.frames_before = status.frames
@@ -62,4 +118,5 @@ def link_health(unit: Unit, now: int) -> dict[str, Any]:
         "dropped_bytes": stats.dropped_bytes,
         "tx_frames": status.tx_frames,
         "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
+        "ledger": link_account(unit),
     }

@@ -15,7 +15,7 @@ from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
-from fti.service.accounts import HEALTH_PERIOD_S, Unit, ledger, link_health
+from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
 from fti.service.intake import Intake
@@ -45,6 +45,7 @@ class Recorder:
         self._tick_index = len(order.config.link)
         self._log = self._open_log()
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
+        self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
         self._writer = Writer(self._log, self._sources(), self._report)
         min_free_mb = order.config.session.min_free_mb
         self._storage = StorageReport(self._log, self._writer, min_free_mb, self._tell)
@@ -136,7 +137,7 @@ class Recorder:
             self._storage.tell_changes()
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
-                self._writer.note("/fti/ledger", now, ledger(now, self._units))
+                self._writer.note("/fti/ledger", now, self._books.note(now))
                 self._note_clocks()
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
@@ -200,7 +201,7 @@ class Recorder:
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
         await asyncio.to_thread(self._writer.stop)
         now = self._clock.now_ns()
-        self._writer.note("/fti/ledger", now, ledger(now, self._units))
+        self._writer.note("/fti/ledger", now, self._books.note(now, final=True))
         self._writer.finish()
         self._ring.end()
         self._channel.send({"health": self._health(now)})
@@ -218,25 +219,6 @@ class Recorder:
             "links": {unit.link.name: link_health(unit, now) for unit in self._units},
             "storage": self._storage.health(),
             "next_seq": self._intake.seq,
-        }
-
-    def _link_health(self, unit: Unit, now: int) -> dict[str, Any]:
-        status, stats = unit.link.status, unit.received.stats
-        rate = (status.frames - unit.frames_before) / HEALTH_PERIOD_S
-        unit.frames_before = status.frames
-        return {
-            "kind": unit.kind,
-            "state": status.state,
-            "hint": status.hint,
-            "frames": status.frames,
-            "bytes": status.bytes,
-            "rate_hz": rate,
-            "age_ms": None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
-            "connects": status.connects,
-            "dropped_frames": stats.dropped_frames + status.socket_dropped,
-            "dropped_bytes": stats.dropped_bytes,
-            "tx_frames": status.tx_frames,
-            "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
         }
 
 
