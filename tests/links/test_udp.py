@@ -83,10 +83,19 @@ async def test_what_the_kernel_drops_is_counted(device: socket.socket) -> None:
         assert len(heard.frames) + opened.status.socket_dropped == 502
 
 
+async def test_drops_behind_the_last_datagram_are_asked_for(device: socket.socket) -> None:
+    async with running(link()) as (opened, heard):
+        opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
+        for _ in range(500):
+            device.sendto(bytes(100), opened.address)
+        await until_async(lambda: len(heard.frames) + opened.status.socket_dropped == 500, what="the sum")
+        assert opened.status.socket_dropped > 0
+
+
 def test_drop_counter_of_the_kernel_wraps() -> None:
     status = LinkStatus()
     arrival = Arrival(FakeClock(0), status)
-    for total in (0xFFFF_FFF0, 5):
+    for total in (0x7FFF_FFF0, 0xFFFF_FFE0, 5, 0xFFFF_FFF0, 5):  # the last but one was in the queue for long
         arrival.time_ns([(socket.SOL_SOCKET, SO_RXQ_OVFL, total.to_bytes(4, "little"))])
     assert status.socket_dropped == 0x1_0000_0005
     assert TIMESPEC.size == 16
