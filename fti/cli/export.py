@@ -1,10 +1,19 @@
-"""Write a recording as CSV.
+"""Write a recording as tables, CSV or Parquet, with units.
 
-One file per derived topic, with a column for each field (``stamp.t_rx_ns``, ``accel_b.0``); an empty cell is a value
-that is not known.  With --raw also ``raw_<link>.csv``: number, time of arrival, length and bytes of each frame.
+One file per topic, with a column for each field: stamp.t_rx_ns, accel_b.0 [m/s^2], height_agl [m].  Measurements,
+outputs, events, clocks, ledger and health; with --raw also the frames of each link.  Each row begins with its times:
+log_time_ns and publish_time_ns (FTI time) and t_s, seconds since the first message of the session.
+
+In CSV the unit stands in the head of the column.  In Parquet it stands in the metadata: "unit" of each field, and all
+together as JSON under "units" in the metadata of the file.  A number without unit has none.  An empty cell (CSV) or
+null (Parquet) is a value that is not known.
 
   fti export data/da42_20260102T030405Z_0 --out tables
-  fti export data/da42_20260102T030405Z_0 --out tables --raw
+  fti export data/da42_20260102T030405Z_0 --out tables --format parquet --topic '/ins/*' --topic /nav/glide_slope
+  fti export data/da42_20260102T030405Z_0 --out tables --from 600 --to 720 --raw
+
+  pandas.read_csv("tables/ins_attitude.csv")["roll [rad]"]
+  pandas.read_parquet("tables/ins_attitude.parquet")["roll"]
 """
 
 from __future__ import annotations
@@ -12,26 +21,57 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.cli._arguments import seconds
+
+if TYPE_CHECKING:
+    from fti.logger.tables import Format
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """SESSION, --out and --raw."""
+    """SESSION, --out and what is wanted."""
     parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder for the tables")
-    parser.add_argument("--raw", action="store_true", help="also an index of the raw frames")
+    parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="kind of the tables (csv)")
+    parser.add_argument(
+        "--topic", metavar="GLOB", action="append", default=[], help="only topics that match; may be repeated"
+    )
+    parser.add_argument(
+        "--from", type=seconds, default=0.0, dest="begin_s", metavar="T", help="leave out what is before T s"
+    )
+    parser.add_argument(
+        "--to", type=seconds, default=float("inf"), dest="end_s", metavar="T", help="leave out what is after T s"
+    )
+    parser.add_argument("--raw", action="store_true", help="also the frames of the links, and what was sent")
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the tables and name them; 3 when a file broke off."""
-    from fti.logger.csv_export import export_derived, export_raw
+    from fti.cli._reading import reading
+    from fti.errors import FtiError
     from fti.logger.recording import Recording
+    from fti.logger.tables import Choice, export
 
+    if args.end_s < args.begin_s:
+        raise FtiError(f"--to {args.end_s:g}: is before --from {args.begin_s:g}")
+    choice = Choice(tuple(args.topic), args.begin_s, args.end_s, args.raw)
     recording = Recording.open(args.session)
-    rows = export_derived(recording, args.out)
-    if args.raw:
-        rows |= export_raw(recording, args.out)
+    with reading(recording, "exporting", passes=2):
+        rows = export(recording, args.out, _format(args.format), choice)
     for path, count in rows.items():
         print(f"{path}  {count} rows")
     for fault in recording.faults.values():
         print(f"fti: {fault.path}: {fault.text}", file=sys.stderr)
     return 3 if recording.faults else 0
+
+
+def _format(name: str) -> Format:
+    """Parquet's library is loaded only where it is used."""
+    if name == "parquet":
+        from fti.logger.parquet_export import PARQUET
+
+        return PARQUET
+    from fti.logger.csv_export import CSV
+
+    return CSV

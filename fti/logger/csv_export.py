@@ -1,89 +1,38 @@
-"""Recorded topics as CSV: one file per derived topic, with a column for each field, and an index of the raw frames."""
+"""Tables as CSV: units in the heads (``height_agl [m]``), an empty cell is a value that is not known."""
 
 from __future__ import annotations
 
 import csv
-import json
-from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import ExitStack
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fti.errors import StorageError
-from fti.logger.recording import Recording
-from fti.types import TICK_LINK
-
-TIMES = ("log_time_ns", "publish_time_ns")
-RAW_COLUMNS = ("seq", "t_rx_ns", "length", "hex")
+from fti.logger.columns import Column, Type
+from fti.logger.tables import Format
 
 
-def flatten(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Columns of a JSON value: ``stamp.t_rx_ns``, ``accel_b.0``; texts in a list stand in one column, as ``a b``."""
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from flatten(item, f"{name}.{key}" if name else key)
-    elif isinstance(value, list) and all(isinstance(item, str) for item in value):
-        yield name, " ".join(value)
-    elif isinstance(value, list) and not any(isinstance(item, dict | list) for item in value):
-        for n, item in enumerate(value):
-            yield f"{name}.{n}", item
-    else:
-        yield name, json.dumps(value) if isinstance(value, list) else value
+class CsvTable:
+    """A CSV file in UTF-8.  Bytes are hexadecimal, texts of a list stand in one cell, as ``a b``."""
+
+    def __init__(self, path: Path, columns: Sequence[Column]) -> None:
+        self._stream = path.open("w", newline="", encoding="utf-8")
+        self._table = csv.writer(self._stream, lineterminator="\n")
+        self._table.writerow([column.head for column in columns])
+        self._words = [n for n, column in enumerate(columns) if column.type is Type.TEXTS]
+        self._bytes = [n for n, column in enumerate(columns) if column.type is Type.BYTES]
+
+    def write(self, row: Sequence[Any]) -> None:
+        """Add a row."""
+        cells = list(row)
+        for n in self._words:
+            cells[n] = None if cells[n] is None else " ".join(cells[n])
+        for n in self._bytes:
+            cells[n] = cells[n].hex()
+        self._table.writerow(cells)
+
+    def close(self) -> None:
+        """Write what waits and close the file."""
+        self._stream.close()
 
 
-def export_derived(recording: Recording, folder: Path) -> dict[Path, int]:
-    """Write ``<topic>.csv`` for each JSON topic of the derived files; returns the rows of each file.
-
-    Raises StorageError when a file exists already or cannot be written.
-    """
-    columns = _find_columns(recording)
-    rows: dict[Path, int] = {}
-    with ExitStack() as stack:
-        writers = {}
-        for topic, names in columns.items():
-            path = folder / (topic.strip("/").replace("/", "_") + ".csv")
-            writers[topic] = path, _open_table(stack, path, (*TIMES, *names))
-            rows[path] = 0
-        for topic, log_time, publish_time, _, data in recording.messages():
-            path, table = writers[topic]
-            cells = dict(flatten(json.loads(data)))
-            table.writerow([log_time, publish_time, *(cells.get(name) for name in columns[topic])])
-            rows[path] += 1
-    return rows
-
-
-def export_raw(recording: Recording, folder: Path) -> dict[Path, int]:
-    """Write ``raw_<link>.csv`` for each link: number, time of arrival, length and bytes of each frame."""
-    rows: dict[Path, int] = {}
-    with ExitStack() as stack:
-        tables: dict[str, Any] = {}
-        for frame in recording.frames():
-            if frame.link == TICK_LINK:
-                continue
-            path = folder / f"raw_{frame.link}.csv"
-            if frame.link not in tables:
-                tables[frame.link] = _open_table(stack, path, RAW_COLUMNS)
-                rows[path] = 0
-            tables[frame.link].writerow([frame.seq, frame.t_rx_ns, len(frame.data), frame.data.hex()])
-            rows[path] += 1
-    return rows
-
-
-def _find_columns(recording: Recording) -> dict[str, list[str]]:
-    """The columns of each topic, in order of appearance.  A list that was once null is not a column of its own."""
-    found: dict[str, dict[str, None]] = defaultdict(dict)
-    for topic, *_, data in recording.messages():
-        found[topic].update(dict.fromkeys(name for name, _ in flatten(json.loads(data))))
-    return {topic: [n for n in names if f"{n}.0" not in names] for topic, names in found.items()}
-
-
-def _open_table(stack: ExitStack, path: Path, columns: tuple[str, ...]) -> Any:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        stream = stack.enter_context(path.open("x", newline="", encoding="utf-8"))
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
-    table = csv.writer(stream)
-    table.writerow(columns)
-    return table
+CSV = Format(".csv", CsvTable)

@@ -66,6 +66,11 @@ class McapFile:
         """Does the file end with a footer?"""
         return has_footer(self.path)
 
+    @property
+    def position(self) -> int:
+        """How far it has been read [bytes]."""
+        return self._at
+
     def head(self) -> Head:
         """Metadata and attachments before the first chunk."""
         head = Head()

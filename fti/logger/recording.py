@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import chain
@@ -35,6 +35,7 @@ class Recording:
     """A session folder or a single file, finished or not.
 
     raw_files, derived_files, truth_files : in order.  ``faults`` is filled by reading: files that broke off.
+    on_read : told, when set, how far a file has been read [bytes].
     """
 
     def __init__(self, path: Path, raw: list[Path], derived: list[Path], truth: list[Path]) -> None:
@@ -43,6 +44,7 @@ class Recording:
         self.derived_files = derived
         self.truth_files = truth
         self.faults: dict[Path, Fault] = {}
+        self.on_read: Callable[[Path, int], None] | None = None
 
     @classmethod
     def open(cls, path: str | Path) -> Recording:
@@ -123,7 +125,10 @@ class Recording:
     def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
         for path in paths:
             file = McapFile(path)
-            yield from file.chunks()
+            for chunk in file.chunks():
+                yield chunk
+                if self.on_read:
+                    self.on_read(path, file.position)
             if file.fault:
                 self.faults[path] = Fault(path, file.fault)
 

@@ -1,24 +1,18 @@
-"""``fti verify``, ``info``, ``recover`` and ``export``: what they say of good, killed and damaged recordings."""
+"""``fti verify`` and ``recover``: what they say of good, killed and damaged recordings."""
 
 from __future__ import annotations
 
-import csv
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fti.cli.info import activity_bar, size_text
 from fti.cli.main import main
-from fti.logger.csv_export import flatten
-from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.logger.verify import read_books, verify
-from fti.types import GlideSlope, ImuSample, Reason, Stamp
 
 STARTED = 1_767_323_045_000_000_000
 SECOND = 1_000_000_000
@@ -201,83 +195,3 @@ def test_recover_leaves_damage_alone(folder: SessionFolder, capsys: pytest.Captu
     assert main(["recover", str(folder.path), "--in-place"]) == 3
     assert "was not written by this program" in capsys.readouterr().err
     assert path.read_bytes() == b"nonsense"
-
-
-# --------------------------------------------------------------------------------------------------- info, export
-
-
-def test_info_as_json(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    record(folder, range(500), skip=lambda seq: seq % 2 == 1 or 200 <= seq < 300).close()
-    assert main(["info", str(folder.path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["metadata"]["fti"] == {"origin": "hil"} and told["links"] == {"ins": "udp", "radar": "serial"}
-    topics = {topic["topic"]: topic for topic in told["topics"]}
-    radar = topics["/raw/radar"]
-    assert (radar["messages"], radar["bytes"]) == (200, 2000)
-    assert radar["first_ns"] == STARTED and radar["longest_gap_s"] == pytest.approx(2.04, abs=1e-9)
-    assert sum(radar["activity"]) == 200 and 0 in radar["activity"]
-    assert topics["/raw/ins"]["messages"] == 0 and topics["/raw/ins"]["rate_hz"] is None
-    assert len(told["files"]) == len(folder.files("raw"))
-
-
-def test_info_as_text(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    record(folder, range(500), skip=lambda seq: seq % 2 == 1).close()
-    assert main(["info", str(folder.path)]) == 0
-    text = capsys.readouterr().out
-    assert "2026-01-02 03:04:05 UTC" in text and "origin hil" in text
-    line = next(line for line in text.splitlines() if line.startswith("/raw/radar"))
-    assert line.split()[1:6] == ["250", "2.5", "kB", "25.00", "0.00"]
-    assert next(line for line in text.splitlines() if line.startswith("/raw/ins")).endswith("silent")
-
-
-def test_missing_sessions_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for command in (["info"], ["verify"], ["recover", "--in-place"], ["export", "--out", str(tmp_path / "t")]):
-        assert main([*command, str(tmp_path / "nothing")]) == 2
-        assert "nothing: there is no such session folder or file" in capsys.readouterr().err
-    assert main(["info", str(tmp_path)]) == 2
-    assert "holds no MCAP files" in capsys.readouterr().err
-
-
-def test_bars_and_sizes() -> None:
-    assert activity_bar([0, 1, 500, 1000]) == " ▁▄█"
-    assert activity_bar([0, 0]) == "  "
-    assert [size_text(n) for n in (0, 999, 1500, 2_500_000, 5e12)] == ["0 B", "999 B", "1.5 kB", "2.5 MB", "5000.0 GB"]
-
-
-def read_table(path: Path) -> list[dict[str, str]]:
-    with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
-def test_export_of_derived_and_raw(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    record(folder, range(100)).close()
-    log = DerivedLog(folder, split_s=300, split_mb=100)
-    log.measurement("imu", ImuSample(stamp=Stamp(STARTED)))
-    log.measurement("imu", ImuSample(stamp=Stamp(STARTED + SECOND), accel_b=(0.1, -0.2, 9.81)))
-    log.output(
-        GlideSlope(t_ns=STARTED, t_valid_ns=None, valid=False, reasons=(Reason.ROLL, Reason.STALE), deviation=1e-3)
-    )
-    log.close()
-    out = tmp_path / "deep" / "tables"
-    assert main(["export", str(folder.path), "--out", str(out), "--raw"]) == 0
-    assert sorted(p.name for p in out.iterdir()) == [
-        "imu_imu_sample.csv", "nav_glide_slope.csv", "raw_ins.csv", "raw_radar.csv",
-    ]  # fmt: skip
-    imu = read_table(out / "imu_imu_sample.csv")
-    assert imu[0]["accel_b.2"] == "" and imu[1]["accel_b.2"] == "9.81" and "accel_b" not in imu[0]
-    assert imu[1]["stamp.t_rx_ns"] == str(STARTED + SECOND) == imu[1]["log_time_ns"]
-    slope = read_table(out / "nav_glide_slope.csv")[0]
-    assert (slope["reasons"], slope["deviation"], slope["sd"]) == ("roll stale", "0.001", "")
-    raw = read_table(out / "raw_ins.csv")
-    assert len(raw) == 50
-    assert raw[0] == {"seq": "1", "t_rx_ns": str(STARTED + SECOND // 50), "length": "10", "hex": "00" * 10}
-    capsys.readouterr()
-    assert main(["export", str(folder.path), "--out", str(out)]) == 2
-    assert "imu_imu_sample.csv: cannot be written: File exists" in capsys.readouterr().err
-
-
-def test_flatten() -> None:
-    value = {"a": {"b": 1, "c": [1.5, None]}, "t": ["x", "y"], "o": [{"p": 1}], "e": [], "n": None}
-    assert dict(flatten(value)) == {
-        "a.b": 1, "a.c.0": 1.5, "a.c.1": None, "t": "x y", "o": '[{"p": 1}]', "e": "", "n": None,
-    }  # fmt: skip

@@ -1,0 +1,38 @@
+"""A bar on standard error while a recording is read; nothing where that is no terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from fti.logger.recording import Recording
+
+
+@contextmanager
+def reading(recording: Recording, what: str, passes: int = 1) -> Iterator[None]:
+    """Show how far the files have been read; what : the word before the bar; passes : how often all are read."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield
+        return
+    total = passes * sum(path.stat().st_size for path in recording.files)
+    columns = TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        last = Path(), 0
+
+        def advance(path: Path, position: int) -> None:
+            nonlocal last
+            same = path == last[0] and position >= last[1]
+            bar.advance(task, position - (last[1] if same else 0))
+            last = path, position
+
+        recording.on_read = advance
+        try:
+            yield
+        finally:
+            recording.on_read = None

@@ -1,0 +1,70 @@
+"""Tables as Apache Parquet: typed columns, units in the metadata of each field and, together, of the file.
+
+The file's metadata ``units`` is a JSON table of column and unit; pandas, Polars, DuckDB and MATLAB read the columns.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fti.logger.columns import Column, Type
+from fti.logger.tables import Format
+
+#: Rows of one row group, which wait in memory.
+GROUP_ROWS = 4096
+TYPES = {
+    Type.INT: pa.int64(),
+    Type.FLOAT: pa.float64(),
+    Type.BOOL: pa.bool_(),
+    Type.TEXT: pa.string(),
+    Type.TEXTS: pa.list_(pa.string()),
+    Type.BYTES: pa.binary(),
+}
+
+
+class ParquetTable:
+    """A Parquet file (zstd).  A value that is not known is null."""
+
+    def __init__(self, path: Path, columns: Sequence[Column]) -> None:
+        self._schema = make_schema(columns)
+        self._writer = pq.ParquetWriter(path, self._schema, compression="zstd")
+        self._waiting: list[Sequence[Any]] = []
+
+    def write(self, row: Sequence[Any]) -> None:
+        """Add a row."""
+        self._waiting.append(row)
+        if len(self._waiting) >= GROUP_ROWS:
+            self._write_group()
+
+    def close(self) -> None:
+        """Write what waits and close the file."""
+        try:
+            self._write_group()
+        finally:
+            self._writer.close()
+
+    def _write_group(self) -> None:
+        columns = zip(*self._waiting, strict=True) if self._waiting else ()
+        arrays = [pa.array(values, field.type) for values, field in zip(columns, self._schema, strict=False)]
+        self._waiting.clear()
+        if arrays:
+            self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+
+
+def make_schema(columns: Sequence[Column]) -> pa.Schema:
+    """The schema of a table with its units."""
+    units = {column.name: column.unit for column in columns if column.unit}
+    fields = [
+        pa.field(column.name, TYPES[column.type], metadata={"unit": column.unit} if column.unit else None)
+        for column in columns
+    ]
+    return pa.schema(fields, metadata={"units": json.dumps(units)})
+
+
+PARQUET = Format(".parquet", ParquetTable)

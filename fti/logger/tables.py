@@ -1,0 +1,233 @@
+"""A recording as tables, one for each topic: read twice, first for the columns, then for the rows; little memory.
+
+A table appears under its name when it is whole.  Nothing that exists is overwritten.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol
+
+from fti.errors import MissingError, RecordingError, StorageError
+from fti.logger.columns import Column, ColumnFinder, Type, cell, flatten
+from fti.logger.mcap_file import Item
+from fti.logger.recording import RAW, SENT, Recording
+from fti.logger.survey import KINDS
+
+SECOND_NS = 1_000_000_000
+JSON = "json"
+TIMES = (
+    Column("log_time_ns", Type.INT, "ns"),
+    Column("publish_time_ns", Type.INT, "ns"),
+    Column("t_s", Type.FLOAT, "s"),
+)
+RAW_COLUMNS = (
+    Column("seq", Type.INT),
+    Column("t_rx_ns", Type.INT, "ns"),
+    Column("t_s", Type.FLOAT, "s"),
+    Column("length", Type.INT, "B"),
+    Column("data", Type.BYTES),
+)
+
+
+class TableWriter(Protocol):
+    """A table that is being written.  ``close`` ends it; only then it is whole."""
+
+    def write(self, row: Sequence[Any]) -> None:
+        """Add a row, in the order of the columns."""
+
+    def close(self) -> None:
+        """Write what waits and close the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A kind of table.  open : makes a writer of a path and its columns; raises OSError."""
+
+    suffix: str
+    open: Callable[[Path, Sequence[Column]], TableWriter]
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What is wanted: topics that match one of the patterns (all when there is none), from begin_s to end_s [s after
+    the first message of the session]; raw : also the frames of the links, and what was sent.
+    """
+
+    topics: tuple[str, ...] = ()
+    begin_s: float = 0.0
+    end_s: float = float("inf")
+    raw: bool = False
+
+    def wants(self, topic: str) -> bool:
+        """Does the topic match?"""
+        return not self.topics or any(fnmatchcase(topic, pattern) for pattern in self.topics)
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What the first reading found.  start_ns : time of the first message of all [ns]."""
+
+    start_ns: int | None = None
+    tables: dict[str, tuple[ColumnFinder, int]] = field(default_factory=dict)  # topic: columns, number of rows
+    links: dict[str, int] = field(default_factory=dict)  # topic of a link: number of frames
+
+
+def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> dict[Path, int]:
+    """Write the tables; returns the rows of each file.
+
+    Raises MissingError when a pattern matches nothing, StorageError when a file exists already or cannot be written.
+    """
+    contents = _find_contents(recording, raw=choice.raw)
+    _check_patterns(choice, contents)
+    span = _Span(contents.start_ns or 0, choice)
+    with _Tables(folder, form) as tables:
+        for topic, (finder, _) in contents.tables.items():
+            if choice.wants(topic):
+                tables.open(topic, (*TIMES, *finder.columns()))
+        for topic in filter(choice.wants, contents.links):
+            tables.open(topic, RAW_COLUMNS)
+        _write_messages(recording, tables, contents, span)
+        if any(choice.wants(topic) for topic in contents.links):
+            _write_frames(recording, tables, span)
+    return tables.rows
+
+
+def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
+    contents = _Contents()
+    for item in _items(recording):
+        topic = item.topic.name
+        contents.start_ns = min(contents.start_ns or item.log_time, item.log_time)
+        if item.topic.encoding == JSON:
+            finder, count = contents.tables.get(topic) or (ColumnFinder(topic), 0)
+            finder.add(_parse(item))
+            contents.tables[topic] = finder, count + 1
+        elif raw and topic.startswith((RAW, SENT)):
+            contents.links[topic] = contents.links.get(topic, 0) + 1
+    return contents
+
+
+def _items(recording: Recording) -> Iterator[Item]:
+    for kind in KINDS:
+        yield from recording.items(kind)
+
+
+def _parse(item: Item) -> Any:
+    try:
+        return json.loads(item.data)
+    except ValueError as error:
+        raise RecordingError(f"{item.topic.name}: a message at {item.log_time} ns is not JSON: {error}") from None
+
+
+def _check_patterns(choice: Choice, contents: _Contents) -> None:
+    there = sorted((*contents.tables, *contents.links))
+    for pattern in choice.topics:
+        if not any(fnmatchcase(topic, pattern) for topic in there):
+            more = "" if choice.raw else " (and with --raw the bytes of the links)"
+            raise MissingError(f"--topic {pattern}: matches nothing; there are {', '.join(there) or 'no topics'}{more}")
+
+
+class _Span:
+    """The part of the session that is wanted."""
+
+    def __init__(self, start_ns: int, choice: Choice) -> None:
+        self._start_ns = start_ns
+        self._begin_s, self._end_s = choice.begin_s, choice.end_s
+
+    def seconds(self, t_ns: int) -> float | None:
+        """Time since the start [s]; None outside."""
+        t_s = (t_ns - self._start_ns) / SECOND_NS
+        return t_s if self._begin_s <= t_s <= self._end_s else None
+
+
+def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, span: _Span) -> None:
+    """No more of each topic than was read before: a recording may grow meanwhile."""
+    left = {topic: count for topic, (_, count) in contents.tables.items()}
+    for item in _items(recording):
+        topic = item.topic.name
+        if not left.get(topic) or topic not in tables:
+            continue
+        left[topic] -= 1
+        t_s = span.seconds(item.log_time)
+        if t_s is not None:
+            tables.write(topic, (item.log_time, item.publish_time, t_s), flatten(_parse(item)))
+
+
+def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:
+    for seq, item in recording.numbered():
+        t_s = span.seconds(item.log_time)
+        if t_s is not None and item.topic.name in tables:
+            tables.write(item.topic.name, (seq, item.log_time, t_s, len(item.data), item.data))
+
+
+class _Tables:
+    """The tables that are being written, as drafts beside their places; after an error none of them is there."""
+
+    def __init__(self, folder: Path, form: Format) -> None:
+        self._folder = folder
+        self._form = form
+        self._open: dict[str, tuple[Path, TableWriter, Sequence[Column]]] = {}
+        self.rows: dict[Path, int] = {}
+
+    def __enter__(self) -> _Tables:
+        return self
+
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._open
+
+    def open(self, topic: str, columns: Sequence[Column]) -> None:
+        """Begin a table.  Raises StorageError."""
+        path = self._folder / (topic.strip("/").replace("/", "_") + self._form.suffix)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path in self.rows or os.path.lexists(path):
+                raise FileExistsError(None, "it exists already")
+            self._open[topic] = path, self._form.open(_draft(path), columns), columns
+        except OSError as error:
+            raise _refusal(path, error) from error
+        self.rows[path] = 0
+
+    def write(self, topic: str, first: Sequence[Any], cells: dict[str, Any] | None = None) -> None:
+        """Add a row: its first columns, and the others by name.  Raises StorageError."""
+        path, writer, columns = self._open[topic]
+        others = columns[len(first) :]
+        try:
+            writer.write([*first, *(cell(cells.get(c.name), c.type) for c in others)] if cells is not None else first)
+        except OSError as error:
+            raise _refusal(path, error) from error
+        self.rows[path] += 1
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            for path, writer, _ in self._open.values():
+                _close(path, writer, quietly=error is not None)
+            if error is None:
+                for path in self.rows:
+                    _draft(path).rename(path)
+        finally:
+            for path in self.rows:
+                _draft(path).unlink(missing_ok=True)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
+
+
+def _close(path: Path, writer: TableWriter, *, quietly: bool) -> None:
+    try:
+        writer.close()
+    except OSError as error:
+        if not quietly:
+            raise _refusal(path, error) from error
+
+
+def _refusal(path: Path, error: OSError) -> StorageError:
+    return StorageError(f"{path}: cannot be written: {error.strerror or error}")

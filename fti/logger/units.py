@@ -1,0 +1,73 @@
+"""The unit of every number that is recorded, in one place; exports write it beside the values.
+
+Units are written as in SI (``m/s^2``); ``1`` is a number without dimension.  The same name means the same unit in all
+classes of ``fti.types``; the exceptions stand by class.
+"""
+
+from __future__ import annotations
+
+import typing
+
+from fti import types
+from fti.logger.derived_log import LOCATION_TOPIC, snake_case
+
+NONE = "1"
+
+_BY_NAME = {
+    "rad": "roll pitch heading roll_sd pitch_sd heading_sd track aoa aos deflection azimuth elevation lat lon "
+    "deviation",
+    "m": "alt alt_msl alt_press undulation horizontal_sd vertical_sd slant_range height_agl height_error "
+    "height_error_sd shift shift_sd s_begin s_end alert_limit_v alert_limit_s s y dh dh_nav",
+    "m/s": "north east down ground_speed cas ias tas vel_north vel_east vel_down",
+    "m/s^2": "accel_b",
+    "rad/s": "gyro_b",
+    "Pa": "p_static q_c setting_pa",
+    "T": "field_b",
+    "DDM": "localizer_ddm glide_slope_ddm",
+    "dB-Hz": "cn0_dbhz",
+    NONE: "number used hdop vdop pdop t1_ratio t2_ratio t3_ratio t4_ratio observability dots",
+}
+_UNITS = {name: unit for unit, names in _BY_NAME.items() for name in names.split()}
+_BY_CLASS: dict[str, dict[str, str]] = {
+    "velocity": {"sd": "m/s"},
+    "range": {"sd": "m"},
+    "radio_height": {"sd": "m"},
+    "static_pressure": {"sd": "Pa"},
+    "impact_pressure": {"sd": "Pa"},
+    "temperature": {"static": "K", "total": "K"},
+    "surface_deflection": {"raw": NONE},
+    "height_above_ground": {"raw": "m", "sd": "m"},
+    "glide_slope": {"sd": "rad"},
+}
+_BY_TOPIC: dict[str, dict[str, str]] = {
+    LOCATION_TOPIC: {"latitude": "deg", "longitude": "deg", "altitude": "m", "position_covariance": "m^2"},
+}
+#: What the end of a name tells: the notes of the service carry their units there.
+_BY_SUFFIX = {"ns": "ns", "nsec": "ns", "ms": "ms", "s": "s", "sec": "s", "hz": "Hz", "mb": "MB", "bytes": "B"}
+_TOLD = {"ddm": "DDM", "dbhz": "dB-Hz", "pa": "Pa"}
+_CLASSES = frozenset(
+    snake_case(cls.__name__) for union in (types.Measurement, types.Output) for cls in typing.get_args(union)
+)
+
+
+def unit_of(topic: str, column: str) -> str | None:
+    """Unit of a column (``stamp.t_rx_ns``, ``accel_b.0``) of a topic; None when it has none or is not a number."""
+    name = next((part for part in reversed(column.split(".")) if not part.isdigit()), column)
+    return (
+        _BY_TOPIC.get(topic, {}).get(name)
+        or _BY_CLASS.get(_class_of(topic), {}).get(name)
+        or _UNITS.get(name)
+        or _BY_SUFFIX.get(name.rpartition("_")[2])
+    )
+
+
+def _class_of(topic: str) -> str:
+    """``height_above_ground`` of ``/nav/height_above_ground/radar``, ``attitude`` of ``/ins/attitude``."""
+    return next((part for part in topic.split("/")[2:3] if part in _CLASSES), "")
+
+
+def with_unit(column: str, unit: str | None) -> str:
+    """Head of a column: ``height_agl [m]``; as it is when it tells its unit (``t_rx_ns``) or has no dimension."""
+    suffix = column.rpartition("_")[2]
+    tells = suffix != column and unit in (_BY_SUFFIX.get(suffix), _TOLD.get(suffix))
+    return column if tells or unit in (None, NONE) else f"{column} [{unit}]"

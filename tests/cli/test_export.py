@@ -1,0 +1,201 @@
+"""``fti export``: tables with units, whole or not there."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from fti.cli.main import main
+from fti.errors import StorageError
+from fti.logger import csv_export
+from fti.logger.columns import Column, ColumnFinder, Type, flatten
+from fti.logger.session import SessionFolder
+from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw
+from tests.helpers import until
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> SessionFolder:
+    made = make_folder(tmp_path)
+    log = record_raw(made, range(300))
+    log.sent("radar", 300, STARTED + 6 * SECOND, b"ask")
+    mark(log, 3.0, "flare, 2nd")
+    log.close()
+    record_derived(made)
+    return made
+
+
+def export(folder: SessionFolder, out: Path, *arguments: str) -> int:
+    return main(["export", str(folder.path), "--out", str(out), *arguments])
+
+
+def read_table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_csv_has_units_in_its_heads(folder: SessionFolder, tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "tables"
+    assert export(folder, out, "--raw") == 0
+    assert sorted(p.name for p in out.iterdir()) == [
+        "fti_event.csv", "imu_imu_sample.csv", "ins_attitude.csv", "nav_glide_slope.csv",
+        "raw_ins.csv", "raw_radar.csv", "tx_radar.csv",
+    ]  # fmt: skip
+    imu = read_table(out / "imu_imu_sample.csv")
+    assert [row["accel_b.2 [m/s^2]"] for row in imu] == ["", "9.81"] and "accel_b" not in imu[0]
+    assert imu[1]["stamp.t_rx_ns"] == imu[1]["log_time_ns"] == str(STARTED + SECOND) and imu[1]["t_s"] == "1.0"
+    slope = read_table(out / "nav_glide_slope.csv")[0]
+    assert (slope["reasons"], slope["deviation [rad]"], slope["sd [rad]"]) == ("roll stale", "0.001", "")
+    raw = read_table(out / "raw_ins.csv")
+    assert len(raw) == 150
+    first = {"seq": "1", "t_rx_ns": str(STARTED + SECOND // 50), "t_s": "0.02"}
+    assert raw[0] == {**first, "length [B]": "10", "data": "00" * 10}
+    assert [row["data"] for row in read_table(out / "tx_radar.csv")] == [b"ask".hex()]
+    assert [row["message"] for row in read_table(out / "fti_event.csv")] == ["flare, 2nd"]
+
+
+def test_parquet_has_types_units_and_nulls(folder: SessionFolder, tmp_path: Path) -> None:
+    assert export(folder, tmp_path / "t", "--raw", "--format", "parquet") == 0
+    imu = pq.read_table(tmp_path / "t" / "imu_imu_sample.parquet")
+    assert imu.column("accel_b.2").to_pylist() == [None, 9.81]
+    assert imu.column("stamp.t_rx_ns").to_pylist() == [STARTED, STARTED + SECOND]
+    field = imu.schema.field("accel_b.2")
+    assert (str(field.type), field.metadata) == ("double", {b"unit": b"m/s^2"})
+    assert json.loads(imu.schema.metadata[b"units"])["accel_b.2"] == "m/s^2"
+    slope = pq.read_table(tmp_path / "t" / "nav_glide_slope.parquet")
+    assert slope.column("reasons").to_pylist() == [["roll", "stale"]]
+    assert slope.column("valid").to_pylist() == [False]
+    assert [str(slope.schema.field(name).type) for name in ("valid", "t_ns", "sd")] == ["bool", "int64", "double"]
+    raw = pq.read_table(tmp_path / "t" / "raw_radar.parquet")
+    assert raw.column("data").to_pylist() == [bytes(10)] * 150
+    assert raw.column("seq").to_pylist() == list(range(0, 300, 2))
+
+
+def test_parquet_comes_in_groups_that_lose_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from fti.logger import parquet_export
+
+    monkeypatch.setattr(parquet_export, "GROUP_ROWS", 7)
+    table = parquet_export.ParquetTable(tmp_path / "t", [Column("n", Type.INT)])
+    for n in range(30):
+        table.write([n])
+    table.close()
+    file = pq.ParquetFile(tmp_path / "t")
+    assert file.num_row_groups == 5 and file.read().column("n").to_pylist() == list(range(30))
+
+
+def test_topics_and_times_are_chosen(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert export(folder, tmp_path / "a", "--topic", "/nav/*", "--topic", "/imu/*") == 0
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["imu_imu_sample.csv", "nav_glide_slope.csv"]
+    assert export(folder, tmp_path / "b", "--raw", "--topic", "/raw/ins", "--from", "2", "--to", "3") == 0
+    times = [float(row["t_s"]) for row in read_table(tmp_path / "b" / "raw_ins.csv")]
+    assert (len(times), min(times), max(times)) == (25, 2.02, 2.98)
+    capsys.readouterr()
+    assert export(folder, tmp_path / "c", "--topic", "/inz/*") == 2
+    found = capsys.readouterr().err
+    assert found.startswith("fti: --topic /inz/*: matches nothing; there are /fti/event, /imu/imu_sample, ")
+    assert "with --raw the bytes of the links" in found
+    assert export(folder, tmp_path / "c", "--from", "3", "--to", "2") == 2
+    assert "--to 2: is before --from 3" in capsys.readouterr().err
+
+
+def test_nothing_is_overwritten(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = tmp_path / "t" / "nav_glide_slope.csv"
+    kept.parent.mkdir()
+    kept.write_text("mine")
+    assert export(folder, kept.parent) == 2
+    assert "nav_glide_slope.csv: cannot be written: it exists already" in capsys.readouterr().err
+    assert list(kept.parent.iterdir()) == [kept] and kept.read_text() == "mine"
+
+
+class FullTable(csv_export.CsvTable):
+    """A table on a medium that takes only so many rows."""
+
+    left = 5
+
+    def write(self, row: Any) -> None:
+        FullTable.left -= 1
+        if FullTable.left < 0:
+            raise OSError(28, "No space left on device")
+        super().write(row)
+
+
+def test_a_full_medium_leaves_no_half_table(folder: SessionFolder, tmp_path: Path) -> None:
+    from fti.logger.recording import Recording
+    from fti.logger.tables import Choice, Format, export
+
+    with pytest.raises(StorageError, match=r"raw_\w+.csv: cannot be written: No space left on device"):
+        export(Recording.open(folder.path), tmp_path / "t", Format(".csv", FullTable), Choice(raw=True))
+    assert list((tmp_path / "t").iterdir()) == []
+
+
+def test_an_interrupt_leaves_no_half_table(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path)
+    record_raw(folder, range(60_000), split_s=600).close()
+    out = tmp_path / "t"
+    command = [sys.executable, "-m", "fti.cli.main", "export", str(folder.path), "--out", str(out), "--raw"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
+        until(lambda: (out / "raw_ins.csv.part").exists() or process.poll() is not None, 20, "the drafts")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    whole = sorted(p.name for p in out.iterdir())
+    assert (process.returncode, whole) in [(130, []), (0, ["raw_ins.csv", "raw_radar.csv"])]
+
+
+def test_a_damaged_recording_gives_what_is_there(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = folder.files("raw")[0]
+    path.write_bytes(path.read_bytes()[:-3000])
+    assert export(folder, tmp_path / "t", "--raw") == 3
+    assert f"{path}: ends after byte" in capsys.readouterr().err
+    assert 0 < len(read_table(tmp_path / "t" / "raw_ins.csv")) <= 150
+
+
+def test_missing_sessions_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for command in (["info"], ["verify"], ["recover", "--in-place"], ["export", "--out", str(tmp_path / "t")]):
+        assert main([*command, str(tmp_path / "nothing")]) == 2
+        assert "nothing: there is no such session folder or file" in capsys.readouterr().err
+    assert main(["info", str(tmp_path)]) == 2
+    assert "holds no MCAP files" in capsys.readouterr().err
+
+
+# -------------------------------------------------------------------------------------------------------- columns
+
+
+def test_flatten() -> None:
+    value = {"a": {"b": 1, "c": [1.5, None]}, "t": ["x", "y"], "o": [{"p": 1}], "e": [], "n": None}
+    assert flatten(value) == {
+        "a.b": 1, "a.c.0": 1.5, "a.c.1": None, "t": ["x", "y"], "o": '[{"p": 1}]', "e": [], "n": None,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([1, None], Type.INT),
+        ([1, 2.5], Type.FLOAT),
+        ([2**64], Type.FLOAT),
+        ([True], Type.BOOL),
+        ([["a"], []], Type.TEXTS),
+        (["a", 1], Type.TEXT),
+        ([True, 1], Type.TEXT),
+        ([None], Type.TEXT),
+    ],
+)
+def test_types_are_found(values: list[Any], kind: Type) -> None:
+    finder = ColumnFinder("/x/y")
+    for value in values:
+        finder.add({"what": value})
+    assert finder.columns() == [Column("what", kind)]
+
+
+def test_a_number_that_was_never_known_is_a_number() -> None:
+    finder = ColumnFinder("/x/attitude")
+    finder.add({"roll": None})
+    assert finder.columns() == [Column("roll", Type.FLOAT, "rad")]
