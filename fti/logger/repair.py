@@ -11,7 +11,7 @@ import os
 import struct
 import zlib
 from array import array
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,15 +54,28 @@ def close_unfinished(path: str | Path) -> Closed | None:
             raise StorageError(f"{place}: cannot be closed: {error.strerror}") from error
 
 
-def close_all(directory: str | Path, in_use: Collection[Path] = ()) -> list[Closed]:
+def close_all(
+    directory: str | Path, in_use: Collection[Path] = (), goes_on: Callable[[], bool] = lambda: True
+) -> list[Closed]:
     """Close every unfinished file in the session folders of a directory.
 
-    in_use : session folders to leave alone.  Files that another process writes are left alone too.
+    in_use : session folders to leave alone; goes_on : asked before each file; False leaves the rest for later.
+    Files that another process writes are left alone too.
     """
-    closed = []
     skipped = {folder.resolve() for folder in in_use}
-    for path in sorted(Path(directory).glob("*/*.mcap")):
-        if path.parent.resolve() in skipped or is_being_written(path):
+    paths = sorted(Path(directory).glob("*/*.mcap"))
+    return _close_each(path for path in paths if path.parent.resolve() not in skipped and goes_on())
+
+
+def close_session(folder: Path) -> list[Closed]:
+    """Close every unfinished file of a session folder, except those that another process writes."""
+    return _close_each(sorted(folder.glob("*.mcap")))
+
+
+def _close_each(paths: Iterable[Path]) -> list[Closed]:
+    closed = []
+    for path in paths:
+        if is_being_written(path):
             continue
         try:
             result = close_unfinished(path)

@@ -47,11 +47,11 @@ async def serve(
     companion  : runs beside the daemon (the emulator of a demonstration)
     Returns True when a signal ended it.
     """
+    # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
+    signalled = _stop_on_signals(lambda: supervisor.stop())  # noqa: PLW0108
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor import Supervisor  # noqa: PLC0415
 
-    # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
-    signalled = _stop_on_signals(lambda: supervisor.stop())  # noqa: PLW0108
     supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce))
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
     try:

@@ -1,11 +1,12 @@
 """The run directory: where ``watch``, ``mark`` and ``send`` find a daemon.
 
 ``$XDG_RUNTIME_DIR/fti/<name>/`` (or ``/tmp/fti-<uid>/<name>/``) holds ``fti.json`` (pid, session, addresses) and
-``fti.sock``, the control socket of the owner alone (0600).
+``fti.sock``, the control socket of the owner alone (0600).  A lock (``flock``) on the directory says that it is taken.
 """
 
 from __future__ import annotations
 
+import fcntl
 import itertools
 import json
 import os
@@ -17,6 +18,9 @@ from fti.errors import MissingError
 
 INFO = "fti.json"
 SOCKET = "fti.sock"
+#: What an address of a Unix socket holds [B].
+LONGEST_SOCKET = 107
+ADVICE = "choose another one with --run-dir"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,25 +42,57 @@ def base() -> Path:
     return Path(runtime) / "fti" if runtime else Path(tempfile.gettempdir()) / f"fti-{os.getuid()}"
 
 
-def make(name: str, run_dir: str | None) -> Path:
+@dataclass(frozen=True, slots=True)
+class RunDir:
+    """A run directory that is ours: nobody else gets it before ``withdraw`` or the end of this process."""
+
+    path: Path
+    lock_fd: int
+
+    @property
+    def socket(self) -> Path:
+        """Where the control socket is."""
+        return self.path / SOCKET
+
+    def withdraw(self) -> None:
+        """Remove what ``publish`` and the control socket left, and let others have the directory."""
+        for name in (INFO, SOCKET):
+            (self.path / name).unlink(missing_ok=True)
+        os.close(self.lock_fd)
+
+
+def make(name: str, run_dir: str | None) -> RunDir:
     """The run directory of a daemon, created for the owner alone.
 
-    A second daemon of the same name gets one with a number.  Raises MissingError when the directory cannot be made or
-    the one asked for is in use.
+    A second daemon of the same name gets one with a number, also when both start at the same moment.  Raises
+    MissingError when the directory cannot be made, its path is too long, or the one asked for is in use.
     """
-    path = Path(run_dir) if run_dir else _first_free(name)
-    if run_dir and _try_read(path / INFO):
-        raise MissingError(f"{path}: another daemon is running there")
+    if run_dir is None:
+        candidates = (base() / (name if n == 1 else f"{name}_{n}") for n in itertools.count(1))
+        return next(claimed for claimed in map(_claim, candidates) if claimed)
+    claimed = _claim(Path(run_dir))
+    if claimed is None:
+        raise MissingError(f"{run_dir}: another daemon is running there")
+    return claimed
+
+
+def _claim(path: Path) -> RunDir | None:
+    """The directory, made and locked; None when another daemon has it."""
+    if len(os.fsencode(path / SOCKET)) > LONGEST_SOCKET:
+        raise MissingError(f"{path / SOCKET}: too long for a control socket (limit {LONGEST_SOCKET} bytes); {ADVICE}")
     try:
         path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock_fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
         raise MissingError(f"{path}: the run directory cannot be made: {error.strerror}") from None
-    return path
-
-
-def _first_free(name: str) -> Path:
-    candidates = (base() / (name if n == 1 else f"{name}_{n}") for n in itertools.count(1))
-    return next(path for path in candidates if _try_read(path / INFO) is None)
+    try:
+        fcntl.flock(lock_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock_fd)
+        if isinstance(error, BlockingIOError):
+            return None
+        raise MissingError(f"{path}: the run directory cannot be locked: {error.strerror}; {ADVICE}") from None
+    return RunDir(path, lock_fd)
 
 
 def publish(path: Path, info: DaemonInfo) -> None:
@@ -64,12 +100,6 @@ def publish(path: Path, info: DaemonInfo) -> None:
     draft = path / (INFO + ".new")
     draft.write_text(json.dumps(asdict(info)))
     draft.replace(path / INFO)
-
-
-def withdraw(path: Path) -> None:
-    """Remove what ``publish`` and the control socket left."""
-    for name in (INFO, SOCKET):
-        (path / name).unlink(missing_ok=True)
 
 
 def find_daemon(run_dir: str | None = None) -> DaemonInfo:

@@ -8,6 +8,7 @@ the display; the supervisor.  A second interrupt shortens what comes after the r
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import time
 from collections import Counter, deque
@@ -108,7 +109,17 @@ class Supervisor:
 
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
-        server = await serve_commands(self._run_dir / rundir.SOCKET, self._obey, self._bulletin.report)
+        try:
+            with contextlib.closing(await serve_commands(self._run_dir.socket, self._obey, self._bulletin.report)):
+                await self._record(duration_s)
+        finally:
+            self._run_dir.withdraw()
+            await asyncio.to_thread(self._close_own_files)
+            if self._hub:
+                self._hub.close()
+            self._ring.close()
+
+    async def _record(self, duration_s: float | None) -> None:
         self._start(self._children[0])
         watching = asyncio.create_task(self._watch(), name="watch")
         telling = asyncio.create_task(self._tell(), name="health")
@@ -119,12 +130,6 @@ class Supervisor:
             await self._end()
             await self._finish_repair(closing)
             await self._cancel(watching, telling)
-            server.close()
-            rundir.withdraw(self._run_dir)
-            await asyncio.to_thread(self._close_own_files)
-            if self._hub:
-                self._hub.close()
-            self._ring.close()
 
     async def _wait_for_end(self, duration_s: float | None) -> None:
         stopping = asyncio.create_task(self._stop.wait(), name="stop")
@@ -198,9 +203,9 @@ class Supervisor:
             display=self.display_url,
             zenoh=self._hub.endpoint if self._hub else None,
             epoch_ns=self._clock.epoch_ns,
-            sock=str(self._run_dir / rundir.SOCKET),
+            sock=str(self._run_dir.socket),
         )
-        rundir.publish(self._run_dir, info)
+        rundir.publish(self._run_dir.path, info)
 
     async def _watch(self) -> None:
         """Start again what has died."""
@@ -302,23 +307,27 @@ class Supervisor:
         await self.recording.wait()
         with guarded("repair", self._bulletin.report):
             directory = Path(self._config.session.directory)
-            closed = await asyncio.to_thread(repair.close_all, directory, in_use=[self.folder.path])
+            closed = await asyncio.to_thread(
+                repair.close_all, directory, in_use=[self.folder.path], goes_on=lambda: not self._hurry.is_set()
+            )
             for fault in (c.fault for c in closed if c.fault):
                 self._announce(f"warning: {fault}")
             for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
                 self._announce(f"closed {count} files of {folder}, which a killed session had left open")
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
-        """A file that is being closed is closed to its end."""
+        """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
         if not self.recording.is_set():
             await self._cancel(closing)
         else:
             await closing
 
     def _close_own_files(self) -> None:
-        """What a killed child left open."""
+        """What a killed child left open; a session that has not begun leaves nothing."""
         with guarded("repair", self._report_to_user):
-            repair.close_all(self.folder.path.parent)
+            repair.close_session(self.folder.path)
+        with contextlib.suppress(OSError):
+            self.folder.path.rmdir()
 
     def _report_to_user(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")
