@@ -68,7 +68,7 @@ def _send(host: str, rate_hz: float, ports: Sequence[int]) -> list[int]:
     addresses = [(host, port) for port in ports]
     begin, total = time.monotonic(), 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        while goes_on():
+        while said() is None:
             due = int((time.monotonic() - begin) * rate_hz)
             for turn in range(total, due):
                 link = turn % len(ports)
@@ -79,12 +79,12 @@ def _send(host: str, rate_hz: float, ports: Sequence[int]) -> list[int]:
     return sent
 
 
-def goes_on() -> bool:
-    """In such a process: its standard input, which must not block, has not ended."""
+def said() -> bytes | None:
+    """What came on standard input, which must not block; None when nothing came, b"" at its end."""
     try:
-        return bool(os.read(0, 1))
+        return os.read(0, 1)
     except BlockingIOError:
-        return True
+        return None
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import sys
 import time
 
 from fti.service.recorder import PRIORITY
-from tests.e2e.flood import goes_on
+from tests.e2e.flood import said
 from tests.helpers import ROOT
 
 PERIOD_NS = 2_000_000
@@ -57,7 +57,7 @@ def _beat(core: int) -> list[tuple[int, int]]:
     os.sched_setaffinity(0, {core})
     os.set_blocking(0, False)
     pauses, before = [], time.monotonic_ns()
-    while goes_on():
+    while said() is None:
         time.sleep(PERIOD_NS / 1e9)
         now = time.monotonic_ns()
         if now - before > PERIOD_NS + PAUSE_NS:

@@ -250,6 +250,6 @@ def describe(losses: list[Loss], excused: int) -> str:
     outage = sorted((loss.killed_ns - loss.began_ns) / 1e6 for loss in losses)
     return (
         f"{len(losses)} kills; lost of what was received: median {spans[len(spans) // 2]:.1f} ms, "
-        f"most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} frames; from the first lost one to the "
-        f"kill: median {outage[len(outage) // 2]:.1f} ms, most {outage[-1]:.1f} ms; over 50 ms: {excused}"
+        f"most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} frames; from the first lost one to "
+        f"the kill: median {outage[len(outage) // 2]:.1f} ms, most {outage[-1]:.1f} ms; over 50 ms: {excused}"
     )
