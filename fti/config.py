@@ -32,10 +32,14 @@ class StrictModel(BaseModel):
 
 
 class Session(StrictModel):
-    """``[session]``: where the recording goes and how it is cut."""
+    """``[session]``: where the recording goes and how it is cut.
+
+    fallback : on another medium; the recording goes on there while ``directory`` refuses
+    """
 
     name: Name
     directory: str = "data"
+    fallback: str | None = None
     split_s: Positive = 300.0
     split_mb: Positive = 1024.0
     min_free_mb: Annotated[float, Field(ge=0)] = 500.0
@@ -115,6 +119,7 @@ class Device(StrictModel):
     rate_hz: Positive | None = None
     max_age_ms: Positive = 1000.0
     latency_ms: Annotated[float, Field(ge=0)] = 0.0
+    use_device_time: bool = True  # once its clock is known against FTI time; false: validity from the arrival alone
     lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
     rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
     altimeter: Altimeter | None = None
@@ -345,6 +350,8 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
         approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})
         nav = nav.model_copy(update={"approach": approach})
     session = config.session.model_copy(update={"directory": absolute(config.session.directory)})
+    if session.fallback is not None:
+        session = session.model_copy(update={"fallback": absolute(session.fallback)})
     return config.model_copy(update={"nav": nav, "session": session})
 
 

@@ -98,8 +98,11 @@ class DerivedLog(Log):
 
     def gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
         """What navigation did not get to see, or that it was restarted."""
-        table = {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)}
-        self._write(GAP_TOPIC, schemas.note_schema(GAP_TOPIC), (t_ns, None), schemas.encode(table))
+        self.note(GAP_TOPIC, t_ns, {"t_ns": t_ns, **({"text": what} if isinstance(what, str) else what)})
+
+    def note(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
+        """A note on ``/fti/gap`` or ``/fti/device_clock``.  Raises ValueError for a topic that has no schema."""
+        self._write(topic, schemas.note_schema(topic), (t_ns, None), schemas.encode(content))
 
     def _write(self, topic: str, schema: Schema, times: tuple[int, int | None], data: bytes) -> None:
         channel = self._channels.get(topic)

@@ -140,9 +140,11 @@ _NOTES: dict[str, tuple[str, Json]] = {
         {"t_ns": _INTEGER, "session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
         | {"storage": _TABLE, "navigation": _TABLE},
     ),
+    "/fti/device_clock": ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),
     "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
 }
 EVENT_TOPIC = "/fti/event"
+DEVICE_CLOCK_TOPIC = "/fti/device_clock"
 
 
 @cache

@@ -3,15 +3,13 @@
 Pure and deterministic: it knows no time but stamps and ticks, and takes its inputs in the order of ``seq``.  Stamps
 of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
 
-    t_valid_ns = t_rx_ns - latency of the device          first form of the device-clock model
+    t_valid_ns : by the clock of the device once it is known (``fti.nav.device_times``), else t_rx_ns - latency
 
 Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick;
 ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
 """
 
 from __future__ import annotations
-
-import dataclasses
 
 from fti.config import Config
 from fti.nav.approach_channel import make_channel
@@ -39,14 +37,11 @@ class Pipeline:
         self._approach = make_channel(config, reference)
         self._ticks = 0
 
-    def stamp(self, device: str, m: Measurement) -> Measurement:
-        """The same measurement with ``t_valid_ns`` filled in."""
-        t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
-        return dataclasses.replace(m, stamp=dataclasses.replace(m.stamp, t_valid_ns=t_valid_ns))
-
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
-        """Take one measurement of a device."""
-        t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
+        """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
+        t_valid_ns = m.stamp.t_valid_ns
+        if t_valid_ns is None:
+            t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
         if isinstance(m, (RadioHeight, Range)):
             return self._feed_altimeter(device, m, t_valid_ns)
         source = self._sources.get(device)

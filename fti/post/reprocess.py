@@ -133,5 +133,7 @@ def _feed(frames: Iterator[RawFrame], segment: Segment, chain: Chain, log: Deriv
 def _write(products: Products, log: DerivedLog) -> None:
     for device, measurement in products.measurements:
         log.measurement(device, measurement)
+    for note in products.notes:
+        log.note(*note)
     for output in products.outputs:
         log.output(output)

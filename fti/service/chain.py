@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from typing import Any
 
 from fti.config import Config
 from fti.drivers import Decoder
+from fti.logger.schemas import DEVICE_CLOCK_TOPIC
+from fti.nav.device_times import DeviceTimes
 from fti.nav.pipeline import Pipeline
 from fti.nav.reference import Reference
 from fti.service.binding import BoundDevice
@@ -24,6 +27,7 @@ class Products:
 
     measurements: list[tuple[str, Measurement]] = field(default_factory=list)
     outputs: list[Output | Event] = field(default_factory=list)
+    notes: list[tuple[str, int, dict[str, Any]]] = field(default_factory=list)  # topic, time [ns], content
 
 
 @dataclass(slots=True)
@@ -49,6 +53,7 @@ class Chain:
         self._on_link: dict[str, list[Listener]] = {}
         for listener in self.listeners:
             self._on_link.setdefault(listener.bound.device.link, []).append(listener)
+        self._times = DeviceTimes(config.device)
         self._pipeline = Pipeline(config, reference)
 
     def feed(self, frame: RawFrame) -> Products:
@@ -57,13 +62,20 @@ class Chain:
         if frame.link == TICK_LINK:
             with self._guard("pipeline", frame, products):
                 products.outputs += self._pipeline.tick(frame.t_rx_ns)
+            with self._guard("device clocks", frame, products):
+                self._tell_times(frame.t_rx_ns, products)
         for listener in self._on_link.get(frame.link, ()):
             for measurement in self._decode(listener, frame, products):
-                stamped = self._pipeline.stamp(listener.name, measurement)
-                products.measurements.append((listener.name, stamped))
                 with self._guard("pipeline", frame, products):
+                    stamped = self._times.stamp(listener.name, measurement)
+                    products.measurements.append((listener.name, stamped))
                     products.outputs += self._pipeline.feed(listener.name, stamped)
         return products
+
+    def _tell_times(self, t_ns: int, products: Products) -> None:
+        if note := self._times.tick(t_ns):
+            products.notes.append((DEVICE_CLOCK_TOPIC, t_ns, note))
+            products.outputs += self._times.take_events(t_ns)
 
     def _decode(self, listener: Listener, frame: RawFrame, products: Products) -> list[Measurement]:
         found: list[Measurement] = []

@@ -48,6 +48,10 @@ class DerivedWriter:
         """Queue a note on what navigation did not see."""
         self._put(lambda: self._log.gap(t_ns, content))
 
+    def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
+        """Queue what is known besides, ``/fti/device_clock``."""
+        self._put(lambda: self._log.note(topic, t_ns, content))
+
     def close(self) -> None:
         """Write what waits, close the file and end the thread."""
         self._stopping.set()

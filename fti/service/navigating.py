@@ -115,6 +115,8 @@ class Navigator:
     def _deliver(self, products: Products) -> None:
         for device, measurement in products.measurements:
             self._derived.measurement(device, measurement)
+        for note in products.notes:
+            self._derived.note(*note)
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)

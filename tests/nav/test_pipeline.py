@@ -239,9 +239,13 @@ def test_heading_is_interpolated_the_short_way_round() -> None:
     assert found == pytest.approx([6.2 + turn / 4, 6.2 + 0.75 * turn - 2 * math.pi], abs=1e-6)
 
 
-def test_stamp_fills_t_valid_with_the_latency() -> None:
-    stamped = Pipeline(config(), None).stamp("radar", RadioHeight(stamp=Stamp(T0), height_agl=1.0))
-    assert stamped.stamp.t_valid_ns == T0 - 100 * MS
+def test_a_measurement_counts_when_it_was_true_and_not_when_it_came() -> None:
+    """By its own t_valid_ns where there is one; else by its arrival and the latency."""
+    pipeline = Pipeline(config(), None)
+    for valid_ns, expected in ((None, T0 - 100 * MS), (T0 - 70 * MS, T0 - 70 * MS)):
+        height = RadioHeight(stamp=Stamp(T0, t_valid_ns=valid_ns), height_agl=1.0)
+        found = pipeline.feed("radar", height)
+        assert [row.t_valid_ns for row in found if isinstance(row, HeightAboveGround)] == [expected]
 
 
 def test_devices_without_a_role_are_ignored() -> None:

@@ -1,0 +1,109 @@
+"""When measurements were true: the clocks of all devices, and what they say of GNSS time.
+
+Deterministic: it sees measurements in order of ``seq`` and nothing else.  Who starts navigation again starts it anew.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from typing import Any
+
+from fti.config import Device
+from fti.nav.device_clock import ARRIVAL_SD_NS, WINDOW_S, ClockState, DeviceClock
+from fti.nav.envelope import Z95
+from fti.types import Event, Measurement, Stamp, TimeScale
+
+SECOND_NS = 1_000_000_000
+#: Scales that are the same for everybody, the better one first.
+GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
+_Key = tuple[str, TimeScale]
+
+
+class DeviceTimes:
+    """Fills in ``t_valid_ns``, and reports once a second.  window_s : as ``DeviceClock`` has it."""
+
+    def __init__(self, devices: Iterable[Device], window_s: int | None = WINDOW_S) -> None:
+        self._devices = {device.name: device for device in devices}
+        self._window = window_s
+        self.clocks: dict[_Key, DeviceClock] = {}
+        self._last: dict[_Key, tuple[int, int, int | None]] = {}
+        self._second = 0
+
+    def stamp(self, device: str, m: Measurement) -> Measurement:
+        """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival."""
+        stamp, described = m.stamp, self._devices[device]
+        valid_ns = self._by_clock(described, stamp) if described.use_device_time else None
+        if valid_ns is None:
+            valid_ns = stamp.t_rx_ns - _latency_ns(described)
+        return dataclasses.replace(m, stamp=dataclasses.replace(stamp, t_valid_ns=valid_ns))
+
+    def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
+        """One message yields several measurements with the same stamp: it is taken once."""
+        if stamp.t_dev_ns is None or stamp.time_scale is None:
+            return None
+        key = (device.name, stamp.time_scale)
+        t_rx_ns, t_dev_ns, valid_ns = self._last.get(key, (None, None, None))
+        if (t_rx_ns, t_dev_ns) != (stamp.t_rx_ns, stamp.t_dev_ns):
+            valid_ns = self._clock(key, device).take(stamp.t_rx_ns, stamp.t_dev_ns)
+            self._last[key] = stamp.t_rx_ns, stamp.t_dev_ns, valid_ns
+        return valid_ns
+
+    def _clock(self, key: _Key, device: Device) -> DeviceClock:
+        if key not in self.clocks:
+            max_age_ns = round(device.max_age_ms * 1e6)
+            self.clocks[key] = DeviceClock(key[1], _latency_ns(device), max_age_ns, self._window, device.name)
+        return self.clocks[key]
+
+    def tick(self, t_ns: int) -> dict[str, Any] | None:
+        """Once a second, what is known of every clock, for ``/fti/device_clock``."""
+        if t_ns // SECOND_NS == self._second:
+            return None
+        self._second = t_ns // SECOND_NS
+        clocks = {f"{name}_{scale}": describe(clock, t_ns) for (name, scale), clock in self.clocks.items()}
+        return {"t_ns": t_ns, "clocks": clocks, "gnss": self._gnss(t_ns)} if clocks else None
+
+    def take_events(self, t_ns: int) -> list[Event]:
+        """What a person should know since the last call."""
+        news = [text for clock in self.clocks.values() for text in clock.take_news()]
+        return [Event(t_ns=t_ns, level="info", source="clock", text=text) for text in news]
+
+    def _gnss(self, t_ns: int) -> dict[str, Any]:
+        """GPS or UTC time at t_ns, from the first device whose clock is known; empty without one."""
+        good = [key for key, clock in self.clocks.items() if clock.state is ClockState.GOOD]
+        for scale in GNSS_SCALES:
+            for device in self._devices:
+                if (device, scale) in good:
+                    clock = self.clocks[device, scale]
+                    return {"device": device, "scale": scale, "time_ns": clock.device_ns(t_ns)}
+        return {}
+
+
+def describe(clock: DeviceClock, t_ns: int) -> dict[str, Any]:
+    """A clock at the FTI time t_ns.
+
+    offset_ns : device - FTI; drift_ppm : how much faster it runs than FTI time; validity_sd_ns : of ``t_valid_ns``
+    usual_ns  : how much later than by the shortest way the usual message arrives; refused : messages that did not fit
+    """
+    segment = clock.segments[-1]
+    good, known = clock.state is ClockState.GOOD, segment.known
+    sd_ns = clock.sd_ns(t_ns)
+    return {
+        "scale": clock.scale,
+        "state": clock.state,
+        "offset_ns": clock.device_ns(t_ns) - t_ns,
+        "offset_sd_ns": sd_ns if known else None,
+        "drift_ppm": segment.drift_ppm if known else None,
+        "drift_sd_ppm": 1e6 * segment.line.slope_95 / Z95 if known else None,
+        "validity_sd_ns": sd_ns if good else ARRIVAL_SD_NS,
+        "usual_ns": segment.line.spread if known else None,
+        "largest_ns": segment.largest_ns,
+        "messages": segment.messages,
+        "late": segment.late,
+        "refused": clock.refused,
+        "segments": len(clock.segments),
+    }
+
+
+def _latency_ns(device: Device) -> int:
+    return round(device.latency_ms * 1e6)
