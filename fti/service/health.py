@@ -9,7 +9,7 @@ from typing import Any
 from fti.service.children import Child
 from fti.types import LinkState
 
-#: The recorder reports twice a second; what it said longer ago is not true any more.
+#: Recorder and navigation report twice a second; what they said longer ago is not true any more.
 LATE_NS = 3_000_000_000
 #: Order in which the state of a link's devices becomes the state of the link: the best one counts.
 BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
@@ -22,10 +22,14 @@ class HealthBoard:
     session: dict[str, Any]
     recorder: dict[str, Any] = field(default_factory=dict)
     navigation: dict[str, Any] = field(default_factory=dict)
+    _heard: dict[str, Any] = field(default_factory=dict)
+    _heard_ns: int = 0
 
     def compose(self, now_ns: int, children: Iterable[Child]) -> dict[str, Any]:
         """One health message."""
-        devices = self.navigation.get("devices", {})
+        silent_ns = self._navigation_silence(now_ns)
+        navigation, devices = self._judge_navigation(silent_ns)
+        heard = devices if silent_ns <= LATE_NS else {}
         storage = self._judge_storage(now_ns)
         links = self.recorder.get("links", {})
         fault = storage.get("state", "ok") == "error"
@@ -33,11 +37,26 @@ class HealthBoard:
             "t_ns": now_ns,
             "session": {**self.session, "state": "storage_error" if fault else self.session["state"]},
             "processes": {c.name: {"state": c.state, "pid": c.pid, "restarts": c.restarts} for c in children},
-            "links": {name: merge_link(name, link, devices) for name, link in links.items()},
+            "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,
             "storage": storage,
-            "navigation": self.navigation.get("navigation", {}),
+            "navigation": navigation,
         }
+
+    def _navigation_silence(self, now_ns: int) -> int:
+        """Time since navigation said something new [ns]."""
+        if self._heard is not self.navigation:
+            self._heard, self._heard_ns = self.navigation, now_ns
+        return now_ns - self._heard_ns
+
+    def _judge_navigation(self, silent_ns: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What navigation said of itself and of the devices; of a stopped one nothing is good any more."""
+        navigation, devices = self.navigation.get("navigation", {}), self.navigation.get("devices", {})
+        if silent_ns <= LATE_NS or not navigation:
+            return navigation, devices
+        hint = f"navigation has said nothing for {silent_ns / 1e9:.0f} s"
+        late = {**navigation, "lag_ms": navigation["lag_ms"] + silent_ns / 1e6, "hint": hint}
+        return late, {name: {**device, "state": LinkState.SILENT, "hint": hint} for name, device in devices.items()}
 
     def _judge_storage(self, now_ns: int) -> dict[str, Any]:
         """What the recorder said of the storage, unless that is long ago: late is not valid."""

@@ -37,3 +37,22 @@ def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
     late = board.compose(LATE_NS + 1, [])
     assert late["session"]["state"] == "storage_error"
     assert "said nothing" in late["storage"]["hint"]
+
+
+def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
+    link, device = {"state": "good", "hint": ""}, _device("noise")
+    said = {"navigation": {"lag_ms": 20.0}, "devices": {"d": device}}
+    board = HealthBoard({"state": "recording"}, {"links": {"a": link}}, said)
+    now = board.compose(0, [])
+    assert (now["navigation"]["lag_ms"], now["devices"]["d"]["state"], now["links"]["a"]["state"]) == (
+        20,
+        "noise",
+        "noise",
+    )
+    late = board.compose(LATE_NS + 10**9, [])
+    assert late["navigation"]["lag_ms"] == 20 + LATE_NS / 1e6 + 1000
+    assert late["devices"]["d"]["state"] == "silent"
+    assert "said nothing" in late["devices"]["d"]["hint"]
+    assert late["links"]["a"]["state"] == "good"  # its bytes still come
+    board.navigation = dict(said)
+    assert board.compose(LATE_NS + 2 * 10**9, [])["navigation"]["lag_ms"] == 20
