@@ -201,7 +201,7 @@ class DeviceClock:
             segment, late = self._begin(t_rx_ns, t_dev_ns), 0.0
         self._watch(t_rx_ns, near=abs(late) <= near)
         if self._away_for(t_rx_ns) >= RENEW_NS and self._away >= RENEW_MESSAGES:
-            self._renew(t_rx_ns, t_dev_ns, late)
+            self._renew(t_rx_ns, t_dev_ns)
             return None
         if not -near <= late <= self._max_age_ns - self._latency_ns:
             self.refused += 1
@@ -245,27 +245,23 @@ class DeviceClock:
     def _away_for(self, t_rx_ns: int) -> int:
         return 0 if self._away_since is None else t_rx_ns - self._away_since
 
-    def _renew(self, t_rx_ns: int, t_dev_ns: int, late: float) -> None:
+    def _renew(self, t_rx_ns: int, t_dev_ns: int) -> None:
         """What does not fit has lasted: the clock was set, or the way has become another."""
         self._away_since, self._away, self._doubted, self._told = None, 0, False, False
+        step = (t_dev_ns - self.segments[-1].device_ns(t_rx_ns)) / SECOND_NS
         self._begin(t_rx_ns, t_dev_ns).add(t_rx_ns, t_dev_ns)
-        step = -late / SECOND_NS
         self._news.append(f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew")
 
     def _unwrapped(self, segment: Segment, t_rx_ns: int, t_dev_ns: int) -> int:
         """The device's time without the jump of a counter that starts again."""
         unwrapped = t_dev_ns + self._unwrap_ns
-        late = segment.lateness(t_rx_ns, unwrapped)
-        if abs(late) < 1000 * SECOND_NS:
+        if abs(segment.lateness(t_rx_ns, unwrapped)) < 1000 * SECOND_NS:
             return unwrapped
-        for period in WRAPS[self.scale]:
-            for jump in (period, -period):
-                if abs(late - jump) <= self._max_age_ns:
-                    self._unwrap_ns += jump
-                    self._news.append(
-                        f"the counter of {self._name} ({self.scale}) has gone by {-jump / SECOND_NS:+.0f} s"
-                    )
-                    return unwrapped + jump
+        for jump in (sign * period for period in WRAPS[self.scale] for sign in (1, -1)):
+            if abs(segment.lateness(t_rx_ns, unwrapped + jump)) <= self._max_age_ns:
+                self._unwrap_ns += jump
+                self._news.append(f"the counter of {self._name} ({self.scale}) has gone by {-jump / SECOND_NS:+.0f} s")
+                return unwrapped + jump
         return unwrapped
 
     def _tell_known(self, segment: Segment) -> None:
