@@ -1,9 +1,17 @@
-"""Close files that a kill or a power cut left open.
+"""Recover what a damaged recording holds, or close files that a kill left open.
+
+Into a copy: from files that are cut off, have flipped bits or holes, everything that is there, chunk by chunk, past
+all damage, as finished files in a new folder (default: SESSION_recovered beside SESSION).  The input is never
+changed.  A chunk whose checksum does not hold is left out, so that no message is invented; messages that no checksum
+proves (the last seconds of a file that was not finished) are taken and counted.  What is missing is printed, and
+stands in recovered.json in the new folder and in each file.  Exit code 0: nothing is missing; 3: something is.
 
 In place: a torn rest at the end is cut off, and the file gets its index, summary and footer, so that every reader
 takes it.  Whole records are never removed.  A file that is being written, or is damaged in its middle, is left as it
 is.  The next ``fti run`` does the same for all sessions in its directory.
 
+  fti recover data/da42_20260102T030405Z_0
+  fti recover broken.mcap --out saved --json
   fti recover data/da42_20260102T030405Z_0 --in-place
 """
 
@@ -11,22 +19,40 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from fti.logger.salvage import FileReport, Report
+
+SHOWN = 10
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """SESSION and --in-place."""
+    """SESSION, --out or --in-place, --json."""
     parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
-    parser.add_argument("--in-place", action="store_true", required=True, help="change the files themselves")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--out", metavar="DIR", help="write the recovered files into DIR, which must hold nothing")
+    how.add_argument("--in-place", action="store_true", help="only close unfinished files, themselves")
+    parser.add_argument("--json", action="store_true", help="print JSON only (not with --in-place)")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Close what is open; 3 when a file had to be left alone."""
+    """Recover; 3 when something is missing or a file had to be left alone."""
+    if args.in_place:
+        return _close(args.session)
+    return _salvage(Path(args.session), Path(args.out) if args.out else None, as_json=args.json)
+
+
+def _close(session: str) -> int:
     from fti.errors import RecordingError, StorageError
     from fti.logger.recording import Recording
     from fti.logger.repair import close_unfinished
 
     code = 0
-    for path in Recording.open(args.session).files:
+    for path in Recording.open(session).files:
         try:
             closed = close_unfinished(path)
         except (RecordingError, StorageError) as error:
@@ -38,3 +64,70 @@ def run(args: argparse.Namespace) -> int:
         else:
             print(f"{path}: closed with {closed.messages} messages; {closed.dropped_bytes} torn bytes cut off")
     return code
+
+
+def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
+    import json
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from fti.logger.salvage import salvage_session, session_files
+
+    total = sum(path.stat().st_size for path in session_files(session))
+    place = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("bytes", total=total)
+        report = salvage_session(session, place, lambda done: bar.update(task, completed=done))
+    if as_json:
+        print(json.dumps({"out": str(place), **report.as_json()}, indent=1))
+    else:
+        print("\n".join(as_text(report)))
+        print(f"recovered into {place}")
+    return 0 if report.complete else 3
+
+
+def as_text(report: Report) -> Iterator[str]:
+    """Lines for a person."""
+    for file in report.files:
+        yield from _file_text(file)
+    for gap in report.gaps[:SHOWN]:
+        yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.after_ns)} and {_time(gap.before_ns)}"
+    if len(report.gaps) > SHOWN:
+        yield f"and {len(report.gaps) - SHOWN} more ranges of numbers; see recovered.json"
+    yield "nothing is missing" if report.complete else "not everything is there"
+
+
+def _file_text(file: FileReport) -> Iterator[str]:
+    unproved = f" ({file.unproved} without a checksum that proves them)" if file.unproved else ""
+    yield (
+        f"{file.file}: {file.messages} messages{unproved}, "
+        f"{file.attachments} attachments, {file.metadata} metadata records recovered"
+    )
+    if not file.summary:
+        yield "  has no summary that holds: whether more followed at its end cannot be known"
+    for damage in file.damages[:SHOWN]:
+        yield f"  bytes {damage.begin}-{damage.end - 1} are lost, {_between(damage.after_ns, damage.before_ns)}"
+    if len(file.damages) > SHOWN:
+        yield f"  and {len(file.damages) - SHOWN} more places; see recovered.json"
+    if file.damages and file.complete:
+        yield "  they held no message, attachment or metadata"
+    if file.missing_messages:
+        yield f"  {file.missing_messages} of {file.told_messages} messages are missing"
+
+
+def _between(after_ns: int | None, before_ns: int | None) -> str:
+    begin = "before" if after_ns is None else f"after {_time(after_ns)}"
+    if before_ns is None:
+        return f"{begin} the end" if after_ns is None else begin
+    return f"{begin} {_time(before_ns)}" if after_ns is None else f"{begin} and before {_time(before_ns)}"
+
+
+def _time(t_ns: int) -> str:
+    """FTI time as a date, to the millisecond."""
+    from datetime import UTC, datetime
+
+    try:
+        return f"{datetime.fromtimestamp(t_ns // 10**9, UTC):%Y-%m-%dT%H:%M:%S}.{t_ns // 10**6 % 1000:03d}Z"
+    except (OverflowError, ValueError, OSError):  # a foreign file's idea of time
+        return f"{t_ns} ns"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -16,9 +17,10 @@ from typing import Any, NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.stream_reader import StreamReader
 
 from fti.errors import MissingError
+from fti.logger.compression import decompress
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
@@ -118,8 +120,7 @@ class McapFile:
 
     def _take(self, record: Any) -> list[Item]:
         if isinstance(record, Chunk):
-            stream, size = get_chunk_data_stream(record, validate_crc=True)
-            return self._walk(stream.read(size))
+            return self._walk(_content(record))
         if isinstance(record, Channel):
             self._topics[record.id] = Topic(record.topic, record.message_encoding, record.metadata)
         elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
@@ -144,6 +145,14 @@ class McapFile:
                 self._take(Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end]))))
             at = end
         return items
+
+
+def _content(chunk: Chunk) -> bytes:
+    """The records of a chunk.  Raises ValueError when they are damaged."""
+    content = decompress(chunk.compression, chunk.data, chunk.uncompressed_size)
+    if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
+        raise ValueError("the checksum of a chunk does not hold")
+    return content
 
 
 def has_footer(path: Path) -> bool:

@@ -116,13 +116,30 @@ def message_index(channel_id: int, entries: bytes) -> bytes:
     return record(Op.MESSAGE_INDEX, struct.pack("<HI", channel_id, len(entries)), entries)
 
 
+def packed_chunk(times: tuple[int, int], size: int, crc: int, compression: str, stored: bytes) -> bytes:
+    """Chunk record of ``size`` bytes of records, stored compressed."""
+    head = struct.pack("<QQQI", *times, size, crc)
+    return record(Op.CHUNK, head, _text(compression), struct.pack("<Q", len(stored)), stored)
+
+
 def chunk_index(
-    times: tuple[int, int], offset: int, size: int, index_offsets: Mapping[int, int], index_length: int
+    times: tuple[int, int],
+    offset: int,
+    size: int,
+    index_offsets: Mapping[int, int],
+    index_length: int,
+    *,
+    packed: tuple[str, int] = ("", 0),
 ) -> bytes:
-    """Chunk index record of an uncompressed chunk of ``size`` bytes of records that begins at ``offset``."""
+    """Chunk index record of a chunk of ``size`` bytes of records that begins at ``offset``.
+
+    packed : compression and stored bytes of a compressed chunk.
+    """
+    compression, stored = packed if packed[0] else ("", size)
     table = b"".join(struct.pack("<HQ", cid, at) for cid, at in index_offsets.items())
-    head = _CHUNK_INDEX.pack(*times, offset, CHUNK.size + size, len(table))
-    return record(Op.CHUNK_INDEX, head, table, struct.pack("<QIQQ", index_length, 0, size, size))
+    head = _CHUNK_INDEX.pack(*times, offset, CHUNK.size + len(compression) + stored, len(table))
+    sizes = struct.pack("<QQ", stored, size)
+    return record(Op.CHUNK_INDEX, head, table, struct.pack("<Q", index_length), _text(compression), sizes)
 
 
 def attachment(name: str, media_type: str, data: bytes, log_time: int) -> bytes:

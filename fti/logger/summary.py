@@ -33,11 +33,21 @@ class Summary:
         return b"".join(tail), offsets
 
     def add_chunk(
-        self, offset: int, size: int, times: tuple[int, int], index: Mapping[int, array[int]], offsets: dict[int, int]
+        self,
+        offset: int,
+        size: int,
+        times: tuple[int, int],
+        index: Mapping[int, array[int]],
+        offsets: dict[int, int],
+        *,
+        packed: tuple[str, int] = ("", 0),
     ) -> None:
-        """A finished chunk: its place, the size of its records, its first and last log time, its message index."""
+        """A finished chunk: its place, the size of its records, its first and last log time, its message index.
+
+        packed : compression and stored bytes of a compressed chunk.
+        """
         length = sum(15 + 8 * len(entries) for entries in index.values())
-        self._chunks.append(records.chunk_index(times, offset, size, offsets, length))
+        self._chunks.append(records.chunk_index(times, offset, size, offsets, length, packed=packed))
         for channel_id, entries in index.items():
             self.counts[channel_id] += len(entries) // 2
         self.first_ns = times[0] if self.first_ns is None else min(self.first_ns, times[0])

@@ -1,0 +1,260 @@
+"""Walk through a file that may be damaged: what is there and proved, what is there and unproved, what is lost.
+
+A chunk whose checksum holds is taken whole.  A chunk whose checksum does not hold is lost: nothing in it can be
+proved, and no message is invented.  Unproved, and counted as such, are the messages of a chunk without checksum (the
+open chunk of a file that was not finished), of a chunk that the end of the file cuts off, and messages that stand
+outside of chunks; of these all whole records are taken up to the first that makes no sense, and where one makes none,
+the one before it is not taken either: the damage may begin in it.
+
+Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
+open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
+for one: where the lengths of the damaged chunk agree, what is found in it must lead exactly to its end; where the
+summary is whole, a chunk must stand where the summary tells.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+
+from fti.logger.compression import MAX_RECORD
+from fti.logger.content import Content
+from fti.logger.records import HEAD, MAGIC, Op
+from fti.logger.source import Source
+from fti.logger.structure import ChunkHead, chunk_head, record_end
+from fti.logger.told import Told
+
+BLOCK = 4 * 2**20
+#: Begin of a chunk, an attachment, metadata or the end of the data, shorter than 2^40 bytes.
+_CANDIDATE = re.compile(rb"[\x06\x09\x0c\x0f](?=[\s\S]{5}\x00\x00\x00)")
+_BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Records of a chunk, or outside of chunks (head is None).  proved : their checksum holds."""
+
+    begin: int
+    end: int
+    content: Content
+    proved: bool
+    head: ChunkHead | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """A sound record that holds no messages."""
+
+    begin: int
+    end: int
+    op: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """Bytes of which nothing is taken."""
+
+    begin: int
+    end: int
+
+
+Piece = Messages | Other | Lost
+
+
+class Walk:
+    """The pieces of a file in its order; together they cover it.  ``at`` : where the walk stands.
+
+    known : channels of the messages taken so far; schemas likewise.  told : the summary, if it is whole.
+    """
+
+    def __init__(self, source: Source, told: Told | None, progress: Callable[[int], None]) -> None:
+        self.channels: dict[int, bytes] = {}
+        self.schemas: dict[int, bytes] = {}
+        self._source = source
+        self._told = told
+        self._progress = progress
+        self._limit = told.data_end if told else source.size
+        self._bare = not (told and told.chunks)  # messages outside of chunks are possible
+        self._places = {chunk.offset for chunk in told.chunks} if told and not told.shift else set[int]()
+        self._found: Messages | None = None  # the chunk that was looked at last
+        self._proved = 0  # end of the last piece that cannot have swallowed the begin of the next
+
+    def pieces(self) -> Iterator[Piece]:
+        """The pieces, from the begin of the file to the end of its data, or of the file when there is no summary."""
+        at = len(MAGIC)
+        if self._source.read(0, at) != MAGIC:
+            at = min(at, self._source.size)
+            yield Lost(0, at)
+        while at < self._limit:
+            piece = self._take(at) or self._damage(at)
+            self._note(piece)
+            yield piece
+            at = piece.end
+            self._progress(at)
+
+    def _note(self, piece: Piece) -> None:
+        if isinstance(piece, Messages):
+            self.channels |= piece.content.channels
+            self.schemas |= piece.content.schemas
+            self._bare = piece.head is None
+        if isinstance(piece, Messages) or (isinstance(piece, Other) and piece.op == Op.ATTACHMENT):
+            self._proved = piece.end
+
+    # ------------------------------------------------------------------------------------------------- one record
+
+    def _take(self, at: int) -> Piece | None:
+        """The piece at an offset; None when nothing there makes sense."""
+        head = chunk_head(self._source, at)
+        if head:
+            return self._chunk(head) or self._damaged_chunk(head)
+        end = record_end(self._source, at, self._limit)
+        if end is None:
+            return self._private(at)
+        op = self._source.read(at, 1)[0]
+        if op in _BARE and self._bare:
+            return self._bare_messages(at)
+        if op == Op.FOOTER:
+            end += len(MAGIC)
+            return Other(at, end, op) if self._source.read(end - len(MAGIC), len(MAGIC)) == MAGIC else None
+        if op == Op.MESSAGE or (op == Op.METADATA and not self._sound(end)):
+            return None
+        return Other(at, end, op)
+
+    def _private(self, at: int) -> Lost | None:
+        """A record of a kind that applications may have for themselves, with a sound one behind it."""
+        head = self._source.read(at, HEAD.size)
+        if len(head) < HEAD.size or head[0] < Op.PADDING:
+            return None
+        end = at + HEAD.unpack(head)[1] + HEAD.size
+        return Lost(at, end) if self._sound(end) else None
+
+    def _sound(self, at: int) -> bool:
+        """Does a sound record stand here, or is here the end?  Messages stand in chunks."""
+        if at == self._limit:
+            return True
+        ends = record_end(self._source, at, self._limit) is not None
+        return ends and (self._bare or self._source.read(at, 1)[0] != Op.MESSAGE)
+
+    def _chunk(self, head: ChunkHead) -> Messages | None:
+        """The chunk, or what can be had of it."""
+        if self._found and self._found.head == head:
+            return self._found
+        stored = head.content(self._source) if head.end <= self._limit else None
+        if stored is not None and head.crc:
+            content = Content(None).feed(stored)
+            found = Messages(head.at, head.end, content, True, head) if content.whole else None
+        elif head.compression:
+            found = self._unproved_packed(head, stored)
+        else:
+            found = self._unproved(head, stored)
+        self._found = found if found and self._agrees(found.content) else None
+        return self._found
+
+    def _agrees(self, content: Content) -> bool:
+        """Schemas and channels mean the same in the whole file."""
+        return all(self.channels.get(key, record) == record for key, record in content.channels.items()) and all(
+            self.schemas.get(key, record) == record for key, record in content.schemas.items()
+        )
+
+    def _unproved_packed(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
+        if stored is None:
+            return None
+        content = Content(self.channels).feed(stored)
+        return Messages(head.at, head.end, content, False, head) if content.whole else None
+
+    def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
+        """A chunk without checksum, which may go on behind what its head tells; or one that the file's end cuts off."""
+        if stored is None and (head.end <= self._limit or self._told):
+            return None
+        size = min(head.end, self._limit) - head.begin
+        if size > MAX_RECORD:
+            return None
+        content = Content(self.channels).feed(self._source.read(head.begin, size))
+        if head.crc:
+            return self._as_messages(head, content) if content.torn else None
+        while content.torn and (more := self._more(head.begin + len(content.data))):
+            content.feed(more)
+        return self._as_messages(head, content)
+
+    def _more(self, at: int) -> bytes:
+        """Bytes that may belong to the open chunk which reaches to this offset."""
+        first = self._source.read(at, 1)
+        return self._source.read(at, min(BLOCK, self._limit - at)) if first and first[0] in _BARE else b""
+
+    def _as_messages(self, head: ChunkHead | None, content: Content, begin: int = 0) -> Messages | None:
+        """What was found without proof, up to where it makes sense."""
+        begin = head.begin if head else begin
+        reaches_end = begin + len(content.data) >= self._limit and content.torn
+        if not (reaches_end or self._sound(begin + content.end)):
+            content = content.cut()
+        if not content.end:
+            return None
+        return Messages(head.at if head else begin, begin + content.end, content.trim(), False, head)
+
+    def _bare_messages(self, at: int) -> Messages | None:
+        """Messages outside of chunks, as many as a block holds."""
+        content = Content(self.channels).feed(self._source.read(at, min(BLOCK, self._limit - at)))
+        if not content.end and (end := record_end(self._source, at, self._limit)):
+            content = Content(self.channels).feed(self._source.read(at, end - at))
+        if content.torn and content.end:
+            return Messages(at, at + content.end, content.trim(), False)
+        return self._as_messages(None, content, at)
+
+    # ------------------------------------------------------------------------------------------------- past damage
+
+    def _damage(self, at: int) -> Lost:
+        """From where nothing makes sense to what does.
+
+        A record before it, shortened, may have swallowed the begin of a chunk: that is looked for first.
+        """
+        for place in self._candidates(self._proved, at):
+            head = chunk_head(self._source, place)
+            if head and self._proves_itself(place):
+                return Lost(self._proved, place)
+        return Lost(at, self._next_sound(at + 1, self._limit))
+
+    def _damaged_chunk(self, head: ChunkHead) -> Lost | None:
+        """The chunk as lost, up to its end or to a sound record in it that leads to its end (bytes were cut out)."""
+        if head.end > self._limit or not self._sound(head.end):
+            return None
+        return Lost(head.at, self._next_sound(head.at + 1, head.end, leads=True))
+
+    def _next_sound(self, at: int, end: int, *, leads: bool = False) -> int:
+        """Where the next record stands that proves itself; ``end`` when none does."""
+        for place in self._candidates(at, end):
+            if self._proves_itself(place) and (not leads or self._leads(place, end)):
+                return place
+        return end
+
+    def _candidates(self, at: int, end: int) -> Iterator[int]:
+        while at < end:
+            block = self._source.read(at, min(BLOCK, end - at) + HEAD.size - 1)
+            for found in _CANDIDATE.finditer(block):
+                yield at + found.start()
+            at += BLOCK
+            self._progress(min(at, end))
+
+    def _proves_itself(self, at: int) -> bool:
+        head = chunk_head(self._source, at)
+        if head:
+            told_of = not self._places or at in self._places
+            chunk = self._chunk(head) if told_of else None
+            return bool(chunk and chunk.content.messages)
+        end = record_end(self._source, at, self._limit)
+        if end is None:
+            return False
+        op = self._source.read(at, 1)[0]
+        return op == Op.ATTACHMENT or (op in (Op.METADATA, Op.DATA_END) and self._sound(end))
+
+    def _leads(self, at: int, goal: int) -> bool:
+        """Do sound records, one behind the other, lead from here to there, or beyond, so that there nothing ends?"""
+        following: int | None = at
+        while following is not None and following < goal:
+            following = record_end(self._source, following, self._limit)
+        return following is not None
+
+
+def unknown_channels(content: Content, declared: Collection[int]) -> list[int]:
+    """Channels of messages of which no record stands in the chunk nor among those declared."""
+    return sorted(content.undeclared - set(content.channels) - set(declared))

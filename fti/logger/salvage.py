@@ -1,0 +1,272 @@
+"""Recovery of a damaged recording into a copy: everything that is there, and what is missing."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fti.errors import MissingError, StorageError
+from fti.logger import records
+from fti.logger.damage import Lost, Messages, Other, Walk, unknown_channels
+from fti.logger.numbers_found import Gap, NumbersFound
+from fti.logger.rebuilt import Rebuilt
+from fti.logger.records import HEAD, MAGIC, Op, read_text
+from fti.logger.session import name_parts
+from fti.logger.source import Source
+from fti.logger.structure import record_end
+from fti.logger.told import ChunkPlace, read_told
+
+METADATA = "fti.recovered"
+REPORT = "recovered.json"
+Progress = Callable[[int], None]
+
+
+@dataclass(slots=True)
+class Damage:
+    """Bytes begin to end that were not taken, and the times [ns] of what was taken before and after them."""
+
+    begin: int
+    end: int
+    after_ns: int | None = None
+    before_ns: int | None = None
+
+
+@dataclass(slots=True)
+class FileReport:
+    """What was found in one file.
+
+    messages : taken; unproved : those among them without a checksum that holds; chunks : taken with their checksum.
+    told_messages, missing_chunks : what the summary, if it was whole, told of besides.
+    """
+
+    file: str
+    bytes: int
+    summary: bool = False
+    messages: int = 0
+    unproved: int = 0
+    chunks: int = 0
+    attachments: int = 0
+    metadata: int = 0
+    unreadable_bytes: int = 0
+    told_messages: int | None = None
+    missing_chunks: list[ChunkPlace] = field(default_factory=list)
+    damages: list[Damage] = field(default_factory=list)
+    #: The summary was whole, and all that it tells of was taken.
+    all_told: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Nothing is missing; damage may still have hit indexes and other things that were made anew."""
+        return self.all_told or not (self.damages or self.missing_messages)
+
+    @property
+    def missing_messages(self) -> int | None:
+        """Messages missing; None when nothing tells how many there were."""
+        return None if self.told_messages is None else max(0, self.told_messages - self.messages)
+
+
+@dataclass(slots=True)
+class Report:
+    """What was found in a session.  gaps : numbers of frames that are missing between those found."""
+
+    source: str
+    files: list[FileReport] = field(default_factory=list)
+    gaps: list[Gap] = field(default_factory=list)
+
+    @property
+    def complete(self) -> bool:
+        """Nothing is missing."""
+        return not self.gaps and all(file.complete for file in self.files)
+
+    def as_json(self) -> dict[str, Any]:
+        """The report, for programs."""
+        files = [
+            {
+                **asdict(file),
+                "missing_chunks": [chunk._asdict() for chunk in file.missing_chunks],
+                "missing_messages": file.missing_messages,
+                "complete": file.complete,
+            }
+            for file in self.files
+        ]
+        return {
+            "source": self.source,
+            "complete": self.complete,
+            "messages": sum(file.messages for file in self.files),
+            "unproved": sum(file.unproved for file in self.files),
+            "missing_numbers": [asdict(gap) for gap in self.gaps],
+            "files": files,
+        }
+
+
+def session_files(session: Path) -> list[Path]:
+    """The MCAP files of a session folder, or the one file.  Raises MissingError."""
+    if session.is_dir():
+        paths = sorted(session.glob("*.mcap"), key=lambda path: (*name_parts(path), path.name))
+        if not paths:
+            raise MissingError(f"{session}: holds no MCAP files")
+        return paths
+    if not session.is_file():
+        raise MissingError(f"{session}: there is no such session folder or file")
+    return [session]
+
+
+def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
+    """Recover every file of a session into the folder ``out``, which must not hold anything.
+
+    progress : called now and then with the bytes done in all.  Raises MissingError and StorageError.
+    """
+    paths = session_files(session)
+    _make(out)
+    report = Report(str(session))
+    done = 0
+    numbers = NumbersFound()
+    for path in paths:
+        raw = name_parts(path)[0] == "raw"
+        start = done
+        found = salvage(path, out / path.name, numbers if raw else NumbersFound(), lambda at: progress(start + at))  # noqa: B023
+        report.files.append(found)
+        done += found.bytes
+        progress(done)
+    report.gaps = numbers.gaps()
+    (out / REPORT).write_text(json.dumps(report.as_json(), indent=1))
+    return report
+
+
+def _make(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if any(out.iterdir()):
+            raise StorageError(f"{out}: holds something already; name another folder with --out")
+    except OSError as error:
+        raise StorageError(f"{out}: cannot be made: {error.strerror}") from error
+
+
+def salvage(path: Path, out: Path, numbers: NumbersFound, progress: Progress) -> FileReport:
+    """Recover one file into a finished one, which stands there only when it is whole.  Never changes the input.
+
+    Raises MissingError when the input cannot be opened, StorageError when the output cannot be written.
+    """
+    part = out.with_name(f".{out.name}.part")
+    try:
+        with Source(path) as source, Rebuilt(part, _head(source)) as rebuilt:
+            report = _Salvage(source, rebuilt, numbers, progress).run()
+        part.rename(out)
+    finally:
+        part.unlink(missing_ok=True)
+    return report
+
+
+def _head(source: Source) -> bytes:
+    """Magic and header, with the profile of the input."""
+    end = record_end(source, len(MAGIC), source.size)
+    body = source.read(len(MAGIC), end - len(MAGIC)) if end else b""
+    profile = read_text(body, HEAD.size)[0] if body[:1] == bytes([Op.HEADER]) else ""
+    return records.file_head(profile)
+
+
+class _Salvage:
+    """One file."""
+
+    def __init__(self, source: Source, rebuilt: Rebuilt, numbers: NumbersFound, progress: Progress) -> None:
+        self._source = source
+        self._rebuilt = rebuilt
+        self._numbers = numbers
+        self._told = read_told(source)
+        self._walk = Walk(source, self._told, progress)
+        self._report = FileReport(source.path.name, source.size, self._told is not None)
+        self._places: set[int] = set()  # where the chunks, attachments and metadata taken stood
+        self._last_ns: int | None = None
+
+    def run(self) -> FileReport:
+        """Take every piece."""
+        for piece in self._walk.pieces():
+            if isinstance(piece, Messages):
+                self._take_messages(piece)
+            elif isinstance(piece, Other):
+                self._take_other(piece)
+            else:
+                self._note_lost(piece)
+        self._compare()
+        self._rebuilt.metadata(records.metadata(METADATA, self._summary()))
+        self._rebuilt.finish()
+        return self._report
+
+    def _take_messages(self, piece: Messages) -> None:
+        content, report = piece.content, self._report
+        self._places.add(piece.begin)
+        if not content.messages:
+            return
+        for channel_id in unknown_channels(content, self._rebuilt.channels):
+            self._declare(channel_id)
+        stored, compression = b"", ""
+        if piece.head and piece.head.compression:
+            stored = self._source.read(piece.head.begin, piece.head.end - piece.head.begin)
+            compression = piece.head.compression
+        self._rebuilt.chunk(content, compression, stored)
+        self._numbers.add(content, self._rebuilt.channels)
+        report.messages += content.messages
+        report.chunks += piece.proved
+        report.unproved += 0 if piece.proved else content.messages
+        self._note_times(content.times)
+
+    def _declare(self, channel_id: int) -> None:
+        """A channel whose record was lost: as the rest of the file tells of it, or by a name of our own."""
+        told_channels = self._told.channels if self._told else {}
+        told_schemas = self._told.schemas if self._told else {}
+        channel = self._walk.channels.get(channel_id) or told_channels.get(channel_id)
+        if channel is None:
+            channel = records.channel(channel_id, f"/recovered/channel_{channel_id}", "", 0, {})
+        (schema_id,) = struct.unpack_from("<H", channel, HEAD.size + 2)
+        self._rebuilt.declare(channel_id, channel, self._walk.schemas.get(schema_id) or told_schemas.get(schema_id))
+
+    def _take_other(self, piece: Other) -> None:
+        record = self._source.read(piece.begin, piece.end - piece.begin)
+        if piece.op == Op.ATTACHMENT:
+            self._rebuilt.attachment(record)
+            self._report.attachments += 1
+        elif piece.op == Op.METADATA:
+            self._rebuilt.metadata(record)
+            self._report.metadata += 1
+        self._places.add(piece.begin)
+
+    def _note_times(self, times: tuple[int, int]) -> None:
+        for damage in reversed(self._report.damages):
+            if damage.before_ns is not None:
+                break
+            damage.before_ns = times[0]
+        self._last_ns = max(times[1], self._last_ns or 0)
+
+    def _note_lost(self, piece: Lost) -> None:
+        damages = self._report.damages
+        if damages and damages[-1].end == piece.begin:
+            damages[-1].end = piece.end
+        else:
+            damages.append(Damage(piece.begin, piece.end, self._last_ns))
+
+    def _compare(self) -> None:
+        """With what the summary tells."""
+        report, told = self._report, self._told
+        report.unreadable_bytes = self._source.unreadable
+        if told:
+            taken = self._places | {place + told.shift for place in self._places}
+            report.told_messages = told.messages
+            report.missing_chunks = [chunk for chunk in told.chunks if chunk.offset not in taken]
+            others_taken = all(place in taken for place in told.others)
+            counted = told.messages is not None and bool(told.others or told.chunks or not told.messages)
+            report.all_told = counted and not report.missing_chunks and others_taken and report.missing_messages == 0
+
+    def _summary(self) -> dict[str, str]:
+        report = self._report
+        return {
+            "file": report.file,
+            "messages": str(report.messages),
+            "unproved": str(report.unproved),
+            "complete": str(report.complete).lower(),
+            "missing_messages": "unknown" if report.missing_messages is None else str(report.missing_messages),
+            "damages": json.dumps([asdict(damage) for damage in report.damages]),
+        }

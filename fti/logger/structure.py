@@ -1,0 +1,165 @@
+"""Is a record of an MCAP file possible as it stands?  The lengths within each record must agree.
+
+Specification: https://mcap.dev/spec, version 0.  A record that a bit flip, a hole or chance has made of other bytes
+does not pass: its length must fit what its own fields say, to the byte.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fti.logger.compression import MAX_RECORD, decompress
+from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE_BODY, SECTOR, Op, read_text
+from fti.logger.source import Source
+
+#: Records that are read whole to be checked are no longer than this, but for attachments [B].
+MAX_SMALL = 16 * 2**20
+_CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
+COMPRESSIONS = (b"", b"zstd", b"lz4")
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkHead:
+    """Head of a chunk.  begin, end : where its stored bytes stand in the file; size : of its records, unpacked [B]."""
+
+    at: int
+    begin: int
+    end: int
+    size: int
+    crc: int
+    compression: str
+
+    def content(self, source: Source) -> bytes | None:
+        """The records, unpacked and checked; None when they are damaged."""
+        if self.end > source.size or self.end - self.begin > MAX_RECORD:
+            return None
+        try:
+            content = decompress(self.compression, source.read(self.begin, self.end - self.begin), self.size)
+        except ValueError:
+            return None
+        return content if self.crc in (0, zlib.crc32(content)) else None
+
+
+def chunk_head(source: Source, at: int) -> ChunkHead | None:
+    """Head of the chunk at an offset; None when its lengths contradict each other.  The end may lie behind the file."""
+    head = source.read(at, CHUNK.size + 4)
+    if len(head) < CHUNK.size:
+        return None
+    op, length, _, _, size, crc, name_length = _CHUNK_HEAD.unpack_from(head)
+    name = head[_CHUNK_HEAD.size : _CHUNK_HEAD.size + name_length]
+    if op != Op.CHUNK or name not in COMPRESSIONS or len(head) < CHUNK.size + len(name) or name_length != len(name):
+        return None
+    (stored,) = struct.unpack_from("<Q", head, _CHUNK_HEAD.size + name_length)
+    if length != CHUNK_BODY + name_length + stored or (not name and stored != size):
+        return None
+    begin = at + CHUNK.size + name_length
+    return ChunkHead(at, begin, begin + stored, size, crc, name.decode())
+
+
+def record_end(source: Source, at: int, limit: int) -> int | None:
+    """End of the record at an offset; None when it makes no sense or ends behind ``limit``."""
+    head = source.read(at, HEAD.size)
+    if len(head) < HEAD.size:
+        return None
+    op, length = HEAD.unpack(head)
+    end: int = at + HEAD.size + length
+    if end > limit:
+        return None
+    if op == Op.CHUNK:
+        return end if chunk_head(source, at) else None
+    if op in _LENGTHS:
+        return end if length == _LENGTHS[op] else None
+    return end if _has_form(source, op, at + HEAD.size, length) else None
+
+
+def _has_form(source: Source, op: int, at: int, length: int) -> bool:
+    """Has the body at an offset the form of such a record?  What only looks like a long one is not read to its end."""
+    check, begins = _FORMS.get(op), _BEGINNINGS.get(op)
+    if check is None or length > (MAX_RECORD if op == Op.ATTACHMENT else MAX_SMALL):
+        return False
+    try:
+        fits = begins is None or begins(source.read(at, _BEGINNING), length)
+        return fits and check(source.read(at, length))
+    except (struct.error, UnicodeDecodeError):
+        return False
+
+
+def _texts_end(body: bytes, at: int, count: int = 1) -> int:
+    for _ in range(count):
+        _, at = read_text(body, at)
+        if at > len(body):
+            raise struct.error("a string is longer than its record")
+    return at
+
+
+def _u32(body: bytes, at: int) -> int:
+    return int(struct.unpack_from("<I", body, at)[0])
+
+
+def _is_table(body: bytes, at: int) -> bool:
+    """A table of strings and nothing behind it."""
+    end = at + 4 + _u32(body, at)
+    at += 4
+    while at < end:
+        at = _texts_end(body, at, 2)
+    return at == end == len(body)
+
+
+def _is_array(body: bytes, at: int, entry: int) -> bool:
+    size = _u32(body, at)
+    return at + 4 + size == len(body) and size % entry == 0
+
+
+def is_schema(body: bytes) -> bool:
+    """Is this the body of a schema record?"""
+    at = _texts_end(body, 2, 2)
+    return body[:2] != b"\0\0" and at + 4 + _u32(body, at) == len(body)
+
+
+def is_channel(body: bytes) -> bool:
+    """Is this the body of a channel record?"""
+    return _is_table(body, _texts_end(body, 4, 2))
+
+
+def _is_chunk_index(body: bytes) -> bool:
+    at = 36 + _u32(body, 32) + 8
+    return _texts_end(body, at) + 16 == len(body)
+
+
+def _begins_attachment(begin: bytes, length: int) -> bool:
+    at = _texts_end(begin, 16, 2)
+    return bool(at + 8 + struct.unpack_from("<Q", begin, at)[0] + 4 == length)
+
+
+def _is_attachment(body: bytes) -> bool:
+    return zlib.crc32(memoryview(body)[:-4]) == _u32(body, len(body) - 4)
+
+
+def _begins_metadata(begin: bytes, length: int) -> bool:
+    at = _texts_end(begin, 0)
+    return at + 4 + _u32(begin, at) == length
+
+
+_BEGINNING = 4096  # names are shorter
+_BEGINNINGS: dict[int, Callable[[bytes, int], bool]] = {
+    Op.ATTACHMENT: _begins_attachment,
+    Op.METADATA: _begins_metadata,
+}
+_LENGTHS = {int(Op.DATA_END): 4, int(Op.FOOTER): 20, int(Op.SUMMARY_OFFSET): 17}
+_FORMS: dict[int, Callable[[bytes], bool]] = {
+    Op.HEADER: lambda body: _texts_end(body, 0, 2) == len(body),
+    Op.SCHEMA: is_schema,
+    Op.CHANNEL: is_channel,
+    Op.MESSAGE: lambda body: len(body) >= MESSAGE_BODY,
+    Op.MESSAGE_INDEX: lambda body: _is_array(body, 2, 16),
+    Op.CHUNK_INDEX: _is_chunk_index,
+    Op.ATTACHMENT: _is_attachment,
+    Op.ATTACHMENT_INDEX: lambda body: _texts_end(body, 40, 2) == len(body),
+    Op.STATISTICS: lambda body: _is_array(body, 42, 10),
+    Op.METADATA: lambda body: _is_table(body, _texts_end(body, 0)),
+    Op.METADATA_INDEX: lambda body: _texts_end(body, 16) == len(body),
+    Op.PADDING: lambda body: len(body) < 2 * SECTOR and not any(body),
+}
