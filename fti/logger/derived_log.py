@@ -109,8 +109,8 @@ class DerivedLog(Log):
         if channel is None:
             channel = self._channels[topic] = self._log.add_channel(topic, "json", schema)
         self._log.write(channel, times[0], data, 0, times[1])
-        if self._log.pending_bytes >= PENDING_LIMIT:
-            self._log.flush()
+        if self.pending_bytes >= PENDING_LIMIT:
+            self.flush()
 
 
 def _part(measurement: Measurement) -> tuple[str, ...]:

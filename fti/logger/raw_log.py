@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from fti.logger import schemas
-from fti.logger.session import SessionFolder
+from fti.logger.session import Numbering, SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
+from fti.logger.stream_writer import Entry
 
 RAW_ENCODING = "x-fti-raw"
 TICK_TOPIC = "/fti/tick"
 LINKS_METADATA = "fti.links"
-SEQUENCE_MASK = 0xFFFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,26 +27,38 @@ class RawTopic:
 
 
 class RawLog(Log):
-    """Writes the raw files of a session.  ``frame``, ``sent``, ``tick`` and ``json`` buffer; ``flush`` writes.
+    """Writes the raw files of a session.  ``frames``, ``frames_sent``, ``ticks`` and ``json`` buffer; ``flush`` writes.
 
+    folder, numbering, places : see SplitLog
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
     """
 
     def __init__(
         self,
-        folder: SessionFolder,
+        folder: SessionFolder | None,
         links: Sequence[RawTopic],
         *,
         split_s: float,
         split_mb: float,
         attachments: Sequence[Attachment] = (),
         metadata: Metadata | None = None,
+        numbering: Numbering | None = None,
+        places: Sequence[Path] = (),
     ) -> None:
-        about = {**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}}
         super().__init__(
-            SplitLog(folder, "raw", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=about)
+            SplitLog(
+                folder,
+                "raw",
+                split_s=split_s,
+                split_mb=split_mb,
+                attachments=attachments,
+                metadata={**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}},
+                numbering=numbering,
+                places=places,
+            )
         )
         self._write = self._log.write
+        self._write_many = self._log.write_many
         self._received = {topic.link: self._add_link("/raw/", topic) for topic in links}
         self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
         self._tick = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
@@ -55,17 +68,29 @@ class RawLog(Log):
         about = {"link": topic.link, "kind": topic.kind, **topic.settings}
         return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, about)
 
+    def frames(self, link: str, entries: Sequence[Entry]) -> None:
+        """Frames that arrived on a link."""
+        self._write_many(self._received[link], entries)
+
+    def frames_sent(self, link: str, entries: Sequence[Entry]) -> None:
+        """What was sent on a link; it is numbered with the frames."""
+        self._write_many(self._sent[link], entries)
+
+    def ticks(self, entries: Sequence[Entry]) -> None:
+        """Tick frames."""
+        self._write_many(self._tick, entries)
+
     def frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
         """A frame that arrived."""
-        self._write(self._received[link], t_rx_ns, data, seq & SEQUENCE_MASK)
+        self.frames(link, ((seq, t_rx_ns, data),))
 
     def sent(self, link: str, seq: int, t_ns: int, data: bytes) -> None:
-        """Bytes that were sent; they are numbered with the frames."""
-        self._write(self._sent[link], t_ns, data, seq & SEQUENCE_MASK)
+        """Bytes that were sent."""
+        self.frames_sent(link, ((seq, t_ns, data),))
 
     def tick(self, seq: int, t_ns: int) -> None:
         """A tick frame."""
-        self._write(self._tick, t_ns, b"", seq & SEQUENCE_MASK)
+        self.ticks(((seq, t_ns, b""),))
 
     def json(self, topic: str, t_ns: int, obj: Any) -> None:
         """A note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import threading
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
@@ -25,10 +26,13 @@ class SessionFolder:
     path: Path
 
     @classmethod
-    def create(cls, directory: str | Path, name: str, started_ns: int) -> SessionFolder:
+    def create(
+        cls, directory: str | Path, name: str, started_ns: int, other: str | Path | None = None
+    ) -> SessionFolder:
         """Make a new folder in ``directory`` (made too); started_ns : real time [ns].
 
-        n is the smallest number that is free, also when the clock is wrong.  Raises StorageError.
+        n is the smallest number that is free, also when the clock is wrong, and also in ``other``, where the session
+        may have to go on.  Raises StorageError.
         """
         parent = Path(directory)
         stem = f"{name}_{datetime.fromtimestamp(started_ns // _SECOND_NS, UTC):%Y%m%dT%H%M%SZ}"
@@ -36,7 +40,7 @@ class SessionFolder:
             parent.mkdir(parents=True, exist_ok=True)
             for n in count():
                 path = parent / f"{stem}_{n}"
-                if _made(path):
+                if not (other and os.path.lexists(Path(other) / path.name)) and _made(path):
                     return cls(path)
         except OSError as error:
             raise _refusal(parent, error) from error
@@ -54,16 +58,49 @@ class SessionFolder:
         """Name of the folder, with which the names of its files begin."""
         return self.path.absolute().name
 
-    def next_path(self, kind: Kind) -> Path:
-        """Path of the next file of a kind: the smallest number that is free."""
+    def file_path(self, kind: Kind, number: int) -> Path:
+        """Path of a file."""
         part = "" if kind == "raw" else f"_{kind}"
-        paths = (self.path / f"{self.name}{part}_{n:03d}.mcap" for n in count())
-        return next(path for path in paths if not os.path.lexists(path))
+        return self.path / f"{self.name}{part}_{number:03d}.mcap"
+
+    def next_number(self, kind: Kind) -> int:
+        """The number after the highest that is there."""
+        return max((name_parts(path)[1] for path in self.files(kind)), default=-1) + 1
+
+    def next_path(self, kind: Kind) -> Path:
+        """Path of the next file of a kind."""
+        return self.file_path(kind, self.next_number(kind))
 
     def files(self, kind: Kind) -> list[Path]:
         """The files of a kind, in order of their numbers."""
         found = [(number, path) for path in self.path.glob("*.mcap") for k, number in [name_parts(path)] if k == kind]
         return [path for _, path in sorted(found)]
+
+
+class Numbering:
+    """The numbers of the files of one kind of a session, wherever they lie.  For any thread.
+
+    A number is taken before its file is made, and given back when that fails; no two files of a process have the same.
+    least : the first number that may be taken, where files that have it may be out of sight
+    """
+
+    def __init__(self, least: int = 0) -> None:
+        self._next = least
+        self._lock = threading.Lock()
+
+    def take(self, folder: SessionFolder, kind: Kind) -> int:
+        """The next number: behind all that were taken, and all that are in the folder."""
+        there = folder.next_number(kind)
+        with self._lock:
+            number = max(self._next, there)
+            self._next = number + 1
+            return number
+
+    def give_back(self, number: int) -> None:
+        """The file was not made."""
+        with self._lock:
+            if self._next == number + 1:
+                self._next = number
 
 
 def name_parts(path: Path) -> tuple[Kind, int]:

@@ -3,6 +3,8 @@
 Files are split by time (of the messages) and by size.  Each is readable alone: it repeats attachments and metadata,
 and declares its own channels.  The next file is opened before the last one is closed, so that a medium that refuses
 leaves a file to write to.
+
+The files that lie at one place (a folder on a medium) are a *part*.  A log can go on in a part at another place.
 """
 
 from __future__ import annotations
@@ -13,88 +15,158 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fti.errors import StorageError
+from fti.logger.places import MEGABYTE, Stray, Trace, free_mb
 from fti.logger.schemas import Schema
-from fti.logger.session import Kind, SessionFolder
-from fti.logger.stream_writer import StreamWriter
+from fti.logger.session import Kind, Numbering, SessionFolder
+from fti.logger.stream_writer import Entry, StreamWriter
 
-MEGABYTE = 2**20
 SECOND_NS = 1_000_000_000
 #: Name, media type, content.
 Attachment = tuple[str, str, bytes]
 Metadata = Mapping[str, Mapping[str, str]]
+#: What each file says of itself: kind, session, number; ``place_0``, ``place_1``: the folders in which parts may lie.
 FILE_METADATA = "fti.file"
+PLACE_KEY = "place_"
+RESCUE_BLOCK = 2**20
 
 
 class SplitLog:
     """Writes the files of one kind of a session.  Raises StorageError as StreamWriter does; nothing is lost by it.
 
-    fault : why the next file cannot be made or the last one not be closed; the present one goes on.  Else None.
+    folder    : where it begins; None : nothing can be written before a part is opened and adopted
+    numbering : of its files, shared with who else numbers them
+    places    : the folders in which files of the session may lie; every file names them
     """
 
     def __init__(
         self,
-        folder: SessionFolder,
+        folder: SessionFolder | None,
         kind: Kind,
         *,
         split_s: float,
         split_mb: float,
         attachments: Sequence[Attachment],
         metadata: Metadata,
+        numbering: Numbering | None = None,
+        places: Sequence[Path] = (),
     ) -> None:
-        self._folder = folder
-        self._kind = kind
-        self._split_ns = round(split_s * SECOND_NS)
-        self._split_bytes = round(split_mb * MEGABYTE)
+        self.kind = kind
+        self.numbering = numbering or Numbering()
+        self.split_ns = round(split_s * SECOND_NS)
+        self.split_bytes = round(split_mb * MEGABYTE)
         self._attachments = tuple(attachments)
         self._metadata = metadata
+        self._places = {f"{PLACE_KEY}{n}": str(path) for n, path in enumerate(places)}
         self._schemas: dict[str, tuple[int, Schema]] = {}
         self._channels: list[tuple[str, str, int, Mapping[str, str]]] = []
-        self._unclosed: list[StreamWriter] = []
-        self._closed_bytes = 0
-        self.fault: str | None = None
-        self._writer = self._open_next()
+        self._left_bytes = 0
+        self._part: Part | None = None
+        if folder:
+            self.adopt(self.open_part(folder))
+
+    # ---------------------------------------------------------------------------------------------------- its parts
 
     @property
-    def path(self) -> Path:
-        """The file that is being written."""
-        return self._writer.path
+    def part(self) -> Part:
+        """Where it is written now.  Raises ValueError when nothing is open."""
+        if self._part is None:
+            raise ValueError(f"no file of the {self.kind} log is open")
+        return self._part
+
+    def open_part(self, folder: SessionFolder) -> Part:
+        """A first file in a folder, ready to be adopted; for any thread.  Raises StorageError."""
+        return Part(self, folder)
+
+    def adopt(self, part: Part) -> None:
+        """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""
+        if self._part is not None:
+            self._left_bytes += self._part.bytes_written
+        self.declare(part.writer)
+        self._part = part
+
+    def introduce(self, writer: StreamWriter, folder: SessionFolder, number: int) -> None:
+        """Write what makes a file readable alone.  Raises StorageError."""
+        about = {"kind": self.kind, "session": folder.name, "number": str(number), **self._places}
+        for name, table in {FILE_METADATA: about, **self._metadata}.items():
+            writer.add_metadata(name, table)
+        for name, media_type, data in self._attachments:
+            writer.add_attachment(name, media_type, data, log_time=0)
+
+    def declare(self, writer: StreamWriter) -> None:
+        """Make schemas and channels known to a file; the same ids in all files."""
+        for _, schema in self._schemas.values():
+            writer.add_schema(schema.name, schema.encoding, schema.data)
+        for channel in self._channels:
+            writer.add_channel(*channel)
 
     @property
     def bytes_written(self) -> int:
         """Bytes in all files of this log."""
-        return self._closed_bytes + sum(w.bytes_written for w in {*self._unclosed, self._writer})
+        return self._left_bytes + (self._part.bytes_written if self._part else 0)
 
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes that wait for a flush."""
-        return self._writer.pending_bytes
-
-    def free_mb(self) -> float:
-        """Space left for us on the medium [MiB].  Raises StorageError."""
-        try:
-            state = os.statvfs(self._folder.path)
-        except OSError as error:
-            raise StorageError(f"{self._folder.path}: cannot be asked for its free space: {error.strerror}") from error
-        return state.f_bavail * state.f_frsize / MEGABYTE
+    # ------------------------------------------------------------------------------------------------------ filling
 
     def add_channel(
         self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Make a channel known in this and all later files; returns its id."""
+        """Make a channel known in this and all later files; returns its id, counted from 1."""
         schema_id = self._add_schema(schema) if schema else 0
         self._channels.append((topic, encoding, schema_id, metadata or {}))
-        return self._writer.add_channel(*self._channels[-1])
+        if self._part:
+            self._part.writer.add_channel(*self._channels[-1])
+        return len(self._channels)
 
     def _add_schema(self, schema: Schema) -> int:
         if schema.name not in self._schemas:
-            self._schemas[schema.name] = self._writer.add_schema(schema.name, schema.encoding, schema.data), schema
+            self._schemas[schema.name] = len(self._schemas) + 1, schema
+            if self._part:
+                self._part.writer.add_schema(schema.name, schema.encoding, schema.data)
         return self._schemas[schema.name][0]
 
     def write(
         self, channel_id: int, log_time: int, data: bytes, sequence: int = 0, publish_time: int | None = None
     ) -> None:
         """Buffer a message."""
-        self._writer.write(channel_id, log_time, data, sequence, publish_time)
+        self.part.writer.write(channel_id, log_time, data, sequence, publish_time)
+
+    def write_many(self, channel_id: int, entries: Sequence[Entry]) -> None:
+        """Buffer messages of one channel."""
+        self.part.writer.write_many(channel_id, entries)
+
+
+class Part:
+    """The files of a log in one folder, one after another.  For one thread.
+
+    writer : of the present file
+    fault  : why the next file cannot be made or the last one not be closed; the present one goes on.  Else None.
+    """
+
+    def __init__(self, log: SplitLog, folder: SessionFolder) -> None:
+        self._log = log
+        self.folder = folder
+        self._unclosed: list[StreamWriter] = []
+        self._closed_bytes = 0
+        self.fault: str | None = None
+        self._number, self.writer = self._open_next()
+        self._trace = Trace(self.path, self.writer.fileno())
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written."""
+        return self.writer.path
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes in all files of this part."""
+        return self._closed_bytes + sum(w.bytes_written for w in {*self._unclosed, self.writer})
+
+    def free_mb(self) -> float:
+        """Space left for us on the medium [MiB].  Raises StorageError."""
+        return free_mb(self.folder.path)
+
+    def stray(self) -> Stray | None:
+        """Does its path still lead to the present file?  Then None."""
+        return self._trace.stray()
 
     def flush(self) -> None:
         """Bring what is buffered into the file; go on to the next file when it is time.
@@ -102,10 +174,10 @@ class SplitLog:
         Raises StorageError only when the file takes nothing; see ``fault`` for the rest, which the next flush tries
         again.
         """
-        self._writer.flush()
+        self.writer.flush()
         try:
             self._close_old()
-            if self._writer.span_ns >= self._split_ns or self._writer.bytes_written >= self._split_bytes:
+            if self.writer.span_ns >= self._log.split_ns or self.writer.bytes_written >= self._log.split_bytes:
                 self._split()
         except StorageError as error:
             self.fault = str(error)
@@ -114,52 +186,81 @@ class SplitLog:
 
     def sync(self) -> None:
         """Bring what is in the file onto the medium."""
-        self._writer.sync()
+        self.writer.sync()
 
     def close(self) -> None:
         """Finish all files.  When the medium refuses they are released as they are, and StorageError is raised."""
-        self._unclosed.append(self._writer)
+        self._unclosed.append(self.writer)
         try:
             self._close_old()
         finally:
-            for writer in self._unclosed:
-                writer.abandon()
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Release all files as they are; a later repair closes them."""
+        for writer in {*self._unclosed, self.writer}:
+            writer.abandon()
+
+    def discard(self) -> None:
+        """Remove the only file, into which nothing was written."""
+        self.writer.abandon()
+        with contextlib.suppress(OSError):
+            self.path.unlink()
+        self._log.numbering.give_back(self._number)
+
+    def rescue(self, folder: SessionFolder) -> Path:
+        """Close the present file, which was deleted, and write it again in a folder; returns its path.
+
+        Its content is there as long as it is open.  Raises StorageError.
+        """
+        rescued = folder.file_path(self._log.kind, self._number)
+        fd = os.dup(self.writer.fileno())
+        try:
+            self.close()
+            with rescued.open("xb") as copy:
+                at = 0
+                while block := os.pread(fd, RESCUE_BLOCK, at):
+                    at += copy.write(block)
+                copy.flush()
+                os.fsync(copy.fileno())
+        except OSError as error:
+            raise StorageError(f"{rescued}: cannot be written again: {error.strerror}") from error
+        finally:
+            os.close(fd)
+        return rescued
 
     def _split(self) -> None:
-        fresh = self._open_next()
-        self._unclosed.append(self._writer)
-        self._writer = fresh
+        number, fresh = self._open_next()
+        self._log.declare(fresh)
+        self._unclosed.append(self.writer)
+        self._number, self.writer = number, fresh
+        self._trace = Trace(self.path, fresh.fileno())
         self._close_old()
 
     def _close_old(self) -> None:
         while self._unclosed:
             self._unclosed[0].close()
-            if self._unclosed[0] is not self._writer:
+            if self._unclosed[0] is not self.writer:
                 self._closed_bytes += self._unclosed[0].bytes_written
             del self._unclosed[0]
 
-    def _open_next(self) -> StreamWriter:
-        writer = StreamWriter(self._folder.next_path(self._kind))
+    def _open_next(self) -> tuple[int, StreamWriter]:
+        numbering = self._log.numbering
+        number = numbering.take(self.folder, self._log.kind)
         try:
-            self._introduce(writer)
+            writer = StreamWriter(self.folder.file_path(self._log.kind, number))
+        except StorageError:
+            numbering.give_back(number)
+            raise
+        try:
+            self._log.introduce(writer, self.folder, number)
         except StorageError:
             writer.abandon()
             with contextlib.suppress(OSError):
                 writer.path.unlink()  # it holds nothing that is not in the other files
+            numbering.give_back(number)
             raise
-        return writer
-
-    def _introduce(self, writer: StreamWriter) -> None:
-        """Make a file readable alone."""
-        about = {"kind": self._kind, "session": self._folder.name}
-        for name, table in {FILE_METADATA: about, **self._metadata}.items():
-            writer.add_metadata(name, table)
-        for name, media_type, data in self._attachments:
-            writer.add_attachment(name, media_type, data, log_time=0)
-        for _, schema in self._schemas.values():
-            writer.add_schema(schema.name, schema.encoding, schema.data)
-        for channel in self._channels:
-            writer.add_channel(*channel)
+        return number, writer
 
 
 class Log:
@@ -171,7 +272,12 @@ class Log:
     @property
     def path(self) -> Path:
         """The file that is being written."""
-        return self._log.path
+        return self._log.part.path
+
+    @property
+    def folder(self) -> SessionFolder:
+        """The folder of that file."""
+        return self._log.part.folder
 
     @property
     def bytes_written(self) -> int:
@@ -181,25 +287,33 @@ class Log:
     @property
     def pending_bytes(self) -> int:
         """Bytes that wait for a flush."""
-        return self._log.pending_bytes
+        return self._log.part.writer.pending_bytes
 
     @property
     def fault(self) -> str | None:
         """Why the file cannot be split, though it takes what is written; else None."""
-        return self._log.fault
+        return self._log.part.fault
 
     def free_mb(self) -> float:
         """Space left on the medium [MiB].  Raises StorageError."""
-        return self._log.free_mb()
+        return self._log.part.free_mb()
 
     def flush(self) -> None:
         """Bring what is buffered into the file, so that it survives the end of this process."""
-        self._log.flush()
+        self._log.part.flush()
 
     def sync(self) -> None:
         """Bring what is in the file onto the medium, so that it survives a power cut."""
-        self._log.sync()
+        self._log.part.sync()
 
     def close(self) -> None:
         """Finish the files."""
-        self._log.close()
+        self._log.part.close()
+
+    def open_part(self, folder: SessionFolder) -> Part:
+        """A first file in another folder, ready to be adopted; for any thread.  Raises StorageError."""
+        return self._log.open_part(folder)
+
+    def adopt(self, part: Part) -> None:
+        """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""
+        self._log.adopt(part)

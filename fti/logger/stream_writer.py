@@ -18,7 +18,7 @@ import os
 import struct
 import zlib
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from fti.errors import StorageError
@@ -28,6 +28,9 @@ from fti.logger.summary import Summary
 
 _PACK = MESSAGE.pack
 _NO_TIME = 2**64 - 1
+_SEQUENCE = 0xFFFF_FFFF
+#: Position in the session, time [ns], bytes.
+Entry = tuple[int, int, bytes]
 
 
 class StreamWriter:
@@ -68,6 +71,10 @@ class StreamWriter:
         self._index: dict[int, array[int]] = {}
 
     # ------------------------------------------------------------------------------------------------ what there is
+
+    def fileno(self) -> int:
+        """Descriptor of the file; negative when it has been released."""
+        return self._fd
 
     @property
     def bytes_written(self) -> int:
@@ -125,6 +132,25 @@ class StreamWriter:
             self._first = log_time
         if log_time > self._last:  # noqa: PLR1730
             self._last = log_time
+
+    def write_many(self, channel_id: int, entries: Sequence[Entry]) -> None:
+        """Buffer messages of one channel, all or none; sequence is the low 32 bits of the position."""
+        index = self._index.get(channel_id)
+        if index is None:
+            index = self._declare(channel_id)
+        at, parts, places = self._size + len(self._pending), [], []
+        try:
+            for position, time, data in entries:
+                size = len(data)
+                parts += _PACK(5, MESSAGE_BODY + size, channel_id, position & _SEQUENCE, time, time), data
+                places += time, at
+                at += MESSAGE.size + size
+        except struct.error as error:
+            raise ValueError(f"message {position} with time {time}: {error}") from None
+        self._pending += b"".join(parts)
+        index.extend(places)
+        self._first = min(self._first, *places[::2])
+        self._last = max(self._last, *places[::2])
 
     def _declare(self, channel_id: int) -> array[int]:
         """Repeat a channel and its schema in this chunk, before its first message there."""

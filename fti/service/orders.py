@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from fti.config import Config, StrictModel
+from fti.logger.places import Place
 
 
 class LinkOrder(StrictModel):
@@ -12,22 +15,44 @@ class LinkOrder(StrictModel):
     polls: tuple[tuple[float, str], ...] = ()
 
 
-class RecorderOrder(StrictModel):
-    """All that the recorder is told, once, by the supervisor."""
+class StorageOrder(StrictModel):
+    """Where files go.
+
+    folder   : of the session
+    fallback : where it goes on while that refuses
+    mounts   : the mount points below which both lay at the start of the session; none : where they lie now
+    """
+
+    folder: str
+    fallback: str | None = None
+    mounts: tuple[str, ...] = ()
+
+    def places(self) -> list[Place]:
+        """The places, the main one first."""
+        folders = [folder for folder in (self.folder, self.fallback) if folder]
+        if not self.mounts:
+            return [Place.of(folder) for folder in folders]
+        return [Place(Path(folder), Path(mount)) for folder, mount in zip(folders, self.mounts, strict=True)]
+
+
+class RecorderOrder(StorageOrder):
+    """All that the recorder is told, once, by the supervisor.
+
+    first_number : of its files; those of an earlier recorder may be out of sight
+    """
 
     config: Config
-    folder: str
     epoch_ns: int
+    first_number: int = 0
     sending: dict[str, LinkOrder]
     attachments: dict[str, str]  # file name: text, recorded in every split
     metadata: dict[str, str]
 
 
-class NavigationOrder(StrictModel):
+class NavigationOrder(StorageOrder):
     """All that the navigation process is told, once, by the supervisor."""
 
     config: Config
-    folder: str
     epoch_ns: int
     texts: dict[str, str]
     endpoint: str | None

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from fti.clock import FakeClock
 from fti.config import Config, Link
 from fti.errors import ConfigError
 from fti.links import open_link
+from fti.logger.places import Place
 from fti.service.binding import bind_devices, parse_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
 
@@ -27,11 +30,12 @@ class Preparation:
         for link in config.link:
             _check_link(config, link)
 
-    def recorder_order(self, folder: str) -> bytes:
-        """The order of the recorder."""
+    def recorder_order(self, places: Sequence[Place], first_number: int = 0) -> bytes:
+        """The order of the recorder.  places : the main one first; first_number : of its files."""
         order = RecorderOrder(
             config=self._config,
-            folder=folder,
+            **_storage(places),
+            first_number=first_number,
             epoch_ns=self._epoch_ns,
             sending={link.name: self._link_order(link.name) for link in self._config.link},
             attachments=self._attachments(),
@@ -39,11 +43,11 @@ class Preparation:
         )
         return order.model_dump_json().encode()
 
-    def navigation_order(self, folder: str, endpoint: str | None) -> bytes:
+    def navigation_order(self, places: Sequence[Place], endpoint: str | None) -> bytes:
         """The order of navigation.  endpoint : of the bus; None when it is switched off."""
         order = NavigationOrder(
             config=self._config,
-            folder=folder,
+            **_storage(places),
             epoch_ns=self._epoch_ns,
             texts=self._texts,
             endpoint=endpoint,
@@ -77,10 +81,16 @@ class Preparation:
         }
 
 
+def _storage(places: Sequence[Place]) -> dict[str, Any]:
+    folders = [str(place.folder) for place in places]
+    fallback = folders[1] if len(folders) > 1 else None
+    return {"folder": folders[0], "fallback": fallback, "mounts": tuple(str(place.mount) for place in places)}
+
+
 def _check_link(config: Config, link: Link) -> None:
     """A link that can never work is an error of the configuration, not of the recorder."""
     try:
-        open_link(link, FakeClock(), lambda data, t_rx_ns: None)
+        open_link(link, FakeClock(), lambda frames, times_ns: None)
     except ConfigError as error:
         raise ConfigError(f"{config.path}: {error}") from None
 

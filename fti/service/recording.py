@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
-from fti.buffers.triple import Entry, TripleBuffer
+from fti.buffers.triple import TripleBuffer
 from fti.clock import SystemClock
 from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.session import SessionFolder
+from fti.logger.session import Numbering
 from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
@@ -22,10 +22,13 @@ from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
 from fti.service.source import Source
 from fti.service.storage_report import StorageReport
-from fti.service.writing import Writer
-from fti.types import TICK_PERIOD_NS
+from fti.service.writing import TEND_PERIOD_S, Writer
+from fti.types import TICK_LINK, TICK_PERIOD_NS
 
 LEDGER_PERIOD_S = 1.0
+#: A medium that has not opened the first file after this time is not waited for any more.
+FIRST_FILE_S = 5.0
+FIRST_LOOK_S = 0.005
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
 
@@ -43,25 +46,29 @@ class Recorder:
         self._jobs: set[asyncio.Task[None]] = set()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
-        self._log = self._open_log()
+        self._places = order.places()
+        self._log = self._make_log()
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
-        self._writer = Writer(self._log, self._sources(), self._report)
         min_free_mb = order.config.session.min_free_mb
-        self._storage = StorageReport(self._log, self._writer, min_free_mb, self._tell)
+        self._writer = Writer(self._log, self._sources(), self._places, min_free_mb, self._report)
+        self._storage = StorageReport(self._writer, self._dropped, self._tell, self._tell_file)
 
     # ------------------------------------------------------------------------------------------------- making
 
-    def _open_log(self) -> RawLog:
+    def _make_log(self) -> RawLog:
+        """A log without a file: the writer opens one where it can."""
         session = self._order.config.session
         topics = [RawTopic(link.name, link.kind, _settings(link)) for link in self._order.config.link]
         return RawLog(
-            SessionFolder.open(Path(self._order.folder)),
+            None,
             topics,
             split_s=session.split_s,
             split_mb=session.split_mb,
             attachments=[(name, "text/plain", text.encode()) for name, text in self._order.attachments.items()],
             metadata={"fti": self._order.metadata},
+            numbering=Numbering(self._order.first_number),
+            places=[place.folder for place in self._places],
         )
 
     def _make_unit(self, index: int) -> Unit:
@@ -80,10 +87,11 @@ class Recorder:
 
     def _sources(self) -> list[Source]:
         log = self._log
-        sources = [Source(self._ticks, lambda e: log.tick(e.seq, e.t_rx_ns))]
+        sources = [Source(TICK_LINK, self._ticks, log.ticks)]
         for unit in self._units:
-            sources.append(Source(unit.received, _recorder_of(log.frame, unit.link.name)))
-            sources.append(Source(unit.sent, _recorder_of(log.sent, unit.link.name)))
+            name = unit.link.name
+            sources.append(Source(name, unit.received, functools.partial(log.frames, name)))
+            sources.append(Source(name, unit.sent, functools.partial(log.frames_sent, name)))
         return sources
 
     def _wake_writer(self) -> None:
@@ -96,9 +104,9 @@ class Recorder:
         loop = asyncio.get_running_loop()
         loop.add_reader(self._channel.fileno(), self._on_control)
         self._writer.start()
-        self._channel.send({"ready": True, "file": str(self._log.path)})
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
         helpers = [self._start("ticks", self._tick), self._start("health", self._watch), *self._start_polls()]
+        helpers.append(self._start("storage", self._tend_storage))
         await self._stop.wait()
         await self._finish(readers, helpers)
         loop.remove_reader(self._channel.fileno())
@@ -127,14 +135,13 @@ class Recorder:
         while True:
             now = self._clock.now_ns()
             await asyncio.sleep((TICK_PERIOD_NS - now % TICK_PERIOD_NS) / SECOND_NS)
-            accept(b"", self._clock.now_ns())
+            accept((b"",), (self._clock.now_ns(),))
 
     async def _watch(self) -> None:
         """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
         turn = 0
         while True:
             now = self._clock.now_ns()
-            self._storage.tell_changes()
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
@@ -149,6 +156,25 @@ class Recorder:
         for step in self._clock.take_steps():
             text = f"the real-time clock was stepped by {step.by_ns / SECOND_NS:+.3f} s; FTI time goes on"
             self._tell("warning", "clock", text)
+
+    async def _tend_storage(self) -> None:
+        """The first file, and every change of what becomes of the files."""
+        await self._begin_recording()
+        while True:
+            self._writer.tend()
+            self._storage.tell_changes()
+            await asyncio.sleep(TEND_PERIOD_S)
+
+    async def _begin_recording(self) -> None:
+        """Wait for the first file, or for the reason why there is none yet, and tell it."""
+        deadline = self._clock.now_ns() + round(FIRST_FILE_S * SECOND_NS)
+        while not (self._writer.file or self._writer.hopeless or self._clock.now_ns() > deadline):
+            self._writer.tend()
+            await asyncio.sleep(FIRST_LOOK_S)
+        if file := self._writer.file:
+            self._channel.send({"ready": True, "file": str(file)})
+        else:
+            self._channel.send({"ready": True, "fault": self._writer.state()[1]})
 
     def _on_control(self) -> None:
         for message in self._channel.receive():
@@ -183,6 +209,14 @@ class Recorder:
             if unit.link.name == name:
                 return unit.link
         raise ValueError(f"there is no link {name!r}")
+
+    def _dropped(self) -> dict[str, tuple[int, int]]:
+        """Frames and bytes of each link that its buffers have dropped."""
+        stats = {unit.link.name: unit.received.stats for unit in self._units}
+        return {name: (link.dropped_frames, link.dropped_bytes) for name, link in stats.items()}
+
+    def _tell_file(self, path: Path) -> None:
+        self._channel.send({"file": str(path)})
 
     def _report(self, unit: str, error: Exception) -> None:
         self._tell("error", unit, f"{type(error).__name__}: {error}")
@@ -220,10 +254,6 @@ class Recorder:
             "storage": self._storage.health(),
             "next_seq": self._intake.seq,
         }
-
-
-def _recorder_of(record: Callable[[str, int, int, bytes], None], link: str) -> Callable[[Entry], None]:
-    return lambda entry: record(link, entry.seq, entry.t_rx_ns, entry.data)
 
 
 def _settings(link: Any) -> dict[str, str]:

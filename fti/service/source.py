@@ -2,30 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from fti.buffers.triple import Entry, TripleBuffer
+
+GAP_TOPIC = "/fti/gap"
+#: Topic, time [ns] and content of a note.
+Tell = Callable[[str, int, dict[str, Any]], None]
 
 
 @dataclass(slots=True)
 class Source:
     """A triple buffer and how its entries go into the log.
 
+    link     : in whose name its gaps are told
     recorded : of what the buffer hands out, so many are in the log already, and not yet on the medium
     """
 
+    link: str
     buffer: TripleBuffer
-    record: Callable[[Entry], None]
+    record: Callable[[Sequence[Entry]], None]
     recorded: int = 0
 
     def record_all(self) -> None:
         """Record what the buffer hands out, each entry once, however often it is handed out."""
-        for entry in self.buffer.take()[self.recorded :]:
-            self.record(entry)
-            self.recorded += 1
+        if self.buffer.empty:
+            return
+        entries = self.buffer.take()[self.recorded :]
+        if entries:
+            self.record(entries)
+            self.recorded += len(entries)
+
+    def tell_gaps(self, tell: Tell, *, final: bool = False) -> None:
+        """A note for each row of frames that the buffer had to drop, when it has ended or nothing follows."""
+        for span in self.buffer.take_drops(final=final):
+            content = {"t_ns": span.last_t_ns, "kind": "buffer_overflow", "link": self.link, **asdict(span)}
+            tell(GAP_TOPIC, span.last_t_ns, content)
 
     def mark_written(self) -> None:
         """What was recorded is on the medium."""
-        self.buffer.written(self.recorded)
+        if self.recorded:
+            self.buffer.written(self.recorded)
+            self.recorded = 0
+
+    def restart(self) -> None:
+        """What was recorded and is not on the medium goes into another file: it is recorded again."""
         self.recorded = 0

@@ -1,52 +1,77 @@
-"""What the recorder says of the medium: health, and an event when it refuses or accepts again."""
+"""What the recorder says of the medium: health, and an event for every change, with what was lost meanwhile."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
-from fti.errors import StorageError
-from fti.logger.raw_log import RawLog
+from fti.logger.storage import State
 from fti.service.writing import Writer
 
 #: Level, source and text of an event.
 Tell = Callable[[str, str, str], None]
+#: Frames and bytes that the buffers of each link have dropped.
+Dropped = Mapping[str, tuple[int, int]]
+LEVELS = {State.ERROR: "error", State.GONE: "error"}
 
 
 class StorageReport:
-    """Looks at the log and its writer."""
+    """Looks at the writer.  tell_file : gets every file that is begun."""
 
-    def __init__(self, log: RawLog, writer: Writer, min_free_mb: float, tell: Tell) -> None:
-        self._log = log
+    def __init__(
+        self, writer: Writer, dropped: Callable[[], Dropped], tell: Tell, tell_file: Callable[[Path], None]
+    ) -> None:
         self._writer = writer
-        self._min_free_mb = min_free_mb
+        self._dropped = dropped
         self._tell = tell
-        self._fault_told: str | None = None
+        self._tell_file = tell_file
+        self._state = State.OK
+        self._refused_since = 0.0
+        self._dropped_before: Dropped = {}
+        self._file: Path | None = None
 
     def tell_changes(self) -> None:
-        """The one loud failure: the medium refuses; and that it takes bytes again."""
-        fault = self._writer.storage_fault
-        if bool(fault) != bool(self._fault_told):
-            text = f"the medium refuses: {fault}" if fault else "the medium accepts again"
-            self._tell("error" if fault else "warning", "storage", text)
-        self._fault_told = fault
+        """Events for what has changed since the last call."""
+        file = self._writer.file
+        if file and file != self._file:
+            self._file = file
+            self._tell_file(file)
+        state, hint = self._writer.state()
+        if state is self._state:
+            return
+        before, self._state = self._state, state
+        if before is State.ERROR:
+            self._tell("warning", "storage", f"the medium accepts again {self._describe_outage()}")
+        if state is State.ERROR:
+            self._refused_since = time.monotonic()
+            self._dropped_before = self._dropped()
+            hint = f"the medium refuses: {hint}; the buffers hold what they can"
+        elif state is State.OK and before is not State.ERROR:
+            hint = f"all is well again, recording to {file}"
+        if hint:
+            self._tell(LEVELS.get(state, "warning"), "storage", hint)
+
+    def _describe_outage(self) -> str:
+        """How long it refused and what that cost."""
+        lost = []
+        for link, (frames, size) in self._dropped().items():
+            frames_before, size_before = self._dropped_before.get(link, (0, 0))
+            if frames > frames_before:
+                lost.append(f"{frames - frames_before} frames ({size - size_before} bytes) of {link}")
+        seconds = time.monotonic() - self._refused_since
+        return f"after {seconds:.1f} s, in {self._file}; lost: {', '.join(lost) or 'nothing'}"
 
     def health(self) -> dict[str, Any]:
         """File, space and state, for health."""
-        free_mb = self._free_mb()
-        fault = self._writer.storage_fault
-        low = free_mb is not None and free_mb < self._min_free_mb
+        state, hint = self._writer.state()
+        file = self._writer.file
         return {
-            "file": str(self._log.path),
-            "file_bytes": self._log.bytes_written,
+            "file": str(file) if file else None,
+            "file_bytes": self._writer.log.bytes_written,
             "file_age_s": self._writer.silence_s,
-            "free_mb": free_mb,
-            "state": "error" if fault else "full" if low else "ok",
-            "hint": fault or ("less space than session.min_free_mb is left" if low else ""),
+            "free_mb": self._writer.free_mb,
+            "state": state,
+            "hint": hint,
         }
-
-    def _free_mb(self) -> float | None:
-        try:
-            return self._log.free_mb()
-        except StorageError:
-            return None

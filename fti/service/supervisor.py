@@ -20,7 +20,7 @@ from fti.bus.zenoh_bus import Hub
 from fti.clock import SystemClock
 from fti.config import Config
 from fti.logger import repair
-from fti.logger.session import SessionFolder
+from fti.logger.session import name_parts
 from fti.service import control, rundir
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.children import Child, ProcessState
@@ -29,6 +29,7 @@ from fti.service.control_socket import serve_commands
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.preparation import Preparation
+from fti.service.session_places import SessionPlaces
 
 WATCH_PERIOD_S = 0.02
 HEALTH_PERIOD_S = 0.5
@@ -37,6 +38,10 @@ NAVIGATION_END_S = 20.0
 STANDBY_S = 2.0
 MOST_STARTS = 2
 DISPLAY_END_S = 3.0
+#: A recorder that has said that it stopped ends within this time, if its media let it.
+HELD_S = 10.0
+#: States of the storage in which a place may hold whoever looks at it.
+SICK = ("slow", "gone", "fallback", "error")
 #: Notes that wait for a recorder while there is none.
 MOST_UNRECORDED = 1000
 RECORDER = "recorder"
@@ -64,17 +69,14 @@ class Supervisor:
         self.display_url: str | None = None
         self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
         self._run_dir = rundir.make(config.session.name, run_dir)
-        self.folder = self._create_folder(config, epoch_ns)
+        self._places = SessionPlaces(config.session, self._clock.now_ns(), announce)
+        self.folder = self._places.folder
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._note)
         self._unrecorded: deque[Message] = deque(maxlen=MOST_UNRECORDED)
         self._stopping = False
-
-    def _create_folder(self, config: Config, epoch_ns: int) -> SessionFolder:
-        started = SystemClock(epoch_ns).now_ns()
-        return SessionFolder.create(Path(config.session.directory), config.session.name, started)
 
     def _describe_session(self) -> dict[str, Any]:
         session = self._config.session
@@ -87,11 +89,11 @@ class Supervisor:
         }
 
     def _make_children(self, recorder: Child) -> list[Child]:
-        folder, endpoint = str(self.folder.path), self._hub.endpoint if self._hub else None
-        recorder.order, recorder.ring_fd = self._preparation.recorder_order(folder), self._ring.fd
+        places, endpoint = self._places.all, self._hub.endpoint if self._hub else None
+        recorder.order, recorder.ring_fd = self._preparation.recorder_order(places), self._ring.fd
         made = [
             recorder,
-            Child(NAVIGATION, self._preparation.navigation_order(folder, endpoint), self._ring.fd),
+            Child(NAVIGATION, self._preparation.navigation_order(places, endpoint), self._ring.fd),
         ]
         if self._config.display.enabled and endpoint:
             name, port = self._config.session.name, str(self._config.display.port)
@@ -162,8 +164,11 @@ class Supervisor:
             asyncio.get_running_loop().remove_reader(channel.fileno())
 
     def _hear(self, child: Child, message: Message) -> None:
+        if message.get("file"):
+            number = name_parts(Path(message["file"]))[1] + 1
+            child.order = self._preparation.recorder_order(self._places.all, number)
         if "ready" in message:
-            self._on_ready(child)
+            self._on_ready(child, message.get("fault"))
         if "health" in message and child.name == RECORDER:
             self._board.recorder = message["health"]
         elif "health" in message:
@@ -178,9 +183,13 @@ class Supervisor:
         if "stopped" in message:
             self._recorded.set()
 
-    def _on_ready(self, child: Child) -> None:
+    def _on_ready(self, child: Child, fault: str | None) -> None:
         child.state = ProcessState.RUNNING
-        if child.name == RECORDER and not self.recording.is_set():
+        if child.name == RECORDER and fault and not self.recording.is_set():
+            self._announce(f"error: storage: {fault}")
+            self.failed = True
+            self.stop()
+        elif child.name == RECORDER and not self.recording.is_set():
             self.recording.set()
             self._announce(f"recording to {self.folder.path}")
             self._publish_info()
@@ -280,12 +289,25 @@ class Supervisor:
         recorder = self._children[0]
         if recorder.channel:
             recorder.channel.send({"stop": True})
-        code = await asyncio.to_thread(recorder.process.wait) if recorder.process else 0
+        code = await self._await_recorder(recorder)
         if code:
             self._announce(f"error: recorder: ended with {_describe_exit(code)} before it had closed its files")
         if not self._recorded.is_set():
             self._ring.end()
         recorder.state = ProcessState.STOPPED
+
+    async def _await_recorder(self, recorder: Child) -> int:
+        """Its exit code.  One that has finished, and is held by a medium that does not answer, is left to that."""
+        held_since = time.monotonic()
+        while recorder.process and recorder.process.poll() is None:
+            if not self._recorded.is_set():
+                held_since = time.monotonic()
+            elif time.monotonic() - held_since > HELD_S:
+                self._announce("warning: recorder: has finished, and ends when a medium that holds it answers")
+                recorder.process = None
+                return 0
+            await asyncio.sleep(WATCH_PERIOD_S)
+        return recorder.process.returncode if recorder.process else 0
 
     async def _end_child(self, name: str, shorten: Message, patience_s: float) -> None:
         child = self._child(name)
@@ -306,14 +328,19 @@ class Supervisor:
         """Not before this session records."""
         await self.recording.wait()
         with guarded("repair", self._bulletin.report):
-            directory = Path(self._config.session.directory)
-            closed = await asyncio.to_thread(
-                repair.close_all, directory, in_use=[self.folder.path], goes_on=lambda: not self._hurry.is_set()
-            )
+            closed = await asyncio.to_thread(self._repair_others)
             for fault in (c.fault for c in closed if c.fault):
                 self._announce(f"warning: {fault}")
             for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
                 self._announce(f"closed {count} files of {folder}, which a killed session had left open")
+
+    def _repair_others(self) -> list[repair.Closed]:
+        own = self._places.folders
+        return [
+            closed
+            for directory in self._places.directories
+            for closed in repair.close_all(directory, in_use=own, goes_on=lambda: not self._hurry.is_set())
+        ]
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
         """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
@@ -323,11 +350,13 @@ class Supervisor:
             await closing
 
     def _close_own_files(self) -> None:
-        """What a killed child left open; a session that has not begun leaves nothing."""
+        """What a killed child left open, where the medium is well; a session that has not begun leaves nothing."""
+        storage = self._board.recorder.get("storage", {})
+        well = self._places.folders
+        if storage.get("state") in SICK:
+            well = [folder for folder in well if folder == Path(storage["file"] or "").parent]
         with guarded("repair", self._report_to_user):
-            repair.close_session(self.folder.path)
-        with contextlib.suppress(OSError):
-            self.folder.path.rmdir()
+            self._places.close_files(well)
 
     def _report_to_user(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")

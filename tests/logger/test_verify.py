@@ -154,7 +154,7 @@ def test_books_of_a_restarted_recorder_are_added(folder: SessionFolder) -> None:
 
 def test_a_killed_recording_is_told_then_recovered(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
     log = record(folder, range(230))
-    log._log._writer.abandon()  # as a kill leaves it
+    log._log.part.abandon()  # as a kill leaves it
     path = log.path
     assert main(["verify", str(folder.path)]) == 3
     assert f"{path.name}: ends after byte" in capsys.readouterr().out

@@ -9,9 +9,11 @@ from typing import Any
 import pytest
 
 from fti.buffers.triple import TripleBuffer
+from fti.logger.places import Place
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.logger.split_log import Part
 from fti.service.source import Source
 from fti.service.writing import Writer
 from tests.helpers import until
@@ -22,11 +24,17 @@ class Rig:
 
     def __init__(self, folder: Path, split_s: float = 300) -> None:
         self.folder = SessionFolder.create(folder, "s", 0)
-        self.log = RawLog(self.folder, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
+        self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
         self.buffer = TripleBuffer()
         self.reports: list[str] = []
         source = Source(self.buffer, lambda e: self.log.frame("a", e.seq, e.t_rx_ns, e.data))
-        self.writer = Writer(self.log, [source], lambda unit, error: self.reports.append(f"{unit}: {error}"))
+        places = [Place.of(self.folder.path)]
+        self.writer = Writer(self.log, [source], places, 0.0, lambda unit, e: self.reports.append(f"{unit}: {e}"))
+
+    def start(self) -> None:
+        """Begin, and wait for the file."""
+        self.writer.start()
+        until(lambda: self.writer.file, 10, "a file")
 
     def finish(self) -> list[int]:
         """End it; the numbers that are in the file."""
@@ -45,7 +53,7 @@ def rig(tmp_path: Path) -> Rig:
 def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
     rig.buffer.put(0, 1, b"x")
     rig.writer.note("/no/topic", 1, {})
-    rig.writer.start()
+    rig.start()
     until(lambda: rig.buffer.empty, 10, "an empty buffer")
     rig.writer.note("/no/topic", 1, {})
     rig.buffer.put(1, 2, b"x")
@@ -55,17 +63,17 @@ def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
 
 
 def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    flush, failures = rig.log.flush, iter(range(3))
+    flush, failures = Part.flush, iter(range(3))
 
-    def fail() -> None:
+    def fail(part: Part) -> None:
         if next(failures, None) is not None:
             raise RuntimeError("sick")
-        flush()
+        flush(part)
 
-    monkeypatch.setattr(rig.log, "flush", fail)
+    monkeypatch.setattr(Part, "flush", fail)
     for seq in range(3):
         rig.buffer.put(seq, seq, b"x")
-    rig.writer.start()
+    rig.start()
     until(lambda: rig.buffer.empty, 10, "an empty buffer")
     assert rig.finish() == [0, 1, 2]
     assert rig.reports == ["writer: sick"] * 3
@@ -82,13 +90,13 @@ def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
             raise FileNotFoundError(2, "No such file or directory")
         return real(path, flags, *rest)
 
+    rig.start()
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", refuse)
-        rig.writer.start()
         for seq in range(5):
             rig.buffer.put(seq, seq * 10_000, b"x")
             until(lambda: rig.buffer.empty, 10, "an empty buffer")
-        assert "cannot be created" in str(rig.writer.storage_fault)
+        assert "cannot be created" in str(rig.writer.state()[1])
         rig.writer.stop()
     rig.writer.finish()
     assert [frame.seq for frame in Recording.open(rig.folder.path).frames()] == list(range(5))
