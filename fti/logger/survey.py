@@ -1,20 +1,39 @@
-"""What a recording holds, topic by topic: counts, bytes, rates, gaps and activity over time."""
+"""What a recording holds, topic by topic: counts, bytes, rates, gaps, jitter and activity; events and clocks."""
 
 from __future__ import annotations
 
-from collections import Counter
+import json
+from array import array
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from fti.logger.activity import Activity
+from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.intervals import Intervals
+from fti.logger.mcap_file import Item
 from fti.logger.recording import Recording
+from fti.logger.schemas import EVENT_TOPIC
 from fti.logger.session import Kind
 
 SECOND_NS = 1_000_000_000
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth")
+CLOCK_TOPIC = "/fti/clock"
+#: The order in which topics are shown: what came over the links first.
+PREFIXES = ("/raw/", "/tx/", "/fti/")
+EVENTS_KEPT = 1000
+_WAITING = 8192
+_LEVELS = {number: level for level, number in LOG_LEVELS.items()}
 
 
 @dataclass(slots=True)
 class TopicSurvey:
-    """One topic.  longest_gap_ns : between neighbours in the file; seconds : messages in each second."""
+    """One topic.  first_ns, last_ns : the earliest and the latest message; intervals : between neighbours in the file.
+
+    What was added last counts in ``intervals`` and ``activity`` only after ``settle``.
+    """
 
     topic: str
     kind: Kind
@@ -22,20 +41,35 @@ class TopicSurvey:
     bytes: int = 0
     first_ns: int = 0
     last_ns: int = 0
-    longest_gap_ns: int = 0
-    seconds: Counter[int] = field(default_factory=Counter)
+    intervals: Intervals = field(default_factory=Intervals)
+    activity: Activity = field(default_factory=Activity)
+    _waiting: array[int] = field(default_factory=lambda: array("q"))
 
     def add(self, t_ns: int, size: int) -> None:
         """A message of ``size`` bytes."""
-        if self.messages:
-            self.longest_gap_ns = max(self.longest_gap_ns, t_ns - self.last_ns)
-            self.first_ns = min(self.first_ns, t_ns)
-            self.last_ns = max(self.last_ns, t_ns)
-        else:
-            self.first_ns = self.last_ns = t_ns
         self.messages += 1
         self.bytes += size
-        self.seconds[t_ns // SECOND_NS] += 1
+        self._waiting.append(t_ns)
+        if len(self._waiting) >= _WAITING:
+            self.settle()
+
+    def settle(self) -> None:
+        """Count what was added."""
+        if not self._waiting:
+            return
+        times = np.array(self._waiting, np.int64)
+        first, last = int(times.min()), int(times.max())
+        seen = self.messages > len(times)
+        self.first_ns, self.last_ns = (min(self.first_ns, first), max(self.last_ns, last)) if seen else (first, last)
+        self.intervals.add(times)
+        self.activity.add(times)
+        self._waiting = array("q")
+
+    @property
+    def longest_gap_ns(self) -> int:
+        """The longest time between neighbours."""
+        longest = self.intervals.longest
+        return longest.length_ns if longest else 0
 
     @property
     def rate_hz(self) -> float | None:
@@ -43,18 +77,49 @@ class TopicSurvey:
         span = self.last_ns - self.first_ns
         return (self.messages - 1) * SECOND_NS / span if span else None
 
-    def activity(self, begin_ns: int, end_ns: int, cells: int) -> list[int]:
-        """Messages in each of ``cells`` equal parts of a time, to the second."""
-        counts = [0] * cells
-        begin, span = begin_ns // SECOND_NS, max(end_ns // SECOND_NS - begin_ns // SECOND_NS + 1, 1)
-        for second, count in self.seconds.items():
-            counts[min(max((second - begin) * cells // span, 0), cells - 1)] += count
-        return counts
+
+class Note(NamedTuple):
+    """An event or a mark (source ``mark``) in the files."""
+
+    t_ns: int
+    level: str
+    source: str
+    text: str
+
+
+@dataclass(slots=True)
+class Survey:
+    """A whole recording.  events : the first thousand, in order of time; clocks : first and last ``/fti/clock``."""
+
+    topics: list[TopicSurvey]
+    events: list[Note] = field(default_factory=list)
+    more_events: int = 0
+    clocks: list[Mapping[str, Any]] = field(default_factory=list)
+
+    def take_event(self, item: Item) -> None:
+        """An event as ``foxglove.Log``."""
+        if len(self.events) >= EVENTS_KEPT:
+            self.more_events += 1
+            return
+        table = _table(item.data)
+        level = _LEVELS.get(table.get("level", 0), "unknown")
+        self.events.append(Note(item.log_time, level, str(table.get("name", "")), str(table.get("message", ""))))
+
+    def take_clock(self, item: Item) -> None:
+        """A reading of the clocks."""
+        self.clocks[1:] = [_table(item.data)]
 
 
 def survey(recording: Recording) -> list[TopicSurvey]:
-    """All topics of all files, sorted; silent links too.  Reads everything."""
+    """All topics of all files, in the order of ``PREFIXES``; silent links too.  Reads everything."""
+    return look_through(recording).topics
+
+
+def look_through(recording: Recording) -> Survey:
+    """Topics, events and clocks.  Reads everything, once."""
     topics: dict[tuple[Kind, str], TopicSurvey] = {}
+    found = Survey([])
+    takers = {EVENT_TOPIC: found.take_event, CLOCK_TOPIC: found.take_clock}
     for link in recording.links if recording.raw_files else ():
         topics["raw", f"/raw/{link}"] = TopicSurvey(f"/raw/{link}", "raw")
     for kind in KINDS:
@@ -64,7 +129,26 @@ def survey(recording: Recording) -> list[TopicSurvey]:
             if topic is None:
                 topic = topics[kind, name] = TopicSurvey(name, kind)
             topic.add(item.log_time, len(item.data))
-    return sorted(topics.values(), key=lambda topic: (KINDS.index(topic.kind), topic.topic))
+            if take := takers.get(name):
+                take(item)
+    for topic in topics.values():
+        topic.settle()
+    found.topics = sorted(topics.values(), key=_order)
+    found.events.sort()
+    return found
+
+
+def _order(topic: TopicSurvey) -> tuple[int, int, str]:
+    place = next((n for n, prefix in enumerate(PREFIXES) if topic.topic.startswith(prefix)), len(PREFIXES))
+    return KINDS.index(topic.kind), place, topic.topic
+
+
+def _table(data: bytes) -> Mapping[str, Any]:
+    try:
+        table = json.loads(data)
+    except ValueError:
+        return {}
+    return table if isinstance(table, dict) else {}
 
 
 def time_span(topics: list[TopicSurvey]) -> tuple[int, int]:

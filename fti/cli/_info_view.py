@@ -1,0 +1,274 @@
+"""What ``fti info`` prints: one session as text for a person and as JSON for programs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from fti.logger.intervals import Gap
+from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.recording import RAW
+from fti.logger.survey import Note, TopicSurvey
+from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
+
+BARS = "·▁▂▃▄▅▆▇█"
+USUAL_BAR = 6  # height of the median rate, and of what is hardly more or less
+LITTLE_LESS, LITTLE_MORE = 0.75, 1.3
+NARROWEST, WIDEST = 20, 160
+GAPS_SHOWN = 12
+EVENTS_SHOWN = 40
+JSON_CELLS = 64
+ORIGINS = {
+    "hil": "HIL: emulated sensors, no flight",
+    "replay": "REPLAY: bytes of an earlier session",
+    "flight": "flight",
+}
+
+
+def as_text(view: Overview) -> Iterator[str]:
+    """Lines for a person."""
+    yield from _heading(view)
+    yield from _files(view)
+    yield from _topics(view)
+    yield from _pictures(view)
+    yield from _gaps(view)
+    yield from _events(view)
+
+
+def _heading(view: Overview) -> Iterator[str]:
+    about = view.about
+    yield str(view.recording.path)
+    if view.mode != CONTINUOUS:
+        yield f"  *** {view.mode.upper()}: not a continuous recording, only what was around a trigger ***"
+    origin = ORIGINS.get(view.origin, f"origin {view.origin}")
+    yield f"  session   {about.get('name', '–')}, {origin}, {view.mode}"
+    begin = moment(view.begin_ns, date=True) if view.begin_ns else "no messages"
+    yield f"  started   {begin}, {duration_text(view.duration_s)}"
+    config = f"{about.get('config_file', 'unknown')} {about.get('config_sha256', '')[:12]}"
+    yield f"  software  fti {about.get('software', 'unknown')}, configuration {config.strip()}"
+    if offsets := view.clock_offset_s():
+        yield f"  clock     real time - FTI time {offsets[0]:+.6f} s at the begin, {offsets[1]:+.6f} s at the end"
+    if attached := view.recording.attachments():
+        yield f"  attached  {', '.join(attached)}"
+
+
+def _files(view: Overview) -> Iterator[str]:
+    yield ""
+    width = max(len(file.path.name) for file in view.files)
+    for file in view.files:
+        yield f"{file.path.name:{width}}  {size_text(file.bytes):>9}  {file.words}"
+
+
+# ----------------------------------------------------------------------------------------------------------- topics
+
+HEADS = ("topic", "messages", "bytes", "Hz", "device Hz", "sd ms", "p99 ms", "longest s", "gaps")
+
+
+def _topics(view: Overview) -> Iterator[str]:
+    yield ""
+    rows = [_row(view, topic) for topic in view.survey.topics]
+    widths = [max(len(row[n]) for row in (HEADS, *rows)) for n in range(len(HEADS))]
+    for row in (HEADS, *rows):
+        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        yield "  ".join((row[0].ljust(widths[0]), *cells)).rstrip()
+    yield "sd, p99: of the intervals that are no gaps; gap: 5 times longer than 95 % of the intervals"
+
+
+def _row(view: Overview, topic: TopicSurvey) -> tuple[str, ...]:
+    if not topic.messages:
+        return (topic.topic, "0", "silent", *[""] * (len(HEADS) - 3))
+    intervals, longest = topic.intervals, topic.intervals.longest
+    return (
+        topic.topic,
+        str(topic.messages),
+        size_text(topic.bytes),
+        _number(topic.rate_hz, 2),
+        _number(view.rates.get(topic.topic), 0, ""),
+        _number(_ms(intervals.sd_s), 2),
+        _number(_ms(intervals.p99_s), 1),
+        _number(longest and longest.length_ns / SECOND_NS, 3),
+        str(intervals.gap_count or ""),
+    )
+
+
+def _ms(seconds: float | None) -> float | None:
+    return None if seconds is None else 1000.0 * seconds
+
+
+def _number(value: float | None, digits: int, unknown: str = "-") -> str:
+    return unknown if value is None else f"{value:.{digits}f}"
+
+
+# --------------------------------------------------------------------------------------------------------- pictures
+
+
+def _pictures(view: Overview) -> Iterator[str]:
+    """The activity of all topics, in one column over the same time."""
+    topics = [topic for topic in view.survey.topics if topic.topic != TICK_TOPIC]
+    width = max((len(topic.topic) for topic in topics), default=5)
+    cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, NARROWEST), WIDEST)
+    yield ""
+    end = f"{view.duration_s:.1f} s"
+    yield f"{'activity':{width}}  0 s{end:>{cells - 3}}"
+    for topic in topics:
+        yield f"{topic.topic:{width}}  {activity_bar(_relative(view, topic, cells))}"
+
+
+def _relative(view: Overview, topic: TopicSurvey, cells: int) -> list[float]:
+    usual_ns = (topic.intervals.usual_s or 0.0) * SECOND_NS
+    return topic.activity.relative(view.begin_ns, view.end_ns, cells, usual_ns)
+
+
+def activity_bar(rates: Sequence[float]) -> str:
+    """Rates relative to their median as a row of bars; a dot is silence, the smallest bar is at least one message."""
+    return "".join(BARS[_height(rate)] for rate in rates)
+
+
+def _height(rate: float) -> int:
+    if LITTLE_LESS <= rate <= LITTLE_MORE:
+        return USUAL_BAR
+    return min(max(round(USUAL_BAR * rate), 1), len(BARS) - 1) if rate else 0
+
+
+# --------------------------------------------------------------------------------------------------- gaps and events
+
+
+def _gaps(view: Overview) -> Iterator[str]:
+    """Where the links were silent, the longest."""
+    links = [topic for topic in view.survey.topics if topic.topic.startswith(RAW)]
+    found = [(gap, topic) for topic in links for gap in view.silences(topic)]
+    if not found:
+        return
+    chosen = sorted(found, key=lambda pair: -pair[0].length_ns)[:GAPS_SHOWN]
+    more = "" if len(found) == len(chosen) else f", the longest {len(chosen)} of {len(found)}"
+    yield ""
+    yield f"silent links{more}"
+    for gap, topic in sorted(chosen, key=lambda pair: pair[0].begin_ns):
+        yield f"  {_when(view, gap.begin_ns)}  {topic.topic}: {_silence(view, topic, gap)}"
+
+
+def _silence(view: Overview, topic: TopicSurvey, gap: Gap) -> str:
+    seconds = f"{gap.length_ns / SECOND_NS:.3f} s"
+    if not topic.messages:
+        return "never heard"
+    if gap.begin_ns == topic.last_ns:
+        return f"{seconds} until the end"
+    return f"{seconds} until its first message" if gap.begin_ns < topic.first_ns else seconds
+
+
+def _events(view: Overview) -> Iterator[str]:
+    """Marks and events; when there are many, the marks and what is worse than information come first."""
+    events = view.survey.events
+    if not events:
+        return
+    chosen = events
+    if len(events) > EVENTS_SHOWN:
+        telling = [e for e in events if e.source == "mark" or e.level != "info"]
+        chosen = sorted([*telling, *(e for e in events if e not in telling)][:EVENTS_SHOWN])
+    total = len(events) + view.survey.more_events
+    yield ""
+    yield "marks and events" + ("" if len(chosen) == total else f", {len(chosen)} of {total}; --json has them all")
+    for event in chosen:
+        yield f"  {_when(view, event.t_ns)}  {event_text(event)}"
+
+
+def event_text(event: Note) -> str:
+    """One event for a person."""
+    level = "" if event.level == "info" else f"{event.level}: "
+    return f"{level}{event.source}: {event.text}"
+
+
+def _when(view: Overview, t_ns: int) -> str:
+    return f"{moment(t_ns)}  {view.since_begin_s(t_ns):+10.3f} s"
+
+
+def moment(t_ns: int, *, date: bool = False) -> str:
+    """FTI time in UTC, to the millisecond."""
+    at = datetime.fromtimestamp(t_ns // SECOND_NS, UTC)
+    return f"{at:%Y-%m-%d %H:%M:%S} UTC" if date else f"{at:%H:%M:%S}.{t_ns // 1_000_000 % 1000:03d}"
+
+
+def duration_text(seconds: float) -> str:
+    """Seconds, and from a minute on hours, minutes and seconds too."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.1f} s ({int(seconds // 3600)}:{int(seconds // 60) % 60:02d}:{int(seconds) % 60:02d})"
+
+
+def size_text(size: float) -> str:
+    """Bytes with a unit."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000 or unit == "GB":
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.1f} {unit}"
+        size /= 1000
+    raise AssertionError("unreachable")
+
+
+# ------------------------------------------------------------------------------------------------------------- JSON
+
+
+def as_json(view: Overview) -> dict[str, Any]:
+    """The same for programs.  Times in ns, rates in Hz, intervals in s."""
+    recording = view.recording
+    offsets = view.clock_offset_s()
+    return {
+        "path": str(recording.path),
+        "name": view.about.get("name"),
+        "origin": view.origin,
+        "mode": view.mode,
+        "first_ns": view.begin_ns,
+        "last_ns": view.end_ns,
+        "duration_s": view.duration_s,
+        "software": view.about.get("software"),
+        "config_sha256": view.about.get("config_sha256"),
+        "clock_offset_s": {"begin": offsets[0], "end": offsets[1]} if offsets else None,
+        "clocks": view.survey.clocks,
+        "metadata": recording.metadata,
+        "attachments": {name: len(data) for name, data in recording.attachments().items()},
+        "links": recording.links,
+        "files": [_file_json(file) for file in view.files],
+        "topics": [_topic_json(view, topic) for topic in view.survey.topics],
+        "events": _events_json(view, view.survey.events),
+        "more_events": view.survey.more_events,
+    }
+
+
+def _file_json(file: FileState) -> dict[str, Any]:
+    state = {"finished": file.finished, "compression": file.compression, "fault": file.fault}
+    return {"name": file.path.name, "bytes": file.bytes, **state}
+
+
+def _topic_json(view: Overview, topic: TopicSurvey) -> dict[str, Any]:
+    intervals = topic.intervals
+    return {
+        "topic": topic.topic,
+        "kind": topic.kind,
+        "messages": topic.messages,
+        "bytes": topic.bytes,
+        "rate_hz": topic.rate_hz,
+        "configured_hz": view.rates.get(topic.topic),
+        "first_ns": topic.first_ns if topic.messages else None,
+        "last_ns": topic.last_ns if topic.messages else None,
+        "usual_interval_s": intervals.usual_s,
+        "jitter_sd_s": intervals.sd_s,
+        "interval_p99_s": intervals.p99_s,
+        "longest_gap_s": topic.longest_gap_ns / SECOND_NS,
+        "gap_limit_s": intervals.gap_limit_s,
+        "gap_count": intervals.gap_count,
+        "gaps": _gaps_json(view, intervals.gaps),
+        "silences": _gaps_json(view, view.silences(topic)),
+        "activity": topic.activity.counts(view.begin_ns, view.end_ns, JSON_CELLS),
+    }
+
+
+def _gaps_json(view: Overview, gaps: Iterable[Gap]) -> list[dict[str, Any]]:
+    return [
+        {"begin_ns": g.begin_ns, "begin_s": view.since_begin_s(g.begin_ns), "length_s": g.length_ns / SECOND_NS}
+        for g in gaps
+    ]
+
+
+def _events_json(view: Overview, events: Iterable[Note]) -> list[dict[str, Any]]:
+    return [{**event._asdict(), "t_s": view.since_begin_s(event.t_ns)} for event in events]

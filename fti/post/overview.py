@@ -1,0 +1,147 @@
+"""A session the minute after landing: what it is, its files, its topics with the rates they should have."""
+
+from __future__ import annotations
+
+import os
+import struct
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.exceptions import McapError
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+
+from fti.logger.intervals import Gap
+from fti.logger.mcap_file import McapFile
+from fti.logger.recording import RAW, Recording
+from fti.logger.survey import Survey, TopicSurvey, look_through, time_span
+
+SECOND_NS = 1_000_000_000
+CONFIG = "config.toml"
+CONTINUOUS = "continuous"
+
+
+@dataclass(frozen=True, slots=True)
+class FileState:
+    """A file.  compression : of its chunks, "" when it is not packed; fault : why reading broke off, else None."""
+
+    path: Path
+    bytes: int
+    finished: bool
+    compression: str
+    fault: str | None
+
+    @property
+    def words(self) -> str:
+        """What a person reads."""
+        if self.fault:
+            return self.fault
+        packed = f", packed ({self.compression})" if self.compression else ""
+        return ("finished" if self.finished else "not finished") + packed
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """A session.
+
+    begin_ns, end_ns : first and last message of all; rates : configured, of the device of a link, by topic [Hz]
+    """
+
+    recording: Recording
+    survey: Survey
+    files: list[FileState]
+    begin_ns: int
+    end_ns: int
+    rates: Mapping[str, float]
+
+    @classmethod
+    def make(cls, recording: Recording) -> Overview:
+        """Read everything, once."""
+        found = look_through(recording)
+        files = [_file_state(recording, path) for path in recording.files]
+        return cls(recording, found, files, *time_span(found.topics), configured_rates(recording))
+
+    @property
+    def about(self) -> Mapping[str, str]:
+        """What the session says of itself: name, origin, software, ..."""
+        return self.recording.metadata.get("fti", {})
+
+    @property
+    def origin(self) -> str:
+        """flight, hil or replay; unknown when the file does not say."""
+        return self.about.get("origin", "unknown")
+
+    @property
+    def mode(self) -> str:
+        """continuous, or snapshot: only what was around a trigger is there."""
+        return self.about.get("mode", CONTINUOUS)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first to the last message [s]."""
+        return (self.end_ns - self.begin_ns) / SECOND_NS
+
+    @property
+    def links(self) -> list[TopicSurvey]:
+        """What is drawn, one row each: the links; in a file without them, all topics."""
+        topics = self.survey.topics
+        return [topic for topic in topics if topic.topic.startswith(RAW)] or topics
+
+    def since_begin_s(self, t_ns: int) -> float:
+        """Time after the first message [s]."""
+        return (t_ns - self.begin_ns) / SECOND_NS
+
+    def silences(self, topic: TopicSurvey) -> list[Gap]:
+        """The gaps of a topic; also before its first message and behind its last one."""
+        if not topic.messages:
+            return [Gap(self.begin_ns, self.end_ns - self.begin_ns)]
+        limit_ns = (topic.intervals.gap_limit_s or 0.0) * SECOND_NS
+        before = Gap(self.begin_ns, topic.first_ns - self.begin_ns)
+        behind = Gap(topic.last_ns, self.end_ns - topic.last_ns)
+        edges = [gap for gap in (before, behind) if limit_ns and gap.length_ns > max(limit_ns, SECOND_NS)]
+        return sorted([*edges, *topic.intervals.gaps])
+
+    def clock_offset_s(self) -> tuple[float, float] | None:
+        """Real-time clock minus FTI time at the first and the last ``/fti/clock`` [s]; None when there is none."""
+        known = [c for c in self.survey.clocks if {"realtime_ns", "t_ns"} <= c.keys()]
+        if not known:
+            return None
+        first, last = ((c["realtime_ns"] - c["t_ns"]) / SECOND_NS for c in (known[0], known[-1]))
+        return first, last
+
+
+def _file_state(recording: Recording, path: Path) -> FileState:
+    fault = recording.faults.get(path)
+    text = fault.text if fault else None
+    return FileState(path, path.stat().st_size, McapFile(path).finished, _compression(path), text)
+
+
+def _compression(path: Path) -> str:
+    """Compression of the first chunk; "" when it has none, or there is no chunk."""
+    with path.open("rb") as stream, suppress(McapError, ValueError, struct.error):
+        limit = os.fstat(stream.fileno()).st_size
+        for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
+            if isinstance(record, Chunk):
+                return record.compression
+    return ""
+
+
+def configured_rates(recording: Recording) -> dict[str, float]:
+    """Rates that the attached configuration names: of the links that have one device, by topic [Hz]."""
+    devices = _devices(recording.attachments().get(CONFIG, b""))
+    lines = [device["link"] for device in devices]
+    alone = (device for device in devices if lines.count(device["link"]) == 1)
+    return {f"{RAW}{d['link']}": float(d["rate_hz"]) for d in alone if isinstance(d.get("rate_hz"), int | float)}
+
+
+def _devices(text: bytes) -> list[dict[str, Any]]:
+    """The devices of a configuration, perhaps of another version."""
+    try:
+        tables = tomllib.loads(text.decode()).get("device", [])
+    except ValueError:
+        return []
+    return [d for d in tables if isinstance(d, dict) and isinstance(d.get("link"), str)]

@@ -1,0 +1,202 @@
+"""``fti info``: what it tells of whole, packed, killed and damaged sessions, and its picture."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from fti.cli._info_view import activity_bar, size_text
+from fti.cli.main import main
+from fti.logger.raw_log import RawLog
+from fti.logger.session import SessionFolder
+from tests.cli.sessions import ABOUT, LINKS, SECOND, STARTED, make_folder, mark, record_derived, record_raw
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> SessionFolder:
+    return make_folder(tmp_path)
+
+
+def record_with_gap(folder: SessionFolder) -> None:
+    """Ten seconds of radar at 25 Hz, silent from 4 s to 6 s and from 9 s on; nothing from ins; two marks."""
+    log = record_raw(folder, range(500), skip=lambda seq: seq % 2 == 1 or 200 <= seq < 300 or seq >= 450)
+    log.tick(500, STARTED + 10 * SECOND)
+    mark(log, 2.5, "begin of <approach> 3")
+    mark(log, 3.0, "flare")
+    log.json("/fti/event", STARTED + SECOND, {"t_ns": STARTED, "level": "warning", "source": "ins", "text": "silent"})
+    clock = {"monotonic_ns": 0, "monotonic_raw_ns": 0}
+    for t_s, offset in ((1, 250_000_000), (5, 9_000_000), (9, 251_000_000)):
+        t_ns = STARTED + t_s * SECOND
+        log.json("/fti/clock", t_ns, {"t_ns": t_ns, **clock, "realtime_ns": t_ns + offset})
+    log.close()
+
+
+def info(folder: SessionFolder, *arguments: str) -> int:
+    return main(["info", str(folder.path), *arguments])
+
+
+def told(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert info(folder, "--json") == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_json_tells_everything(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    record_with_gap(folder)
+    found = told(folder, capsys)
+    assert found["metadata"]["fti"] == ABOUT and found["links"] == {"ins": "udp", "radar": "serial"}
+    assert (found["origin"], found["mode"], found["software"]) == ("hil", "continuous", "0.1.0")
+    assert (found["first_ns"], found["duration_s"]) == (STARTED, 10.0)
+    assert found["clock_offset_s"] == {"begin": 0.25, "end": 0.251}
+    topics = {topic["topic"]: topic for topic in found["topics"]}
+    radar = topics["/raw/radar"]
+    assert (radar["messages"], radar["bytes"], radar["gap_count"]) == (175, 1750, 1)
+    assert radar["usual_interval_s"] == pytest.approx(0.04) and radar["jitter_sd_s"] == pytest.approx(0.0, abs=1e-6)
+    assert radar["interval_p99_s"] == pytest.approx(0.04)
+    assert radar["longest_gap_s"] == pytest.approx(2.04, abs=1e-9)
+    assert [(gap["begin_s"], gap["length_s"]) for gap in radar["gaps"]] == [(3.96, 2.04)]
+    assert [(gap["begin_s"], gap["length_s"]) for gap in radar["silences"]] == [(3.96, 2.04), (8.96, 1.04)]
+    assert sum(radar["activity"]) == 175 and 0 in radar["activity"]
+    silent = topics["/raw/ins"]
+    assert (silent["messages"], silent["rate_hz"], silent["first_ns"], silent["configured_hz"]) == (0, None, None, 25.0)
+    assert [(event["source"], event["t_s"], event["text"]) for event in found["events"]] == [
+        ("ins", 1.0, "silent"), ("mark", 2.5, "begin of <approach> 3"), ("mark", 3.0, "flare"),
+    ]  # fmt: skip
+    assert [file["finished"] for file in found["files"]] == [True] * len(folder.files("raw"))
+
+
+def test_text_tells_it_to_a_person(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    record_with_gap(folder)
+    record_derived(folder)
+    assert info(folder) == 0
+    text = capsys.readouterr().out
+    lines = text.splitlines()
+    for words in (
+        "2026-01-02 03:04:05 UTC, 10.0 s",
+        "HIL: emulated sensors",
+        "fti 0.1.0, configuration unknown 5e4f0a1b77c2",
+        "real time - FTI time +0.250000 s at the begin, +0.251000 s at the end",
+        "attached  config.toml",
+        "03:04:08.960      +3.960 s  /raw/radar: 2.040 s",
+        "03:04:13.960      +8.960 s  /raw/radar: 1.040 s until the end",
+        "/raw/ins: never heard",
+        "03:04:06.000      +1.000 s  warning: ins: silent",
+        "03:04:08.000      +3.000 s  mark: flare",
+    ):
+        assert words in text
+    row, bar = (line.split(maxsplit=1) for line in lines if line.startswith("/raw/radar"))
+    assert row[1].split() == ["175", "1.8", "kB", "19.42", "0.00", "40.0", "2.040", "1"]
+    assert bar[1].startswith("▆▆▆") and "▆···" in bar[1] and bar[1].endswith("···")
+    assert next(line.split()[1:] for line in lines if line.startswith("/raw/ins ")) == ["0", "silent"]
+
+
+def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    record_with_gap(folder)
+    record_derived(folder)
+    info(folder)
+    lines = capsys.readouterr().out.splitlines()
+    head = next(n for n, line in enumerate(lines) if line.startswith("activity"))
+    pictures = lines[head + 1 : lines.index("", head)]
+    assert len(pictures) == 7 and len({len(line) for line in pictures}) == 1
+    assert len(lines[head]) == len(pictures[0])
+
+
+def test_a_snapshot_session_says_so(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    log = RawLog(folder, LINKS, split_s=4, split_mb=100, metadata={"fti": {**ABOUT, "mode": "snapshot"}})
+    log.frame("ins", 0, STARTED, b"x")
+    log.close()
+    assert info(folder) == 0
+    assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
+    assert told(folder, capsys)["mode"] == "snapshot"
+
+
+def test_a_killed_and_a_damaged_file_are_told(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = record_raw(folder, range(230))
+    killed = SessionFolder(Path(shutil.copytree(folder.path, tmp_path / "killed")))
+    log.close()
+    assert info(killed) == 3
+    found = capsys.readouterr()
+    assert "ends after byte" in found.out and "ends after byte" in found.err
+    path = folder.files("raw")[0]
+    whole = path.read_bytes()
+    at = whole.index(b"/raw/radar") + 400
+    path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x10]) + whole[at + 1 :])
+    assert info(folder, "--json") == 3
+    found = capsys.readouterr()
+    assert "is damaged after byte" in json.loads(found.out)["files"][0]["fault"]
+    assert found.err.startswith(f"fti: {path}: is damaged after byte") and found.err.count("\n") == 1
+
+
+def test_a_packed_file_is_read_and_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from mcap.writer import CompressionType, Writer
+
+    path = tmp_path / "s_000.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.ZSTD)
+        writer.start()
+        channel = writer.register_channel("/raw/ins", "x-fti-raw", 0)
+        for n in range(100):
+            writer.add_message(channel, STARTED + n * SECOND, b"x" * 50, STARTED + n * SECOND, n)
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert main(["info", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "finished, packed (zstd)" in text and "/raw/ins" in text
+
+
+def test_an_empty_session_is_told(folder: SessionFolder, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    record_raw(folder, range(0)).close()
+    assert info(folder, "--plot", str(tmp_path / "p.svg")) == 0
+    assert "no messages" in capsys.readouterr().out
+
+
+def test_bars_and_sizes() -> None:
+    assert activity_bar([0, 0.001, 0.5, 0.8, 1.0, 1.2, 2.0]) == "·▁▃▆▆▆█"
+    assert [size_text(n) for n in (0, 999, 1500, 2_500_000, 5e12)] == ["0 B", "999 B", "1.5 kB", "2.5 MB", "5000.0 GB"]
+
+
+# -------------------------------------------------------------------------------------------------------- the plot
+
+
+@pytest.mark.parametrize("suffix", ["svg", "html"])
+def test_the_plot_shows_links_gaps_and_marks(
+    folder: SessionFolder, tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record_with_gap(folder)
+    path = tmp_path / f"plot.{suffix}"
+    assert info(folder, "--plot", str(path)) == 0
+    text = path.read_text()
+    root = ET.fromstring(text[text.index("<svg") : text.index("</svg>") + 6])
+    texts = ["".join(element.itertext()) for element in root.iter(f"{SVG}text")]
+    assert "ins" in texts and "radar" in texts and "never heard" in texts
+    assert any(line.startswith("begin of <approach> 3") for line in texts)
+    silent = [title.text for title in root.iter(f"{SVG}title") if title.text and title.text.startswith("silent for")]
+    assert silent == [
+        "silent for 10.000 s from 0.000 s on",
+        "silent for 2.040 s from 3.960 s on",
+        "silent for 1.040 s from 8.960 s on",
+    ]
+    assert text.replace("http://www.w3.org/2000/svg", "").find("http") == -1
+    assert info(folder, "--plot", str(path)) == 2
+    assert "cannot be written: File exists" in capsys.readouterr().err
+
+
+def test_a_plot_of_another_kind_is_refused(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        info(folder, "--plot", "plot.png")
+    assert "must end with .svg or .html" in capsys.readouterr().err
+
+
+def test_progress_never_mixes_with_json(folder: SessionFolder) -> None:
+    record_with_gap(folder)
+    command = [sys.executable, "-m", "fti.cli.main", "info", str(folder.path), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    assert json.loads(done.stdout)["origin"] == "hil" and done.stderr == ""
