@@ -15,12 +15,16 @@ window: 0.1 ppm in an hour is 0.05 ms.
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fti.nav.envelope import FEWEST, Line, fit_line
+from fti.nav.envelope import FEWEST, Array, Line, fit_line
 from fti.types import TimeScale
+
+Ints = NDArray[np.int64]
 
 SECOND_NS = 1_000_000_000
 #: The model remembers the quickest message of each of so many seconds.
@@ -31,6 +35,8 @@ UNKNOWN_DRIFT = 1e-4
 ARRIVAL_SD_NS = 25e6
 #: The line is known when its sigma is below this [ns].
 GOOD_SD_NS = 1e6
+#: A person is told the drift when it is known this well.
+TOLD_DRIFT = 2e-6
 #: A message is near the line within this, and four times what is usual, and four sigma of the line [ns].
 NEAR_NS = 10e6
 NEAR_FACTOR = 4.0
@@ -58,6 +64,7 @@ class ClockState(StrEnum):
 class Segment:
     """One run of a device's clock, begun by its first message.  Times of the device are unwrapped [ns].
 
+    first_ns, last_ns : arrival of the first message that belongs to it, and of the last one taken
     messages, late : taken, and those of them beyond what is near the line
     largest_ns     : the largest lateness that was seen
     """
@@ -73,11 +80,19 @@ class Segment:
         self._slot = 0
         self._quickest: tuple[float, float] | None = None
         self._unfitted = 0
+        self._last_dev_ns = t_dev_ns
+        self._grid_ns = 0
+        self._shortest_ns = RENEW_NS
         self.line = Line(0.0, UNKNOWN_DRIFT, 0.0, ARRIVAL_SD_NS, 0.0, 0.0, "none")
 
     def lateness(self, t_rx_ns: int, t_dev_ns: int) -> float:
         """How far above the line a message lies [ns]."""
         return t_rx_ns - t_dev_ns - self._y0 - self.line.at(t_dev_ns - self._x0)
+
+    def lateness_of(self, t_rx_ns: Ints, t_dev_ns: Ints) -> Ints:
+        """``lateness`` of many messages, shape (n,)."""
+        line = self.line.at((t_dev_ns - self._x0).astype(np.float64))
+        return np.asarray(t_rx_ns - t_dev_ns - self._y0 - np.rint(line).astype(np.int64))
 
     def near_ns(self, t_dev_ns: int) -> float:
         """How far from the line a message may lie to be near it [ns]."""
@@ -92,6 +107,7 @@ class Segment:
         """Take a message; the quickest of each second counts.  One of an earlier second is late and does not."""
         self.messages += 1
         self.last_ns = t_rx_ns
+        self._look_at_steps(t_dev_ns)
         x, y = float(t_dev_ns - self._x0), float(t_rx_ns - t_dev_ns - self._y0)
         slot = int(x // SECOND_NS)
         if self._quickest is None or slot > self._slot:
@@ -106,6 +122,19 @@ class Segment:
         self._quickest = None
         self._fit()
 
+    def _look_at_steps(self, t_dev_ns: int) -> None:
+        """What all times of the device are multiples of, and the shortest step from one to the next."""
+        step = abs(t_dev_ns - self._last_dev_ns)
+        if step:
+            self._last_dev_ns = t_dev_ns
+            self._grid_ns = math.gcd(self._grid_ns, step)
+            self._shortest_ns = min(self._shortest_ns, step)
+
+    @property
+    def resolution_ns(self) -> int:
+        """Resolution of the device's time; 0 when it only speaks at whole multiples of its period."""
+        return self._grid_ns if self._grid_ns < self._shortest_ns else 0
+
     def _close_slot(self) -> None:
         if self._quickest is None:
             return
@@ -119,7 +148,7 @@ class Segment:
         if self._window is not None:
             del self._x[: -self._window], self._y[: -self._window]
         self._unfitted = 0
-        line = fit_line(*self.points)
+        line = fit_line(*self.points, float(self.resolution_ns))
         if line and line.slope_95 < UNKNOWN_DRIFT:
             self.line = line
         elif self._x:
@@ -127,7 +156,7 @@ class Segment:
             self.line = Line(0.0, UNKNOWN_DRIFT, self._y[lowest], ARRIVAL_SD_NS, self._x[lowest], 0.0, "none")
 
     @property
-    def points(self) -> tuple[np.ndarray, np.ndarray]:
+    def points(self) -> tuple[Array, Array]:
         """The quickest message of each second: time of the device and arrival - time of the device [ns], relative."""
         return np.array(self._x), np.array(self._y)
 
@@ -141,10 +170,14 @@ class Segment:
         """How much faster than FTI time the device's clock runs."""
         return 1e6 * (1.0 / (1.0 + self.line.slope) - 1.0)
 
-    def device_ns(self, t_ns: int) -> int:
-        """Time of the device [ns] in a message that arrives at t_ns by the shortest way."""
+    def device_ns(self, t_ns: int, line: Line | None = None) -> int:
+        """Time of the device [ns] in a message that arrives at t_ns by the shortest way.
+
+        line : another one of this segment's ``points``
+        """
+        line = line or self.line
         since = float(t_ns - self._x0 - self._y0)
-        return self._x0 + round(since - self.line.at(since - self.line.at(since)))
+        return self._x0 + round(since - line.at(since - line.at(since)))
 
 
 class DeviceClock:
@@ -154,6 +187,7 @@ class DeviceClock:
     max_age_ns : a message whose device time is older than this is not believed
     window_s   : see ``WINDOW_S``; None remembers everything (offline)
     segments   : finished ones and the present one; refused : messages that did not fit
+    unwrap_ns  : what counters that started again have lost
     """
 
     def __init__(
@@ -164,7 +198,7 @@ class DeviceClock:
         self.refused = 0
         self._name = name
         self._latency_ns, self._max_age_ns, self._window = latency_ns, max_age_ns, window_s
-        self._unwrap_ns = 0
+        self.unwrap_ns = 0
         self._away_since: int | None = None
         self._away = 0
         self._doubted = False
@@ -217,7 +251,7 @@ class DeviceClock:
     def device_ns(self, t_ns: int) -> int:
         """What the device's clock shows at the FTI time t_ns [ns]; there must be a segment."""
         segment = self.segments[-1]
-        return segment.device_ns(t_ns + self._latency_ns) - self._unwrap_ns
+        return segment.device_ns(t_ns + self._latency_ns) - self.unwrap_ns
 
     def sd_ns(self, t_ns: int) -> float:
         """One sigma of ``device_ns`` [ns]."""
@@ -247,25 +281,28 @@ class DeviceClock:
 
     def _renew(self, t_rx_ns: int, t_dev_ns: int) -> None:
         """What does not fit has lasted: the clock was set, or the way has become another."""
+        began_ns = self._away_since or t_rx_ns
         self._away_since, self._away, self._doubted, self._told = None, 0, False, False
         step = (t_dev_ns - self.segments[-1].device_ns(t_rx_ns)) / SECOND_NS
-        self._begin(t_rx_ns, t_dev_ns).add(t_rx_ns, t_dev_ns)
+        segment = self._begin(t_rx_ns, t_dev_ns)
+        segment.first_ns = began_ns
+        segment.add(t_rx_ns, t_dev_ns)
         self._news.append(f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew")
 
     def _unwrapped(self, segment: Segment, t_rx_ns: int, t_dev_ns: int) -> int:
         """The device's time without the jump of a counter that starts again."""
-        unwrapped = t_dev_ns + self._unwrap_ns
+        unwrapped = t_dev_ns + self.unwrap_ns
         if abs(segment.lateness(t_rx_ns, unwrapped)) < 1000 * SECOND_NS:
             return unwrapped
         for jump in (sign * period for period in WRAPS[self.scale] for sign in (1, -1)):
             if abs(segment.lateness(t_rx_ns, unwrapped + jump)) <= self._max_age_ns:
-                self._unwrap_ns += jump
+                self.unwrap_ns += jump
                 self._news.append(f"the counter of {self._name} ({self.scale}) has gone by {-jump / SECOND_NS:+.0f} s")
                 return unwrapped + jump
         return unwrapped
 
     def _tell_known(self, segment: Segment) -> None:
-        if not self._told:
+        if not self._told and segment.line.slope_95 < TOLD_DRIFT:
             drift = f"{segment.drift_ppm:+.2f} +- {1e6 * segment.line.slope_95:.2f} ppm against FTI time"
             self._news.append(f"the clock of {self._name} ({self.scale}) is known: {drift}")
             self._told = True

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +67,11 @@ class Line:
     spread: float
     method: str
 
-    def at(self, x: float) -> float:
+    @overload
+    def at(self, x: float) -> float: ...
+    @overload
+    def at(self, x: Array) -> Array: ...
+    def at(self, x: float | Array) -> float | Array:
         """The line at x."""
         return self.level + self.slope * (x - self.x_mean)
 
@@ -75,8 +80,11 @@ class Line:
         return math.hypot(self.level_sd, self.slope_95 / Z95 * (x - self.x_mean))
 
 
-def fit_line(x: Array, y: Array) -> Line | None:
-    """The line under samples, x rising, shape (n,), in one unit of time [ns]; None from fewer than ``FEWEST``."""
+def fit_line(x: Array, y: Array, resolution: float = 0.0) -> Line | None:
+    """The line under samples, x rising, shape (n,), all in one unit of time [ns]; None from fewer than ``FEWEST``.
+
+    resolution : of x.  Rounding may beat so slowly with the messages that it looks like a drift by one step over all.
+    """
     if len(x) < FEWEST or x[-1] <= x[0]:
         return None
     slope, interval = fit_edge(x, y)
@@ -84,19 +92,20 @@ def fit_line(x: Array, y: Array) -> Line | None:
     core = fit_core(x, y, slope)
     if core and core[1] < interval and abs(core[0] - slope) <= APART * math.hypot(interval, core[1]):
         (slope, interval), method = core, "core"
-    return _levelled(x, y, slope, CHOICE * interval, method)
+    interval = math.hypot(CHOICE * interval, resolution / float(x[-1] - x[0]))
+    return _levelled(x, y, Line(slope, interval, 0.0, resolution / math.sqrt(12), float(x.mean()), 0.0, method))
 
 
-def _levelled(x: Array, y: Array, slope: float, slope_95: float, method: str) -> Line:
-    """The line of a slope at the level of the quickest messages; sigma of the level from the order of the samples."""
-    x_mean = float(x.mean())
-    above = np.sort(y - slope * (x - x_mean))
+def _levelled(x: Array, y: Array, line: Line) -> Line:
+    """The line at the level of the quickest messages; sigma of the level from the order of the samples."""
+    above = np.sort(y - line.at(x))
     n = len(above)
     rank = LEVEL_PERCENT / 100 * n
     aside = max(1.0, math.sqrt(rank))
     low, level, high = (float(above[min(max(round(k), 0), n - 1)]) for k in (rank - aside, rank, rank + aside))
     spread = float(above[n // 2]) - level
-    return Line(slope, slope_95, level, (high - low) / 2 + RESOLUTION, x_mean, spread, method)
+    level_sd = math.hypot((high - low) / 2 + RESOLUTION, line.level_sd)
+    return replace(line, level=level, level_sd=level_sd, spread=spread)
 
 
 # ------------------------------------------------------------------------------------------------------------ edge

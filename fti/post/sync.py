@@ -1,0 +1,166 @@
+"""All clocks of a session against FTI time: the devices', the computer's, and GNSS time (source 003, figure 6.10).
+
+Everything is in the file, so each segment of a clock is fitted over its whole length, which navigation could not.
+Raw stamps are read and never touched.
+"""
+
+from __future__ import annotations
+
+import json
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Device
+from fti.drivers import Decoder
+from fti.logger.recording import Recording
+from fti.nav.device_clock import DeviceClock, Segment
+from fti.service.binding import BoundDevice
+from fti.types import RawFrame, TimeScale
+
+Ints = NDArray[np.int64]
+#: Told the number of frames done.
+Progress = Callable[[int], None]
+
+SECOND_NS = 1_000_000_000
+PROGRESS_FRAMES = 5000
+#: The real-time clock was set when it moved against the monotonic one by more than both readings can be wrong.
+STEP_NS = 100_000
+GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
+
+
+@dataclass(slots=True)
+class Heard:
+    """The clock of a device in one scale, and all its messages: arrivals and unwrapped times of the device [ns]."""
+
+    device: Device
+    clock: DeviceClock
+    t_rx: array[int] = field(default_factory=lambda: array("q"))
+    t_dev: array[int] = field(default_factory=lambda: array("q"))
+    _last: tuple[int, int] | None = None
+
+    @property
+    def scale(self) -> TimeScale:
+        """Scale of its time."""
+        return self.clock.scale
+
+    def take(self, t_rx_ns: int, t_dev_ns: int) -> None:
+        """A message; several measurements of one message count once."""
+        if self._last == (t_rx_ns, t_dev_ns):
+            return
+        self._last = t_rx_ns, t_dev_ns
+        self.clock.take(t_rx_ns, t_dev_ns)
+        self.t_rx.append(t_rx_ns)
+        self.t_dev.append(t_dev_ns + self.clock.unwrap_ns)
+
+    def delays(self, segment: Segment) -> tuple[Ints, Ints]:
+        """Arrivals in a segment, and how late each message was against the shortest way [ns]."""
+        t_rx, t_dev = np.asarray(self.t_rx, dtype=np.int64), np.asarray(self.t_dev, dtype=np.int64)
+        begin, end = np.searchsorted(t_rx, [segment.first_ns, segment.last_ns + 1])
+        return t_rx[begin:end], segment.lateness_of(t_rx[begin:end], t_dev[begin:end])
+
+
+@dataclass(frozen=True, slots=True)
+class ComputerClock:
+    """``/fti/clock`` of the session: FTI time, CLOCK_MONOTONIC_RAW and CLOCK_REALTIME [ns], shape (n,)."""
+
+    t: Ints
+    raw: Ints
+    realtime: Ints
+    width: Ints
+
+    @property
+    def offset(self) -> Ints:
+        """CLOCK_REALTIME - FTI time [ns]."""
+        return self.realtime - self.t
+
+    @property
+    def steps(self) -> list[tuple[int, int]]:
+        """When the real-time clock was set (FTI time), and by how much [ns]."""
+        moved = np.diff(self.offset)
+        apart = np.abs(moved) > STEP_NS + (self.width[1:] + self.width[:-1]) // 2
+        return [(int(self.t[i + 1]), int(moved[i])) for i in np.flatnonzero(apart)]
+
+    @property
+    def slew_ppm(self) -> float | None:
+        """How much faster the kernel let CLOCK_MONOTONIC run than the oscillator (CLOCK_MONOTONIC_RAW)."""
+        if len(self.t) < 2:
+            return None
+        return 1e6 * (float(self.t[-1] - self.t[0]) / float(self.raw[-1] - self.raw[0]) - 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """What is known of the clocks of a session.  begin_ns : FTI time of its first frame."""
+
+    begin_ns: int
+    heard: list[Heard]
+    computer: ComputerClock
+
+    def gnss(self) -> Heard | None:
+        """The clock that stands for GNSS time: known, GPS before UTC, in the order of the configuration."""
+        known = [h for h in self.heard if h.clock.segments and any(s.known for s in h.clock.segments)]
+        return next((h for scale in GNSS_SCALES for h in known if h.scale is scale), None)
+
+
+def analyse(recording: Recording, devices: list[BoundDevice], progress: Progress) -> Sync:
+    """Decode everything and fit every clock.  progress : told now and then how many frames are done."""
+    ears = _Ears(devices)
+    begin_ns = 0
+    for done, frame in enumerate(recording.frames()):
+        begin_ns = begin_ns or frame.t_rx_ns
+        ears.listen(frame)
+        if done % PROGRESS_FRAMES == 0:
+            progress(done)
+    return Sync(begin_ns, ears.finish(), read_computer_clock(recording))
+
+
+class _Ears:
+    """Every device's decoder, and the clocks that they hear."""
+
+    def __init__(self, devices: list[BoundDevice]) -> None:
+        self._devices = devices
+        self._on_link: dict[str, list[tuple[Device, Decoder]]] = {}
+        for bound in devices:
+            self._on_link.setdefault(bound.device.link, []).append((bound.device, bound.make_decoder()))
+        self._heard: dict[tuple[str, TimeScale], Heard] = {}
+
+    def listen(self, frame: RawFrame) -> None:
+        """Take a frame."""
+        for device, decoder in self._on_link.get(frame.link, ()):
+            for measurement in decoder.feed(frame.data, frame.t_rx_ns):
+                stamp = measurement.stamp
+                if stamp.t_dev_ns is not None and stamp.time_scale is not None:
+                    self._of(device, stamp.time_scale).take(stamp.t_rx_ns, stamp.t_dev_ns)
+
+    def _of(self, device: Device, scale: TimeScale) -> Heard:
+        key = device.name, scale
+        if key not in self._heard:
+            latency_ns, max_age_ns = round(device.latency_ms * 1e6), round(device.max_age_ms * 1e6)
+            clock = DeviceClock(scale, latency_ns, max_age_ns, None, device.name)
+            self._heard[key] = Heard(device, clock)
+        return self._heard[key]
+
+    def finish(self) -> list[Heard]:
+        """The clocks in the order of the configuration, fitted over all that was heard."""
+        order = [bound.device.name for bound in self._devices]
+        heard = sorted(self._heard.values(), key=lambda h: (order.index(h.device.name), h.scale))
+        for each in heard:
+            each.clock.finish()
+        return heard
+
+
+def read_computer_clock(recording: Recording) -> ComputerClock:
+    """``/fti/clock`` of a recording; empty where there is none."""
+    rows = list(_clock_rows(recording))
+    columns = np.array(rows, dtype=np.int64).reshape(-1, 4).T
+    return ComputerClock(*columns)
+
+
+def _clock_rows(recording: Recording) -> Iterator[tuple[int, int, int, int]]:
+    for *_, data in recording.messages("/fti/clock", kind="raw"):
+        row = json.loads(data)
+        yield row["t_ns"], row["monotonic_raw_ns"], row["realtime_ns"], row.get("width_ns", STEP_NS)
