@@ -155,7 +155,7 @@ class Daemon:
         for pid in [*children_of(self.process.pid), self.process.pid]:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        self.process.communicate(timeout=END_S)
+        self.wait()
 
 
 @contextlib.contextmanager

@@ -124,7 +124,7 @@ class Rig:
         for path in files:
             close_unfinished(path)
             assert_unchanged(copies.get(path, b""), path.read_bytes())
-        closed = _merge(_numbered(path) for path in files)
+        closed = _merge(read_finished(path) for path in files)
         _assert_same(closed, received)
         assert lying.keys() <= closed.keys()
         self._assert_in_order(closed)
@@ -186,7 +186,7 @@ def read_as_it_lies(path: Path) -> Frames:
     return found
 
 
-def _numbered(path: Path) -> Frames:
+def read_finished(path: Path) -> Frames:
     """The numbered messages of a finished file, with the official reader."""
     found: Frames = {}
     with path.open("rb") as stream:

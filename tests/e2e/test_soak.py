@@ -10,7 +10,7 @@ from tests.e2e.soaking import Soak, Usage, soak
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(3600)]
 FACTOR = 10
-QUICK_S, FULL_S = 8.0, 1800.0
+QUICK_S, FULL_S = 4.0, 1800.0
 #: What each process may grow in 30 minutes; a run of some seconds says nothing of that.
 GROWTH_MB = {"recorder": 2.0, "navigation": 10.0, "display": 5.0, "supervisor": 2.0}
 
