@@ -11,8 +11,10 @@ with it.  Its first page is the header, 64-bit words; the rest holds records, on
     reader's state: position behind the last record consumed | next seq expected | frames lost
     positions count bytes since the beginning of the ring and only grow
 
-    record: | length u32 | crc-32 u32 | seq u64 | t_rx_ns i64 | link u32 | data |
-            crc over the position (as its start value), everything behind it in the header, and the data
+    record: | length u32 | crc-32 u32 | first seq u64 | link u32 | count u32 | count x t_rx_ns i64 |
+            | count x size u32 | data |
+            frames of one link that arrived together, numbered one after another; length counts what follows ``count``;
+            crc over the position (as its start value) and everything behind it
 
 A state is written beside the valid one and becomes valid with its generation, one 64-bit store: a process killed at
 any instruction leaves the old state or the new one.  The writer gives up the oldest records (and publishes that)
@@ -23,11 +25,12 @@ oldest position beyond its own, or a wrong crc, and goes on at the oldest whole 
 
 from __future__ import annotations
 
+import functools
 import mmap
 import os
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from fti.config import CanLink, Link, SerialLink
@@ -35,20 +38,22 @@ from fti.config import CanLink, Link, SerialLink
 MAGIC = 0x3130_676E_6972_7466  # "ftring01"
 PAGE = 4096
 RECORD = struct.Struct("<II")  # length, crc
-FIELDS = struct.Struct("<QqI")  # seq, t_rx_ns, link: covered by the crc
+FIELDS = struct.Struct("<QII")  # first seq, link, count
 HEAD = RECORD.size + FIELDS.size
+FRAME = 8 + 4  # what each frame needs besides its data: t_rx_ns, size
+ALONE = HEAD + FRAME  # what a frame that arrives alone needs
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
-READ_BYTES = 2**18  # copied at once by the reader; no record is larger
+READ_BYTES = 2**18  # copied at once by the reader; no record is larger, and none than a quarter of the ring
 ATTEMPTS = 100
 
 MIN_SIZE = 16 * 2**20
 SECONDS = 30
-#: What a link brings at most [B/s], with the head of its records: bytes of a serial line in reads of 16, the shortest
+#: What a link brings at most [B/s], with the heads of its records: bytes of a serial line in reads of 16, the shortest
 #: frames of a CAN bus, 2000 datagrams of 100 B.
-SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + HEAD)
+SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + ALONE)
 DEFAULT_BITRATE = 1_000_000
-TICKS = 50 * HEAD
+TICKS = 50 * ALONE
 
 
 class Record(NamedTuple):
@@ -68,10 +73,16 @@ def ring_size(links: Sequence[Link]) -> int:
 
 def _rate(link: Link) -> int:
     if isinstance(link, SerialLink):
-        return link.baud // SERIAL_BITS * (SERIAL_READ + HEAD) // SERIAL_READ
+        return link.baud // SERIAL_BITS * (SERIAL_READ + ALONE) // SERIAL_READ
     if isinstance(link, CanLink):
-        return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + HEAD)
+        return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + ALONE)
     return UDP_RATE
+
+
+@functools.cache
+def _frames(count: int) -> struct.Struct:
+    """Times and sizes of so many frames."""
+    return struct.Struct(f"<{count}q{count}I")
 
 
 class WriterState(NamedTuple):
@@ -97,7 +108,7 @@ def _slot(base: int, generation: int) -> int:
 
 
 class Ring:
-    """The ring and its header; ``put`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
+    """The ring and its header; ``put_many`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
@@ -107,6 +118,7 @@ class Ring:
             self.close()
             raise ValueError(f"descriptor {fd} is not a ring")
         self._size = self._words[SIZE]
+        self._largest = min(self._size // 4, READ_BYTES)
         self._state = self.writer_state()
 
     @classmethod
@@ -135,21 +147,31 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------- writer
 
-    def put(self, link_index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
-        """Append one frame; never waits, the oldest frames are overwritten.
+    def put_many(self, link_index: int, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+        """Append frames of one link, numbered from first_seq on; never waits, the oldest frames are overwritten.
 
-        Raises ValueError for a frame larger than a quarter of the ring or than 256 KiB.
+        What is too much for one record is divided.  Raises ValueError for a frame that is too large alone.
         """
-        need = HEAD + len(data)
-        if need > min(self._size // 4, READ_BYTES):
-            raise ValueError(f"frame of {len(data)} B; allowed are {min(self._size // 4, READ_BYTES) - HEAD}")
-        end, _, oldest, first_seq = self._state
+        count = len(frames)
+        table = _frames(count).pack(*times_ns, *map(len, frames))
+        content = FIELDS.pack(first_seq, link_index, count) + table + b"".join(frames)
+        need = RECORD.size + len(content)
+        if need > self._largest:
+            self._divide(link_index, first_seq, times_ns, frames)
+            return
+        end, _, oldest, began = self._state
         if end + need - oldest > self._size:
             oldest = self._give_up(end + need - self._size)
-        fields = FIELDS.pack(seq, t_rx_ns, link_index)
-        crc = zlib.crc32(data, zlib.crc32(fields, end & 0xFFFF_FFFF))
-        self._store(end, RECORD.pack(len(data), crc) + fields + data)
-        self._publish(WriterState(end + need, seq + 1, oldest, seq if end == 0 else first_seq))
+        self._store(end, RECORD.pack(need - HEAD, zlib.crc32(content, end & 0xFFFF_FFFF)) + content)
+        self._publish(WriterState(end + need, first_seq + count, oldest, began if end else first_seq))
+
+    def _divide(self, link_index: int, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+        """Two records instead of one."""
+        half = len(frames) // 2
+        if not half:
+            raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - ALONE}")
+        self.put_many(link_index, first_seq, times_ns[:half], frames[:half])
+        self.put_many(link_index, first_seq + half, times_ns[half:], frames[half:])
 
     def _give_up(self, least: int) -> int:
         """Give up whole records until position ``least`` and some more, so that it need not be done for each put."""
@@ -239,6 +261,17 @@ class Ring:
             self._map[PAGE : PAGE + size - first] = data[first:]
 
 
+def _records(content: bytes) -> Iterator[Record]:
+    """The frames of a record."""
+    seq, link_index, count = FIELDS.unpack_from(content)
+    table = _frames(count).unpack_from(content, FIELDS.size)
+    at = FIELDS.size + count * FRAME
+    for i in range(count):
+        end = at + table[count + i]
+        yield Record(link_index, seq + i, table[i], content[at:end])
+        at = end
+
+
 class RingReader:
     """The one reader.  A new reader on the same ring goes on exactly where the last one stopped.
 
@@ -265,7 +298,10 @@ class RingReader:
         self._ring.publish_reader(self._state)
 
     def read(self, limit: int = 1000) -> list[Record]:
-        """The next frames in order, at most ``limit``; empty when there is none now."""
+        """The next frames in order; empty when there is none now.
+
+        Ends with the record that reaches ``limit``: frames that were put together are read together.
+        """
         self.commit()
         for _ in range(ATTEMPTS):
             writer = self._ring.writer_state()
@@ -300,10 +336,10 @@ class RingReader:
             covered = memoryview(data)[at + RECORD.size : end]
             if zlib.crc32(covered, (base + at) & 0xFFFF_FFFF) != crc:
                 break
-            seq, t_rx_ns, link_index = FIELDS.unpack_from(data, at + RECORD.size)
+            seq, _, count = FIELDS.unpack_from(covered)
             lost += max(seq - expected, 0)
-            expected = seq + 1
-            found.append(Record(link_index, seq, t_rx_ns, data[at + HEAD : end]))
+            expected = seq + count
+            found += _records(data[at + RECORD.size : end])
             at = end
         if found:
             self._state = ReaderState(base + at, expected, lost)

@@ -18,21 +18,16 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 OVERFLOW_LOAD = 0.9
 #: More spans than this are told as one: a span then covers everything from its first to its last frame.
 MAX_SPANS = 64
 
 
-class Entry(NamedTuple):
-    """One reception: position in the session, FTI time of arrival [ns], bytes."""
-
-    seq: int
-    t_rx_ns: int
-    data: bytes
+#: One reception: position in the session, FTI time of arrival [ns], bytes.
+Entry = tuple[int, int, bytes]
 
 
 @dataclass(slots=True)
@@ -49,7 +44,10 @@ class DropSpan:
 
 @dataclass(frozen=True, slots=True)
 class BufferStats:
-    """Loads of the three queues (1 = full) and the account: in = out + dropped + held."""
+    """Loads of the three queues (1 = full) and the account: in = out + dropped + held.
+
+    drops : spans of dropped frames that were not taken yet
+    """
 
     receive: float
     global_: float
@@ -79,25 +77,37 @@ class _Queue:
 
     def append(self, entry: Entry) -> None:
         self.entries.append(entry)
-        size = len(entry.data)
+        size = len(entry[2])
         self.payload += size
         self.size += size + self.overhead
 
+    def extend(self, entries: Iterable[Entry], count: int, payload: int) -> None:
+        self.entries.extend(entries)
+        self.payload += payload
+        self.size += payload + count * self.overhead
+
     def popleft(self) -> Entry:
         entry = self.entries.popleft()
-        self.payload -= len(entry.data)
-        self.size -= len(entry.data) + self.overhead
+        size = len(entry[2])
+        self.payload -= size
+        self.size -= size + self.overhead
         return entry
+
+    def clear(self) -> None:
+        self.entries.clear()
+        self.payload = self.size = 0
 
     def fits(self, size: int, capacity: int) -> bool:
         return self.size + size <= capacity or not self.entries
 
-    def move_to(self, other: _Queue, capacity: int) -> None:
-        """Move the oldest entries as far as they fit.  Both locks are held."""
+    def move_to(self, other: _Queue, capacity: int) -> bool:
+        """Move the oldest entries as far as they fit; true when any did.  Both locks are held."""
+        before = len(self.entries)
         if not other.entries and self.size <= capacity:
             self._swap_into(other)
-        while self.entries and other.fits(len(self.entries[0].data) + self.overhead, capacity):
+        while self.entries and other.fits(len(self.entries[0][2]) + self.overhead, capacity):
             other.append(self.popleft())
+        return len(self.entries) < before
 
     def _swap_into(self, empty: _Queue) -> None:
         """Hand everything over at once, so that the locks are held for no longer with a full queue."""
@@ -107,12 +117,12 @@ class _Queue:
 
 
 class TripleBuffer:
-    """The three queues of one link.  One thread calls ``put``, one other ``take`` and ``written``, any ``stats``.
+    """The three queues of one link.  One thread puts, one other takes, any asks for ``stats``.
 
     capacity_bytes : of each queue [B]
     threshold      : load of ``global`` at which the writer is called
     overhead       : what a reception costs besides its payload [B]
-    on_ready       : called by ``put``, outside all locks, when ``global`` has reached the threshold; once per ``take``
+    on_ready       : called by ``put_many``, outside all locks, when ``global`` is at the threshold; once per ``take``
     """
 
     def __init__(
@@ -161,59 +171,77 @@ class TripleBuffer:
     # ---------------------------------------------------------------------------------------------- reader's thread
 
     def put(self, seq: int, t_rx_ns: int, data: bytes) -> None:
-        """Keep one reception.  Never waits for the writer; the oldest frames go when everything is full."""
+        """Keep one reception."""
+        self.put_many(seq, (t_rx_ns,), (data,))
+
+    def put_many(self, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+        """Keep what arrived together, numbered from first_seq on.
+
+        Never waits for the writer; the oldest frames go when everything is full.
+        """
+        count, payload = len(frames), sum(map(len, frames))
+        entries = zip(range(first_seq, first_seq + count), times_ns, frames, strict=True)
         with self._receive.lock:
-            self._frames_in += 1
-            self._bytes_in += len(data)
-            entry = Entry(seq, t_rx_ns, data)
-            if self._receive.entries or not self._pass_on(entry):
-                self._make_room(len(data) + self._receive.overhead)
-                self._receive.append(entry)
-                self._hand_over()
+            self._frames_in += count
+            self._bytes_in += payload
+            if self._receive.entries or not self._pass_on(entries, count, payload):
+                self._take_in(entries)
         if self._on_ready and not self._called and self.ready:
             self._called = True
             self._on_ready()
 
-    def _pass_on(self, entry: Entry) -> bool:
-        """Straight to ``global``, as nothing waits in ``receive``; false when it is held or full."""
+    def _pass_on(self, entries: Iterable[Entry], count: int, payload: int) -> bool:
+        """Straight to ``global``, as nothing waits in ``receive``; false when it is held or has no room for all."""
         hand_over = self._global
         if not hand_over.lock.acquire(blocking=False):
             return False
-        if fits := hand_over.size + len(entry.data) + hand_over.overhead <= self._capacity:
-            hand_over.append(entry)
+        if fits := hand_over.size + payload + count * hand_over.overhead <= self._capacity:
+            hand_over.extend(entries, count, payload)
         hand_over.lock.release()
         return fits
 
-    def _hand_over(self) -> bool:
-        """receive -> global, with ``receive`` held; false when ``global`` is held by the writer."""
-        if not self._global.lock.acquire(blocking=False):
-            return False
-        before = len(self._receive.entries)
-        self._receive.move_to(self._global, self._capacity)
-        self._global.lock.release()
-        if len(self._receive.entries) < before:
-            self._dropping = False  # entries flow again: the next drop is another one
-        return True
+    def _take_in(self, entries: Iterable[Entry]) -> None:
+        """Each in turn into ``receive``, and from there to ``global`` as far as it is free and has room."""
+        free = self._global.lock.acquire(blocking=False)
+        for entry in entries:
+            self._make_room(len(entry[2]) + self._receive.overhead, free)
+            self._receive.append(entry)
+            if free:
+                self._move_on()
+        if free:
+            self._global.lock.release()
 
-    def _make_room(self, size: int) -> None:
-        """Drop the oldest of ``receive`` when it is at 90 % and ``global`` is full, or when nothing fits any more."""
+    def _make_room(self, size: int, free: bool) -> None:
+        """Drop the oldest of ``receive`` when it is at 90 % and ``global`` is full, or when nothing fits any more.
+
+        free : ``global`` is ours, and has taken what it can
+        """
         receive, limit = self._receive, OVERFLOW_LOAD * self._capacity
-        if receive.size < limit and receive.fits(size, self._capacity):
-            return
-        reached = self._hand_over()
-        while receive.entries and ((reached and receive.size >= limit) or not receive.fits(size, self._capacity)):
+        while receive.entries and ((free and receive.size >= limit) or not receive.fits(size, self._capacity)):
             self._drop(receive.popleft())
 
+    def _hand_over(self) -> None:
+        """receive -> global, with ``receive`` held, unless ``global`` is held by another."""
+        if self._global.lock.acquire(blocking=False):
+            self._move_on()
+            self._global.lock.release()
+
+    def _move_on(self) -> None:
+        """receive -> global, with both held."""
+        if self._receive.entries and self._receive.move_to(self._global, self._capacity):
+            self._dropping = False  # entries flow again: the next drop is another one
+
     def _drop(self, entry: Entry) -> None:
+        seq, t_rx_ns, data = entry
         self._dropped_frames += 1
-        self._dropped_bytes += len(entry.data)
-        if not self._dropping and len(self._drops) < MAX_SPANS:
-            self._drops.append(DropSpan(entry.seq, entry.seq, entry.t_rx_ns, entry.t_rx_ns))
+        self._dropped_bytes += len(data)
+        if not self._drops or (not self._dropping and len(self._drops) < MAX_SPANS):
+            self._drops.append(DropSpan(seq, seq, t_rx_ns, t_rx_ns))
         self._dropping = True
         span = self._drops[-1]
-        span.last_seq, span.last_t_ns = entry.seq, entry.t_rx_ns
+        span.last_seq, span.last_t_ns = seq, t_rx_ns
         span.frames += 1
-        span.bytes += len(entry.data)
+        span.bytes += len(data)
 
     # ---------------------------------------------------------------------------------------------- writer's thread
 
@@ -240,9 +268,26 @@ class TripleBuffer:
     def written(self, count: int | None = None) -> None:
         """Storage has accepted the first ``count`` entries that ``take`` returned (all when None)."""
         with self._write.lock:
-            for _ in range(len(self._write.entries) if count is None else count):
-                self._bytes_out += len(self._write.popleft().data)
-                self._frames_out += 1
+            waiting, payload = len(self._write.entries), self._write.payload
+            if count is None or count == waiting:
+                self._write.clear()
+            else:
+                for _ in range(count):
+                    self._write.popleft()
+            self._frames_out += waiting - len(self._write.entries)
+            self._bytes_out += payload - self._write.payload
+
+    def take_drops(self, *, final: bool = False) -> list[DropSpan]:
+        """The spans that have ended and were not taken yet, oldest first; none while the reader holds ``receive``.
+
+        final : nothing follows: the span that has not ended, too
+        """
+        if not self._drops or not self._receive.lock.acquire(blocking=final):
+            return []
+        ended = len(self._drops) - (self._dropping and not final)
+        taken, self._drops = self._drops[:ended], self._drops[ended:]
+        self._receive.lock.release()
+        return taken
 
     # --------------------------------------------------------------------------------------------------- any thread
 

@@ -89,11 +89,11 @@ def _port_link(target: str, baud: int | None) -> SerialLink | UdpLink | CanLink:
 
 async def _listen(config: SerialLink | UdpLink | CanLink, ear: Ear, duration: float | None) -> None:
     from fti.clock import SystemClock, choose_epoch_ns
-    from fti.links import open_link
+    from fti.links import one_by_one, open_link
 
     clock = SystemClock(choose_epoch_ns())
     ear.start_ns = clock.now_ns()
-    link = open_link(config, clock, ear.hear)
+    link = open_link(config, clock, one_by_one(ear.hear))
     running = asyncio.create_task(link.run(), name="listen")
     watching = asyncio.create_task(_watch(link, ear), name="watch")
     try:

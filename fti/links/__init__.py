@@ -11,9 +11,9 @@ from typing import Protocol
 
 from fti import config
 from fti.clock import Clock
-from fti.links.base import LinkStatus, Sink
+from fti.links.base import LinkStatus, Sink, one_by_one
 
-__all__ = ["Link", "LinkStatus", "Sink", "open_link"]
+__all__ = ["Link", "LinkStatus", "Sink", "one_by_one", "open_link"]
 
 
 class Link(Protocol):
@@ -36,7 +36,7 @@ class Link(Protocol):
 def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequence[bytes] = ()) -> Link:
     """The link of a configuration; nothing is opened before ``run``.
 
-    sink       : gets one read, one datagram or one CAN frame (little-endian ``can_frame``) and its arrival [ns]
+    sink       : gets reads, datagrams or CAN frames (little-endian ``can_frame``) and their arrivals [ns]; see ``Sink``
     on_connect : sent after every connect, when the link may send
     Raises ConfigError when the configuration can never work.
     """

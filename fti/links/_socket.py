@@ -9,9 +9,9 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
-from collections.abc import Iterable
 
-from fti.clock import SECOND_NS, Clock
+from fti.clock import Clock
+from fti.links._batch import shared_batch
 from fti.links.base import LinkStatus
 
 # Linux, asm-generic/socket.h
@@ -21,13 +21,7 @@ SO_RXQ_OVFL = 40
 SO_MEMINFO = 55
 
 RECEIVE_BUFFER = 4 * 2**20
-BATCH = 64  # datagrams per call of the loop, so that no link starves another
-TIMESPEC = struct.Struct("@ll")
-DROPS = struct.Struct("@I")
 MEMINFO = struct.Struct("@9I")  # linux/sock_diag.h; the last one is the drop counter
-ANCILLARY_BYTES = socket.CMSG_SPACE(TIMESPEC.size) + socket.CMSG_SPACE(DROPS.size)
-
-Ancillary = Iterable[tuple[int, int, bytes]]
 
 
 def prepare(sock: socket.socket) -> None:
@@ -41,26 +35,35 @@ def prepare(sock: socket.socket) -> None:
 
 
 class Arrival:
-    """Reads stamps and drop counters of one socket; ``dropped`` frames of earlier sockets are kept in the status."""
+    """Reads one socket, a batch at a time, with stamps and drop counter.
+
+    batch : what the last read has brought; drops of earlier sockets stay in the status
+    """
 
     def __init__(self, clock: Clock, status: LinkStatus) -> None:
+        self.batch = shared_batch()
         self._clock = clock
         self._status = status
         self._dropped = 0  # of this socket
 
-    def time_ns(self, ancillary: Ancillary) -> int:
-        """FTI time of arrival [ns] of what was just read: the kernel's stamp, or now when it cannot be believed."""
-        stamp = None
-        for _, kind, data in ancillary:
-            if kind == SO_TIMESTAMPNS:
-                seconds, nanoseconds = TIMESPEC.unpack(data)
-                stamp = self._clock.from_realtime_ns(seconds * SECOND_NS + nanoseconds)
-            elif kind == SO_RXQ_OVFL:
-                self._count_drops(DROPS.unpack(data)[0])
-        if stamp is None:
-            self._status.stamp_refused += 1
-            return self._clock.now_ns()
-        return stamp
+    def read(self, fd: int) -> tuple[list[bytes], list[int]]:
+        """What waits in the socket, at most a batch, and its FTI times of arrival [ns].  Raises OSError."""
+        batch = self.batch
+        if not batch.receive(fd):
+            return [], []
+        drops = batch.drops()
+        if drops is not None:
+            self._count_drops(drops)
+        return batch.frames(), self._times(batch.stamps())
+
+    def _times(self, stamps: list[int]) -> list[int]:
+        """The kernel's stamps as FTI time; now, where one cannot be believed."""
+        offset, oldest, newest = self._clock.stamp_window()
+        if oldest <= min(stamps) and max(stamps) <= newest:
+            return [stamp + offset for stamp in stamps]
+        now = self._clock.now_ns()
+        self._status.stamp_refused += sum(not oldest <= stamp <= newest for stamp in stamps)
+        return [stamp + offset if oldest <= stamp <= newest else now for stamp in stamps]
 
     def ask_drops(self, sock: socket.socket) -> None:
         """Ask for the drop counter: a datagram tells of those before it, and behind the last drop none may come."""

@@ -18,8 +18,9 @@ from fti.clock import SECOND_NS, Clock
 from fti.errors import LinkError
 from fti.types import LinkState
 
-#: Gets one read, one datagram or one CAN frame, and its FTI time of arrival [ns].  It must not raise.
-Sink = Callable[[bytes, int], None]
+#: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns].  At
+#: least one; the sink may keep neither list.  It must not raise.
+Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
@@ -28,6 +29,16 @@ WATCH_S = 0.25
 SILENT_NS = 2 * SECOND_NS
 #: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
 QUIET_S, DRAIN_S = 0.01, 2.0
+
+
+def one_by_one(accept: Callable[[bytes, int], None]) -> Sink:
+    """A sink for whoever looks at each frame for itself."""
+
+    def take(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
+        for frame, t_rx_ns in zip(frames, times_ns, strict=True):
+            accept(frame, t_rx_ns)
+
+    return take
 
 
 @dataclass(slots=True)
@@ -90,7 +101,7 @@ class BaseLink(ABC):
 
     @abstractmethod
     def _read(self) -> bool:
-        """Take what the kernel has now, up to a bounded amount; false when there was nothing.  May raise OSError."""
+        """Take what the kernel has now, up to a bounded amount; true when there may be more.  May raise OSError."""
 
     @abstractmethod
     async def _write(self, data: bytes) -> None:
@@ -157,23 +168,25 @@ class BaseLink(ABC):
         if self._lost and not self._lost.done():
             self._lost.set_result(error)
 
-    def _on_readable(self) -> None:
-        """Callback of the loop."""
+    def _on_readable(self) -> bool:
+        """Callback of the loop; true when there may be more to read."""
         try:
-            self._read()
+            return self._read()
         except LinkError as error:
             self._fail(error)
         except OSError as error:
             self._fail(LinkError(f"link {self.name}: {error.strerror or error}"))
+        return False
 
-    def _receive(self, data: bytes, t_rx_ns: int) -> None:
+    def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
+        """Count what has arrived, and hand it on."""
         status = self.status
-        status.frames += 1
-        status.bytes += len(data)
-        status.last_rx_ns = t_rx_ns
+        status.frames += len(frames)
+        status.bytes += sum(map(len, frames))
+        status.last_rx_ns = times_ns[-1]
         if status.state is not LinkState.GOOD:
             status.state, status.hint = LinkState.GOOD, ""
-        self._sink(data, t_rx_ns)
+        self._sink(frames, times_ns)
 
     async def drain(self) -> None:
         """Read what the kernel still holds, before the link is cancelled."""
@@ -207,7 +220,7 @@ class BaseLink(ABC):
         self.status.tx_frames += 1
         self.status.tx_bytes += len(data)
         if self.on_sent:
-            self.on_sent(data, self._clock.now_ns())
+            self.on_sent((data,), (self._clock.now_ns(),))
         return len(data)
 
     async def _writable(self, fd: int) -> None:

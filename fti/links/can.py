@@ -1,6 +1,6 @@
 """CAN buses through python-can.
 
-SocketCAN is read with ``recvmsg`` on the bus's own socket: the kernel's stamp, its drop counter, a receive buffer of
+SocketCAN is read with ``recvmmsg`` on the bus's own socket: the kernel's stamp, its drop counter, a receive buffer of
 4 MiB (the default loses frames silently).  An interface that goes down is reported once by the kernel; the same
 socket works again when it is up.  Other interfaces are read by the loop when they have a descriptor, else by one
 blocking thread that hands each frame to the loop; their frames are stamped when they are read.
@@ -18,6 +18,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import Any, cast
 
 import can
@@ -27,7 +28,9 @@ from fti import canframe
 from fti.clock import Clock
 from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
-from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
+from fti.links._batch import COUNT
+from fti.links._poll import forget, watch
+from fti.links._socket import Arrival, prepare
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import count_error, is_error
 from fti.links.ports import can_interfaces
@@ -98,7 +101,9 @@ class BusLink(BaseLink):
             self._arrival = Arrival(self._clock, self.status)
             prepare(self._socket)
         self._fd = _fileno(self._bus)
-        if self._fd >= 0:
+        if self._socket:
+            watch(self._fd, self._on_readable)
+        elif self._fd >= 0:
             loop.add_reader(self._fd, self._on_readable)
         else:
             self._reader = _Reader(self._bus, self._clock, self._on_message, self._on_error, self.name)
@@ -139,6 +144,7 @@ class BusLink(BaseLink):
     def _close(self) -> None:
         if self._fd >= 0:
             loop = asyncio.get_running_loop()
+            forget(self._fd)
             loop.remove_reader(self._fd)
             loop.remove_writer(self._fd)
         if self._reader:
@@ -154,34 +160,34 @@ class BusLink(BaseLink):
 
     def _read(self) -> bool:
         if self._socket:
-            return self._read_socket(self._socket)
-        if self._fd < 0 or self._bus is None:
-            return False
-        for count in range(BATCH):
+            return self._read_socket()
+        for _ in range(COUNT):
             try:
-                message = self._bus.recv(timeout=0)
+                message = self._bus.recv(timeout=0) if self._bus else None
             except (can.CanError, ValueError) as error:
                 self._on_error(error)
-                return count > 0
+                return False
             if message is None:
-                return count > 0
+                return False
             self._on_message(message, self._clock.now_ns())
         return True
 
-    def _read_socket(self, sock: socket.socket) -> bool:
-        for count in range(BATCH):
-            try:
-                frame, ancillary, flags, _ = sock.recvmsg(canframe.CANFD_SIZE, ANCILLARY_BYTES)
-            except BlockingIOError:
-                return count > 0
-            except OSError as error:
-                if error.errno != errno.ENETDOWN:
-                    raise
-                continue  # told once; frames come again when the interface is up
-            t_rx_ns = self._arrival.time_ns(ancillary)
-            if not flags & socket.MSG_CONFIRM:
-                self._receive(frame, t_rx_ns)
-        return True
+    def _read_socket(self) -> bool:
+        try:
+            frames, times = self._arrival.read(self._fd)
+        except OSError as error:
+            if error.errno != errno.ENETDOWN:
+                raise
+            return True  # told once; frames come again when the interface is up
+        if not frames:
+            return False
+        count, own = len(frames), [flags & socket.MSG_CONFIRM for flags in self._arrival.batch.flags()]
+        if any(own):
+            heard = [not mine for mine in own]
+            frames, times = list(compress(frames, heard)), list(compress(times, heard))
+        if frames:
+            self._receive(frames, times)
+        return count == COUNT
 
     def _on_message(self, message: can.Message, t_rx_ns: int) -> None:
         self._errors = 0
@@ -195,7 +201,7 @@ class BusLink(BaseLink):
         if frame in self._echoes:
             self._echoes.remove(frame)
         else:
-            self._receive(frame, t_rx_ns)
+            self._receive((frame,), (t_rx_ns,))
 
     def _on_error(self, error: Exception) -> None:
         """The library could not read a frame; one bad frame is no lost bus, a hundred in a row are."""
@@ -204,10 +210,10 @@ class BusLink(BaseLink):
         if self._errors >= MAX_ERRORS or isinstance(error, OSError):
             self._fail(LinkError(f"{self._config.interface} {self._config.channel}: {error}"))
 
-    def _receive(self, data: bytes, t_rx_ns: int) -> None:
-        if is_error(data):
-            count_error(self.status.errors, data)
-        super()._receive(data, t_rx_ns)
+    def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
+        for frame in filter(is_error, frames):
+            count_error(self.status.errors, frame)
+        super()._receive(frames, times_ns)
 
     def _judge(self) -> None:
         super()._judge()

@@ -127,7 +127,7 @@ class SerialPortLink(BaseLink):
         return True
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
-        self._receive(data, t_rx_ns)
+        self._receive((data,), (t_rx_ns,))
 
     async def _write(self, data: bytes) -> None:
         rest = memoryview(data)

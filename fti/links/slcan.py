@@ -179,13 +179,13 @@ class SlcanLink(SerialPortLink):
         port = SerialLink(name=config.name, kind="serial", port=config.channel, baud=baud, transmit=config.transmit)
         super().__init__(port, clock, sink, on_connect)
         self._commands = _open_commands(config, listen_only)
-        self._parser = Lawicel(self._receive)
+        self._parser = Lawicel(self._receive_frame)
         self._noise_before = 0
 
     async def _open(self) -> None:
         await super()._open()
         self._noise_before = self.status.noise_bytes
-        self._parser = Lawicel(self._receive)
+        self._parser = Lawicel(self._receive_frame)
         try:
             async with asyncio.timeout(OPEN_S):
                 await super()._write(self._commands)
@@ -195,6 +195,9 @@ class SlcanLink(SerialPortLink):
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         self._parser.feed(data, t_rx_ns)
         self.status.noise_bytes = self._noise_before + self._parser.noise
+
+    def _receive_frame(self, frame: bytes, t_rx_ns: int) -> None:
+        self._receive((frame,), (t_rx_ns,))
 
     async def _write(self, data: bytes) -> None:
         await super()._write(format_frame(data))

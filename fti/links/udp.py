@@ -11,17 +11,22 @@ import asyncio
 import errno
 import ipaddress
 import socket
+import struct
 from collections.abc import Sequence
+from itertools import compress
 
 from fti.clock import Clock
 from fti.config import UdpLink as UdpConfig
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
-from fti.links._socket import ANCILLARY_BYTES, BATCH, Arrival, prepare
+from fti.links._batch import COUNT
+from fti.links._poll import forget, watch
+from fti.links._socket import Arrival, prepare
 from fti.links.base import BaseLink, Sink
 from fti.links.ports import ipv4_addresses
 
-MAX_DATAGRAM = 65535
 Address = tuple[str, int]
+#: Where the host stands in the kernel's form of an address.
+HOSTS = {socket.AF_INET: slice(4, 8), socket.AF_INET6: slice(8, 24)}
 
 
 def split_endpoint(text: str) -> Address:
@@ -43,10 +48,14 @@ class UdpLink(BaseLink):
         super().__init__(config.name, config.transmit, clock, sink, on_connect)
         self._bind = split_endpoint(config.bind)
         self._peer: Address | None = split_endpoint(config.peer) if config.peer else None
-        self._answer_last = self._peer is None
+        self._family = socket.AF_INET6 if ":" in self._bind[0] else socket.AF_INET
         self._source = _address(config.source, config.name, "source") if config.source else None
+        self._source_host = ipaddress.ip_address(self._source).packed if self._source else b""
+        self._heard: bytes | None = None  # who was heard last, in the kernel's form; kept when answers go there
+        self._keep_heard = config.transmit and self._peer is None
         self._group = _group(config.group, config.name) if config.group else None
         self._socket: socket.socket | None = None
+        self._fd = -1
         self._arrival = Arrival(clock, self.status)
 
     @property
@@ -59,8 +68,8 @@ class UdpLink(BaseLink):
 
     async def _open(self) -> None:
         host, port = self._bind
-        family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self._socket = sock = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket = sock = socket.socket(self._family, socket.SOCK_DGRAM)
+        self._fd = sock.fileno()
         self._arrival = Arrival(self._clock, self.status)
         try:
             prepare(sock)
@@ -72,7 +81,7 @@ class UdpLink(BaseLink):
                 sock.bind((host, port))
         except OSError as error:
             raise self._explained(error) from None
-        asyncio.get_running_loop().add_reader(sock.fileno(), self._on_readable)
+        watch(self._fd, self._on_readable)
 
     def _join(self, sock: socket.socket, group: str) -> None:
         """Join the group on the interface of ``bind``, and send to groups through it, never beyond the first router."""
@@ -94,36 +103,41 @@ class UdpLink(BaseLink):
     def _close(self) -> None:
         if self._socket is None:
             return
-        loop = asyncio.get_running_loop()
-        loop.remove_reader(self._socket.fileno())
-        loop.remove_writer(self._socket.fileno())
+        forget(self._fd)
+        asyncio.get_running_loop().remove_writer(self._fd)
         self._arrival.ask_drops(self._socket)
         self._socket.close()
         self._socket = None
 
     def _read(self) -> bool:
-        assert self._socket
-        receive, time_ns = self._socket.recvmsg, self._arrival.time_ns
-        for count in range(BATCH):
-            try:
-                data, ancillary, _, sender = receive(MAX_DATAGRAM, ANCILLARY_BYTES)
-            except BlockingIOError:
-                return count > 0
-            t_rx_ns = time_ns(ancillary)
-            if self._source is not None and sender[0] != self._source:
-                self.status.refused += 1
-                continue
-            if self._answer_last:
-                self._peer = sender
-            self._receive(data, t_rx_ns)
-        return True
+        frames, times = self._arrival.read(self._fd)
+        count = len(frames)
+        if frames and self._source:
+            frames, times = self._of_source(frames, times)
+        elif frames and self._keep_heard:
+            self._heard = self._arrival.batch.senders()[-1]
+        if frames:
+            self._receive(frames, times)
+        return count == COUNT
+
+    def _of_source(self, frames: list[bytes], times: list[int]) -> tuple[list[bytes], list[int]]:
+        """What the configured source has sent; the rest is counted."""
+        host, senders = HOSTS[self._family], self._arrival.batch.senders()
+        own = [sender[host] == self._source_host for sender in senders]
+        if any(own):
+            *_, self._heard = compress(senders, own)
+        if all(own):
+            return frames, times
+        self.status.refused += own.count(False)
+        return list(compress(frames, own)), list(compress(times, own))
 
     async def _write(self, data: bytes) -> None:
-        if self._peer is None:
+        peer = self._peer or (self._heard and _endpoint_of(self._family, self._heard))
+        if peer is None:
             raise LinkError(f"link {self.name}: nobody to send to; no peer is configured and none was heard")
         while self._socket:
             try:
-                self._socket.sendto(data, self._peer)
+                self._socket.sendto(data, peer)
                 return
             except BlockingIOError:
                 await self._writable(self._socket.fileno())
@@ -145,6 +159,15 @@ def _address(text: str, link: str, key: str) -> str:
         return str(ipaddress.ip_address(text))
     except ValueError:
         raise ConfigError(f"link {link}: {key} = {text!r}: is not an IP address") from None
+
+
+def _endpoint_of(family: socket.AddressFamily, address: bytes) -> tuple[str | int, ...]:
+    """What Python calls an address that the kernel has written."""
+    host = socket.inet_ntop(family, address[HOSTS[family]])
+    port, flow = struct.unpack_from("!HI", address, 2)
+    if family is socket.AF_INET:
+        return host, port
+    return host, port, flow, struct.unpack_from("=I", address, 24)[0]
 
 
 def _group(text: str, link: str) -> str:

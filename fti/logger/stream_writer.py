@@ -135,10 +135,14 @@ class StreamWriter:
 
     def write_many(self, channel_id: int, entries: Sequence[Entry]) -> None:
         """Buffer messages of one channel, all or none; sequence is the low 32 bits of the position."""
+        if not entries:
+            return
         index = self._index.get(channel_id)
         if index is None:
             index = self._declare(channel_id)
-        at, parts, places = self._size + len(self._pending), [], []
+        at = self._size + len(self._pending)
+        parts: list[bytes] = []
+        places: list[int] = []
         try:
             for position, time, data in entries:
                 size = len(data)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
+from fti.links import Sink
 
 
 class Intake:
@@ -18,17 +19,18 @@ class Intake:
         self._ring = ring
         self.seq = ring.next_seq
 
-    def sink(self, index: int, buffer: TripleBuffer) -> Callable[[bytes, int], None]:
-        """A function that takes the frames (bytes, FTI time of arrival [ns]) of one link.
+    def sink(self, index: int, buffer: TripleBuffer) -> Sink:
+        """A function that takes the frames of one link, and their times of arrival [ns].
 
         First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
         know of.
         """
+        put_ring, put_buffer = self._ring.put_many, buffer.put_many
 
-        def accept(data: bytes, t_ns: int) -> None:
+        def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             seq = self.seq
-            self.seq = seq + 1
-            self._ring.put(index, seq, t_ns, data)
-            buffer.put(seq, t_ns, data)
+            self.seq = seq + len(frames)
+            put_ring(index, seq, times_ns, frames)
+            put_buffer(seq, times_ns, frames)
 
         return accept

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import Config
-from fti.links import Link, open_link
+from fti.links import Link, Sink, one_by_one, open_link
 from fti.service.binding import BoundDevice
 from fti.service.chain import Chain
 from fti.service.diagnosis import Diagnosis
@@ -26,13 +26,13 @@ async def listen_to_all(config: Config, devices: Sequence[BoundDevice], duration
     chain = Chain(config, devices, None)
     diagnosis = Diagnosis(config, chain)
 
-    def hear(name: str) -> Callable[[bytes, int], None]:
+    def hear(name: str) -> Sink:
         def accept(data: bytes, t_rx_ns: int) -> None:
             frame = RawFrame(name, 0, t_rx_ns, data)
             diagnosis.listen(frame)
             chain.feed(frame)
 
-        return accept
+        return one_by_one(accept)
 
     quiet = [link.model_copy(update={"transmit": False}) for link in config.link]
     links = [open_link(link, clock, hear(link.name)) for link in quiet]

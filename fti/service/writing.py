@@ -256,6 +256,7 @@ class Stint(threading.Thread):
                 return
             for source in self._writer.sources:
                 source.record_all()
+                source.tell_gaps(self._writer.note)
             self._writer.notes.record_all(self._writer.log)
         self._persist()
 

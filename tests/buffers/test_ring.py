@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.ring import HEAD, PAGE, Record, Ring, RingReader, ring_size
+from fti.buffers.ring import ALONE, PAGE, Record, Ring, RingReader, ring_size
 from fti.config import CanLink, SerialLink, UdpLink
 from tests.helpers import ROOT, until
 
@@ -33,7 +33,7 @@ def payload(seq: int) -> bytes:
 
 def put(ring: Ring, *numbers: int) -> None:
     for seq in numbers:
-        ring.put(seq % 7, seq, seq * 10, payload(seq))
+        ring.put_many(seq % 7, seq, [seq * 10], [payload(seq)])
 
 
 def check(records: list[Record]) -> list[int]:
@@ -48,7 +48,7 @@ def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
     assert reader.read() == []
     put(ring, 5, 6, 7)
     assert check(reader.read(2)) == [5, 6]
-    assert ring.lag_bytes == 3 * HEAD + sum(len(payload(s)) for s in (5, 6, 7))
+    assert ring.lag_bytes == 3 * ALONE + sum(len(payload(s)) for s in (5, 6, 7))
     assert check(reader.read(2)) == [7]
     assert reader.read() == []
     assert (reader.lost_frames, ring.lag_bytes, ring.oldest_seq, ring.next_seq) == (0, 0, 5, 8)
@@ -107,7 +107,7 @@ def test_record_overwritten_while_it_is_copied_is_not_believed(ring: Ring, monke
 def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, 1, 2, 3)
-    ring._map[PAGE + HEAD + 2] ^= 1  # inside the data of the first frame
+    ring._map[PAGE + ALONE + 2] ^= 1  # inside the data of the first frame
     assert reader.read() == []
     put(ring, 4, 5)
     assert check(reader.read()) == [4, 5]
@@ -116,7 +116,7 @@ def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
 
 def test_what_does_not_fit_is_refused(ring: Ring) -> None:
     with pytest.raises(ValueError, match="allowed are 4"):
-        ring.put(0, 0, 0, bytes(PAGE))
+        ring.put_many(0, 0, [0], [bytes(PAGE)])
     with pytest.raises(ValueError, match="at least"):
         Ring.create(100)
 
@@ -153,7 +153,7 @@ def test_size_holds_thirty_seconds() -> None:
     slow = [SerialLink(name=f"s{i}", kind="serial", port="x") for i in range(10)]
     assert ring_size(slow) == 16 * 2**20
     fast = [CanLink(name=f"c{i}", kind="can", interface="socketcan", channel="c", bitrate=1_000_000) for i in range(4)]
-    assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + HEAD)  # frames with 8 bytes of data
+    assert ring_size(fast) >= 30 * 4 * (1_000_000 // 111) * (16 + ALONE)  # frames with 8 bytes of data
     udp = [UdpLink(name=f"u{i}", kind="udp", bind="127.0.0.1:0") for i in range(9)]
     assert ring_size(udp) >= 30 * 9 * 2000 * 100
 
@@ -224,7 +224,7 @@ from fti.buffers.ring import Ring
 ring = Ring.attach(int(sys.argv[1]))
 seq, last = ring.next_seq, int(sys.argv[2])
 while seq < last:
-    ring.put(seq % 7, seq, seq * 10, seq.to_bytes(4, "little") * (seq % 40))
+    ring.put_many(seq % 7, seq, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])
     seq += 1
 ring.end()
 """

@@ -26,18 +26,18 @@ def test_entries_come_out_as_they_went_in() -> None:
     buffer = TripleBuffer(1000)
     for i in range(10):
         buffer.put(i, 100 * i, bytes([i]) * i)
-    assert flush(buffer) == [Entry(i, 100 * i, bytes([i]) * i) for i in range(10)]
+    assert flush(buffer) == [(i, 100 * i, bytes([i]) * i) for i in range(10)]
     assert buffer.take() == []
 
 
 def test_what_storage_refused_comes_again_first() -> None:
     buffer = TripleBuffer(1000)
     buffer.put(1, 0, b"a")
-    assert [e.seq for e in buffer.take()] == [1]
+    assert [e[0] for e in buffer.take()] == [1]
     buffer.put(2, 0, b"b")
-    assert [e.seq for e in buffer.take()] == [1, 2]
+    assert [e[0] for e in buffer.take()] == [1, 2]
     buffer.written(1)
-    assert [e.seq for e in buffer.take()] == [2]
+    assert [e[0] for e in buffer.take()] == [2]
     buffer.written()
     assert buffer.empty
 
@@ -93,7 +93,7 @@ def test_stalled_storage_loses_nothing_for_that_long_and_then_the_oldest() -> No
     assert stats.global_ == pytest.approx(1.0, abs=1e-4)
     assert stats.receive == pytest.approx(0.9, abs=1e-4)
     buffer.written(len(stuck))
-    kept = [e.seq for e in stuck] + [e.seq for e in flush(buffer)]
+    kept = [e[0] for e in stuck] + [e[0] for e in flush(buffer)]
     (span,) = stats.drops
     missing = sorted(set(range(first + survived + extra)) - set(kept))
     assert missing == list(range(span.first_seq, span.last_seq + 1))
@@ -131,7 +131,7 @@ def test_frame_larger_than_the_buffer_is_kept() -> None:
     buffer = TripleBuffer(100)
     buffer.put(0, 0, bytes(10))
     buffer.put(1, 0, bytes(500))
-    assert [len(e.data) for e in flush(buffer)] == [10, 500]
+    assert [len(e[2]) for e in flush(buffer)] == [10, 500]
 
 
 def test_reader_does_not_wait_for_a_held_global_queue() -> None:
@@ -140,7 +140,7 @@ def test_reader_does_not_wait_for_a_held_global_queue() -> None:
         buffer.put(0, 0, b"x")
         assert buffer.take() == []
     assert buffer.stats.receive > 0
-    assert [e.seq for e in buffer.take()] == [0]  # also when no further put moves it on
+    assert [e[0] for e in buffer.take()] == [0]  # also when no further put moves it on
 
 
 def test_held_global_queue_costs_frames_only_when_receive_is_full() -> None:
@@ -151,7 +151,7 @@ def test_held_global_queue_costs_frames_only_when_receive_is_full() -> None:
         assert buffer._dropped_frames == 0
         buffer.put(5, 0, bytes(12))
         assert buffer._dropped_frames == 1
-    assert [e.seq for e in flush(buffer)] == [1, 2, 3, 4, 5]
+    assert [e[0] for e in flush(buffer)] == [1, 2, 3, 4, 5]
 
 
 @pytest.mark.parametrize("values", [{"capacity_bytes": 0}, {"threshold": 0.0}, {"threshold": 1.1}])
@@ -191,7 +191,7 @@ class Account(RuleBasedStateMachine):
     @rule()
     def written(self) -> None:
         self.buffer.written()
-        self.out += [e.seq for e in self.taken]
+        self.out += [e[0] for e in self.taken]
         self.taken = []
 
     @invariant()
@@ -204,7 +204,7 @@ class Account(RuleBasedStateMachine):
 
     def teardown(self) -> None:
         newest = self.seq - 1
-        rest = [e.seq for e in flush(self.buffer)]
+        rest = [e[0] for e in flush(self.buffer)]
         found = self.out + rest
         assert found == sorted(set(found))
         assert not self.seq or found[-1] == newest
@@ -220,7 +220,7 @@ def test_nothing_goes_while_it_fits(sizes: list[int]) -> None:
     buffer = TripleBuffer(sum(size + 8 for size in sizes) + 1)
     for seq, size in enumerate(sizes):
         buffer.put(seq, 0, bytes(size))
-    assert [len(e.data) for e in flush(buffer)] == sizes
+    assert [len(e[2]) for e in flush(buffer)] == sizes
 
 
 def test_two_threads_hammer_it() -> None:
@@ -239,7 +239,7 @@ def test_two_threads_hammer_it() -> None:
             taken = buffer.take()
             if dice.random() < 0.9:  # else storage refuses
                 buffer.written(len(taken))
-                out.extend(e.seq for e in taken)
+                out.extend(e[0] for e in taken)
 
     threads = [threading.Thread(target=read), threading.Thread(target=write)]
     for thread in threads:

@@ -25,9 +25,10 @@ class Heard:
         self.frames: list[bytes] = []
         self.times: list[int] = []
 
-    def __call__(self, data: bytes, t_rx_ns: int) -> None:
-        self.frames.append(data)
-        self.times.append(t_rx_ns)
+    def __call__(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
+        assert len(frames) == len(times_ns) > 0
+        self.frames += frames
+        self.times += times_ns
 
     @property
     def bytes(self) -> bytes:

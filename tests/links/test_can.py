@@ -18,6 +18,7 @@ from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import ConfigError, LinkError
 from fti.links import open_link
+from fti.links._batch import Batch
 from fti.links.can import pack_message, unpack_message
 from fti.types import LinkState
 from tests.helpers import until_async
@@ -117,7 +118,7 @@ async def test_bus_that_cannot_be_opened(
 
 def test_interface_that_python_can_does_not_know() -> None:
     with pytest.raises(ConfigError, match=r"'canned_fish': allowed are .*socketcan"):
-        open_link(link("canned_fish"), FakeClock(), lambda data, t: None)
+        open_link(link("canned_fish"), FakeClock(), lambda frames, times: None)
 
 
 async def test_bus_that_opens_too_late_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,34 +247,44 @@ async def test_socketcan_frames_are_taken_as_they_are(fake: list[FakeBus], monke
 
 
 class Flaky:
-    """A socket that fails once with each of these errors, then works."""
+    """A socket that fails once with each of these errors when it sends, then works."""
 
     def __init__(self, inner: socket.socket, errors: list[int]) -> None:
-        self.own = b""  # the frame that this socket has sent itself
         self._inner = inner
         self._errors = errors
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._inner, name)
 
-    def _fail(self) -> None:
-        if self._errors:
-            number = self._errors.pop()
-            raise OSError(number, "as told")
-
-    def recvmsg(self, *sizes: int) -> Any:
-        self._fail()
-        data, ancillary, flags, address = self._inner.recvmsg(*sizes)
-        return data, ancillary, flags | (socket.MSG_CONFIRM if data == self.own else 0), address
-
     def send(self, data: bytes) -> int:
-        self._fail()
+        fail_once(self._errors)
         return self._inner.send(data)
+
+
+class FlakyBatch(Batch):
+    """Reads as the kernel would that fails once with each of these errors, then works and knows our own frames."""
+
+    def __init__(self, errors: list[int], own: bytes = b"") -> None:
+        super().__init__()
+        self._errors = errors
+        self._own = own
+
+    def receive(self, fd: int) -> int:
+        fail_once(self._errors)
+        return super().receive(fd)
+
+    def flags(self) -> list[int]:
+        return [socket.MSG_CONFIRM if frame == self._own else 0 for frame in self.frames()]
+
+
+def fail_once(errors: list[int]) -> None:
+    if errors:
+        raise OSError(errors.pop(), "as told")
 
 
 async def test_interface_that_goes_down_is_read_again_without_opening(fake: list[FakeBus]) -> None:
     async with running(link("socketcan")) as (opened, heard):
-        opened._socket = Flaky(fake[0].socket, [errno.ENETDOWN])
+        opened._arrival.batch = FlakyBatch([errno.ENETDOWN])
         fake[0].other.send(FRAMES[0])
         await until_async(lambda: heard.frames)
         assert not opened._lost.done()
@@ -281,8 +292,7 @@ async def test_interface_that_goes_down_is_read_again_without_opening(fake: list
 
 async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
     async with running(link("socketcan", settings={"receive_own_messages": True})) as (opened, heard):
-        opened._socket = Flaky(fake[0].socket, [])
-        opened._socket.own = FRAMES[0]
+        opened._arrival.batch = FlakyBatch([], own=FRAMES[0])
         for frame in FRAMES[:2]:
             fake[0].other.send(frame)
         await until_async(lambda: heard.frames)
@@ -291,7 +301,7 @@ async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
 
 async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:
     async with running(link("socketcan")) as (opened, _):
-        opened._socket = Flaky(fake[0].socket, [errno.ENODEV])
+        opened._arrival.batch = FlakyBatch([errno.ENODEV])
         fake[0].other.send(FRAMES[0])
         await until_async(lambda: opened.status.connects == 2)
 

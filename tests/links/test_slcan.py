@@ -224,4 +224,4 @@ async def test_hints_say_what_is_wrong(adapter: Peer) -> None:
 def test_what_can_never_work_is_said_at_once(tmp_path: Path, keys: dict[str, Any], words: str) -> None:
     table = {"name": "can1", "kind": "can", "interface": "slcan", "channel": str(tmp_path), **keys}
     with pytest.raises(ConfigError, match=words):
-        open_link(CanLink.model_validate(table), FakeClock(), lambda data, t: None)
+        open_link(CanLink.model_validate(table), FakeClock(), lambda frames, times: None)

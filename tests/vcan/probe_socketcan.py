@@ -21,7 +21,7 @@ import can
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import LinkError
-from fti.links import Link, open_link
+from fti.links import Link, one_by_one, open_link
 from fti.types import LinkState
 from tests.helpers import until_async
 
@@ -70,7 +70,7 @@ def ip_link(channel: str, state: str) -> None:
 
 def link_of(channel: str, seen: Seen, clock: SystemClock, **keys: Any) -> Link:
     config = CanLink(name=channel, kind="can", interface="socketcan", channel=channel, fd=True, **keys)
-    return open_link(config, clock, lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns)))
+    return open_link(config, clock, one_by_one(lambda data, t_rx_ns: seen.append((data.hex(), t_rx_ns))))
 
 
 def send_all(bus: can.BusABC, frames: Sequence[can.Message]) -> None:

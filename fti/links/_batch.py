@@ -1,0 +1,155 @@
+"""Many datagrams with one call of the kernel: ``recvmmsg``, and the memory that it fills.
+
+The memory is one for all sockets of a process: one thread reads them, and takes out what a call has brought before
+it calls again.  Each datagram has 64 KiB of address space, so that none is ever cut; memory is used only where
+datagrams have been, so short ones cost a page each.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import functools
+import mmap
+import os
+import socket
+import sys
+
+from fti.clock import SECOND_NS
+
+COUNT = 64  # datagrams in a call, so that no link starves another
+#: Place for a datagram; a little more than its size, so that the first bytes do not all compete for the same cache.
+ROOM = 65536 + 192
+NAME_BYTES = 32  # the largest address is sockaddr_in6, 28 bytes
+CONTROL_BYTES = 64
+STAMP_BYTES = socket.CMSG_SPACE(16)  # struct timespec; the kernel puts the stamp first
+DROPS_BYTES = STAMP_BYTES + socket.CMSG_SPACE(4)
+_PLACES = range(0, COUNT * ROOM, ROOM)
+
+
+class _Vector(ctypes.Structure):
+    """struct iovec"""
+
+    _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+class _Message(ctypes.Structure):
+    """struct msghdr"""
+
+    _fields_ = (
+        ("name", ctypes.c_void_p),
+        ("name_length", ctypes.c_uint32),
+        ("vectors", ctypes.c_void_p),
+        ("vector_count", ctypes.c_size_t),
+        ("control", ctypes.c_void_p),
+        ("control_length", ctypes.c_size_t),
+        ("flags", ctypes.c_int),
+    )
+
+
+class _Slot(ctypes.Structure):
+    """struct mmsghdr"""
+
+    _fields_ = (("message", _Message), ("length", ctypes.c_uint))
+
+
+SLOT_BYTES = ctypes.sizeof(_Slot)
+
+
+# What the kernel writes into a slot and into the control bytes, in 32-bit and 64-bit words
+_SLOT_WORDS = SLOT_BYTES // 4
+_CONTROL_LENGTH = _Message.control_length.offset // 4
+_FLAGS = _Message.flags.offset // 4
+_LENGTH = _Slot.length.offset // 4
+_CONTROL_WORDS = CONTROL_BYTES // 8
+_SECONDS = socket.CMSG_LEN(0) // 8
+_DROPS = STAMP_BYTES + socket.CMSG_LEN(0)
+
+
+class Batch:
+    """What one call has brought; what is asked of it is valid until the next call."""
+
+    def __init__(self) -> None:
+        # PyDLL keeps the interpreter: the call never waits, and to give it away and get it back costs more.
+        self._call = ctypes.PyDLL(None, use_errno=True).recvmmsg
+        self._data = mmap.mmap(-1, COUNT * ROOM, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        self._names = bytearray(COUNT * NAME_BYTES)
+        self._control = bytearray(COUNT * CONTROL_BYTES)
+        self._vectors = (_Vector * COUNT)()
+        slots = (_Slot * COUNT)()
+        self._fill(slots)
+        self._arguments = ctypes.byref(slots), ctypes.c_uint(COUNT), ctypes.c_int(socket.MSG_DONTWAIT), None
+        self._slots = memoryview(slots).cast("B").cast("I")
+        self._fresh = memoryview(bytes(slots)).cast("I")
+        self._times = memoryview(self._control).cast("q")
+        self._count = 0
+
+    def _fill(self, slots: ctypes.Array[_Slot]) -> None:
+        data, names, control = (_address(part) for part in (self._data, self._names, self._control))
+        for i in range(COUNT):
+            self._vectors[i] = _Vector(data + i * ROOM, ROOM)
+            vector = ctypes.addressof(self._vectors[i])
+            place = names + i * NAME_BYTES, NAME_BYTES, vector, 1, control + i * CONTROL_BYTES, CONTROL_BYTES, 0
+            slots[i].message = _Message(*place)
+
+    def receive(self, fd: int) -> int:
+        """Take what waits in a socket, at most COUNT datagrams; how many.  Raises OSError."""
+        used = self._count * _SLOT_WORDS
+        self._slots[:used] = self._fresh[:used]  # the kernel has written how much it used of each
+        count = self._call(fd, *self._arguments)
+        self._count = max(count, 0)
+        if count < 0 and (number := ctypes.get_errno()) != errno.EAGAIN:
+            raise OSError(number, os.strerror(number))
+        return self._count
+
+    def frames(self) -> list[bytes]:
+        """The datagrams."""
+        data = self._data
+        if self._count == 1:  # the common case of a calm link
+            return [data[: self._slots[_LENGTH]]]
+        return [data[at : at + length] for at, length in zip(_PLACES, self._column(_LENGTH), strict=False)]
+
+    def stamps(self) -> list[int]:
+        """When they arrived, with CLOCK_REALTIME [ns]; 0 where the kernel has not said it."""
+        times, end = self._times, self._count * _CONTROL_WORDS
+        if self._count == 1:
+            found = [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1]]
+        else:
+            seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
+            nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
+            found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
+        lengths = self._column(_CONTROL_LENGTH)
+        if min(lengths) < STAMP_BYTES:
+            return [stamp if length >= STAMP_BYTES else 0 for stamp, length in zip(found, lengths, strict=True)]
+        return found
+
+    def drops(self) -> int | None:
+        """What the kernel had dropped before the last of them; None when it had not dropped any."""
+        last = self._count - 1
+        if self._slots[last * _SLOT_WORDS + _CONTROL_LENGTH] < DROPS_BYTES:
+            return None
+        at = last * CONTROL_BYTES + _DROPS
+        return int.from_bytes(self._control[at : at + 4], sys.byteorder)
+
+    def flags(self) -> list[int]:
+        """``msg_flags`` of each."""
+        return self._column(_FLAGS)
+
+    def _column(self, word: int) -> list[int]:
+        """That word of each slot in use."""
+        return self._slots[word : self._count * _SLOT_WORDS : _SLOT_WORDS].tolist()
+
+    def senders(self) -> list[bytes]:
+        """The address of each sender as the kernel writes it (``struct sockaddr``)."""
+        names = bytes(self._names[: self._count * NAME_BYTES])
+        return [names[at : at + NAME_BYTES] for at in range(0, len(names), NAME_BYTES)]
+
+
+def _address(memory: bytearray | mmap.mmap) -> int:
+    return ctypes.addressof(ctypes.c_char.from_buffer(memory))
+
+
+@functools.cache
+def shared_batch() -> Batch:
+    """The memory of this process, made when the first socket is opened."""
+    return Batch()
