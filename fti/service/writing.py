@@ -128,6 +128,8 @@ class Writer:
             self._finished = True
             if self._stint is None:
                 raise StorageError(f"what the buffers held is lost: {self.state()[1]}")
+            for source in self.sources:
+                source.tell_gaps(self.note, final=True)
             self.notes.record_all(self.log)
             self.log.close()
         deadline = time.monotonic() + LAST_CHANCE_S
