@@ -7,8 +7,8 @@ import zstandard
 
 #: Greatest chunk, attachment or other record that is read, compressed or not [B].
 MAX_RECORD = 2**30
-#: Level of ``fti pack``: see docs/benchmarks.md.
-LEVEL = 6
+#: Level of zstd of ``fti pack``: level 6 gains a tenth at a third of the speed, level 19 a sixth at a hundredth.
+LEVEL = 3
 
 
 def compress(data: bytes) -> bytes:

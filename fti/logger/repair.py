@@ -47,7 +47,7 @@ def close_unfinished(path: str | Path) -> Closed | None:
     place = Path(path)
     if has_footer(place):
         return None
-    with _locked(place) as fd:
+    with locked(place) as fd:
         try:
             return _Repair(place, fd).run()
         except OSError as error:
@@ -102,7 +102,8 @@ def is_being_written(path: Path) -> bool:
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[int]:
+def locked(path: Path) -> Iterator[int]:
+    """Hold a file against every writer, repair and pack; gives its descriptor.  Raises StorageError."""
     try:
         fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except OSError as error:

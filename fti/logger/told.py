@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from fti.logger.mcap_file import FOOTER_BYTES
-from fti.logger.records import HEAD, MAGIC, Op
+from fti.logger.records import HEAD, MAGIC, Op, read_text
 from fti.logger.source import Source
 from fti.logger.structure import record_end
 
@@ -31,21 +31,17 @@ class Told:
     """A summary.  data_end : where the data section ends in the file as it is.
 
     shift : how many bytes the file has lost before its end, so that places told lie this much too high there.
-    others : where attachments and metadata stood.
+    others : where attachments and metadata stood; named : the same, by name.
     """
 
     data_end: int
     shift: int
     chunks: list[ChunkPlace] = field(default_factory=list)
     others: list[int] = field(default_factory=list)
+    named: dict[str, int] = field(default_factory=dict)
     messages: int | None = None
     schemas: dict[int, bytes] = field(default_factory=dict)
     channels: dict[int, bytes] = field(default_factory=dict)
-
-    def place(self, at: int) -> int | None:
-        """Where the chunk that stands at an offset stood, if the summary tells of it."""
-        places = {chunk.offset for chunk in self.chunks}
-        return next((place for place in (at, at + self.shift) if place in places), None)
 
 
 def read_told(source: Source) -> Told | None:
@@ -98,8 +94,18 @@ def _chunk(told: Told, record: bytes) -> None:
     told.chunks.append(ChunkPlace(offset, first, last))
 
 
-def _other(told: Told, record: bytes) -> None:
-    told.others += struct.unpack_from("<Q", record, HEAD.size)
+def _attachment(told: Told, record: bytes) -> None:
+    _other(told, record, HEAD.size + 40)
+
+
+def _metadata(told: Told, record: bytes) -> None:
+    _other(told, record, HEAD.size + 16)
+
+
+def _other(told: Told, record: bytes, name_at: int) -> None:
+    (offset,) = struct.unpack_from("<Q", record, HEAD.size)
+    told.others.append(offset)
+    told.named[read_text(record, name_at)[0]] = offset
 
 
 def _first_u16(record: bytes) -> int:
@@ -111,6 +117,6 @@ _PARTS = {
     int(Op.CHANNEL): _channel,
     int(Op.STATISTICS): _statistics,
     int(Op.CHUNK_INDEX): _chunk,
-    int(Op.ATTACHMENT_INDEX): _other,
-    int(Op.METADATA_INDEX): _other,
+    int(Op.ATTACHMENT_INDEX): _attachment,
+    int(Op.METADATA_INDEX): _metadata,
 }
