@@ -99,9 +99,9 @@ class Segment:
         line = self.line
         return NEAR_NS + NEAR_FACTOR * (line.spread + min(self.sd_ns(t_dev_ns), ARRIVAL_SD_NS))
 
-    def sd_ns(self, t_dev_ns: int) -> float:
-        """One sigma of the line [ns]."""
-        return self.line.sd(t_dev_ns - self._x0)
+    def sd_ns(self, t_dev_ns: int, line: Line | None = None) -> float:
+        """One sigma of the line [ns]; line : another one of this segment's ``points``."""
+        return (line or self.line).sd(t_dev_ns - self._x0)
 
     def add(self, t_rx_ns: int, t_dev_ns: int) -> None:
         """Take a message; the quickest of each second counts.  One of an earlier second is late and does not."""

@@ -1,0 +1,56 @@
+"""Show how the clocks of a session ran against each other.
+
+For every device that says its own time: offset and drift against FTI time with its 95 % interval, how late its
+messages come, where its clock was set.  Then the real-time clock of the computer, and FTI time against GNSS time.
+
+  fti sync data/da42_20261121T101500Z_0
+  fti sync SESSION --plot clocks.html          a page with everything in it
+  fti sync SESSION --out time_base.csv         FTI time -> device, GPS, UTC and real time; .mcap does too
+
+Raw stamps are never changed: the time base is a table beside them, to interpolate in.  CONFIG takes the place of the
+recorded configuration.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """SESSION, CONFIG, --plot, --out, --json."""
+    parser.add_argument("session", metavar="SESSION", help="session folder or raw file")
+    parser.add_argument("config", metavar="CONFIG", nargs="?", help="another configuration")
+    parser.add_argument("--plot", metavar="FILE.html", help="write a page with plots")
+    parser.add_argument("--out", metavar="FILE", help="write the time base, to .csv or .mcap")
+    parser.add_argument("--json", action="store_true", help="print JSON only")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Decode the session with a progress bar on standard error; 3 when a file broke off."""
+    from pathlib import Path
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from fti.logger.recording import Recording
+    from fti.post.reprocess import other_setup, recorded_setup
+    from fti.post.sync import analyse
+    from fti.post.sync_page import write_page
+    from fti.post.sync_report import as_json, as_text
+    from fti.post.time_base import check_name, time_base, write
+
+    session = Path(args.session)
+    if args.out:
+        check_name(Path(args.out))
+    recording = Recording.open(session)
+    setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("frames", total=None)
+        sync = analyse(recording, setup.devices, lambda done: bar.update(task, completed=done))
+    if args.out:
+        write(time_base(sync), Path(args.out))
+    if args.plot:
+        write_page(sync, session.name, Path(args.plot))
+    print(json.dumps(as_json(sync), indent=1) if args.json else "\n".join(as_text(sync)))
+    return 3 if recording.faults else 0

@@ -1,0 +1,194 @@
+"""What ``fti sync`` says: tables for programs, lines for a person, curves for the plot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fti.nav.device_clock import NEAR_FACTOR, NEAR_NS, Segment
+from fti.post.sync import SECOND_NS, Heard, Ints, Sync
+
+#: Columns of a plotted curve: each keeps its earliest and its latest message.
+BINS = 700
+
+
+def as_json(sync: Sync) -> dict[str, Any]:
+    """Everything.  Times in ns, drifts in ppm (how much faster than FTI time), delays in ms.
+
+    drift_95_ppm : half of the 95 % interval
+    delay        : of the messages, beyond the shortest way; late : beyond what is usual
+    """
+    return {
+        "begin_ns": sync.begin_ns,
+        "devices": [_device(heard) for heard in sync.heard],
+        "computer": _computer(sync),
+        "gnss": _gnss(sync),
+    }
+
+
+def _device(heard: Heard) -> dict[str, Any]:
+    return {
+        "device": heard.device.name,
+        "link": heard.device.link,
+        "scale": heard.scale.value,
+        "messages": len(heard.t_rx),
+        "refused": heard.clock.refused,
+        "segments": [_segment(heard, segment) for segment in heard.clock.segments],
+    }
+
+
+def _segment(heard: Heard, segment: Segment) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "first_ns": segment.first_ns,
+        "last_ns": segment.last_ns,
+        "messages": segment.messages,
+        "known": segment.known,
+    }
+    if not segment.known:
+        return found
+    latency_ns = round(heard.device.latency_ms * 1e6)
+    first_dev_ns, last_dev_ns = (segment.device_ns(t + latency_ns) for t in (segment.first_ns, segment.last_ns))
+    delays = heard.delays(segment)[1] / 1e6
+    late_ms = (NEAR_NS + NEAR_FACTOR * segment.line.spread) / 1e6
+    return found | {
+        "offset_ns": first_dev_ns - segment.first_ns,
+        "offset_end_ns": last_dev_ns - segment.last_ns,
+        "offset_sd_ns": segment.sd_ns(first_dev_ns),
+        "drift_ppm": segment.drift_ppm,
+        "drift_95_ppm": 1e6 * segment.line.slope_95,
+        "method": segment.line.method,
+        "resolution_ns": segment.resolution_ns,
+        "delay_ms": dict(zip(("p50", "p99", "max"), np.percentile(delays, (50, 99, 100)).tolist(), strict=True)),
+        "late": int(np.count_nonzero(delays > late_ms)),
+        "late_beyond_ms": late_ms,
+    }
+
+
+def _computer(sync: Sync) -> dict[str, Any]:
+    clock = sync.computer
+    if len(clock.t) == 0:
+        return {"samples": 0}
+    return {
+        "samples": len(clock.t),
+        "realtime_minus_fti_ns": int(clock.offset[0]),
+        "realtime_minus_fti_end_ns": int(clock.offset[-1]),
+        "steps": [{"t_ns": t_ns, "by_ns": by_ns} for t_ns, by_ns in clock.steps],
+        "monotonic_against_oscillator_ppm": clock.slew_ppm,
+    }
+
+
+def _gnss(sync: Sync) -> dict[str, Any] | None:
+    """FTI time against GNSS time: what figure 6.10 of source 003 shows."""
+    heard = sync.gnss()
+    if heard is None:
+        return None
+    segment = max((s for s in heard.clock.segments if s.known), key=lambda s: s.last_ns - s.first_ns)
+    return {
+        "device": heard.device.name,
+        "scale": heard.scale.value,
+        "fti_drift_ppm": 1e6 * segment.line.slope,
+        "fti_drift_95_ppm": 1e6 * segment.line.slope_95,
+        "fti_drift_ms_per_hour": 3.6e6 * segment.line.slope,
+    }
+
+
+# ------------------------------------------------------------------------------------------------------------ text
+
+
+def as_text(sync: Sync) -> list[str]:
+    """Lines for a person."""
+    lines = [line for heard in sync.heard for line in _device_lines(heard, sync.begin_ns)]
+    return [*(lines or ["no device of this session says its own time"]), *_computer_lines(sync), *_gnss_lines(sync)]
+
+
+def _device_lines(heard: Heard, begin_ns: int) -> list[str]:
+    refused = f", {heard.clock.refused} refused" if heard.clock.refused else ""
+    count = len(heard.clock.segments)
+    head = f"{heard.device.name}  {heard.scale} time, {len(heard.t_rx)} messages{refused}, {count} segment"
+    return [head + ("s" if count > 1 else "")] + [
+        line for segment in heard.clock.segments for line in _segment_lines(_segment(heard, segment), begin_ns)
+    ]
+
+
+def _segment_lines(found: dict[str, Any], begin_ns: int) -> list[str]:
+    first, last = ((found[key] - begin_ns) / SECOND_NS for key in ("first_ns", "last_ns"))
+    span = f"  {first:.1f} to {last:.1f} s: "
+    if not found["known"]:
+        return [f"{span}too few messages to say"]
+    delay = found["delay_ms"]
+    return [
+        f"{span}drift {found['drift_ppm']:+.3f} ppm, 95 % within {found['drift_95_ppm']:.3f} ({found['method']})",
+        f"    device - FTI {_seconds(found['offset_ns'])} s +- {found['offset_sd_ns'] / 1e6:.3f} ms at the begin",
+        f"    delay beyond the shortest way: median {delay['p50']:.2f}, 99 % {delay['p99']:.2f}, "
+        f"largest {delay['max']:.2f} ms; {found['late']} messages late by more than {found['late_beyond_ms']:.0f} ms",
+    ]
+
+
+def _computer_lines(sync: Sync) -> list[str]:
+    clock = sync.computer
+    if len(clock.t) == 0:
+        return ["computer  no /fti/clock in this session"]
+    lines = [f"computer  real time - FTI {_seconds(int(clock.offset[0]))} s at the begin, {len(clock.steps)} steps"]
+    lines += [f"  {(t - sync.begin_ns) / SECOND_NS:.1f} s: set by {by / SECOND_NS:+.6f} s" for t, by in clock.steps]
+    if clock.slew_ppm is not None:
+        lines.append(f"  the kernel slews its clocks by {clock.slew_ppm:+.3f} ppm against the oscillator")
+    return lines
+
+
+def _gnss_lines(sync: Sync) -> list[str]:
+    found = _gnss(sync)
+    if found is None:
+        return ["FTI against GNSS  no known clock of GPS or UTC time"]
+    drift = f"{found['fti_drift_ppm']:+.3f} ppm, 95 % within {found['fti_drift_95_ppm']:.3f}"
+    return [f"FTI against GNSS  {drift}: {found['fti_drift_ms_per_hour']:+.2f} ms an hour (by {found['device']})"]
+
+
+def _seconds(t_ns: int) -> str:
+    """Nanoseconds as seconds with all digits."""
+    return f"{'-' if t_ns < 0 else '+'}{abs(t_ns) // SECOND_NS}.{abs(t_ns) % SECOND_NS:09d}"
+
+
+# ------------------------------------------------------------------------------------------------------------ plot
+
+
+def curves(sync: Sync) -> list[dict[str, Any]]:
+    """For each known segment: arrival minus device time over FTI time [s], less its value at the begin [ms].
+
+    line : the shortest way; low, high : the quickest and the latest message around each time
+    """
+    return [_curve(heard, s, sync.begin_ns) for heard in sync.heard for s in heard.clock.segments if s.known]
+
+
+def _curve(heard: Heard, segment: Segment, begin_ns: int) -> dict[str, Any]:
+    t_rx, delay = heard.delays(segment)
+    line_ms = segment.line.slope * (t_rx - t_rx[0]) / 1e6
+    bins = np.unique(np.linspace(0, len(t_rx), BINS + 1).astype(int)[:-1])
+    t = (t_rx[bins] - begin_ns) / SECOND_NS
+    return {
+        "title": f"{heard.device.name}: arrival - {heard.scale} time",
+        "drift": f"{segment.drift_ppm:+.3f} +- {1e6 * segment.line.slope_95:.3f} ppm",
+        "t": _rounded(t),
+        "line": _rounded(line_ms[bins]),
+        "low": _rounded(line_ms[bins] + np.minimum.reduceat(delay, bins) / 1e6),
+        "high": _rounded(line_ms[bins] + np.maximum.reduceat(delay, bins) / 1e6),
+    }
+
+
+def _rounded(values: Any) -> list[float]:
+    return [round(float(value), 3) for value in values]
+
+
+def computer_curve(sync: Sync) -> dict[str, Any] | None:
+    """Real time - FTI time over FTI time [s], less its value at the begin [ms]; None without ``/fti/clock``."""
+    clock = sync.computer
+    if len(clock.t) < 2:
+        return None
+    some: Ints = np.unique(np.linspace(0, len(clock.t) - 1, BINS).astype(np.int64))
+    moved_ms = (clock.offset[some] - clock.offset[0]) / 1e6
+    return {
+        "title": "computer: real time - FTI time",
+        "drift": f"{len(clock.steps)} steps",
+        "t": _rounded((clock.t[some] - sync.begin_ns) / SECOND_NS),
+        "line": _rounded(moved_ms),
+    }

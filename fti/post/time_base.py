@@ -1,0 +1,134 @@
+"""The corrected time base of a session: for every clock, what it showed at which FTI time, joined by straight lines.
+
+Raw stamps stay as they are; whoever wants GNSS, device or real time of a stamp interpolates between two rows of the
+same clock and segment.  A segment of up to an hour is one line.  A longer one bends with its temperature: it has a row
+every ten minutes, each from the line of the hour around it.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import itertools
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from mcap.writer import Writer
+
+from fti.errors import ConfigError, StorageError
+from fti.logger import schemas
+from fti.nav.device_clock import Segment
+from fti.nav.envelope import Line, fit_line
+from fti.post.sync import SECOND_NS, ComputerClock, Heard, Sync
+
+HOUR_NS = 3600 * SECOND_NS
+STEP_NS = 600 * SECOND_NS
+TOPIC = "/fti/time_base"
+
+
+@dataclass(frozen=True, slots=True)
+class TimeBaseRow:
+    """At the FTI time t_fti_ns the clock showed clock_ns, with one sigma of sd_ns.
+
+    device  : of the configuration, or "computer" for its real-time clock; link : where it is
+    scale   : gps | utc | boot, see ``fti.types.TimeScale``; a counter that starts again goes on here
+    segment : rows of one segment may be joined, from 0
+    """
+
+    device: str
+    link: str
+    scale: str
+    segment: int
+    t_fti_ns: int
+    clock_ns: int
+    sd_ns: int
+
+
+def time_base(sync: Sync) -> list[TimeBaseRow]:
+    """All rows, clock by clock, in order of time."""
+    rows = [row for heard in sync.heard for row in _device_rows(heard)]
+    return rows + list(_computer_rows(sync.computer))
+
+
+def _device_rows(heard: Heard) -> Iterator[TimeBaseRow]:
+    clock, device = heard.clock, heard.device
+    latency_ns = round(device.latency_ms * 1e6)
+    for number, segment in enumerate(s for s in clock.segments if s.known):
+        for t_ns, line in _lines(segment):
+            shown_ns = segment.device_ns(t_ns + latency_ns, line)
+            row = (t_ns, shown_ns, round(segment.sd_ns(shown_ns, line)))
+            yield TimeBaseRow(device.name, device.link, heard.scale, number, *row)
+
+
+def _lines(segment: Segment) -> Iterator[tuple[int, Line]]:
+    """The times of the rows of a segment, and the line that holds there."""
+    first, last = segment.first_ns, segment.last_ns
+    if last - first <= HOUR_NS:
+        yield first, segment.line
+        yield last, segment.line
+        return
+    x, y = segment.points
+    for t_ns in (*range(first, last, STEP_NS), last):
+        middle = min(max(t_ns, first + HOUR_NS // 2), last - HOUR_NS // 2)
+        begin, end = np.searchsorted(x, [middle - first - HOUR_NS // 2, middle - first + HOUR_NS // 2])
+        yield t_ns, fit_line(x[begin:end], y[begin:end], float(segment.resolution_ns)) or segment.line
+
+
+def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
+    """The real-time clock at the begin, before and after each step, and at the end."""
+    if len(clock.t) == 0:
+        return
+    stepped = np.searchsorted(clock.t, [t_ns for t_ns, _ in clock.steps])
+    bounds = [0, *map(int, stepped), len(clock.t)]
+    for number, (begin, end) in enumerate(itertools.pairwise(bounds)):
+        for i in dict.fromkeys((begin, end - 1)):
+            shown = (int(clock.t[i]), int(clock.realtime[i]), int(clock.width[i]))
+            yield TimeBaseRow("computer", "", "utc", number, *shown)
+
+
+# -------------------------------------------------------------------------------------------------------- writing
+
+
+def check_name(path: Path) -> None:
+    """Raises ConfigError when no file of that name can be written."""
+    if path.suffix not in _WRITERS:
+        raise ConfigError(f"{path}: the name must end in {' or '.join(_WRITERS)}")
+
+
+def write(rows: list[TimeBaseRow], path: Path) -> None:
+    """To a new ``.csv`` or ``.mcap`` file.  Raises ConfigError for another name, StorageError when it cannot be."""
+    check_name(path)
+    try:
+        with path.open("xb") as file:
+            _WRITERS[path.suffix](rows, file)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _write_csv(rows: list[TimeBaseRow], file: BinaryIO) -> None:
+    names = [field.name for field in dataclasses.fields(TimeBaseRow)]
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(names)
+    table.writerows([getattr(row, name) for name in names] for row in rows)
+    file.write(text.getvalue().encode())
+
+
+def _write_mcap(rows: list[TimeBaseRow], file: BinaryIO) -> None:
+    writer = Writer(file)
+    writer.start(profile="fti", library="fti")
+    schema = schemas.schema_of(TimeBaseRow)
+    schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+    channel = writer.register_channel(TOPIC, "json", schema_id)
+    for row in sorted(rows, key=lambda row: row.t_fti_ns):
+        data = json.dumps(dataclasses.asdict(row), separators=(",", ":")).encode()
+        writer.add_message(channel, row.t_fti_ns, data, row.t_fti_ns)
+    writer.finish()  # type: ignore[no-untyped-call]
+
+
+_WRITERS: dict[str, Callable[[list[TimeBaseRow], BinaryIO], None]] = {".csv": _write_csv, ".mcap": _write_mcap}
