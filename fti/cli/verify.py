@@ -1,8 +1,20 @@
-"""Prove the integrity of a recording.
+"""Prove the integrity of a recording, or refute it.
 
-Every file is readable to its end with its checksums, every number is there, the time of each link runs forward, and
-the recorder's ledger agrees: bytes in = bytes recorded + bytes dropped.  Prints a sentence for each thing that does
-not hold.  Exit code 0: all holds; 3: readable with losses.
+Every file is read to its end by this program and by the official reader: checksums, message indexes, summary.  Every
+number that the recorder gave to a frame must be there once, the time of each link must run forward, and the account of
+each link must close, made again from the frames themselves:
+
+  in = recorded + dropped, by reason
+
+  socket_queue     dropped by the kernel because nobody read in time; they never got a number
+  buffer_overflow  the medium took nothing for so long that the buffers were full: the oldest frames went
+  never_written    received by a recorder that was killed before it could write
+  storage          held to the end, because the medium took no more
+  not_triggered    recorded on a trigger only, and none came
+
+Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
+refuted (does not hold).  A single file of a session is proved as far as it goes.
+Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted.
 
   fti verify data/da42_20260102T030405Z_0
   fti verify data/da42_20260102T030405Z_0 --json
@@ -12,10 +24,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fti.logger.verify import Report
+    from fti.logger.ledger import Amount
+    from fti.logger.proof_report import Account, Report
+    from fti.logger.recording import Recording
+
+CODES = {"ok": 0, "loss": 3, "refuted": 1}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,35 +42,98 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compare everything; 3 when something does not hold."""
+    """Compare everything; 3 when something is lost, 1 when something does not hold."""
     from fti.logger.recording import Recording
-    from fti.logger.verify import verify
 
-    report = verify(Recording.open(args.session))
+    report = _verify(Recording.open(args.session))
     if args.json:
         print(json.dumps(as_json(report), indent=1))
     else:
         print("\n".join(as_text(report)))
-    return 0 if report.holds else 3
+    return CODES[report.verdict]
+
+
+def _verify(recording: Recording) -> Report:
+    """With a progress bar, where somebody can see it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from fti.logger.verify import verify
+
+    console = Console(file=sys.stderr)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("verifying", total=None)
+        return verify(recording, lambda done, total: bar.update(task, completed=done, total=total))
+
+
+# ------------------------------------------------------------------------------------------------------------- printing
 
 
 def as_json(report: Report) -> dict[str, Any]:
     """The report, for programs."""
-    counts = {
-        t.topic: {"messages": t.messages, "bytes": t.bytes, "longest_gap_s": t.longest_gap_ns / 1e9}
-        for t in report.topics
+    return {
+        "verdict": report.verdict,
+        "holds": report.holds,
+        "findings": report.findings,
+        "files": report.files,
+        "numbered": report.numbered,
+        "missing": report.missing,
+        "ledger": bool(report.ledgers),
+        "checks": [
+            {
+                "name": check.name,
+                "verdict": check.verdict,
+                "text": check.text,
+                "lines": [{"verdict": verdict, "text": text} for verdict, text in check.lines],
+            }
+            for check in report.checks
+        ],
+        "accounts": {account.topic: _account(account) for account in report.accounts},
+        "topics": {
+            name: {"messages": t.messages, "bytes": t.bytes, "longest_gap_s": t.longest_gap_ns / 1e9}
+            for name, t in sorted(report.topics.items())
+        },
     }
-    totals = {"files": report.files, "numbered": report.numbered, "missing": report.missing, "ledger": report.ledger}
-    return {"holds": report.holds, "findings": report.findings, **totals, "topics": counts}
+
+
+def _account(account: Account) -> dict[str, Any]:
+    dropped = {reason: _amount(amount) for reason, amount in account.dropped.items()}
+    amounts = {"in": _amount(account.came), "recorded": _amount(account.recorded)}
+    return {**amounts, "dropped": dropped, "errors": account.errors}
+
+
+def _amount(amount: Amount) -> dict[str, int]:
+    return {"frames": amount.frames, "bytes": amount.bytes}
 
 
 def as_text(report: Report) -> list[str]:
     """Lines for a person."""
-    lines = [
-        f"{t.topic}: {t.messages} messages, {t.bytes} bytes, longest gap {t.longest_gap_ns / 1e9:.3f} s"
-        for t in report.topics
-    ]
-    ledger = "compared" if report.ledger else "none"
-    lines.append(f"{report.files} files, {report.numbered} numbered frames, {report.missing} missing, ledger: {ledger}")
-    lines += [f"does not hold: {finding}" for finding in report.findings]
-    return [*lines, "all holds"] if report.holds else lines
+    lines = []
+    width = max(len(check.name) for check in report.checks)
+    for check in report.checks:
+        good = check.verdict in ("ok", "note")
+        lines.append(f"{check.verdict:8}{check.name:{width}}  {check.text if good else ''}".rstrip())
+        lines += [f"{'':8}{'':{width}}  {verdict}: {text}" for verdict, text in check.lines]
+    if report.accounts:
+        lines += ["", *_table(report.accounts)]
+    return [*lines, "", _conclusion(report)]
+
+
+def _table(accounts: list[Account]) -> list[str]:
+    width = max(len(account.topic) for account in accounts)
+    lines = [f"{'':{width}} {'frames in':>12} {'recorded':>12} {'dropped':>12} {'bytes recorded':>16}  why"]
+    for account in (a for a in accounts if a.came.frames or not a.topic.startswith("/tx/")):
+        came, recorded = account.came.frames, account.recorded
+        reasons = [f"{reason} {amount.frames}" for reason, amount in account.dropped.items()]
+        reasons += [f"{name} {count}" for name, count in account.errors.items() if count]
+        line = f"{account.topic:{width}} {came:12} {recorded.frames:12} {came - recorded.frames:12}"
+        lines.append(f"{line} {recorded.bytes:16}  {', '.join(reasons)}".rstrip())
+    return lines
+
+
+def _conclusion(report: Report) -> str:
+    return {
+        "ok": f"all holds: {report.files} files, {report.numbered} numbered messages",
+        "loss": "readable, not all is there; every loss that can be known is told above",
+        "refuted": "refuted: what is marked so above does not hold",
+    }[report.verdict]

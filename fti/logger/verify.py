@@ -1,213 +1,157 @@
-"""The proof of integrity: every file readable to its end, every number there, every byte accounted for."""
+"""The proof of integrity: every file readable to its end, every number there, every byte accounted for.
+
+The files are read once by this program, which holds no more than a chunk and what is missing, and once by the official
+reader.
+"""
 
 from __future__ import annotations
 
-import json
-import os
 import struct
-import zlib
-from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 
-from fti.errors import RecordingError
-from fti.logger.mcap_file import FOOTER_BYTES
-from fti.logger.recording import RAW, Recording
-from fti.logger.records import HEAD, MAGIC
-from fti.logger.survey import TopicSurvey, survey
+from fti.logger.ledger import LEDGER_TOPIC
+from fti.logger.mcap_file import Topic as Channel
+from fti.logger.proof_file import Page, ProofFile, Row
+from fti.logger.proof_ledger import LedgerProof
+from fti.logger.proof_numbers import NumberProof
+from fti.logger.proof_report import Check, Report, Topic, Verdict
+from fti.logger.proof_session import GAP_TOPIC, Gaps, conclude
+from fti.logger.recording import Recording
+from fti.logger.records import MESSAGE_BODY
+from fti.logger.repair import is_being_written
+from fti.logger.session import name_parts
 
-LEDGER_TOPIC = "/fti/ledger"
-#: A kernel stamp is brought to FTI time with two readings of clocks, between which the reader may be interrupted.
-STAMP_TOLERANCE_NS = 1_000_000
-SHOWN_RANGES = 5
-
-
-@dataclass(slots=True)
-class Report:
-    """What was found.  findings : a sentence for each thing that does not hold; ledger : whether one was compared."""
-
-    findings: list[str] = field(default_factory=list)
-    topics: list[TopicSurvey] = field(default_factory=list)
-    files: int = 0
-    numbered: int = 0
-    missing: int = 0
-    ledger: bool = False
-
-    @property
-    def holds(self) -> bool:
-        """Nothing is missing or damaged."""
-        return not self.findings
+#: Gets what has been done and what there is to do [B].
+Progress = Callable[[int, int], None]
+_OFFICIAL_STEP = 10_000
 
 
-@dataclass(slots=True)
-class Account:
-    """Frames and bytes of a link."""
-
-    frames: int = 0
-    bytes: int = 0
-    last_ns: int | None = None
-
-
-def verify(recording: Recording) -> Report:
+def verify(recording: Recording, progress: Progress = lambda done, total: None) -> Report:
     """Read everything and compare.  Raises MissingError when a file cannot be opened."""
-    report = Report(files=len(recording.files))
-    report.topics = survey(recording)
-    report.findings += _check_files(recording, report.topics)
-    if recording.raw_files:
-        accounts = _check_numbers(recording, report)
-        report.findings += _check_ledger(recording, accounts, report)
-    return report
+    return _Verification(recording, progress).run()
 
 
-# ------------------------------------------------------------------------------------------------------------ files
+class _Verification:
+    """One proof."""
 
+    def __init__(self, recording: Recording, progress: Progress) -> None:
+        self._recording = recording
+        self._report = Report(files=len(recording.files))
+        self._numbers = NumberProof()
+        raw = recording.raw_files
+        begins = recording.path.is_dir() or bool(raw and name_parts(raw[0])[1] == 0 and raw[0].stem.endswith("_000"))
+        self._ledger = LedgerProof(self._numbers, begins=begins)
+        self._begins = begins
+        self._gaps = Gaps()
+        self._progress = progress
+        self._done = 0
+        self._total = 2 * sum(path.stat().st_size for path in recording.files)
+        self._metadata: dict[Path, dict[str, bytes]] = {}
 
-def _check_files(recording: Recording, topics: list[TopicSurvey]) -> Iterator[str]:
-    told: int | None = 0
-    for path in recording.files:
+    def run(self) -> Report:
+        files = Check("files", "readable to the end, with every checksum and every index entry")
+        official = Check("official reader", "finds the same messages")
+        for path in self._recording.files:
+            self._read(path, files, official)
+        report = self._report
+        report.checks += [files, official]
+        if self._recording.raw_files:
+            self._ledger.finish()
+            report.ledgers = self._ledger.notes
+            report.numbered = self._numbers.frames
+            conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
+        return report
+
+    # ---------------------------------------------------------------------------------------------------------- files
+
+    def _read(self, path: Path, files: Check, official: Check) -> None:
+        file = ProofFile(path)
+        raw = path in self._recording.raw_files
+        if raw:
+            self._numbers.begin_file()
+        for page in file.pages():
+            self._take(page, raw=raw)
+            self._progress(self._done + page.end, self._total)
+        size = path.stat().st_size
+        self._done += size
+        for fault in file.faults:
+            files.add(Verdict.REFUTED, f"{path.name}: {fault}")
+        if file.broken:
+            being = f"{path.name}: is being written" if is_being_written(path) else f"{path.name}: {file.broken}"
+            files.add(Verdict.LOSS, being)
+        for fault in self._read_officially(file):
+            official.add(Verdict.REFUTED, f"{path.name}: {fault}")
+        self._done += size
+
+    def _take(self, page: Page, *, raw: bool) -> None:
+        if raw:
+            self._numbers.feed(page)
+        for channel, rows in page.rows:
+            self._count(channel, rows)
+            if channel.name == LEDGER_TOPIC and raw:
+                for row in rows:
+                    self._ledger.take(row[1], page.body(row))
+            elif channel.name == GAP_TOPIC:
+                for row in rows:
+                    self._gaps.take(row[1], page.body(row), raw=raw)
+        if raw:
+            self._ledger.settle()
+
+    def _count(self, channel: Channel, rows: list[Row]) -> None:
+        topic = self._report.topics.setdefault(channel.name, Topic())
+        topic.messages += len(rows)
+        topic.bytes += sum(length - MESSAGE_BODY for _, _, _, length in rows)
+        times = [topic.last_ns or rows[0][1], *(log_time for _, log_time, _, _ in rows)]
+        longest = max(b - a for a, b in pairwise(times))
+        topic.longest_gap_ns = max(topic.longest_gap_ns, longest)
+        topic.last_ns = times[-1]
+
+    # ------------------------------------------------------------------------------------------------ official reader
+
+    def _read_officially(self, file: ProofFile) -> list[str]:
         try:
-            if path in recording.faults:
-                raise RecordingError(recording.faults[path].text)
-            count = _count_told(path)
-            told = None if told is None else told + count
-        except (RecordingError, McapError, ValueError) as error:
-            yield f"{path.name}: {error}"
-            told = None
-    found = sum(topic.messages for topic in topics)
-    if told is not None and told != found:
-        yield f"the summaries tell of {told} messages, the files hold {found}"
+            return self._by_index(file) if file.finished else self._by_stream(file)
+        except (McapError, ValueError, KeyError, struct.error) as error:
+            return [str(error) or type(error).__name__]
 
+    def _by_index(self, file: ProofFile) -> list[str]:
+        """A finished file: by its summary, which must tell of what is there."""
+        found: Counter[int] = Counter()
+        with file.path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            if summary is None or summary.statistics is None:
+                return ["has no summary"]
+            for _, channel, _ in reader.iter_messages(log_time_order=False):
+                found[channel.id] += 1
+                if not found[channel.id] % _OFFICIAL_STEP:
+                    self._progress(self._done + stream.tell(), self._total)
+        chunks = [index.chunk_start_offset for index in summary.chunk_indexes]
+        told = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
+        faults = []
+        if found != file.messages:
+            faults.append(f"{found.total()} messages, {file.messages.total()} by this program")
+        if told != dict(file.messages) or summary.statistics.message_count != file.messages.total():
+            faults.append(f"the summary tells of {summary.statistics.message_count} messages, there are others")
+        if sorted(chunks) != file.chunks:
+            faults.append(f"the summary tells of {len(chunks)} chunks, there are others")
+        return faults
 
-def _count_told(path: Path) -> int:
-    """Messages that the summary of a file tells of.  Raises RecordingError, McapError or ValueError."""
-    with path.open("rb") as stream:
-        summary = make_reader(stream, validate_crcs=True).get_summary()
-        if summary is None or summary.statistics is None:
-            raise RecordingError("has no summary")
-        stream.seek(-FOOTER_BYTES, os.SEEK_END)
-        start, _, crc = struct.unpack_from("<QQI", stream.read(), HEAD.size)
-        stream.seek(start)
-        if crc and zlib.crc32(stream.read()[: -len(MAGIC) - 4]) != crc:
-            raise RecordingError("its summary is damaged")
-    return summary.statistics.message_count
-
-
-# ---------------------------------------------------------------------------------------------------------- numbers
-
-
-def _check_numbers(recording: Recording, report: Report) -> dict[str, Account]:
-    """Are all numbers there, and do the stamps of each link rise?  Returns what was found of each link."""
-    accounts: dict[str, Account] = defaultdict(Account)
-    missing: list[tuple[int, int]] = []
-    backwards: dict[str, int] = defaultdict(int)
-    expected = 0 if recording.path.is_dir() else None
-    try:
-        for seq, item in recording.numbered():
-            if expected is not None and seq > expected:
-                missing.append((expected, seq - 1))
-            expected = seq + 1
-            report.numbered += 1
-            account = accounts[item.topic.name]
-            if account.last_ns is not None and item.log_time < account.last_ns - STAMP_TOLERANCE_NS:
-                backwards[item.topic.name] += 1
-            account.last_ns = item.log_time
-            account.frames += 1
-            account.bytes += len(item.data)
-    except RecordingError as error:
-        report.findings.append(str(error))
-    report.missing = sum(last - first + 1 for first, last in missing)
-    if missing:
-        report.findings.append(f"{report.missing} numbers are missing: {_shown(missing)}")
-    report.findings += [f"{topic}: the time goes back {n} times" for topic, n in backwards.items()]
-    return {topic.removeprefix(RAW): account for topic, account in accounts.items() if topic.startswith(RAW)}
-
-
-def _shown(ranges: list[tuple[int, int]]) -> str:
-    texts = [str(first) if first == last else f"{first}-{last}" for first, last in ranges[:SHOWN_RANGES]]
-    return ", ".join(texts) + (f" and {len(ranges) - SHOWN_RANGES} more ranges" if len(ranges) > SHOWN_RANGES else "")
-
-
-# ----------------------------------------------------------------------------------------------------------- ledger
-
-
-@dataclass(slots=True)
-class Ledger:
-    """The books of a link: what came in, was recorded and was dropped, in all runs of the recorder."""
-
-    in_frames: int = 0
-    in_bytes: int = 0
-    recorded_frames: int = 0
-    recorded_bytes: int = 0
-    dropped: dict[str, tuple[int, int]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, entry: dict[str, Any]) -> Ledger:
-        """The books as they stand in the file."""
-        dropped = {reason: (lost["frames"], lost["bytes"]) for reason, lost in entry["dropped"].items()}
-        frames, recorded = entry["in_frames"], entry["recorded_frames"]
-        return cls(frames, entry["in_bytes"], recorded, entry["recorded_bytes"], dropped)
-
-    def add(self, other: Ledger) -> None:
-        """Books of another run."""
-        self.in_frames += other.in_frames
-        self.in_bytes += other.in_bytes
-        self.recorded_frames += other.recorded_frames
-        self.recorded_bytes += other.recorded_bytes
-        for reason, (frames, size) in other.dropped.items():
-            before = self.dropped.get(reason, (0, 0))
-            self.dropped[reason] = before[0] + frames, before[1] + size
-
-
-@dataclass(slots=True)
-class Books:
-    """The last ledger of each link.  restarted : there were several recorders; behind : frames came after the last."""
-
-    links: dict[str, Ledger] = field(default_factory=dict)
-    restarted: bool = False
-    behind: bool = False
-
-
-def read_books(recording: Recording) -> Books:
-    """The books of a recording; when the recorder was restarted, those of all its runs together."""
-    books = Books()
-    current: dict[str, Ledger] = {}
-    for item in recording.items("raw"):
-        if item.topic.name.startswith(RAW):
-            books.behind = True
-        elif item.topic.name == LEDGER_TOPIC:
-            books.behind = False
-            for link, entry in json.loads(item.data)["links"].items():
-                fresh, last = Ledger.of(entry), current.get(link)
-                if last and fresh.in_frames < last.in_frames:
-                    books.restarted = True
-                    books.links.setdefault(link, Ledger()).add(last)
-                current[link] = fresh
-    for link, ledger in current.items():
-        books.links.setdefault(link, Ledger()).add(ledger)
-    return books
-
-
-def _check_ledger(recording: Recording, accounts: dict[str, Account], report: Report) -> Iterator[str]:
-    """In = recorded + dropped, and recorded = found.  Books of a killed recorder end before its frames do."""
-    books = read_books(recording)
-    report.ledger = bool(books.links)
-    final = not (books.restarted or books.behind)
-    for link, ledger in books.links.items():
-        found = accounts.get(link, Account())
-        for reason, (frames, size) in ledger.dropped.items():
-            yield f"/raw/{link}: {frames} frames ({size} bytes) were dropped: {reason}"
-        yield from _compare(f"/raw/{link}", "frames", ledger.recorded_frames, found.frames, final)
-        yield from _compare(f"/raw/{link}", "bytes", ledger.recorded_bytes, found.bytes, final)
-        accounted = ledger.recorded_frames + sum(frames for frames, _ in ledger.dropped.values())
-        if final and ledger.in_frames != accounted:
-            yield f"/raw/{link}: {ledger.in_frames} frames came in, {accounted} were recorded or dropped"
-
-
-def _compare(topic: str, what: str, told: int, found: int, final: bool) -> Iterator[str]:
-    if found < told or (final and found != told):
-        yield f"{topic}: the ledger tells of {told} recorded {what}, the files hold {found}"
+    def _by_stream(self, file: ProofFile) -> list[str]:
+        """A file without an end: as far as it goes."""
+        found = 0
+        with file.path.open("rb") as stream:
+            try:
+                for record in StreamReader(stream, validate_crcs=True).records:
+                    found += isinstance(record, Message)
+            except (EndOfFile, struct.error):
+                pass
+        return [] if found == file.messages.total() else [f"{found} messages, {file.messages.total()} by this program"]
