@@ -22,6 +22,13 @@ def factor(text: str) -> float:
     return value
 
 
+def count(text: str) -> int:
+    """A whole number, 1 or more."""
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number, 1 or more")
+    return int(text)
+
+
 def _number(text: str) -> float:
     try:
         return float(text)

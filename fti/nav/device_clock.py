@@ -141,7 +141,7 @@ class Segment:
         self._x.append(self._quickest[0])
         self._y.append(self._quickest[1])
         self._unfitted += 1
-        if self._unfitted > len(self._x) // 25:
+        if self._unfitted > len(self._x) // 10:
             self._fit()
 
     def _fit(self) -> None:

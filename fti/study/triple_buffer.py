@@ -1,0 +1,128 @@
+"""Time stamps and triple buffer of source 003: what they hold, and what is missing after a stall.
+
+Source 003, section 6.3, eq. 6.1 and 6.2.  Closed forms are exact.  The stall is fed through the buffer that records:
+100 messages a second of 66 B, each in two receptions of 33 B, while storage accepts nothing.  N = runs, each with a
+stall of a length of its own; the unit is the stall.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.buffers.triple import TripleBuffer
+from fti.config import Buffered
+from fti.study import Progress, Result
+
+RUNS = 10
+SEED = 10
+
+SECOND_NS = 1_000_000_000
+DAY_S = 86_400.0
+LINKS, QUEUES = 23, 3
+RATE_HZ, MESSAGE_BYTES, RECEPTIONS = 100, 66, 2
+SURVIVED_S = 121.5
+#: Stalls are drawn from this interval [s]; all are longer than what is survived.
+STALLS_S = (122.0, 240.0)
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """Closed forms, then the stalls."""
+    rng = np.random.default_rng(seed)
+    stalls = []
+    for run in range(runs):
+        stalls.append(stall(float(rng.uniform(*STALLS_S))))
+        progress((run + 1) / runs)
+    return [*closed_forms(), *_judge(stalls)]
+
+
+def closed_forms() -> list[Result]:
+    """What follows from the widths of the numbers and the size of the buffers."""
+    fine_d = (2**32 - 1) * 50e-6 / DAY_S
+    coarse_d = (2**32 - 1) * 1e-3 / DAY_S
+    capacity = int(Buffered.model_fields["buffer_bytes"].default)
+    total = LINKS * QUEUES * capacity
+    survived_s = TripleBuffer(capacity).capacity_s(RATE_HZ, MESSAGE_BYTES, RECEPTIONS)
+    return [
+        Result("T10.fine", "32 bits of 50 us last [d] (eq. 6.1)", fine_d, "2.49", round(fine_d, 2) == 2.49),
+        Result("T10.coarse", "32 bits of 1 ms last [d]", coarse_d, "49.7", round(coarse_d, 1) == 49.7),
+        Result("T10.bytes", "buffers of 23 links [B]", total, "23 x 3 x 2^19", total == 23 * 3 * 2**19),
+        Result(
+            "T10.capacity",
+            "stall that a link survives [s] (eq. 6.2)",
+            survived_s,
+            f"{SURVIVED_S}",
+            round(survived_s, 1) == SURVIVED_S,
+        ),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Stall:
+    """What became of a stall.
+
+    first_loss_s : when the first frame was dropped; oldest_only : exactly the oldest frames are missing, the newest are
+    all there, and the buffer's account names number, bytes and time span of what is missing
+    """
+
+    first_loss_s: float
+    oldest_only: bool
+
+
+def stall(length_s: float) -> Stall:
+    """Feed a stall through a buffer."""
+    buffer = TripleBuffer(int(Buffered.model_fields["buffer_bytes"].default))
+    reception = bytes(MESSAGE_BYTES // RECEPTIONS)
+    period_ns = SECOND_NS // (RATE_HZ * RECEPTIONS)
+    first_loss_s: float | None = None
+    count = int(length_s * RATE_HZ * RECEPTIONS)
+    for seq in range(count):
+        buffer.put(seq, seq * period_ns, reception)
+        if first_loss_s is None and buffer.stats.dropped_frames:
+            first_loss_s = seq * period_ns / SECOND_NS
+    kept = _drain(buffer)
+    return Stall(first_loss_s or length_s, _oldest_only(buffer, kept, count, period_ns))
+
+
+def _drain(buffer: TripleBuffer) -> list[int]:
+    """Storage accepts again: the numbers of what was kept, as they come."""
+    kept: list[int] = []
+    while not buffer.empty:
+        taken = buffer.take()
+        kept += [entry[0] for entry in taken]
+        buffer.written(len(taken))
+    return kept
+
+
+def _oldest_only(buffer: TripleBuffer, kept: list[int], count: int, period_ns: int) -> bool:
+    """One gap in the numbers: behind what ``global`` held when the stall began, before everything that is newer."""
+    gaps = [(a + 1, b - 1) for a, b in itertools.pairwise(kept) if b != a + 1]
+    spans = buffer.stats.drops
+    if len(gaps) != 1 or len(spans) != 1 or kept[0] != 0 or kept[-1] != count - 1:
+        return False
+    (first, last), span = gaps[0], spans[0]
+    named = (span.first_seq, span.last_seq, span.frames, span.first_t_ns, span.last_t_ns)
+    return named == (first, last, last - first + 1, first * period_ns, last * period_ns)
+
+
+def _judge(stalls: list[Stall]) -> list[Result]:
+    least_s = min(stall.first_loss_s for stall in stalls)
+    right = sum(stall.oldest_only for stall in stalls)
+    return [
+        Result(
+            "T10.stall",
+            f"time without loss, the shortest of {len(stalls)} stalls [s]",
+            least_s,
+            ">= 121.4",
+            least_s >= 121.4,
+        ),
+        Result(
+            "T10.oldest",
+            f"stalls of {len(stalls)} after which exactly the oldest frames are missing",
+            right,
+            f"{len(stalls)}",
+            right == len(stalls),
+        ),
+    ]
