@@ -10,6 +10,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fti.web.words import CONTINUOUS, describe_mode
+
 Fields = Mapping[str, Any]
 
 HEIGHT = "/nav/height_above_ground/"
@@ -39,6 +41,9 @@ def _banner(health: Fields) -> Text:
     origin = str(session.get("origin", UNKNOWN)).upper()
     text = Text()
     text.append(f" {origin} ", "bold" if origin == "FLIGHT" else "bold black on yellow")
+    if (mode := str(session.get("mode", CONTINUOUS))) != CONTINUOUS:
+        word, explanation = describe_mode(mode)
+        text.append(f" {word}: {explanation} ", "bold black on yellow")
     text.append(f"  {session.get('name', UNKNOWN)}  ", "bold")
     text.append(str(session.get("state", UNKNOWN)), "green" if session.get("state") == "recording" else "bold red")
     size_mb = (storage.get("file_bytes") or 0) / 1e6

@@ -20,6 +20,7 @@ WIDTH, LEFT, RIGHT = 1280, 248, 1252
 HEAD, LANE, ROW, STRIP, FOOT = 104, 17, 36, 24, 92
 MOST_LANES, LONGEST_LABEL, LETTER = 6, 34, 6.3
 CELLS = (RIGHT - LEFT) // 2
+CRISP = 'shape-rendering="crispEdges"'
 NARROW = 10.0  # a gap that is not wider is drawn full
 PAGE, PANEL, LINE, TEXT, SOFT, DIM = "#070b10", "#0e151d", "#223040", "#f2f6fa", "#a9b8c7", "#7b8c9d"
 RED, AMBER, CYAN = "#ff4453", "#ffb224", "#4cc9f0"
@@ -172,11 +173,11 @@ class _Picture:
 
     def _gap(self, gap: Gap, at: str) -> str:
         x, end = self._x(gap.begin_ns), self._x(gap.begin_ns + gap.length_ns)
-        width = max(end - x, 2.0)
+        width = max(end - x, 3.0)
         fill = RED if width <= NARROW else "url(#gap)"
         begin_s = self._view.since_begin_s(gap.begin_ns)
         told = f"silent for {gap.length_ns / SECOND_NS:.3f} s from {begin_s:.3f} s on"
-        return f'<rect x="{x:.1f}" {at} width="{width:.1f}" fill="{fill}"><title>{told}</title></rect>'
+        return f'<rect x="{x:.1f}" {at} width="{width:.1f}" fill="{fill}" {CRISP}><title>{told}</title></rect>'
 
     # --------------------------------------------------------------------------------------------------- events
 

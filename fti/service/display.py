@@ -1,4 +1,7 @@
-"""The display process: hears the bus, serves the page.  It can be killed at any time without harm to the others."""
+"""The display process: hears the bus, serves the page, hands marks up to the supervisor.
+
+It can be killed at any time without harm to the others.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ async def serve(endpoint: str, session: str, port: int, channel: Channel) -> Non
     """Serve the page until the supervisor ends it; tells the supervisor the port."""
     clock = SystemClock(0)  # ages need differences only
     feed = Feed(clock.now_ns())
-    server = PageServer(feed, clock.now_ns)
+    server = PageServer(feed, clock.now_ns, channel.send)
     chosen = await server.start(port)
     subscriber = await asyncio.to_thread(listen, feed, endpoint, session, clock)
     channel.send({"ready": True, "port": chosen})

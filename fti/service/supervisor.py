@@ -180,6 +180,8 @@ class Supervisor:
             self._publish_info()
         if "event" in message:
             self._bulletin.pass_on(message["event"])
+        if "mark" in message and child.name == DISPLAY:
+            self._obey(message)
         if "stopped" in message:
             self._recorded.set()
 

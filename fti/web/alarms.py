@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fti.web.words import describe_reasons
+from fti.web.words import describe_reasons, describe_storage
 
 Alarm = dict[str, str]
 
@@ -58,9 +58,10 @@ def _recording(sight: Sight) -> Iterator[Alarm]:
     storage = _table(sight.health, "storage")
     session = _table(sight.health, "session")
     recorder = _table(_table(sight.health, "processes"), "recorder").get("state", "running")
-    if storage.get("state", "ok") != "ok" or session.get("state") == "storage_error":
-        yield _alarm("storage", "red", "NOT RECORDING", f"storage {storage.get('state')}: {storage.get('hint') or ''}")
-    elif recorder in ("restarting", "stopped") and session.get("state") != "stopping":
+    state = "error" if session.get("state") == "storage_error" else str(storage.get("state", "ok"))
+    if state != "ok":
+        yield _alarm("storage", *describe_storage(state), str(storage.get("hint") or f"storage {state}"))
+    if state != "error" and recorder in ("restarting", "stopped") and session.get("state") != "stopping":
         yield _alarm("recorder", "red", "NOT RECORDING", f"the recorder is {recorder}")
     if session.get("state") == "stopping":
         yield _alarm("stopping", "amber", "STOPPING", "files are being closed")

@@ -1,7 +1,8 @@
-"""The page's server: HTTP and one WebSocket on loopback, read-only, for its own origin alone.
+"""The page's server: HTTP and one WebSocket on loopback, for its own origin alone.
 
 ``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
-``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; what a client says is not listened to.
+``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz.  A client may only set a mark:
+``{"command": "mark", "text", "token", "id"}``; the token stands in the page (see ``fti.web.commands``).
 
 A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
 here), or when its Origin is another one; the WebSocket, which a browser lets any page open, demands an Origin.
@@ -20,12 +21,14 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.typedefs import Handler
 
 from fti.errors import MissingError
+from fti.web.commands import CommandGate, Send
 from fti.web.feed import Feed
 
 LOOPBACK = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 PERIOD_S = 0.1
-LONGEST_MESSAGE = 1024
+LONGEST_MESSAGE = 2048
+TOKEN_PLACE = b"{{token}}"
 CONTENT_TYPES = {
     ".html": "text/html",
     ".css": "text/css",
@@ -44,10 +47,12 @@ HEADERS = {
 CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
 
 
-def static_files() -> dict[str, tuple[bytes, str]]:
-    """Path on the server to content and content type, of everything that the page is made of."""
+def static_files(token: str = "") -> dict[str, tuple[bytes, str]]:
+    """Path on the server to content and content type, of everything that the page is made of, with its token."""
     root = resources.files("fti.web") / "static"
     files = {path: (entry.read_bytes(), _content_type(entry.name)) for path, entry in _walk(root, "/")}
+    page, content_type = files["/index.html"]
+    files["/index.html"] = page.replace(TOKEN_PLACE, token.encode()), content_type
     return files | {"/": files["/index.html"]}
 
 
@@ -82,12 +87,13 @@ async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResp
 
 
 class PageServer:
-    """Serves the page of one feed.  ``now_ns`` is the monotonic clock of the feed."""
+    """Serves the page of one feed.  now_ns : the monotonic clock of the feed; send : hands a command to the daemon."""
 
-    def __init__(self, feed: Feed, now_ns: Callable[[], int]) -> None:
+    def __init__(self, feed: Feed, now_ns: Callable[[], int], send: Send) -> None:
         self._feed = feed
         self._now_ns = now_ns
-        self._files = static_files()
+        self._gate = CommandGate(send, now_ns)
+        self._files = static_files(self._gate.token)
         self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
         self._runner: web.AppRunner | None = None
 
@@ -138,7 +144,7 @@ class PageServer:
         return socket
 
     async def _pause(self, socket: web.WebSocketResponse) -> None:
-        """Wait for the next turn; what arrives meanwhile is thrown away, a closing handshake is answered."""
+        """Wait for the next turn; commands that arrive meanwhile and a closing handshake are answered."""
         end = asyncio.get_running_loop().time() + PERIOD_S
         while (left := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
             try:
@@ -147,6 +153,8 @@ class PageServer:
                 return
             if message.type in CLOSED:
                 await socket.close()
+            elif message.type is WSMsgType.TEXT and (answer := self._gate.obey(message.data)):
+                await socket.send_str(json.dumps(answer))
 
     async def _close_sockets(self, app: web.Application) -> None:
         for socket in set(self._sockets):

@@ -47,6 +47,30 @@ STATES: dict[str, str] = {
 }
 
 
+#: State of the storage that is not ok: level and title of its alarm.
+STORAGE: dict[str, tuple[str, str]] = {
+    "full": ("amber", "STORAGE ALMOST FULL"),
+    "overdue": ("amber", "NEXT FILE OVERDUE"),
+    "slow": ("amber", "STORAGE SLOW"),
+    "fallback": ("amber", "RECORDING TO THE FALLBACK"),
+    "gone": ("red", "RECORDING TO A LOST FILE"),
+    "error": ("red", "NOT RECORDING"),
+}
+#: How a session is recorded, when it is not all of it: banner and explanation.
+MODES: dict[str, tuple[str, str]] = {"snapshot": ("SNAPSHOT", "only what is around a trigger is recorded")}
+CONTINUOUS = "continuous"
+
+
+def describe_storage(state: str) -> tuple[str, str]:
+    """Level and title of the alarm of a storage state that is not ok; also of one that is not known here."""
+    return STORAGE.get(state, ("amber", f"STORAGE {state.upper()}"))
+
+
+def describe_mode(mode: str) -> tuple[str, str]:
+    """Banner and explanation of a mode that is not continuous."""
+    return MODES.get(mode, (mode.upper(), ""))
+
+
 def describe_reasons(reasons: object) -> list[str]:
     """Words for the reasons of an output; an unknown one is shown as it is."""
     return [REASONS.get(str(r), str(r).replace("_", " ")) for r in reasons] if isinstance(reasons, list) else []

@@ -120,5 +120,16 @@ def test_stale_and_invalid_values_are_struck_out_with_the_reason() -> None:
     assert "roll limit" in invalid
 
 
+def test_a_snapshot_session_and_the_storage_are_said() -> None:
+    feed, health = make_feed(), make_health(10.0, 0, 0)
+    health["session"]["mode"] = "snapshot"
+    health["storage"].update(state="slow", hint="nothing was taken for 1.2 s")
+    feed.take("/health", health, 0)
+    text = rendered(feed, 0)
+    assert "SNAPSHOT: only what is around a trigger is recorded" in text
+    assert "STORAGE SLOW – nothing was taken for 1.2 s" in text
+    assert "SNAPSHOT" not in rendered(make_feed(), 0)
+
+
 def test_before_the_first_health_there_is_a_picture() -> None:
     assert "–" in rendered(Feed(0), 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
 from pathlib import Path
@@ -10,13 +11,14 @@ from pathlib import Path
 import pytest
 
 from tests.e2e.flights import demo_config, emulator
-from tests.e2e.harness import START_S, daemon
+from tests.e2e.harness import START_S, daemon, fti
 from tests.helpers import until
 from tests.web.chromium import Chromium, Page, by_testid
 
 pytestmark = [pytest.mark.e2e, pytest.mark.browser, pytest.mark.timeout(240)]
 HEIGHT = "height-altimeter-agl"
 LONG_S = 40.0
+MARK = "over the threshold"
 
 
 def _struck(testid: str) -> str:
@@ -61,6 +63,11 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
                 os.kill(navigation, signal.SIGCONT)
                 await page.wait_for(f"!{by_testid('alarm-navigation_stopped')}", LONG_S)
 
+                await page.press("m")
+                await page.type_text(MARK)
+                await page.press("Enter")
+                await page.wait_for(f"{by_testid('events')}.textContent.includes('{MARK}')", LONG_S)
+
                 await page.screenshot(tmp_path / "page.png")
                 await asyncio.to_thread(running.stop)
                 await page.wait_for("document.body.classList.contains('disconnected')", LONG_S)
@@ -69,3 +76,11 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
                 local = (address, address.replace("http:", "ws:"))
                 assert page.requests
                 assert all(url.startswith(local) for url in page.requests)
+    assert _marks_of(tmp_path / "out") == [MARK]
+
+
+def _marks_of(out: Path) -> list[str]:
+    """Texts of the marks in the only session there, as ``fti info`` tells them."""
+    (session,) = [path for path in out.iterdir() if list(path.glob("*.mcap"))]
+    done = fti("info", str(session), "--json")
+    return [event["text"] for event in json.loads(done.stdout)["events"] if event["source"] == "mark"]

@@ -167,6 +167,17 @@ class Page:
         """Text of the element with that data-testid."""
         return str(await self.eval(f"{by_testid(testid)}.textContent"))
 
+    async def press(self, key: str) -> None:
+        """Press and release a key: a letter, or Enter."""
+        text = "\r" if key == "Enter" else key
+        code = {"key": key, "windowsVirtualKeyCode": ord(text.upper())}
+        await self.command("Input.dispatchKeyEvent", type="keyDown", text=text, **code)
+        await self.command("Input.dispatchKeyEvent", type="keyUp", **code)
+
+    async def type_text(self, text: str) -> None:
+        """Type into what has the focus."""
+        await self.command("Input.insertText", text=text)
+
     async def resize(self, width: int, height: int) -> None:
         """Give the page that size [px]."""
         size = {"width": width, "height": height}

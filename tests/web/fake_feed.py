@@ -252,6 +252,10 @@ class FakeDaemon:
         if navigation:
             navigation.close()
 
+    def say(self, level: str, source: str, text: str) -> None:
+        """Publish an event that happens now."""
+        self.hub.publish("/event", encode(asdict(Event(t_ns=time.time_ns(), level=level, source=source, text=text))))
+
     def close(self) -> None:
         """End everything."""
         self._ending.set()
@@ -308,12 +312,17 @@ class DisplayProcess:
 
     def _read_port(self) -> int:
         self.control.settimeout(20.0)
-        with self.control.makefile() as lines:
-            line = lines.readline()
-        if not line:
+        message = self.read_message()
+        if not message:
             self.control.close()
             raise ConnectionError(f"the display ended with code {self.process.wait(10.0)}")
-        return int(json.loads(line)["port"])
+        return int(message["port"])
+
+    def read_message(self) -> dict[str, Any]:
+        """What the display says next to its supervisor; empty at its end."""
+        with self.control.makefile() as lines:
+            found: dict[str, Any] = json.loads(lines.readline() or "{}")
+        return found
 
     def close(self) -> int:
         """Let it see the end of its supervisor; returns its exit code."""

@@ -69,15 +69,26 @@ def test_navigation_that_catches_up_is_late_not_stopped() -> None:
     assert found(replace(GOOD, nav_age_ms=3200.0)) == {"navigation_late": ("amber", "catching up, 3.2 s behind")}
 
 
+def test_a_refusing_medium_is_said_loudly() -> None:
+    changes = {"session": {"state": "storage_error"}, "storage": {"state": "error", "hint": "EIO"}}
+    assert found(replace(GOOD, health=make_health(**changes))) == {"storage": ("red", "EIO")}
+
+
 @pytest.mark.parametrize(
-    ("changes", "detail"),
+    ("state", "level"),
     [
-        ({"storage": {"state": "full", "hint": "12 MB free"}}, "storage full: 12 MB free"),
-        ({"session": {"state": "storage_error"}, "storage": {"state": "error", "hint": "EIO"}}, "storage error: EIO"),
+        ("error", "red"),
+        ("gone", "red"),
+        ("full", "amber"),
+        ("overdue", "amber"),
+        ("slow", "amber"),
+        ("fallback", "amber"),
+        ("of_the_future", "amber"),
     ],
 )
-def test_a_refusing_medium_is_said_loudly(changes: dict[str, Any], detail: str) -> None:
-    assert found(replace(GOOD, health=make_health(**changes))) == {"storage": ("red", detail)}
+def test_every_state_of_the_storage_but_ok_is_an_alarm(state: str, level: str) -> None:
+    health = make_health(storage={"state": state, "hint": "why and what to do"})
+    assert found(replace(GOOD, health=health)) == {"storage": (level, "why and what to do")}
 
 
 def test_a_recorder_that_is_not_there() -> None:

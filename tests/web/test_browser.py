@@ -57,6 +57,14 @@ def counts_colours(plot: str) -> str:
     return f"{pixels}.reduce((sum, v, i) => sum + (i % 4 === 3 && v > 0), 0)"
 
 
+def counts_marks(plot: str) -> str:
+    """How many pixels of a plot's canvas have the colour of the marks."""
+    canvas = f"document.querySelector('[data-testid=\"{plot}\"] canvas')"
+    image = f"{canvas}.getContext('2d').getImageData(0, 0, {canvas}.width, {canvas}.height)"
+    pixels = f"new Uint32Array({image}.data.buffer)"
+    return f"{pixels}.reduce((sum, v) => sum + (v === 0xfff4eee8), 0)"
+
+
 async def test_values_change_and_nothing_comes_from_outside(page: Page, display: DisplayProcess) -> None:
     before = await page.text(f"{LASER}-agl")
     assert float(before) > 0
@@ -125,9 +133,14 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
     assert box["width"] == 1440
     assert await page.eval(f"getComputedStyle({by_testid('no-connection')}).display") == "grid"
     assert (await page.text("no-connection-text")).startswith("values are frozen since ")
+    await page.eval(f"{by_testid('mark-button')}.click()")
+    await page.wait_for(shows("mark-answer", "no connection"))
     successor = DisplayProcess(daemon, display.port)
     try:
         await page.wait_for(FRESH)
+        await page.eval(f"{by_testid('mark-text')}.value = 'second display'")
+        await page.wait_for(f"{by_testid('mark-button')}.click() || {shows('mark-answer', 'marked')}")
+        assert await asyncio.to_thread(successor.read_message) == {"mark": "second display"}
     finally:
         await asyncio.to_thread(successor.close)
 
@@ -154,6 +167,46 @@ async def test_an_alert_is_a_red_block_and_an_alarm(page: Page, daemon: FakeDaem
 
 def make_alert(fields: dict[str, Any]) -> dict[str, Any]:
     return fields | {"state": "alert", "reasons": ("obstacle",), "valid": False, "t4_ratio": 2.3}
+
+
+async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess, tmp_path: Path
+) -> None:
+    await page.wait_for(f"{counts_marks('heights-plot')} === 0 && {counts_colours('heights-plot')} > 3000")
+    await page.press("m")
+    assert await page.eval(f"document.activeElement === {by_testid('mark-text')}")
+    await page.type_text("approach 3 <b>")
+    await page.press("Enter")
+    assert await asyncio.to_thread(display.read_message) == {"mark": "approach 3 <b>"}
+    await page.wait_for(shows("mark-answer", "marked"))
+    assert await page.eval(f"{by_testid('mark-text')}.value === '' && document.activeElement === document.body")
+    daemon.say("info", "mark", "approach 3 <b>")
+    await page.wait_for(shows("events", "approach 3 <b>"))
+    for plot in ("heights-plot", "glide-plot"):
+        await page.wait_for(f"{counts_marks(plot)} > 20")
+    await page.screenshot(tmp_path / "mark.png")
+    assert page.problems == []
+    await page.eval(f"{by_testid('mark-button')}.click()")
+    assert await asyncio.to_thread(display.read_message) == {"mark": "mark"}  # there may be no time for words
+    await page.eval(f"for (let i = 0; i < 20; i += 1) {by_testid('mark-button')}.click()")
+    await page.wait_for(shows("mark-answer", "more than 5 marks in a second"))
+
+
+async def test_a_fallback_medium_and_a_snapshot_session_are_said(page: Page, daemon: FakeDaemon) -> None:
+    assert await page.eval(f"{by_testid('mode')}.parentElement.hidden")
+    daemon.change_health = make_fallback_snapshot
+    await page.wait_for(shows("alarm-storage", "RECORDING TO THE FALLBACK"))
+    assert "/media/usb is full" in await page.text("alarm-storage")
+    assert await page.text("mode") == "SNAPSHOT"
+    assert not await page.eval(f"{by_testid('mode')}.parentElement.hidden")
+    for width, height in ((1440, 900), (1920, 1080)):
+        await page.resize(width, height)
+        assert await page.eval(CUT_OFF) == []
+
+
+def make_fallback_snapshot(health: dict[str, Any]) -> None:
+    health["storage"].update(state="fallback", hint="/media/usb is full; recording to /data")
+    health["session"]["mode"] = "snapshot"
 
 
 SHARED_HISTORY = """

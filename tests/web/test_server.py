@@ -1,6 +1,7 @@
 """The page's server: what it serves, to whom, and that nothing in it points outside."""
 
 import asyncio
+import json
 import re
 import socket
 from collections.abc import AsyncIterator
@@ -24,10 +25,22 @@ class Site:
 
     def __init__(self, client: aiohttp.ClientSession) -> None:
         self.now_ns = 0
+        self.taken: list[Any] = []
+        self.listens = True
         self.feed = Feed(0)
         self.client = client
-        self.server = PageServer(self.feed, lambda: self.now_ns)
+        self.server = PageServer(self.feed, lambda: self.now_ns, self.take)
         self.port = 0
+
+    def take(self, command: Any) -> bool:
+        self.taken.append(command)
+        return self.listens
+
+    async def token(self) -> str:
+        async with self.client.get(f"http://127.0.0.1:{self.port}/") as response:
+            found = re.search(r'<meta name="fti-token" content="([^"]+)">', await response.text())
+        assert found
+        return found[1]
 
     async def status(self, path: str = "/", **headers: str) -> int:
         async with self.client.get(f"http://127.0.0.1:{self.port}{path}", headers=headers) as response:
@@ -51,7 +64,7 @@ async def test_every_part_of_the_page_is_served_with_the_policy(site: Site) -> N
     for path, (body, content_type) in static_files().items():
         async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
             assert (response.status, response.content_type) == (200, content_type)
-            assert await response.read() == body
+            assert re.sub(rb'(name="fti-token" content=")[^"]+', rb"\1", await response.read()) == body
             assert response.headers["Content-Security-Policy"].startswith("default-src 'self';")
             assert response.headers["X-Content-Type-Options"] == "nosniff"
 
@@ -114,10 +127,86 @@ async def test_the_socket_sends_history_and_then_states(site: Site) -> None:
     assert [alarm["id"] for alarm in later["alarms"]] == ["daemon_stopped", "navigation_stopped"]
 
 
-async def test_what_a_client_says_changes_nothing(site: Site) -> None:
+# --------------------------------------------------------------------------------------------------------- commands
+
+
+async def answers(ws: Any, *commands: Any) -> list[Any]:
+    """Give commands; what is answered to each, in order."""
+    for n, command in enumerate(commands):
+        await ws.send_str(json.dumps({"id": n, **command}))
+    found: dict[int, Any] = {}
+    async with asyncio.timeout(20.0):
+        while len(found) < len(commands):
+            message = await ws.receive_json()
+            if message["type"] == "answer":
+                found[message["id"]] = message["fault"]
+    return [found[n] for n in range(len(commands))]
+
+
+async def test_a_mark_goes_to_the_daemon(site: Site) -> None:
+    token = await site.token()
     async with site.connect() as ws:
-        for _ in range(20):
-            await ws.send_str('{"type": "state"}')
+        text = "  begin of\u0000\n approach\u202e 3 – Ä \ud83d\ude80 "
+        assert await answers(ws, {"command": "mark", "text": text, "token": token}) == [None]
+        assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680"}]
+        site.listens = False
+        assert await answers(ws, {"command": "mark", "text": "x", "token": token}) == ["the daemon does not listen"]
+
+
+@pytest.mark.parametrize("token", [None, "", "x", 7, ["a"], "\u00e4", "\ud800"])
+async def test_without_the_token_of_the_page_nothing_is_done(site: Site, token: Any) -> None:
+    async with site.connect() as ws:
+        found = await answers(ws, {"command": "mark", "text": "x", "token": token})
+    assert found == ["the page is older than the display; load it again"]
+    assert site.taken == []
+
+
+async def test_each_start_has_its_own_token(site: Site) -> None:
+    other = PageServer(Feed(0), lambda: 0, site.take)
+    port = await other.start(0)
+    async with site.client.get(f"http://127.0.0.1:{port}/") as response:
+        assert await site.token() not in await response.text()
+    await other.stop()
+    assert len(await site.token()) >= 32
+
+
+@pytest.mark.parametrize(
+    ("command", "fault"),
+    [
+        ({"command": "mark", "text": "x" * 201}, "a mark has 1 to 200 characters"),
+        ({"command": "mark", "text": " \n"}, "a mark has 1 to 200 characters"),
+        ({"command": "mark"}, "there is no such command"),
+        ({"command": "mark", "text": ["x"]}, "there is no such command"),
+        ({"command": "stop", "text": "x"}, "there is no such command"),
+        ({"command": ["mark"], "text": "x"}, "there is no such command"),
+    ],
+)
+async def test_what_is_no_mark_is_refused(site: Site, command: dict[str, Any], fault: str) -> None:
+    async with site.connect() as ws:
+        assert await answers(ws, {**command, "token": await site.token()}) == [fault]
+    assert site.taken == []
+
+
+async def test_the_longest_mark_is_taken_in_any_script(site: Site) -> None:
+    async with site.connect() as ws:
+        assert await answers(ws, {"command": "mark", "text": "ä" * 200, "token": await site.token()}) == [None]
+    assert site.taken == [{"mark": "ä" * 200}]
+
+
+async def test_a_flood_is_stopped_for_all_pages_together(site: Site) -> None:
+    mark = {"command": "mark", "text": "x", "token": await site.token()}
+    async with site.connect() as first, site.connect() as second:
+        found = await answers(first, *[mark] * 30) + await answers(second, *[mark] * 30)
+        assert found == [None] * 5 + ["more than 5 marks in a second"] * 55
+        site.now_ns += 1_000_000_000
+        assert await answers(second, *[mark] * 6) == [None] * 5 + ["more than 5 marks in a second"]
+    assert len(site.taken) == 10
+
+
+@pytest.mark.parametrize("noise", ["", "[" * 2000, "7", "[]", '"mark"', "{}", '{"type": "state"}', "{"])
+async def test_noise_is_not_answered(site: Site, noise: str) -> None:
+    async with site.connect() as ws:
+        await ws.send_str(noise)
         assert [(await ws.receive_json())["type"] for _ in range(4)] == ["history", "state", "state", "state"]
 
 
@@ -145,7 +234,7 @@ async def test_a_port_in_use_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(MissingError, match=f"display.port = {port}: cannot be served on 127.0.0.1: .*in use"):
-            await PageServer(Feed(0), lambda: 0).start(port)
+            await PageServer(Feed(0), lambda: 0, lambda command: True).start(port)
 
 
 def test_no_file_of_the_page_points_outside() -> None:

@@ -12,6 +12,10 @@ import { Devices, Links } from "./tables.js";
 
 const place = (id) => document.getElementById(id);
 
+// The panels are there before the connection: a command waits for it.
+let connection = null;
+const command = (fields) => connection?.command(fields) ?? Promise.resolve("no connection");
+
 const panels = [
   new Banner(place("banner")),
   new Alarms(place("alarms")),
@@ -21,7 +25,7 @@ const panels = [
   new Attitude(place("attitude")),
   new Links(place("links")),
   new Devices(place("devices")),
-  new Events(place("events")),
+  new Events(place("events"), command),
 ];
 
 function onMessage(message) {
@@ -34,4 +38,6 @@ function onMessage(message) {
   for (const panel of panels) panel.show(message);
 }
 
-document.fonts.load("12px B612").finally(() => new Connection(onMessage));
+document.fonts.load("12px B612").finally(() => {
+  connection = new Connection(onMessage);
+});

@@ -8,6 +8,7 @@ const ORIGINS = {
   replay: ["REPLAY", "bytes of an earlier session"],
   flight: ["FLIGHT", ""],
 };
+const MODES = { snapshot: ["SNAPSHOT", "only what is around a trigger is recorded"] };
 const RECORDING = { recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
 
 const lastPart = (path) => (path ?? "").split("/").pop();
@@ -22,6 +23,9 @@ export class Banner {
     this.root = root;
     this.origin = h("strong", { class: "origin", "data-testid": "origin" }, "–");
     this.originText = h("span", { class: "origin-text" });
+    this.mode = h("strong", { class: "origin", "data-testid": "mode" });
+    this.modeText = h("span", { class: "origin-text" });
+    this.modeBlock = h("div", { class: "origin-block mode-block" }, this.mode, this.modeText);
     this.session = field("session", "session");
     this.state = h("strong", { class: "recording", "data-testid": "recording" }, "–");
     this.file = field("file", "file");
@@ -35,6 +39,7 @@ export class Banner {
     const fields = [this.file, this.size, this.age, this.free].map((f) => f.root);
     root.append(
       h("div", { class: "origin-block" }, this.origin, this.originText),
+      this.modeBlock,
       this.session.root,
       h("div", { class: "record-block" }, this.state, ...fields),
       list,
@@ -46,11 +51,13 @@ export class Banner {
     if (!health) return;
     const { session, storage, processes } = health;
     this.#showOrigin(session.origin);
+    this.#showMode(session.mode ?? "continuous");
     const folder = lastPart(session.folder) || session.name;
     setText(this.session.value, folder);
     document.title = `${folder} · fti`;
     setText(this.state, RECORDING[session.state] ?? session.state);
     setAttribute(this.state, "data-state", session.state);
+    setAttribute(this.state, "data-storage", storage.state);
     setText(this.file.value, lastPart(storage.file).replace(`${folder}_`, "") || UNKNOWN);
     setText(this.size.value, bytes(storage.file_bytes));
     setText(this.age.value, age(storage.file_age_s * 1000));
@@ -65,6 +72,13 @@ export class Banner {
     setAttribute(this.root, "data-origin", origin);
     setText(this.origin, word);
     setText(this.originText, text);
+  }
+
+  #showMode(mode) {
+    const [word, text] = MODES[mode] ?? [mode.toUpperCase(), ""];
+    this.modeBlock.hidden = mode === "continuous";
+    setText(this.mode, word);
+    setText(this.modeText, text);
   }
 
   #showProcesses(processes) {

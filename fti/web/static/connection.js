@@ -1,4 +1,4 @@
-// The WebSocket: reconnects for ever; says at once when nothing arrives any more.
+// The WebSocket: reconnects for ever; says at once when nothing arrives any more; carries the commands of the page.
 
 import { clock } from "./format.js";
 import { setClass, setText } from "./dom.js";
@@ -11,23 +11,51 @@ export class Connection {
     this.onMessage = onMessage;
     this.lastAt = null; // time of the last message, for the age
     this.open = false;
+    this.token = tokenOf(document);
+    this.waiting = new Map(); // number of a command to what takes its answer
+    this.commands = 0;
     setInterval(() => this.#watch(), 250);
     this.#connect();
   }
 
+  // Gives a command; resolves to why it was refused, or to null.
+  command(fields) {
+    if (!this.open) return Promise.resolve("no connection");
+    this.commands += 1;
+    const id = this.commands;
+    this.socket.send(JSON.stringify({ ...fields, id, token: this.token }));
+    return new Promise((resolve) => this.waiting.set(id, resolve));
+  }
+
+  #answer(id, fault) {
+    this.waiting.get(id)?.(fault);
+    this.waiting.delete(id);
+  }
+
   #connect() {
     const socket = new WebSocket(`ws://${location.host}/ws`);
+    this.socket = socket;
+    socket.onopen = () => this.lastAt !== null && this.#renewToken();
     socket.onmessage = (event) => {
+      const message = JSON.parse(event.data);
       this.lastAt = Date.now();
       this.open = true;
-      this.onMessage(JSON.parse(event.data));
+      if (message.type === "answer") this.#answer(message.id, message.fault);
+      else this.onMessage(message);
       this.#watch();
     };
     socket.onclose = () => {
       this.open = false;
+      for (const id of [...this.waiting.keys()]) this.#answer(id, "the connection was lost");
       this.#watch();
       setTimeout(() => this.#connect(), RETRY_MS);
     };
+  }
+
+  // A display that was started again has another token.
+  async #renewToken() {
+    const response = await fetch("/", { cache: "no-store" });
+    this.token = tokenOf(new DOMParser().parseFromString(await response.text(), "text/html"));
   }
 
   #watch() {
@@ -43,3 +71,5 @@ export class Connection {
     return `values are frozen since ${clock(this.lastAt * 1e6)} UTC (${seconds} s)`;
   }
 }
+
+const tokenOf = (page) => page.querySelector("meta[name=fti-token]")?.content ?? "";

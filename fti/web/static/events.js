@@ -1,13 +1,13 @@
-// What happened, the newest first.
+// What happened, the newest first; above it the field for marks.
 
 import { clock, title } from "./format.js";
 import { h, panelTitle } from "./dom.js";
+import { MarkField } from "./marks.js";
 
 export class Events {
-  constructor(root) {
-    this.heading = panelTitle("Events", "");
+  constructor(root, command) {
     this.list = h("ol", { class: "scroll", "data-testid": "events" });
-    root.append(this.heading.root, this.list);
+    root.append(panelTitle("Events").root, new MarkField(command).root, this.list);
     this.shown = "";
   }
 
@@ -21,5 +21,5 @@ export class Events {
 }
 
 function makeItem({ t_ns: tNs, level, source, text }) {
-  return h("li", { "data-level": level }, h("time", {}, clock(tNs)), h("span", {}, h("b", {}, title(source)), text));
+  return h("li", { "data-level": level, "data-source": source }, h("time", {}, clock(tNs)), h("span", {}, h("b", {}, title(source)), text));
 }

@@ -2,6 +2,7 @@
 
 import { degrees, fixed, isNumber, plusMinus, UNKNOWN } from "./format.js";
 import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
+import { marksOf } from "./marks.js";
 import { HistoryPlot } from "./plot.js";
 import { showValidity } from "./validity.js";
 
@@ -36,11 +37,12 @@ export class Glide {
     this.plot.load(history);
   }
 
-  show({ outputs, t_ns: tNs }) {
+  show({ outputs, events, t_ns: tNs }) {
     const output = outputs[TOPIC];
     showValidity(output, this.values, this.verdict);
     this.scale.show(output);
     this.#showFigures(output ?? {});
+    this.plot.marks = marksOf(events);
     if (tNs) this.plot.add(tNs / 1e9, [output?.valid ? (output.deviation ?? null) : null]);
   }
 

@@ -2,6 +2,7 @@
 
 import { fixed, plusMinus, title } from "./format.js";
 import { h, Keyed, panelTitle, setText } from "./dom.js";
+import { marksOf } from "./marks.js";
 import { HistoryPlot } from "./plot.js";
 import { showValidity } from "./validity.js";
 
@@ -29,11 +30,12 @@ export class Heights {
     this.plot?.load(history);
   }
 
-  show({ outputs, t_ns: tNs }) {
+  show({ outputs, events, t_ns: tNs }) {
     const topics = Object.keys(outputs).filter((topic) => topic.startsWith(PREFIX));
     if (topics.join() !== this.topics.join()) this.#arrange(topics);
     const rows = this.rows.sync(topics);
     topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], colourOf(place)));
+    if (this.plot) this.plot.marks = marksOf(events);
     if (this.plot && tNs) this.plot.add(tNs / 1e9, topics.flatMap((topic) => plotted(outputs[topic])));
   }
 

@@ -1,4 +1,4 @@
-// A history plot: the last two minutes on one time axis, with gaps where nothing valid was there.
+// A history plot: the last two minutes on one time axis, with gaps where nothing valid was there, and with the marks.
 
 import uPlot from "./vendor/uplot-1.6.32/uPlot.esm.js";
 import { clock, fixed } from "./format.js";
@@ -6,6 +6,9 @@ import { clock, fixed } from "./format.js";
 const PERIOD_S = 0.19; // states come at 10 Hz, not to the millisecond: every second one
 const GAP_S = 1.0;
 const SPAN_S = 120;
+const MARK_COLOUR = "#e8eef4";
+const LONGEST_LABEL = 18;
+const LANES = 3; // of labels, chosen by the second of the mark, so that none jumps
 const AXIS = { stroke: "#8fa1b3", font: "11px B612", grid: { stroke: "#1d2936", width: 1 }, ticks: { show: false } };
 
 export class HistoryPlot {
@@ -13,6 +16,7 @@ export class HistoryPlot {
   constructor(parent, { series, range, digits }) {
     this.series = series;
     this.data = [[], ...series.map(() => [])];
+    this.marks = []; // [{t, text}]
     this.plot = new uPlot(this.#options(range, digits), this.data, parent);
     this.observer = new ResizeObserver(() => this.#fit(parent));
     this.observer.observe(parent);
@@ -24,6 +28,7 @@ export class HistoryPlot {
       height: 100,
       legend: { show: false },
       cursor: { show: false },
+      hooks: { draw: [(plot) => drawMarks(plot, this.marks)] },
       padding: [6, 26, 0, 0],
       scales: { x: { time: false, auto: false }, y: { range: (_, min, max) => range(min, max) } },
       axes: [
@@ -80,6 +85,32 @@ export class HistoryPlot {
     const unscaled = this.series.map(({ key, scale = 1 }, i) => [key, columns[i].map((v) => scaled(v, 1 / scale))]);
     return { t, series: Object.fromEntries(unscaled) };
   }
+}
+
+// A dashed line for each mark, its text beside it.
+function drawMarks(plot, marks) {
+  const { ctx, bbox } = plot;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  ctx.font = `${11 * devicePixelRatio}px B612`;
+  ctx.strokeStyle = ctx.fillStyle = MARK_COLOUR;
+  ctx.lineWidth = devicePixelRatio;
+  ctx.setLineDash([5 * devicePixelRatio, 3 * devicePixelRatio]);
+  for (const { t, text } of marks) {
+    if (t < plot.scales.x.min || t > plot.scales.x.max) continue;
+    const x = Math.round(plot.valToPos(t, "x", true)) + (ctx.lineWidth % 2) / 2; // on whole pixels
+    ctx.beginPath();
+    ctx.moveTo(x, bbox.top);
+    ctx.lineTo(x, bbox.top + bbox.height);
+    ctx.stroke();
+    const label = text.length > LONGEST_LABEL ? `${text.slice(0, LONGEST_LABEL - 1)}…` : text;
+    const right = x + ctx.measureText(label).width + 6 * devicePixelRatio < bbox.left + bbox.width;
+    ctx.textAlign = right ? "left" : "right";
+    ctx.fillText(label, x + (right ? 4 : -4) * devicePixelRatio, bbox.top + (12 + 14 * (Math.floor(t) % LANES)) * devicePixelRatio);
+  }
+  ctx.restore();
 }
 
 function lineOf({ color, dash, width = 2 }) {

@@ -1,0 +1,70 @@
+"""What a page may ask for: a mark.  Bounded in size and rate, and only with the token that the page was served with.
+
+The token is made anew at each start and stands in the page, which only its own origin can read.  A page elsewhere
+that opened the WebSocket in spite of the checks of Origin and Host would still not know it.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+LONGEST_TEXT = 200
+MOST_PER_SECOND = 5
+NS_PER_S = 1_000_000_000
+#: Hands a command to the daemon; False when it cannot be reached.
+Send = Callable[[Mapping[str, Any]], bool]
+
+
+class CommandGate:
+    """Takes the messages of all pages together.  now_ns : monotonic clock."""
+
+    def __init__(self, send: Send, now_ns: Callable[[], int]) -> None:
+        self.token = secrets.token_urlsafe(24)
+        self._send = send
+        self._now_ns = now_ns
+        self._taken: deque[int] = deque(maxlen=MOST_PER_SECOND)
+
+    def obey(self, message: str) -> dict[str, Any] | None:
+        """Do what a message says; ``{"type": "answer", "id", "fault"}``, or None when it is no command."""
+        try:
+            command = json.loads(message)
+        except (ValueError, RecursionError):
+            return None
+        if not isinstance(command, dict) or "command" not in command:
+            return None
+        return {"type": "answer", "id": command.get("id"), "fault": self._refusal(command)}
+
+    def _refusal(self, command: Mapping[str, Any]) -> str | None:
+        """Why a command is refused; None when it was handed on."""
+        if not self._knows_token(command.get("token")):
+            return "the page is older than the display; load it again"
+        text = clean(command.get("text"))
+        if command["command"] != "mark" or text is None:
+            return "there is no such command"
+        if not 1 <= len(text) <= LONGEST_TEXT:
+            return f"a mark has 1 to {LONGEST_TEXT} characters"
+        if not self._has_room():
+            return f"more than {MOST_PER_SECOND} marks in a second"
+        return None if self._send({"mark": text}) else "the daemon does not listen"
+
+    def _knows_token(self, token: object) -> bool:
+        return isinstance(token, str) and secrets.compare_digest(token.encode(errors="replace"), self.token.encode())
+
+    def _has_room(self) -> bool:
+        """Count a command, unless the last second was full of them."""
+        now = self._now_ns()
+        if len(self._taken) == MOST_PER_SECOND and now - self._taken[0] < NS_PER_S:
+            return False
+        self._taken.append(now)
+        return True
+
+
+def clean(text: object) -> str | None:
+    """A text on one line of printable characters; None when it is no text."""
+    if not isinstance(text, str):
+        return None
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
