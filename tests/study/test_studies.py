@@ -1,0 +1,92 @@
+"""Studies: every one holds in a small count (the full one with --scale full), and says so in the same form."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti import study
+from fti.cli.main import main
+from fti.errors import MissingError
+from fti.study import Result, device_clock, triple_buffer
+
+#: Runs with --scale quick; twenty times as many with --scale full.
+RUNS = {"device_clock": 5, "triple_buffer": 1}
+
+
+def test_every_study_has_its_count_here() -> None:
+    assert study.names() == sorted(RUNS)
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("name", sorted(RUNS))
+def test_a_study_holds(name: str, scale: int) -> None:
+    chosen = study.load(name)
+    shares: list[float] = []
+    results = chosen.study(RUNS[name] * scale, chosen.SEED, shares.append)
+    assert [result for result in results if not result.holds] == []
+    assert len(results) == len({result.id for result in results})
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_study_repeats_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device_clock, "HOUR_S", 300)
+
+    def values(seed: int) -> list[float]:
+        return [result.value for result in device_clock.study(1, seed, lambda share: None)]
+
+    assert values(1) == values(1)
+    assert values(1) != values(2)
+
+
+def test_a_drift_that_delays_pretend_is_found_out() -> None:
+    """The judge can say no: delays that grow by 0.36 ms in the hour are a drift of 0.1 ppm to any clock model."""
+    delays = device_clock.one_sided(np.random.default_rng(5)) + np.linspace(0.0, 0.36, device_clock.HOUR_S)
+    found, _ = device_clock.found_drift(1.1, delays)
+    results = device_clock._judge("X", np.array([[found - 1.1, 1e-3]]))
+    assert [result.holds for result in results] == [False, False]
+
+
+def test_a_stall_that_is_survived_loses_nothing() -> None:
+    assert triple_buffer.stall(121.4).first_loss_s == 121.4
+    assert triple_buffer.stall(121.6).first_loss_s == pytest.approx(121.48, abs=0.01)
+
+
+def test_the_command_prints_what_the_design_promises(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(triple_buffer, "study", lambda runs, seed, progress: triple_buffer.closed_forms())
+    assert main(["study", "triple_buffer", "--runs", "3", "--seed", "4", "--json"]) == 0
+    table = json.loads(capsys.readouterr().out)
+    assert set(table) == {"name", "runs", "seed", "results"}
+    assert (table["name"], table["runs"], table["seed"]) == ("triple_buffer", 3, 4)
+    assert set(table["results"][0]) == {"id", "quantity", "value", "target", "holds"}
+    assert table["results"][2]["value"] == 36_175_872
+
+
+def test_a_result_that_does_not_hold_is_exit_code_1(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = Result("T0", "something", 2.0, "1", holds=False)
+    monkeypatch.setattr(triple_buffer, "study", lambda runs, seed, progress: [bad])
+    assert main(["study", "triple_buffer"]) == 1
+    assert "DOES NOT HOLD" in capsys.readouterr().out
+
+
+def test_studies_are_listed_and_others_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["study", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == study.names()
+    assert main(["study", "no_such"]) == 2
+    assert main(["study"]) == 2
+    assert "there are device_clock, triple_buffer" in capsys.readouterr().err
+    with pytest.raises(MissingError, match="no_such"):
+        study.load("no_such")
+
+
+def test_a_study_is_a_module_and_nothing_else() -> None:
+    folder = Path(study.__file__).parent
+    assert {path.stem for path in folder.glob("[!_]*.py")} == set(study.names())
