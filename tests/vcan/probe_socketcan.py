@@ -144,6 +144,34 @@ async def absent(clock: SystemClock) -> dict[str, Any]:
     return {"state": link.status.state.value, "hint": link.status.hint}
 
 
+async def set_clock(clock: SystemClock) -> list[dict[str, Any]]:
+    """A frame waits with the kernel's stamp while somebody sets the real-time clock; this kernel is only ours."""
+    seen: Seen = []
+    link = link_of("vcan0", seen, clock)
+    task = asyncio.create_task(link.run(), name="set clock")
+    await until_async(lambda: link.status.state is LinkState.SILENT, what="vcan0")
+    rows = []
+    with can.Bus(interface="socketcan", channel="vcan0") as bus:
+        for step_ns in (5_000_000_000, -5_000_000_000):
+            seen.clear()
+            before = clock.now_ns()
+            clock.take_steps()
+            bus.send(FRAMES[1])
+            time.clock_settime_ns(time.CLOCK_REALTIME, time.clock_gettime_ns(time.CLOCK_REALTIME) + step_ns)
+            await until_async(lambda: bool(seen), what="the frame that waited")
+            rows.append(
+                {
+                    "step_ns": step_ns,
+                    "span": [before, clock.now_ns()],
+                    "t_rx_ns": seen[-1][1],
+                    "refused": link.status.stamp_refused,
+                    "told": [step.by_ns for step in clock.take_steps()],
+                }
+            )
+    await cancel(task)
+    return rows
+
+
 async def cancel(task: asyncio.Task[None]) -> None:
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
@@ -168,7 +196,8 @@ async def probe() -> dict[str, Any]:
             "down": await down_and_up(link, seen, witness),
         }
     await cancel(task)
-    return {**found, "refused": refused, "sending": await sending(clock), "absent": await absent(clock)}
+    apart = {"sending": await sending(clock), "absent": await absent(clock), "set_clock": await set_clock(clock)}
+    return {**found, **apart, "refused": refused}
 
 
 if __name__ == "__main__":

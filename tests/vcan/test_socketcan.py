@@ -61,6 +61,15 @@ def test_frames_are_stamped_by_the_kernel(found: dict[str, Any]) -> None:
     assert all(b - a >= -slack_ns for a, b in itertools.pairwise(times))
 
 
+def test_a_frame_that_waited_while_the_clock_was_set_has_the_time_of_its_reading(found: dict[str, Any]) -> None:
+    """Its stamp would be wrong by 5 s: it is refused and counted, and the step is told."""
+    for n, row in enumerate(found["set_clock"], 1):
+        before, after = row["span"]
+        assert before <= row["t_rx_ns"] <= after
+        assert row["refused"] == n
+        assert row["told"] == [pytest.approx(row["step_ns"], abs=50_000_000)]
+
+
 def test_a_burst_that_nobody_reads_in_time_is_complete(found: dict[str, Any]) -> None:
     """A default socket keeps some 280 frames and drops the rest without a word."""
     assert found["burst"]["dropped"] == 0
