@@ -1,9 +1,9 @@
 """One MCAP file under proof: every record, every checksum, every entry of every index.
 
 A finished file of this program has no byte that is not held by something: chunks, attachments and the summary have
-checksums, message indexes follow from the messages, padding is zero, the metadata have a checksum in their first table
-or stand in every file of the session.  ``pages`` gives what the chunks hold, chunk by chunk, for the proofs of the
-session; what does not hold is in ``faults``, and ``broken`` tells where a file without a footer ends.
+checksums, message indexes follow from the messages, padding is zero, the metadata have a checksum in their first table.
+``pages`` gives what the chunks hold, chunk by chunk, for the proofs of the session; what does not hold is in
+``faults``, and ``broken`` tells where a file without a footer ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from pathlib import Path
 from fti.logger import records
 from fti.logger.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
+from fti.logger.seal import broken
 from fti.logger.source import Source
+from fti.logger.split_log import FILE_METADATA
 from fti.logger.structure import chunk_head, record_end
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
@@ -62,7 +64,7 @@ class ProofFile:
         self.broken: str | None = None
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
-        self.metadata: dict[str, bytes] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
@@ -187,9 +189,10 @@ class ProofFile:
         if op == Op.METADATA:
             body = source.read(at + _HEAD, end - at - _HEAD)
             name, begin = read_text(body, 0)
-            self.metadata[name] = body[begin:]
+            self.metadata[name] = _table(body, begin)
         elif op == Op.DATA_END:
             self._ended = True
+            self._check_metadata()
             self._check_data_crc(source, at)
         elif op == Op.FOOTER:
             self._check_summary_crc(source, at)
@@ -203,6 +206,12 @@ class ProofFile:
         if self._index:
             self.faults.append(f"the chunk at byte {self.chunks[-1]} has no message index of all its channels")
             self._index = {}
+
+    def _check_metadata(self) -> None:
+        if FILE_METADATA not in self.metadata:
+            self.faults.append(f"has no table {FILE_METADATA}")
+        for name in broken(FILE_METADATA, self.metadata):
+            self.faults.append(f"its table {name} is not as it was written")
 
     def _check_data_crc(self, source: Source, at: int) -> None:
         told = int.from_bytes(source.read(at + _HEAD, 4), "little")

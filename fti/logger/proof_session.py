@@ -148,7 +148,8 @@ class _Session:
         count = sum(hole.count for hole in holes)
         known = sum(books.missing.frames for books in run.topics.values())
         if count != known or any(books.refuted for books in run.topics.values()):
-            check.add(Verdict.REFUTED, f"{_missing(holes)}; the ledger does not account for them")
+            what = _missing(holes) if holes else "no number is missing"
+            check.add(Verdict.REFUTED, f"{what}; by the ledger of {clock_text(run.last.t_ns)} it should be {known}")
         elif holes:
             told = sum(hole.count for hole in holes if self._gaps.explains(hole))
             by = f"the ledger accounts for all, notes of gaps for {told}"

@@ -17,6 +17,7 @@ from pathlib import Path
 from fti.errors import StorageError
 from fti.logger.places import MEGABYTE, Stray, Trace, free_mb
 from fti.logger.schemas import Schema
+from fti.logger.seal import sealed
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.stream_writer import Entry, StreamWriter
 
@@ -87,7 +88,7 @@ class SplitLog:
     def introduce(self, writer: StreamWriter, folder: SessionFolder, number: int) -> None:
         """Write what makes a file readable alone.  Raises StorageError."""
         about = {"kind": self.kind, "session": folder.name, "number": str(number), **self._places}
-        for name, table in {FILE_METADATA: about, **self._metadata}.items():
+        for name, table in sealed(FILE_METADATA, {FILE_METADATA: about, **self._metadata}).items():
             writer.add_metadata(name, table)
         for name, media_type, data in self._attachments:
             writer.add_attachment(name, media_type, data, log_time=0)

@@ -9,11 +9,12 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
@@ -24,6 +25,7 @@ from fti.logger.proof_ledger import LedgerProof
 from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Check, Report, Topic, Verdict
 from fti.logger.proof_session import GAP_TOPIC, Gaps, conclude
+from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import Recording
 from fti.logger.records import MESSAGE_BODY
 from fti.logger.repair import is_being_written
@@ -54,7 +56,6 @@ class _Verification:
         self._progress = progress
         self._done = 0
         self._total = 2 * sum(path.stat().st_size for path in recording.files)
-        self._metadata: dict[Path, dict[str, bytes]] = {}
 
     def run(self) -> Report:
         files = Check("files", "readable to the end, with every checksum and every index entry")
@@ -75,10 +76,11 @@ class _Verification:
     def _read(self, path: Path, files: Check, official: Check) -> None:
         file = ProofFile(path)
         raw = path in self._recording.raw_files
-        if raw:
+        frames = path in self._recording.frame_files
+        if frames:
             self._numbers.begin_file()
         for page in file.pages():
-            self._take(page, raw=raw)
+            self._take(page, raw=raw, frames=frames)
             self._progress(self._done + page.end, self._total)
         size = path.stat().st_size
         self._done += size
@@ -91,9 +93,9 @@ class _Verification:
             official.add(Verdict.REFUTED, f"{path.name}: {fault}")
         self._done += size
 
-    def _take(self, page: Page, *, raw: bool) -> None:
-        if raw:
-            self._numbers.feed(page)
+    def _take(self, page: Page, *, raw: bool, frames: bool) -> None:
+        if frames:
+            self._numbers.feed(page if raw else _without_ticks(page))
         for channel, rows in page.rows:
             self._count(channel, rows)
             if channel.name == LEDGER_TOPIC and raw:
@@ -102,7 +104,7 @@ class _Verification:
             elif channel.name == GAP_TOPIC:
                 for row in rows:
                     self._gaps.take(row[1], page.body(row), raw=raw)
-        if raw:
+        if frames:
             self._ledger.settle()
 
     def _count(self, channel: Channel, rows: list[Row]) -> None:
@@ -119,14 +121,14 @@ class _Verification:
     def _read_officially(self, file: ProofFile) -> list[str]:
         try:
             return self._by_index(file) if file.finished else self._by_stream(file)
-        except (McapError, ValueError, KeyError, struct.error) as error:
+        except (McapError, ValueError, LookupError, struct.error, OverflowError, MemoryError, OSError) as error:
             return [str(error) or type(error).__name__]
 
     def _by_index(self, file: ProofFile) -> list[str]:
         """A finished file: by its summary, which must tell of what is there."""
         found: Counter[int] = Counter()
         with file.path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
+            reader = SeekingReader(stream, validate_crcs=True, record_size_limit=file.path.stat().st_size)
             summary = reader.get_summary()
             if summary is None or summary.statistics is None:
                 return ["has no summary"]
@@ -147,11 +149,16 @@ class _Verification:
 
     def _by_stream(self, file: ProofFile) -> list[str]:
         """A file without an end: as far as it goes."""
-        found = 0
+        found, size = 0, file.path.stat().st_size
         with file.path.open("rb") as stream:
             try:
-                for record in StreamReader(stream, validate_crcs=True).records:
+                for record in StreamReader(stream, validate_crcs=True, record_size_limit=size).records:
                     found += isinstance(record, Message)
             except (EndOfFile, struct.error):
                 pass
         return [] if found == file.messages.total() else [f"{found} messages, {file.messages.total()} by this program"]
+
+
+def _without_ticks(page: Page) -> Page:
+    """The frames of a snapshot whose ticks are in the raw files, too."""
+    return replace(page, rows=[(topic, rows) for topic, rows in page.rows if topic.name != TICK_TOPIC])

@@ -106,7 +106,7 @@ class Recorder:
     def note(self, *, final: bool = False) -> Table:
         """What a ledger says now."""
         links = {topic.link: self._link(topic.link) for topic in LINKS}
-        about = {"t_ns": time_of(self.next), "recorder": self._identity, "next_seq": self.next, "final": final}
+        about = {"t_ns": time_of(self.next), "recorder": dict(self._identity), "next_seq": self.next, "final": final}
         return {**about, "ticks": self._account("/fti/tick"), "links": links}
 
     def _link(self, name: str) -> Table:

@@ -21,6 +21,8 @@ from fti.logger.verify import verify
 from tests.logger.small_session import STARTED, TURN, Recorder, make, open_log, time_of
 
 FRAMES = 500
+assert settings.default
+SCALE = settings.default.max_examples // 100
 
 
 @pytest.fixture
@@ -100,7 +102,7 @@ def test_accounts_are_made_again_from_the_frames(folder: SessionFolder) -> None:
 
 
 @given(late=st.sets(st.integers(0, FRAMES - 60), max_size=40))
-@settings(max_examples=20)
+@settings(max_examples=15 * SCALE)
 def test_frames_that_are_held_at_a_ledger_and_written_later_are_there(parent: Path, late: set[int]) -> None:
     """A link is written in its order, so all behind the first that waits wait too."""
     waiting = {seq for first in late for seq in range(first, first - first % 50 + 50) if (seq - first) % 6 == 0}
@@ -164,7 +166,7 @@ def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
 
 
 @given(removed=st.sets(st.integers(0, FRAMES - 1), min_size=1, max_size=20))
-@settings(max_examples=40)
+@settings(max_examples=25 * SCALE)
 def test_frames_that_are_taken_away_are_found(parent: Path, removed: set[int]) -> None:
     report = once(parent, removed=removed)
     assert report.verdict is Verdict.REFUTED
@@ -172,7 +174,7 @@ def test_frames_that_are_taken_away_are_found(parent: Path, removed: set[int]) -
 
 
 @given(which=st.integers(0, 10), choice=st.integers(0, 10**6), by=st.integers(-5, 10**6).filter(bool))
-@settings(max_examples=60)
+@settings(max_examples=40 * SCALE)
 def test_every_number_of_a_ledger_is_proved(parent: Path, which: int, choice: int, by: int) -> None:
     changed = []
 
@@ -197,7 +199,7 @@ def numbers_in(table: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 @given(file=st.integers(0, 2), place=st.floats(0, 1, exclude_max=True), mask=st.integers(1, 255))
-@settings(max_examples=150)
+@settings(max_examples=100 * SCALE)
 def test_every_flipped_byte_is_found(whole: Whole, file: int, place: float, mask: int) -> None:
     def flip(content: bytes) -> bytes:
         at = int(place * len(content))
@@ -207,7 +209,7 @@ def test_every_flipped_byte_is_found(whole: Whole, file: int, place: float, mask
 
 
 @given(file=st.integers(0, 2), place=st.floats(0, 1, exclude_max=True))
-@settings(max_examples=50)
+@settings(max_examples=30 * SCALE)
 def test_every_cut_is_found(whole: Whole, file: int, place: float) -> None:
     assert not whole.prove(file, lambda content: content[: int(place * len(content))]).holds
     assert whole.prove().holds

@@ -1,0 +1,38 @@
+"""A checksum for the metadata of a file: MCAP has one for chunks, attachments and the summary, and none for these.
+
+The first table of a file holds the checksum of every other one, as it stands in the file, and of itself without that.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+
+from fti.logger import records
+
+SEAL = "crc32"
+
+
+def sealed(first: str, tables: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, str]]:
+    """The tables, with the checksums of all of them in the first one; first : its name."""
+    others = {f"{SEAL}_{name}": _sum_of(name, table) for name, table in tables.items() if name != first}
+    about = {**tables[first], **others}
+    return {**{name: dict(table) for name, table in tables.items()}, first: {**about, SEAL: _sum_of(first, about)}}
+
+
+def broken(first: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
+    """Names of the tables that are not as they were sealed; none where nothing is sealed."""
+    about = tables.get(first, {})
+    if not any(key.startswith(SEAL) for key in about):
+        return []
+    own = {key: value for key, value in about.items() if key != SEAL}
+    wrong = [first] if about.get(SEAL) != _sum_of(first, own) else []
+    for key, told in own.items():
+        name = key.removeprefix(f"{SEAL}_")
+        if name != key and told != _sum_of(name, tables.get(name, {})):
+            wrong.append(name)
+    return wrong
+
+
+def _sum_of(name: str, table: Mapping[str, str]) -> str:
+    return f"{zlib.crc32(records.metadata(name, table)):08x}"
