@@ -44,6 +44,34 @@ class Session(StrictModel):
     split_mb: Positive = 1024.0
     min_free_mb: Annotated[float, Field(ge=0)] = 500.0
     origin: Literal["flight", "hil", "replay"] = "flight"
+    mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: frames are recorded around a trigger only
+
+
+class Snapshot(StrictModel):
+    """``[snapshot]``: the last ``before_s`` seconds are kept in memory, and on a trigger written into a file.
+
+    max_mb : the memory is never larger [MiB]; the oldest frames go first
+    """
+
+    before_s: Annotated[float, Field(gt=0, le=86_400)] = 120.0
+    after_s: Annotated[float, Field(ge=0, le=86_400)] = 10.0
+    max_mb: Annotated[float, Field(ge=1, le=65_536)] = 256.0
+
+
+class RecorderTuning(StrictModel):
+    """``[recorder]``: how the machine treats the recorder's process.  All off by default.
+
+    cpu         : it runs on these processors only; none : on all
+    scheduler   : fifo : before every ordinary process; its reader with ``priority``, its other threads one below
+    lock_memory : none of its memory is ever swapped out
+    freeze_gc   : Python's collector of cycles stands still
+    """
+
+    cpu: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    scheduler: Literal["other", "fifo"] = "other"
+    priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's own interrupt threads have 50
+    lock_memory: bool = False
+    freeze_gc: bool = False
 
 
 # --------------------------------------------------------------------------------------------------------- links
@@ -184,6 +212,8 @@ class Config(StrictModel):
     nav: Nav = Nav()
     display: Display = Display()
     bus: Bus = Bus()
+    snapshot: Snapshot | None = None
+    recorder: RecorderTuning = RecorderTuning()
     path: str = ""
     text: str = ""
 
@@ -313,6 +343,8 @@ def _check_references(config: Config, file: str) -> None:
     devices = [device.name for device in config.device]
     _check_unique(links, file, "link")
     _check_unique(devices, file, "device")
+    if config.session.mode == "snapshot" and config.snapshot is None:
+        raise ConfigError(f"{file}: session.mode = 'snapshot': needs a [snapshot] table: before_s, after_s, max_mb")
     for i, device in enumerate(config.device):
         if device.link not in links:
             raise ConfigError(f"{file}: device[{i}].link = {device.link!r}: no such link; there are {_listed(links)}")

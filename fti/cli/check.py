@@ -21,13 +21,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fti.types import Reason
+from fti.types import TICK_PERIOD_NS, Reason
 
 if TYPE_CHECKING:
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
     from fti.service.binding import BoundDevice
 
 LIVE_S = 5.0
+SECOND_NS = 1_000_000_000
 EXIT_DOES_NOT_HOLD = 1
 #: Where a link's devices name no rate.
 ASSUMED_RATE_HZ = 100.0
@@ -101,7 +102,8 @@ def describe(config: Config) -> dict[str, Any]:
     session = config.session
     return {
         "config": config.path,
-        "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb"})},
+        "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"})},
+        "snapshot": _describe_snapshot(config),
         "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
         "devices": [_describe_device(bound) for bound in bind_devices(config)],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
@@ -110,6 +112,19 @@ def describe(config: Config) -> dict[str, Any]:
         "missing": list(_missing(config)),
         "warnings": list(_shared_ports(config)),
     }
+
+
+def _describe_snapshot(config: Config) -> dict[str, float] | None:
+    """What a trigger asks for, and for how long the memory holds it when every link is at its full rate."""
+    from fti.logger.places import MEGABYTE
+    from fti.service.snapshot_memory import HEAD_BYTES
+
+    if config.snapshot is None:
+        return None
+    loads = [worst_load(link, config.devices_on(link.name)) for link in config.link]
+    rate = sum(load.rate_hz * (load.message_bytes + load.receptions * HEAD_BYTES) for load in loads)
+    holds = config.snapshot.max_mb * MEGABYTE / (rate + HEAD_BYTES * SECOND_NS / TICK_PERIOD_NS)
+    return {**config.snapshot.model_dump(), "holds_s": round(holds, 1)}
 
 
 def _check_terrain(config: Config) -> None:
@@ -199,6 +214,12 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         f"session {session['name']} -> {session['directory']}; a new file every {session['split_s']:g} s or "
         f"{session['split_mb']:g} MB; {session['min_free_mb']:g} MB stay free"
     )
+    if shot := found["snapshot"]:
+        also = "; nothing but this is recorded of the links" if session["mode"] == "snapshot" else ""
+        yield (
+            f"snapshot from {shot['before_s']:g} s before a trigger to {shot['after_s']:g} s after it{also}; "
+            f"{shot['max_mb']:g} MB hold {shot['holds_s']:g} s of all links at their full rates"
+        )
     yield "links"
     yield from _table([_link_cells(link) for link in found["links"]])
     yield "devices"

@@ -3,6 +3,13 @@
   fti mark "begin of approach 3"
 
 The mark is recorded as an event with its time, and shown on the page.
+
+  fti mark --trigger "flutter at 120 kt"
+
+With --trigger the daemon also writes a snapshot: what was received in the [snapshot] before_s seconds before, and until
+after_s seconds after it, into a file of its own, NAME_snapshot_NNN.mcap.  Another trigger while that lasts prolongs it;
+what stands in one snapshot is not written again into the next.  What is kept for a snapshot is in the memory of the
+recorder: when the recorder is killed, it is gone, and in a session with mode = "snapshot" it is nowhere else.
 """
 
 from __future__ import annotations
@@ -13,6 +20,7 @@ import argparse
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti mark``."""
     parser.add_argument("text", metavar="TEXT", help="what to record")
+    parser.add_argument("--trigger", action="store_true", help="also write what was around this moment")
     parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
 
 
@@ -20,6 +28,6 @@ def run(args: argparse.Namespace) -> int:
     """Send the mark to the daemon."""
     from fti.service.client import ask
 
-    answer = ask({"mark": args.text}, args.run_dir)
-    print(f"marked at {answer['t_ns'] / 1e9:.3f} s")
+    answer = ask({"mark": args.text, "trigger": args.trigger}, args.run_dir)
+    print(f"{'triggered' if args.trigger else 'marked'} at {answer['t_ns'] / 1e9:.3f} s")
     return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.logger import schemas
-from fti.logger.session import Numbering, SessionFolder
+from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
 from fti.logger.stream_writer import Entry
 
@@ -44,11 +44,12 @@ class RawLog(Log):
         metadata: Metadata | None = None,
         numbering: Numbering | None = None,
         places: Sequence[Path] = (),
+        kind: Kind = "raw",
     ) -> None:
         super().__init__(
             SplitLog(
                 folder,
-                "raw",
+                kind,
                 split_s=split_s,
                 split_mb=split_mb,
                 attachments=attachments,

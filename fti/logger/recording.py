@@ -14,13 +14,14 @@ from fti.errors import MissingError, RecordingError
 from fti.logger.mcap_file import Head, Item, McapFile
 from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
 from fti.logger.session import Kind, SessionFolder, name_parts
-from fti.logger.split_log import FILE_METADATA
+from fti.logger.split_log import FILE_METADATA, PLACE_KEY
 from fti.types import TICK_LINK, RawFrame
 
 RAW, SENT = "/raw/", "/tx/"
 #: Frames that wait for an earlier one before the files are searched for whether it comes at all.
 PATIENCE = 50_000
 _SEQ = itemgetter(0)
+KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,37 +35,43 @@ class Fault:
 class Recording:
     """A session folder or a single file, finished or not.
 
-    raw_files, derived_files, truth_files : in order.  ``faults`` is filled by reading: files that broke off.
+    raw_files, derived_files, truth_files, snapshot_files : in order
+    faults  : filled by reading: files that broke off
     on_read : told, when set, how far a file has been read [bytes].
     """
 
-    def __init__(self, path: Path, raw: list[Path], derived: list[Path], truth: list[Path]) -> None:
+    def __init__(
+        self, path: Path, raw: list[Path], derived: list[Path], truth: list[Path], snapshot: list[Path]
+    ) -> None:
         self.path = path
         self.raw_files = raw
         self.derived_files = derived
         self.truth_files = truth
+        self.snapshot_files = snapshot
         self.faults: dict[Path, Fault] = {}
+        self._given: dict[int, Item] = {}
         self.on_read: Callable[[Path, int], None] | None = None
 
     @classmethod
-    def open(cls, path: str | Path) -> Recording:
-        """Open a session folder or one MCAP file.  Raises MissingError."""
-        place = Path(path)
-        if place.is_dir():
-            folder = SessionFolder(place)
-            recording = cls(place, folder.files("raw"), folder.files("derived"), folder.files("truth"))
-            if not recording.files:
-                raise MissingError(f"{place}: holds no MCAP files")
-            return recording
-        if not place.is_file():
-            raise MissingError(f"{place}: there is no such session folder or file")
-        kind = _kind_of(place)
-        return cls(place, *([place] if kind == k else [] for k in ("raw", "derived", "truth")))
+    def open(cls, path: str | Path, *others: str | Path) -> Recording:
+        """Open a session folder or one MCAP file.  Raises MissingError.
+
+        others : more folders and files of the same session, whose medium was changed
+        """
+        first = cls(Path(path), *_find_files(Path(path)))
+        for other in map(Path, others):
+            part = cls(other, *_find_files(other))
+            if part.session != first.session:
+                raise MissingError(f"{other}: is of session {part.session}, and {path} of session {first.session}")
+            for kind in KINDS:
+                first.paths(kind).extend(part.paths(kind))
+                first.paths(kind).sort(key=lambda file: name_parts(file)[1])
+        return first
 
     @property
     def files(self) -> list[Path]:
-        """All files: raw, derived, truth."""
-        return [*self.raw_files, *self.derived_files, *self.truth_files]
+        """All files: raw, derived, truth, snapshot."""
+        return [path for kind in KINDS for path in self.paths(kind)]
 
     @property
     def unfinished(self) -> list[Path]:
@@ -74,6 +81,19 @@ class Recording:
     @cached_property
     def _head(self) -> Head:
         return McapFile(self.files[0]).head()
+
+    @property
+    def session(self) -> str:
+        """Name of the session."""
+        return self.metadata.get(FILE_METADATA, {}).get("session", self.path.stem)
+
+    @property
+    def elsewhere(self) -> list[Path]:
+        """Folders in which more of the session may lie: the files name them, and none of theirs is here."""
+        told = self.metadata.get(FILE_METADATA, {})
+        named = [Path(folder) for key, folder in sorted(told.items()) if key.startswith(PLACE_KEY)]
+        here = {file.parent.resolve() for file in self.files}
+        return [folder for folder in named if folder.resolve() not in here]
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
@@ -94,7 +114,7 @@ class Recording:
     def frames(self) -> Iterator[RawFrame]:
         """Frames of all links and ticks (link ``TICK_LINK``) strictly in order of their full ``seq``.
 
-        Raises RecordingError when a number stands twice.
+        Raises RecordingError when a number stands twice; not where it is a copy, as where the medium was changed.
         """
         for seq, (topic, t_ns, _, _, data) in self.numbered():
             role = _role(topic.name)
@@ -120,7 +140,23 @@ class Recording:
 
     def paths(self, kind: Kind) -> list[Path]:
         """The files of a kind."""
-        return {"raw": self.raw_files, "derived": self.derived_files, "truth": self.truth_files}[kind]
+        return {
+            "raw": self.raw_files,
+            "derived": self.derived_files,
+            "truth": self.truth_files,
+            "snapshot": self.snapshot_files,
+        }[kind]
+
+    @property
+    def frame_files(self) -> list[Path]:
+        """The files that have the frames, each once: a snapshot beside a continuous recording has copies."""
+        only = self.snapshot_mode or not self.raw_files
+        return [*self.raw_files, *(self.snapshot_files if only else ())]
+
+    @property
+    def snapshot_mode(self) -> bool:
+        """Frames were recorded around triggers only, in the snapshot files; ticks are in the raw ones, too."""
+        return self.metadata.get("fti", {}).get("mode") == "snapshot"
 
     def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
         for path in paths:
@@ -132,10 +168,16 @@ class Recording:
             if file.fault:
                 self.faults[path] = Fault(path, file.fault)
 
+    def _frame_chunks(self) -> Iterator[list[Item]]:
+        """The chunks of the files that have the frames; ticks of raw files only, where there are any."""
+        yield from self._chunks(self.raw_files)
+        for chunk in self._chunks(self.frame_files[len(self.raw_files) :]):
+            yield [item for item in chunk if item.topic.name != TICK_TOPIC] if self.raw_files else chunk
+
     def _numbered_chunks(self) -> Iterator[list[tuple[int, Item]]]:
         """Numbered messages with their full ``seq``, in the order of the files."""
         last: int | None = None
-        for chunk in self._chunks(self.raw_files):
+        for chunk in self._frame_chunks():
             numbered = []
             for item in chunk:
                 if _role(item.topic.name):
@@ -161,13 +203,38 @@ class Recording:
             for entry in waiting:
                 if entry[0] > expected and entry[0] >= limit:
                     break
-                expected = _checked(entry, expected) + 1
                 given += 1
-                yield entry
+                if entry[0] >= expected or not self._is_copy(entry, expected):
+                    expected = entry[0] + 1
+                    yield entry
             del waiting[:given]
         for entry in waiting:
-            expected = _checked(entry, expected) + 1
-            yield entry
+            if entry[0] >= expected or not self._is_copy(entry, expected):
+                expected = entry[0] + 1
+                yield entry
+
+    def _is_copy(self, entry: tuple[int, Item], expected: int) -> bool:
+        """Was the same given out already?  Raises RecordingError when it was another one with this number.
+
+        What a medium may have taken before it was given up stands on the next one too.
+        """
+        seq, item = entry
+        if seq not in self._given:
+            self._given = self._find_given(seq, expected)
+        if self._given.get(seq) != item:
+            raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it stands twice")
+        return True
+
+    def _find_given(self, first: int, end: int) -> dict[int, Item]:
+        """The first message with each of these numbers, from the beginning of the files."""
+        found: dict[int, Item] = {}
+        for numbered in self._numbered_chunks():
+            for seq, item in numbered:
+                if first <= seq < end:
+                    found.setdefault(seq, item)
+            if len(found) == end - first:
+                break
+        return found
 
     def _smallest_following(self) -> list[int]:
         """For each chunk the smallest number in all later chunks."""
@@ -186,13 +253,6 @@ def unwrap(sequence: int, last: int | None) -> int:
     return last + ((sequence - last + 2**31) & 0xFFFF_FFFF) - 2**31
 
 
-def _checked(entry: tuple[int, Item], expected: int) -> int:
-    seq, item = entry
-    if seq < expected:
-        raise RecordingError(f"{item.topic.name}: the number {seq} comes after {expected - 1}; it stands twice")
-    return seq
-
-
 class _Role(NamedTuple):
     """A numbered topic: the link whose frames it has, and whether they were sent."""
 
@@ -208,6 +268,20 @@ def _role(topic: str) -> _Role | None:
     if topic.startswith((RAW, SENT)):
         return _Role(topic.split("/", 2)[2], sent=topic.startswith(SENT))
     return None
+
+
+def _find_files(place: Path) -> Iterator[list[Path]]:
+    """The files of a folder of each kind, or a single file.  Raises MissingError."""
+    if place.is_dir():
+        folder = SessionFolder(place)
+        found = [folder.files(kind) for kind in KINDS]
+        if not any(found):
+            raise MissingError(f"{place}: holds no MCAP files")
+        return iter(found)
+    if not place.is_file():
+        raise MissingError(f"{place}: there is no such session folder or file")
+    told = _kind_of(place)
+    return ([place] if told == kind else [] for kind in KINDS)
 
 
 def _kind_of(path: Path) -> Kind:

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 from fti.errors import FtiError, MissingError, StorageError
 
-Kind = Literal["raw", "derived", "truth"]
+Kind = Literal["raw", "derived", "truth", "snapshot"]
 _SECOND_NS = 1_000_000_000
-_FILE = re.compile(r"(?:_(?P<kind>derived|truth))?_(?P<number>\d{3,})\.mcap$")
+_FILE = re.compile(r"(?:_(?P<kind>derived|truth|snapshot))?_(?P<number>\d{3,})\.mcap$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +108,7 @@ def name_parts(path: Path) -> tuple[Kind, int]:
     found = _FILE.search(path.name)
     if found is None:
         return "raw", 0
-    kind: Kind = "derived" if found["kind"] == "derived" else "truth" if found["kind"] == "truth" else "raw"
-    return kind, int(found["number"])
+    return cast(Kind, found["kind"] or "raw"), int(found["number"])
 
 
 def _made(path: Path) -> bool:

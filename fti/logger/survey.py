@@ -19,7 +19,7 @@ from fti.logger.schemas import EVENT_TOPIC
 from fti.logger.session import Kind
 
 SECOND_NS = 1_000_000_000
-KINDS: tuple[Kind, ...] = ("raw", "derived", "truth")
+KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")
 CLOCK_TOPIC = "/fti/clock"
 #: The order in which topics are shown: what came over the links first.
 PREFIXES = ("/raw/", "/tx/", "/fti/")
@@ -120,8 +120,9 @@ def look_through(recording: Recording) -> Survey:
     topics: dict[tuple[Kind, str], TopicSurvey] = {}
     found = Survey([])
     takers = {EVENT_TOPIC: found.take_event, CLOCK_TOPIC: found.take_clock}
-    for link in recording.links if recording.raw_files else ():
-        topics["raw", f"/raw/{link}"] = TopicSurvey(f"/raw/{link}", "raw")
+    home: Kind = "snapshot" if recording.snapshot_mode else "raw"
+    for link in recording.links if recording.frame_files else ():
+        topics[home, f"/raw/{link}"] = TopicSurvey(f"/raw/{link}", home)
     for kind in KINDS:
         for item in recording.items(kind):
             name = item.topic.name

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,13 +32,31 @@ class Loss:
     frames: int = 0
     bytes: int = 0
 
+    def add(self, frames: int, size: int) -> None:
+        """More of them."""
+        self.frames += frames
+        self.bytes += size
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What became of what a buffer gave to the memory of the snapshot sink; the rest is held there.
+
+    recorded : in a file; not_triggered : let go, because no trigger came; overflow : asked for by a trigger, and let go
+    because the memory was full
+    """
+
+    recorded: Loss = field(default_factory=Loss)
+    not_triggered: Loss = field(default_factory=Loss)
+    overflow: Loss = field(default_factory=Loss)
+
 
 @dataclass(slots=True)
 class Unit:
     """A link with its buffers.
 
-    index         : in the ring; what is sent on it has index + ``sent_offset``
-    not_triggered : of what its buffer gave out, so much was not recorded, because no trigger came
+    index                 : in the ring; what is sent on it has index + ``sent_offset``
+    outcome, sent_outcome : in mode "snapshot": what became of what its buffers gave out; else it is recorded
     """
 
     link: Link
@@ -46,8 +65,8 @@ class Unit:
     received: TripleBuffer
     sent: TripleBuffer
     frames_before: int = 0
-    not_triggered: Loss = field(default_factory=Loss)
-    sent_not_triggered: Loss = field(default_factory=Loss)
+    outcome: Outcome | None = None
+    sent_outcome: Outcome | None = None
 
 
 class Books:
@@ -66,7 +85,7 @@ class Books:
             "recorder": self._recorder,
             "next_seq": self._intake.seq,
             "final": final,
-            "ticks": account(self._ticks, Loss()),
+            "ticks": account(self._ticks, None),
             "links": {unit.link.name: link_account(unit) for unit in self._units},
         }
 
@@ -75,27 +94,31 @@ def link_account(unit: Unit) -> dict[str, Any]:
     """Per link: frames and bytes in = recorded + held + dropped by reason; what was sent; line errors."""
     status = unit.link.status
     return {
-        **account(unit.received, unit.not_triggered, status.socket_dropped),
-        "sent": account(unit.sent, unit.sent_not_triggered),
+        **account(unit.received, unit.outcome, status.socket_dropped),
+        "sent": account(unit.sent, unit.sent_outcome),
         "errors": dict(status.errors),
     }
 
 
-def account(buffer: TripleBuffer, not_triggered: Loss, socket_dropped: int = 0) -> dict[str, Any]:
+def account(buffer: TripleBuffer, outcome: Outcome | None, socket_dropped: int = 0) -> dict[str, Any]:
     """Account of one buffer.  How many bytes the kernel dropped is not known: null, and not in the sum."""
+    kept = deepcopy(outcome or Outcome())  # read before the buffer is: what comes in between is held
     stats = buffer.stats
+    recorded = kept.recorded if outcome else Loss(stats.frames_out, stats.bytes_out)
     dropped: dict[str, dict[str, int | None]] = {
         "socket_queue": {"frames": socket_dropped, "bytes": None},
         "buffer_overflow": {"frames": stats.dropped_frames, "bytes": stats.dropped_bytes},
-        "not_triggered": {"frames": not_triggered.frames, "bytes": not_triggered.bytes},
+        "snapshot_overflow": {"frames": kept.overflow.frames, "bytes": kept.overflow.bytes},
+        "not_triggered": {"frames": kept.not_triggered.frames, "bytes": kept.not_triggered.bytes},
     }
+    frames, size = stats.frames_in - recorded.frames, stats.bytes_in - recorded.bytes
     return {
         "in_frames": stats.frames_in + socket_dropped,
         "in_bytes": stats.bytes_in,
-        "recorded_frames": stats.frames_out - not_triggered.frames,
-        "recorded_bytes": stats.bytes_out - not_triggered.bytes,
-        "held_frames": stats.frames_held,
-        "held_bytes": stats.bytes_held,
+        "recorded_frames": recorded.frames,
+        "recorded_bytes": recorded.bytes,
+        "held_frames": frames - sum(lost["frames"] or 0 for lost in dropped.values()) + socket_dropped,
+        "held_bytes": size - sum(lost["bytes"] or 0 for lost in dropped.values()),
         "dropped": {reason: lost for reason, lost in dropped.items() if lost["frames"]},
     }
 

@@ -40,6 +40,7 @@ class HealthBoard:
             "links": {name: merge_link(name, link, heard) for name, link in links.items()},
             "devices": devices,
             "storage": storage,
+            "snapshot": self.recorder.get("snapshot"),
             "navigation": navigation,
         }
 

@@ -14,6 +14,7 @@ from fti.config import Config, Link
 from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.places import Place
+from fti.service import hygiene
 from fti.service.binding import bind_devices, parse_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
 
@@ -24,6 +25,7 @@ class Preparation:
     def __init__(self, config: Config, epoch_ns: int) -> None:
         self._config = config
         self._epoch_ns = epoch_ns
+        hygiene.check(config)
         self._texts = read_texts(config)
         self._devices = bind_devices(config, self._texts)
         parse_reference(config, self._texts)
@@ -72,6 +74,7 @@ class Preparation:
         return {
             "name": session.name,
             "origin": session.origin,
+            "mode": session.mode,
             "epoch_ns": str(self._epoch_ns),
             "software": version("fti"),
             "config_file": Path(self._config.path).name,

@@ -17,6 +17,7 @@ import sys
 from collections.abc import Sequence
 
 from fti.clock import SystemClock
+from fti.service import hygiene
 from fti.service.control import await_order
 from fti.service.orders import RecorderOrder
 from fti.service.recording import Recorder
@@ -39,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         order = RecorderOrder.model_validate_json(text)
         recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fd)
         gc.freeze()
+        recorder.be_prompt(hygiene.apply(order.config.recorder))
         asyncio.run(recorder.run())
     return 0
 

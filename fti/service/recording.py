@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
-from fti.buffers.triple import TripleBuffer
+from fti.buffers.triple import Entry, TripleBuffer
 from fti.clock import SystemClock
 from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.session import Numbering
+from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
+from fti.service.hygiene import Runaway
 from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
+from fti.service.snapshot import SnapshotSink
 from fti.service.source import Source
 from fti.service.storage_report import StorageReport
 from fti.service.writing import TEND_PERIOD_S, Writer
@@ -47,16 +49,18 @@ class Recorder:
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
         self._places = order.places()
-        self._log = self._make_log()
+        self._log = self._make_log("raw", Numbering(order.first_number))
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
+        self._snapshot = self._make_snapshot()
+        self._runaway = Runaway()
         min_free_mb = order.config.session.min_free_mb
         self._writer = Writer(self._log, self._sources(), self._places, min_free_mb, self._report)
         self._storage = StorageReport(self._writer, self._dropped, self._tell, self._tell_file)
 
     # ------------------------------------------------------------------------------------------------- making
 
-    def _make_log(self) -> RawLog:
+    def _make_log(self, kind: Kind, numbering: Numbering) -> RawLog:
         """A log without a file: the writer opens one where it can."""
         session = self._order.config.session
         topics = [RawTopic(link.name, link.kind, _settings(link)) for link in self._order.config.link]
@@ -67,8 +71,9 @@ class Recorder:
             split_mb=session.split_mb,
             attachments=[(name, "text/plain", text.encode()) for name, text in self._order.attachments.items()],
             metadata={"fti": self._order.metadata},
-            numbering=Numbering(self._order.first_number),
+            numbering=numbering,
             places=[place.folder for place in self._places],
+            kind=kind,
         )
 
     def _make_unit(self, index: int) -> Unit:
@@ -85,6 +90,28 @@ class Recorder:
         link.on_sent = self._intake.sink(self._tick_index + 1 + index, sent)
         return Unit(link, described.kind, index, received, sent)
 
+    def _make_snapshot(self) -> SnapshotSink | None:
+        """The sink beside the log; in mode "snapshot" it decides what becomes of the frames."""
+        settings = self._order.config.snapshot
+        if settings is None:
+            return None
+        log = self._make_log("snapshot", Numbering())
+        links = [unit.link.name for unit in self._units]
+        sink = SnapshotSink(log, links, settings, self._present_folder, tell=self._tell, report=self._report)
+        if self._order.config.session.mode == "snapshot":
+            for n, unit in enumerate(self._units):
+                unit.outcome, unit.sent_outcome = sink.outcomes[2 * n + 1 : 2 * n + 3]
+        return sink
+
+    def _present_folder(self) -> SessionFolder | None:
+        return self._log.folder if self._writer.file else None
+
+    def be_prompt(self, refused: Sequence[str]) -> None:
+        """Watch over what the machine does for this process, and tell what it refused."""
+        self._runaway.watch()
+        for text in refused:
+            self._tell("error", "recorder", text)
+
     def _sources(self) -> list[Source]:
         log = self._log
         sources = [Source(TICK_LINK, self._ticks, log.ticks)]
@@ -92,6 +119,12 @@ class Recorder:
             name = unit.link.name
             sources.append(Source(name, unit.received, functools.partial(log.frames, name)))
             sources.append(Source(name, unit.sent, functools.partial(log.frames_sent, name)))
+        if self._snapshot:
+            for source, keep in zip(sources, self._snapshot.keepers, strict=True):
+                source.keep = keep
+        if self._order.config.session.mode == "snapshot":
+            for source in sources[1:]:
+                source.record = _leave_out
         return sources
 
     def _wake_writer(self) -> None:
@@ -104,6 +137,8 @@ class Recorder:
         loop = asyncio.get_running_loop()
         loop.add_reader(self._channel.fileno(), self._on_control)
         self._writer.start()
+        if self._snapshot:
+            self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
         helpers = [self._start("ticks", self._tick), self._start("health", self._watch), *self._start_polls()]
         helpers.append(self._start("storage", self._tend_storage))
@@ -163,7 +198,15 @@ class Recorder:
         while True:
             self._writer.tend()
             self._storage.tell_changes()
+            self._tell_troubles()
             await asyncio.sleep(TEND_PERIOD_S)
+
+    def _tell_troubles(self) -> None:
+        if self._snapshot:
+            self._snapshot.tell_overflow()
+        if self._runaway.text:
+            self._tell("error", "recorder", self._runaway.text)
+            self._runaway.text = None
 
     async def _begin_recording(self) -> None:
         """Wait for the first file, or for the reason why there is none yet, and tell it."""
@@ -190,6 +233,8 @@ class Recorder:
         elif "note" in message:
             note = message["note"]
             self._writer.note(note["topic"], note["t_ns"], note["content"])
+        elif "trigger" in message and self._snapshot:
+            self._snapshot.trigger(message["trigger"], message["t_ns"])
         elif "send" in message:
             job = asyncio.create_task(self._send(message["send"]), name="send")
             self._jobs.add(job)
@@ -234,6 +279,8 @@ class Recorder:
             task.cancel()
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
         await asyncio.to_thread(self._writer.stop)
+        if self._snapshot:
+            await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
         self._writer.note("/fti/ledger", now, self._books.note(now, final=True))
         self._writer.finish()
@@ -252,8 +299,13 @@ class Recorder:
             "t_ns": now,
             "links": {unit.link.name: link_health(unit, now) for unit in self._units},
             "storage": self._storage.health(),
+            "snapshot": self._snapshot.health() if self._snapshot else None,
             "next_seq": self._intake.seq,
         }
+
+
+def _leave_out(entries: Sequence[Entry]) -> None:
+    """In mode "snapshot" the frames of the links are not in the raw file."""
 
 
 def _settings(link: Any) -> dict[str, str]:

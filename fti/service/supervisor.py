@@ -84,6 +84,7 @@ class Supervisor:
             "name": session.name,
             "folder": str(self.folder.path),
             "origin": session.origin,
+            "mode": session.mode,
             "started_ns": self._clock.now_ns(),
             "state": "recording",
         }
@@ -194,6 +195,8 @@ class Supervisor:
         elif child.name == RECORDER and not self.recording.is_set():
             self.recording.set()
             self._announce(f"recording to {self.folder.path}")
+            if self._config.session.mode == "snapshot":
+                self._bulletin.event("warning", "session", "mode snapshot: frames are recorded on a trigger only")
             self._publish_info()
             control.notify_systemd("READY=1")
             for other in self._children[1:]:
@@ -268,10 +271,22 @@ class Supervisor:
             self._unrecorded.append(message)
 
     def _obey(self, command: dict[str, Any]) -> dict[str, Any]:
-        if isinstance(command.get("mark"), str):
-            self._bulletin.event("info", "mark", command["mark"])
-            return {"t_ns": self._clock.now_ns()}
-        return {"fault": "there is no such command"}
+        text, now = command.get("mark"), self._clock.now_ns()
+        if not isinstance(text, str):
+            return {"fault": "there is no such command"}
+        if command.get("trigger") and (fault := self._trigger(text, now)):
+            return {"fault": fault}
+        self._bulletin.event("info", "trigger" if command.get("trigger") else "mark", text)
+        return {"t_ns": now}
+
+    def _trigger(self, text: str, t_ns: int) -> str | None:
+        """Have the snapshot written; returns why it cannot be."""
+        if self._config.snapshot is None:
+            return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
+        channel = self._children[0].channel
+        if channel is None or not channel.send({"trigger": text, "t_ns": t_ns}):
+            return "the recorder is being started again; the snapshot's memory is empty"
+        return None
 
     # ------------------------------------------------------------------------------------------------- ending
 

@@ -1,0 +1,172 @@
+"""The snapshot sink: beside the continuous recording, or instead of it, what was around a trigger.
+
+The memory gets what the writer has brought home; the readers know nothing of it.  A trigger opens a file of kind
+"snapshot", into which goes what the memory holds of the last ``before_s`` seconds, and then what comes until
+``after_s`` after the last trigger.  A thread of its own writes it, in slices with a pause behind each: minutes of data
+must neither hold up the recording nor take the interpreter from the readers, and a medium that hangs holds this thread
+alone.  A frame is written once: a trigger shortly behind another one's file goes on where that ends.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from fti.config import Snapshot
+from fti.errors import StorageError
+from fti.logger.places import MEGABYTE
+from fti.logger.raw_log import RawLog
+from fti.logger.session import SessionFolder
+from fti.service.accounts import Outcome
+from fti.service.guard import Report, guarded
+from fti.service.hygiene import step_below_reader
+from fti.service.snapshot_memory import FrameMemory
+from fti.service.snapshot_shot import Record, Shot
+
+#: Level, source and text of an event.
+Tell = Callable[[str, str, str], None]
+#: Between two slices (a slice is a block of the memory), and while no whole block waits.
+PAUSE_S = 0.002
+WAIT_S = 0.02
+RETRY_S = 0.2
+IDLE_S = 1.0
+#: At the end, a medium that refuses for so long gets no more chances.
+LAST_CHANCE_S = 5.0
+SECOND_NS = 1_000_000_000
+
+
+class SnapshotSink:
+    """See the module.
+
+    log      : of kind "snapshot", without a file
+    links    : their names
+    settings : what a trigger asks for
+    folder   : where files go now; None while there is no place
+    outcomes : what became of the frames of each source: ticks, received and sent of the first link, of the second ...
+    keepers  : take the frames of each source, when they need not be written any more
+    """
+
+    def __init__(
+        self,
+        log: RawLog,
+        links: Sequence[str],
+        settings: Snapshot,
+        folder: Callable[[], SessionFolder | None],
+        *,
+        tell: Tell,
+        report: Report,
+    ) -> None:
+        self._log = log
+        self._records = _records(log, links)
+        self._before_ns, self._after_ns = (round(s * SECOND_NS) for s in (settings.before_s, settings.after_s))
+        self.outcomes = [Outcome() for _ in self._records]
+        self._memory = FrameMemory(self._before_ns, round(settings.max_mb * MEGABYTE), self.outcomes)
+        self.keepers: list[Record] = [partial(self._memory.keep, n) for n in range(len(self._records))]
+        self._folder = folder
+        self._tell = tell
+        self._report = report
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._stopping = threading.Event()
+        self._shot: Shot | None = None
+        self._file: Path | None = None
+        self._refused = False
+        self._overflow_told = False
+        self._thread = threading.Thread(target=self._run, name="snapshot", daemon=True)
+
+    # ------------------------------------------------------------------------------------------------ for the reader
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def trigger(self, text: str, t_ns: int) -> None:
+        """Write what was before this FTI time, and go on until after it; while that lasts, another one prolongs it."""
+        with self._lock:
+            begin_ns, end_ns = t_ns - self._before_ns, t_ns + self._after_ns
+            if self._shot is None:
+                self._shot = Shot(self._log, self._memory, self._records, begin_ns, end_ns)
+            self._shot.prolong(end_ns, t_ns, text)
+        self._wake.set()
+
+    def stop(self) -> None:
+        """After the writer's end: write what a trigger has asked for and was received, let the rest go."""
+        self._stopping.set()
+        self._wake.set()
+        self._thread.join(2 * LAST_CHANCE_S)
+        if not self._thread.is_alive():
+            self._memory.clear()
+
+    def health(self) -> dict[str, Any]:
+        """State (waiting or writing), what the memory holds, the last file."""
+        return {
+            "state": "waiting" if self._shot is None else "writing",
+            "held_s": self._memory.held_ns / SECOND_NS,
+            "held_mb": self._memory.held_bytes / MEGABYTE,
+            "file": str(self._file) if self._file else None,
+        }
+
+    def tell_overflow(self) -> None:
+        """Say it, once, when the memory is too small for what a trigger may ask for."""
+        if self._memory.overflows and not self._overflow_told:
+            held_s, wanted_s = self._memory.held_ns / SECOND_NS, self._before_ns / SECOND_NS
+            self._tell("warning", "snapshot", f"snapshot.max_mb holds {held_s:.1f} s, not {wanted_s:g} s")
+            self._overflow_told = True
+
+    # ----------------------------------------------------------------------------------------------------- its thread
+
+    def _run(self) -> None:
+        with guarded("snapshot", self._report):
+            step_below_reader()
+        give_up: float | None = None
+        while not self._stopping.is_set() or (self._shot and time.monotonic() < (give_up or float("inf"))):
+            if self._stopping.is_set():
+                give_up = give_up or time.monotonic() + LAST_CHANCE_S
+            pause = RETRY_S
+            with guarded("snapshot", self._report):
+                pause = self._turn()
+            self._wake.wait(pause)
+            self._wake.clear()
+
+    def _turn(self) -> float:
+        """One slice; returns how long to wait for the next [s]."""
+        if self._shot is None:
+            return IDLE_S
+        try:
+            self._write(self._shot)
+        except StorageError as error:
+            if not self._refused:
+                self._tell("error", "snapshot", f"the medium refuses: {error}; it is tried again")
+            self._refused = True
+            return RETRY_S
+        self._refused = False
+        return PAUSE_S if self._memory.has_more else WAIT_S
+
+    def _write(self, shot: Shot) -> None:
+        folder = self._folder()
+        if folder is None:
+            raise StorageError("there is no place for a file now")
+        self._file = shot.open(folder)
+        with self._lock:
+            shot.choose()
+        shot.write()
+        with self._lock:
+            over = shot.is_over(stopping=self._stopping.is_set())
+            if over:
+                shot.release()
+                self._shot = None
+        if over:
+            shot.close()
+            self._tell("info", "snapshot", f"{self._file.name} holds {shot.frames} frames")
+
+
+def _records(log: RawLog, links: Sequence[str]) -> list[Record]:
+    """How the frames of each source go into the log."""
+    records: list[Record] = [log.ticks]
+    for link in links:
+        records += [partial(log.frames, link), partial(log.frames_sent, link)]
+    return records

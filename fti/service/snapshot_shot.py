@@ -1,0 +1,126 @@
+"""One snapshot: which frames of the memory go into its file, slice by slice."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from fti.buffers.triple import Entry
+from fti.logger.raw_log import RawLog
+from fti.logger.session import SessionFolder
+from fti.logger.split_log import Part
+from fti.service.snapshot_memory import Block, FrameMemory
+
+#: Takes the frames of one source into the log.
+Record = Callable[[Sequence[Entry]], None]
+#: Frames may come so much later than the ticks that were received with them: their buffers were behind [ns].
+SETTLE_NS = 500_000_000
+SYNC_PERIOD_S = 1.0
+EVENT_TOPIC = "/fti/event"
+
+
+class Shot:
+    """What was received from begin_ns to end_ns (FTI time), both included.
+
+    records : of each source of the memory, how its frames go into the log
+    frames  : so many are in the file
+    """
+
+    def __init__(self, log: RawLog, memory: FrameMemory, records: Sequence[Record], begin_ns: int, end_ns: int) -> None:
+        self._log = log
+        self._memory = memory
+        self._records = records
+        self._begin_ns = begin_ns
+        self._end_ns = end_ns
+        self._part: Part | None = None
+        self._texts: list[tuple[int, str]] = []
+        self._slice: dict[int, list[Entry]] = {}
+        self._later: list[Block] = []
+        self._buffered = False  # slice and texts are in the log, and not yet in the file
+        self._synced = time.monotonic()
+        self.frames = 0
+        memory.hold_from(begin_ns)
+
+    # ------------------------------------------------------------------------- under the lock of the sink, both threads
+
+    def prolong(self, end_ns: int, t_ns: int, text: str) -> None:
+        """Another trigger, or the first one: go on until its end, and record it."""
+        self._end_ns = max(self._end_ns, end_ns)
+        self._texts.append((t_ns, text))
+        self._give_back()
+
+    def choose(self) -> None:
+        """Take the next slice from the memory, when the last one is in the file."""
+        if not self._slice and (block := self._memory.take()):
+            if block.first_ns > self._end_ns:
+                self._later.append(block)
+            elif self._begin_ns <= block.first_ns and block.last_ns <= self._end_ns:
+                self._slice = block.unpack()
+            else:
+                self._cut(block)
+
+    def _cut(self, block: Block) -> None:
+        """At the edges of the time, every frame is looked at."""
+        later = Block()
+        for source, entries in block.unpack().items():
+            self._memory.count_passed(source, [e for e in entries if e[1] < self._begin_ns])
+            if behind := [e for e in entries if e[1] > self._end_ns]:
+                later.add(source, behind)
+            if wanted := [e for e in entries if self._begin_ns <= e[1] <= self._end_ns]:
+                self._slice[source] = wanted
+        if later.data:
+            self._later.append(later)
+
+    def is_over(self, *, stopping: bool) -> bool:
+        """Everything is in the file, and nothing that belongs to it will come.  stopping : nothing comes any more."""
+        if self._slice or self._texts or self._memory.oldest_ns <= self._end_ns:
+            return False
+        return stopping or self._memory.newest_ns > self._end_ns + SETTLE_NS
+
+    def release(self) -> None:
+        """Let the memory go on as before."""
+        self._give_back()
+        self._memory.hold_from(None)
+
+    def _give_back(self) -> None:
+        self._memory.put_back(self._later)
+        self._later = []
+
+    # ------------------------------------------------------------------------------------------------ the sink's thread
+
+    def open(self, folder: SessionFolder) -> Path:
+        """Have a file in a folder; what is not in the last one goes into it.  Raises StorageError."""
+        if self._part is None or self._part.folder.path != folder.path:
+            part = self._log.open_part(folder)
+            if self._part:
+                self._part.abandon()
+            self._log.adopt(part)
+            self._part, self._buffered = part, False
+        return self._part.path
+
+    def write(self) -> None:
+        """Bring slice and texts into the file, after ``open``.  Raises StorageError; it can then be tried again."""
+        part, texts = self._part, list(self._texts)
+        assert part
+        if not self._buffered:
+            for t_ns, text in texts:
+                event = {"t_ns": t_ns, "level": "info", "source": "trigger", "text": text}
+                self._log.json(EVENT_TOPIC, t_ns, event)
+            for source, entries in self._slice.items():
+                self._records[source](entries)
+            self._buffered = True
+        part.flush()
+        self._buffered = False
+        del self._texts[: len(texts)]
+        for source, entries in self._slice.items():
+            self._memory.count_written(source, entries)
+            self.frames += len(entries)
+        self._slice = {}
+        if time.monotonic() - self._synced >= SYNC_PERIOD_S:
+            part.sync()
+            self._synced = time.monotonic()
+
+    def close(self) -> None:
+        """Finish the file.  Raises StorageError."""
+        self._log.close()
