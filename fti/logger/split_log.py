@@ -25,7 +25,7 @@ SECOND_NS = 1_000_000_000
 #: Name, media type, content.
 Attachment = tuple[str, str, bytes]
 Metadata = Mapping[str, Mapping[str, str]]
-#: What each file says of itself: kind, session, number; ``place_0``, ``place_1``: the folders in which parts may lie.
+#: What each file says of itself: kind, session; ``place_0``, ``place_1``: the folders in which parts may lie.
 FILE_METADATA = "fti.file"
 PLACE_KEY = "place_"
 RESCUE_BLOCK = 2**20
@@ -85,9 +85,9 @@ class SplitLog:
         self.declare(part.writer)
         self._part = part
 
-    def introduce(self, writer: StreamWriter, folder: SessionFolder, number: int) -> None:
+    def introduce(self, writer: StreamWriter, folder: SessionFolder) -> None:
         """Write what makes a file readable alone.  Raises StorageError."""
-        about = {"kind": self.kind, "session": folder.name, "number": str(number), **self._places}
+        about = {"kind": self.kind, "session": folder.name, **self._places}
         for name, table in sealed(FILE_METADATA, {FILE_METADATA: about, **self._metadata}).items():
             writer.add_metadata(name, table)
         for name, media_type, data in self._attachments:
@@ -254,7 +254,7 @@ class Part:
             numbering.give_back(number)
             raise
         try:
-            self._log.introduce(writer, self.folder, number)
+            self._log.introduce(writer, self.folder)
         except StorageError:
             writer.abandon()
             with contextlib.suppress(OSError):

@@ -8,7 +8,8 @@ from typing import Any
 from fti.logger.raw_log import RawLog
 from fti.service.guard import Report, guarded
 
-EVENT_TOPIC = "/fti/event"
+#: What happened and what was lost is kept longest.
+KEPT_TOPICS = ("/fti/event", "/fti/gap")
 #: While no medium takes them, so many events wait, and so many other notes; then the oldest go.
 MOST_EVENTS = 10_000
 MOST_OTHERS = 1_000
@@ -26,7 +27,7 @@ class Notes:
 
     def add(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         """Keep a note."""
-        (self._events if topic == EVENT_TOPIC else self._others).append((topic, t_ns, content))
+        (self._events if topic in KEPT_TOPICS else self._others).append((topic, t_ns, content))
 
     def record_all(self, log: RawLog) -> None:
         """Record what waits; a note that cannot be recorded is reported and spoils nothing else."""

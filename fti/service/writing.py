@@ -35,6 +35,8 @@ RETRY_S = 0.2
 TEND_PERIOD_S = 0.1
 #: At the end, a medium that refuses for so long gets no more chances.
 LAST_CHANCE_S = 5.0
+#: A stint that is well is given this time to bring home what it carries.
+HAND_OVER_S = 0.5
 
 
 class Writer:
@@ -60,7 +62,7 @@ class Writer:
         self._deciding = threading.Lock()
         self._wake = threading.Event()
         self._stint: Stint | None = None
-        self._left: list[Stint] = []
+        self._others: list[Stint] = []  # that try to begin, or have not ended yet
         self._finished = False
 
     # ------------------------------------------------------------------------------------------------ for the reader
@@ -74,7 +76,9 @@ class Writer:
         with self._deciding:
             attempt = self._machine.wanted(time.monotonic())
         if attempt:
-            Stint(self, attempt).start()
+            stint = Stint(self, attempt)
+            self._others = [other for other in self._others if other.is_alive()] + [stint]
+            stint.start()
 
     def wake(self) -> None:
         """A buffer has passed its threshold."""
@@ -133,7 +137,7 @@ class Writer:
             self.notes.record_all(self.log)
             self.log.close()
         deadline = time.monotonic() + LAST_CHANCE_S
-        for stint in self._left:
+        for stint in self._others:
             stint.join(max(0.0, deadline - time.monotonic()))
 
     # ------------------------------------------------------------------------------------------------ for the stints
@@ -154,18 +158,28 @@ class Writer:
             self._machine.failed(time.monotonic(), attempt.place, text)
 
     def take_over(self, stint: Stint, part: Part) -> bool:
-        """Let a stint be the one that writes; False when it is not wanted any more."""
-        with self.turn:
-            with self._deciding:
-                if not self._machine.opened(time.monotonic(), stint.attempt.place) or self._finished:
-                    return False
-            self.log.adopt(part)
-            self._restart()
-            if self._stint:
-                self._stint.over.set()
-                self._left = [left for left in self._left if left.is_alive()] + [self._stint]
-            self._stint = stint
-            return True
+        """Let a stint be the one that writes; False when it is not wanted any more.
+
+        One that is well first brings home what it carries, so that its file can be closed.
+        """
+        patience = time.monotonic() + HAND_OVER_S
+        while True:
+            with self.turn:
+                before = self._stint
+                if not (before and before.carrying and not before.refused) or time.monotonic() > patience:
+                    return self._replace(before, stint, part)
+            time.sleep(FLUSH_PERIOD_S / 10)
+
+    def _replace(self, before: Stint | None, stint: Stint, part: Part) -> bool:
+        with self._deciding:
+            if not self._machine.opened(time.monotonic(), stint.attempt.place) or self._finished:
+                return False
+        self.log.adopt(part)
+        self._restart()
+        if before:
+            before.over.set()
+        self._stint = stint
+        return True
 
     def released(self, stint: Stint) -> None:
         """A stint lets its file go, before there is another."""
@@ -176,7 +190,6 @@ class Writer:
                 self._restart()
                 self._stint = None
                 stint.over.set()
-                self._left.append(stint)
 
     def _restart(self) -> None:
         for source in self.sources:
@@ -224,7 +237,8 @@ class Stint(threading.Thread):
         self.over = threading.Event()
         self._writer = writer
         self._synced = self._looked = time.monotonic()
-        self._refused = False
+        self.carrying = False  # has recorded what its medium has not accepted yet
+        self.refused = False
 
     def run(self) -> None:
         """Open, take over, write, leave."""
@@ -260,6 +274,7 @@ class Stint(threading.Thread):
                 source.record_all()
                 source.tell_gaps(self._writer.note)
             self._writer.notes.record_all(self._writer.log)
+            self.carrying = True
         self._persist()
 
     def _persist(self) -> None:
@@ -271,7 +286,7 @@ class Stint(threading.Thread):
                 self._mark_written()
                 self._sync_when_due()
             except StorageError as error:
-                self._refused = True
+                self.refused = True
                 self._writer.refused(self, error)
                 if self.part.stray():
                     self._writer.released(self)
@@ -281,7 +296,7 @@ class Stint(threading.Thread):
                         raise
                 self.over.wait(RETRY_S)
             else:
-                self._refused = False
+                self.refused = False
                 self._writer.accepted(self)
                 return
 
@@ -291,6 +306,7 @@ class Stint(threading.Thread):
                 for source in self._writer.sources:
                     source.mark_written()
                 self._writer.notes.mark_written()
+                self.carrying = False
 
     def _sync_when_due(self) -> None:
         if time.monotonic() - self._synced >= SYNC_PERIOD_S:
@@ -309,7 +325,7 @@ class Stint(threading.Thread):
         if stray and stray.lost:
             rescued = self.part.rescue(self._writer.log.folder)
             raise StorageError(f"{stray.text}; what it held was written again to {rescued}")
-        if self._refused or self.part.writer.pending_bytes:
+        if self.refused or self.part.writer.pending_bytes:
             self.part.abandon()
         else:
             self.part.close()

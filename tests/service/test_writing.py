@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ class Rig:
         self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
         self.buffer = TripleBuffer()
         self.reports: list[str] = []
-        source = Source(self.buffer, lambda e: self.log.frame("a", e.seq, e.t_rx_ns, e.data))
+        source = Source("a", self.buffer, partial(self.log.frames, "a"))
         places = [Place.of(self.folder.path)]
         self.writer = Writer(self.log, [source], places, 0.0, lambda unit, e: self.reports.append(f"{unit}: {e}"))
 

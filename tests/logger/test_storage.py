@@ -1,0 +1,259 @@
+"""The storage machine: what it decides, with a clock that the test moves."""
+
+from __future__ import annotations
+
+import errno
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.errors import StorageError
+from fti.logger.storage import LONGEST_RETURN_S, MAIN, PATIENCE_S, RETURN_S, State, StorageMachine, is_full
+
+FALLBACK = 1
+NAMES = ("MAIN", "FALLBACK")
+
+
+class Rig:
+    """A machine and its time."""
+
+    def __init__(self, places: int = 2) -> None:
+        self.now = 100.0
+        self.machine = StorageMachine(NAMES[:places], self.now)
+
+    def at(self, seconds: float) -> None:
+        """Let time pass, in ticks as the recorder makes them; nothing is written meanwhile."""
+        for _ in range(round(seconds / 0.1)):
+            self.now += 0.1
+            assert self.wanted() is None
+
+    def wanted(self) -> tuple[int, bool] | None:
+        """Place and strictness of the attempt that begins now."""
+        attempt = self.machine.wanted(self.now)
+        return (attempt.place, attempt.strict) if attempt else None
+
+    def state(self) -> State:
+        """Of the storage, now."""
+        return self.machine.state(self.now)[0]
+
+    def record(self, place: int = MAIN) -> None:
+        """Begin at a place."""
+        assert self.wanted() == (place, False)
+        assert self.machine.opened(self.now, place)
+
+
+@pytest.fixture
+def rig() -> Rig:
+    made = Rig()
+    made.record()
+    return made
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_a_medium_that_refuses_is_left_at_once(rig: Rig, full: bool) -> None:
+    rig.machine.refused(rig.now, "no", full=full)
+    assert rig.state() is State.ERROR
+    assert rig.wanted() == (FALLBACK, False)
+    assert rig.machine.opened(rig.now, FALLBACK)
+    assert rig.machine.state(rig.now) == (State.FALLBACK, "recording in FALLBACK: no")
+
+
+def test_what_accepts_again_before_the_fallback_is_open_is_not_left(rig: Rig) -> None:
+    rig.machine.refused(rig.now, "no", full=True)
+    assert rig.wanted() == (FALLBACK, False)
+    rig.machine.accepted(rig.now)
+    assert not rig.machine.opened(rig.now, FALLBACK)
+    assert (rig.machine.place, rig.state()) == (MAIN, State.OK)
+
+
+def test_it_goes_back_with_enough_space_and_waits_longer_each_time_that_was_in_vain(rig: Rig) -> None:
+    waits = []
+    for _ in range(8):
+        rig.machine.refused(rig.now, "no", full=False)
+        assert rig.wanted() == (FALLBACK, False)
+        rig.machine.opened(rig.now, FALLBACK)
+        left = rig.now
+        while (attempt := rig.wanted()) is None:
+            rig.now += 0.1
+            rig.machine.accepted(rig.now)
+        assert attempt == (MAIN, True)
+        waits.append(rig.now - left)
+        assert rig.machine.opened(rig.now, MAIN)
+    assert waits == pytest.approx([min(RETURN_S * 2**n, LONGEST_RETURN_S) for n in range(8)], abs=0.2)
+
+
+def test_a_main_place_that_is_not_ready_is_asked_again(rig: Rig) -> None:
+    rig.machine.refused(rig.now, "no", full=True)
+    rig.wanted()
+    rig.machine.opened(rig.now, FALLBACK)
+    asked = 0
+    for _ in range(100):
+        rig.now += 0.1
+        rig.machine.accepted(rig.now)
+        if rig.wanted():
+            rig.machine.failed(rig.now, MAIN, "12 MB are free")
+            asked += 1
+    assert asked == pytest.approx((10 - RETURN_S) / 1.0, abs=1)
+    assert rig.machine.state(rig.now) == (State.FALLBACK, "recording in FALLBACK: 12 MB are free")
+
+
+def test_a_medium_that_is_stuck_is_told_and_then_left(rig: Rig) -> None:
+    rig.at(0.9)
+    assert rig.state() is State.OK
+    rig.at(0.3)
+    assert rig.state() is State.SLOW
+    rig.now += PATIENCE_S - 1.2 + 0.3
+    assert rig.wanted() == (FALLBACK, False)
+    assert rig.machine.state(rig.now) == (State.ERROR, "MAIN: has taken no byte for 2.3 s")
+
+
+def test_a_machine_that_stood_still_has_not_waited_for_its_medium(rig: Rig) -> None:
+    rig.now += 60.0
+    assert rig.wanted() is None
+    rig.machine.accepted(rig.now)
+    assert rig.state() is State.OK
+
+
+def test_a_stuck_medium_without_another_is_waited_for() -> None:
+    rig = Rig(places=1)
+    rig.record()
+    rig.at(30)
+    assert rig.state() is State.ERROR
+    rig.machine.accepted(rig.now)
+    assert rig.state() is State.OK
+
+
+def test_a_full_medium_without_another_is_waited_for() -> None:
+    rig = Rig(places=1)
+    rig.record()
+    for _ in range(100):
+        rig.machine.refused(rig.now, "full", full=True)
+        rig.at(0.2)
+    assert rig.machine.state(rig.now) == (State.ERROR, "full (for 20.0 s)")
+
+
+def test_a_medium_that_refuses_without_another_gets_a_new_file_after_a_while() -> None:
+    rig = Rig(places=1)
+    rig.record()
+    rig.machine.refused(rig.now, "EIO", full=False)
+    rig.at(PATIENCE_S - 0.2)
+    rig.now += 0.3
+    rig.machine.refused(rig.now, "EIO", full=False)
+    assert rig.wanted() == (MAIN, False)
+    assert rig.machine.opened(rig.now, MAIN)
+    assert rig.state() is State.OK
+
+
+def test_a_folder_that_vanished_is_made_again_after_a_while_and_at_once_for_a_lost_file(rig: Rig) -> None:
+    rig.machine.strayed(rig.now, "vanished", lost=False)
+    assert rig.machine.state(rig.now) == (State.GONE, "vanished")
+    for _ in range(19):
+        rig.now += 0.1
+        rig.machine.accepted(rig.now)
+        assert rig.wanted() is None
+    rig.now += 0.2
+    rig.machine.accepted(rig.now)
+    assert rig.wanted() == (MAIN, False)
+    rig.machine.failed(rig.now, MAIN, "not mounted")
+    assert rig.wanted() == (FALLBACK, False)
+    rig.machine.found()
+    assert not rig.machine.opened(rig.now, FALLBACK)
+    rig.machine.strayed(rig.now, "deleted", lost=True)
+    rig.now += 1.0
+    assert rig.wanted() == (MAIN, False)
+
+
+def test_a_file_that_is_let_go_leaves_every_place_open(rig: Rig) -> None:
+    rig.machine.refused(rig.now, "EIO", full=False)
+    rig.machine.strayed(rig.now, "vanished", lost=False)
+    rig.machine.released(rig.now)
+    assert rig.machine.state(rig.now) == (State.ERROR, "EIO")
+    assert rig.wanted() == (MAIN, False)
+    rig.machine.failed(rig.now, MAIN, "not mounted")
+    assert rig.wanted() == (FALLBACK, False)
+    rig.machine.failed(rig.now, FALLBACK, "full")
+    assert rig.machine.hopeless
+    assert rig.machine.state(rig.now) == (State.ERROR, "not mounted; full")
+
+
+def test_a_place_that_hangs_keeps_nobody_from_the_other() -> None:
+    rig = Rig()
+    assert rig.wanted() == (MAIN, False)
+    rig.at(PATIENCE_S - 0.1)
+    rig.now += 0.2
+    assert rig.wanted() == (FALLBACK, False)
+    assert rig.machine.opened(rig.now, FALLBACK)
+    assert not rig.machine.opened(rig.now, MAIN)  # it answers, too late: whether there is space it was not asked
+
+
+def test_little_space_and_an_overdue_split_are_told(rig: Rig) -> None:
+    rig.machine.measured("little space")
+    assert rig.machine.state(rig.now) == (State.FULL, "little space")
+    rig.machine.accepted(rig.now, "ENOSPC")
+    state, hint = rig.machine.state(rig.now)
+    assert state is State.OVERDUE and hint.endswith("no new one can be made: ENOSPC")
+    rig.machine.measured(None)
+    rig.machine.accepted(rig.now)
+    assert rig.state() is State.OK
+
+
+@pytest.mark.parametrize(("code", "full"), [(errno.ENOSPC, True), (errno.EDQUOT, True), (errno.EIO, False)])
+def test_full_is_told_from_broken(code: int, full: bool) -> None:
+    try:
+        raise StorageError("no") from OSError(code, "no")
+    except StorageError as error:
+        assert is_full(error) is full
+    assert not is_full(StorageError("no"))
+
+
+EVENTS = st.lists(
+    st.tuples(
+        st.sampled_from(["accept", "refuse", "full", "stray", "lose", "find", "open", "fail", "release", "wait"]),
+        st.sampled_from([0.0, 0.1, 1.0, 3.0, 70.0]),
+        st.integers(0, 1),
+    ),
+    max_size=60,
+)
+
+
+@given(EVENTS, st.integers(1, 2))
+def test_any_sequence_leads_back_to_a_file(events: list[tuple[str, float, int]], places: int) -> None:
+    """Never two attempts at one place, always a state; and once everything accepts, it records in the main place."""
+    rig = Rig(places)
+    running: list[int] = []
+    for what, seconds, which in events:
+        rig.now += seconds
+        _happen(rig, what, running, which)
+        if attempt := rig.wanted():
+            assert attempt[0] not in running
+            running.append(attempt[0])
+        assert isinstance(rig.machine.state(rig.now)[1], str)
+    for _ in range(round(2 * LONGEST_RETURN_S / 0.1)):
+        rig.now += 0.1
+        if rig.machine.place is not None:
+            rig.machine.accepted(rig.now)
+            rig.machine.found()
+        for place in running:
+            rig.machine.opened(rig.now, place)
+        running = [attempt[0]] if (attempt := rig.wanted()) else []
+    assert (rig.machine.place, rig.state()) == (MAIN, State.OK)
+
+
+def _happen(rig: Rig, what: str, running: list[int], which: int) -> None:
+    machine = rig.machine
+    if what in ("open", "fail") and running:
+        place = running.pop(which % len(running))
+        machine.opened(rig.now, place) if what == "open" else machine.failed(rig.now, place, "no")
+    elif machine.place is not None:
+        actions: dict[str, Any] = {
+            "accept": lambda: machine.accepted(rig.now),
+            "refuse": lambda: machine.refused(rig.now, "no", full=False),
+            "full": lambda: machine.refused(rig.now, "full", full=True),
+            "stray": lambda: machine.strayed(rig.now, "gone", lost=False),
+            "lose": lambda: machine.strayed(rig.now, "gone", lost=True),
+            "find": machine.found,
+            "release": lambda: machine.released(rig.now),
+        }
+        actions.get(what, lambda: None)()

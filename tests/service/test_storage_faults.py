@@ -1,0 +1,266 @@
+"""The writer on media that refuse, hang, vanish and return: what the buffers held is in the files, each number once."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from fti.buffers.triple import TripleBuffer
+from fti.logger import storage
+from fti.logger.places import Place
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
+from fti.logger.session import Numbering, name_parts
+from fti.logger.storage import State
+from fti.service import writing
+from fti.service.source import Source
+from fti.service.writing import Writer
+from tests.helpers import until
+
+ERRORS = {"full": errno.ENOSPC, "read-only": errno.EROFS, "broken": errno.EIO}
+STATUS = st.sampled_from(["good", "stuck", *ERRORS])
+
+
+class Media:
+    """Stands between the program and the folders: each can refuse every call that changes it, or hold it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.status: dict[Path, str] = {}
+        for name in ("pwrite", "ftruncate", "fdatasync"):
+            monkeypatch.setattr(os, name, self._watched(getattr(os, name)))
+        real_open = os.open
+
+        def watched_open(path: Any, flags: int, *rest: Any, **more: Any) -> int:
+            if flags & os.O_CREAT:
+                self._pass(str(path))
+            return real_open(path, flags, *rest, **more)
+
+        monkeypatch.setattr(os, "open", watched_open)
+
+    def _watched(self, call: Callable[..., Any]) -> Callable[..., Any]:
+        def watched(fd: int, *rest: Any) -> Any:
+            self._pass(str(Path(f"/proc/self/fd/{fd}").readlink()))
+            return call(fd, *rest)
+
+        return watched
+
+    def _pass(self, path: str) -> None:
+        while (status := self._of(path)) == "stuck":
+            time.sleep(0.002)
+        if status in ERRORS:
+            raise OSError(ERRORS[status], os.strerror(ERRORS[status]))
+
+    def _of(self, path: str) -> str:
+        return next((status for folder, status in self.status.items() if path.startswith(str(folder))), "good")
+
+
+class Rig:
+    """A writer with one link, a main place and perhaps a fallback."""
+
+    def __init__(self, media: Media, roots: list[Path], capacity: int = 2**19) -> None:
+        self._media = media
+        self._roots = roots
+        self.set(*["good"] * len(roots))
+        self.folders = [root / "s_0" for root in roots]
+        links = [RawTopic("a", "udp", {})]
+        self.log = RawLog(None, links, split_s=1e-7, split_mb=100, numbering=Numbering(), places=self.folders)
+        self.buffer = TripleBuffer(capacity)
+        self.reports: list[str] = []
+        source = Source("a", self.buffer, partial(self.log.frames, "a"))
+        places = [Place.of(folder) for folder in self.folders]
+        self.writer = Writer(self.log, [source], places, 0.0, self._report)
+        self.seq = 0
+        self._stop = threading.Event()
+        self._tending = threading.Thread(target=self._tend, name="tending")
+        self._tending.start()
+
+    def set(self, *status: str) -> None:
+        """What the media do from now on."""
+        self._media.status = dict(zip(self._roots, status, strict=True))
+
+    def _report(self, unit: str, error: Exception) -> None:
+        self.reports.append(f"{unit}: {error}")
+
+    def _tend(self) -> None:
+        while not self._stop.wait(0.003):
+            self.writer.tend()
+
+    def feed(self, count: int) -> None:
+        """Frames, and time to do something with them."""
+        for _ in range(count):
+            self.buffer.put(self.seq, self.seq * 10, b"%09d" % self.seq)
+            self.seq += 1
+            self._stop.wait(0.001)
+
+    def state(self) -> State:
+        return self.writer.state()[0]
+
+    def wait_for(self, state: State) -> None:
+        until(lambda: self.state() is state, 20, state)
+
+    def settle(self) -> None:
+        """All media good: until everything is written."""
+        self.set(*["good"] * len(self.folders))
+        until(lambda: self.buffer.empty and self.writer.file, 20, "empty buffers")
+
+    def finish(self) -> list[int]:
+        """End; the numbers in the files, each once."""
+        self.close()
+        found = [folder for folder in self.folders if any(folder.glob("*.mcap"))]
+        recording = Recording.open(*found)
+        numbers = [name_parts(path)[1] for path in recording.raw_files]
+        assert len(set(numbers)) == len(numbers)
+        frames = list(recording.frames())
+        assert all(frame.data == b"%09d" % frame.seq for frame in frames)
+        return [frame.seq for frame in frames]
+
+    def close(self) -> None:
+        """End everything."""
+        if not self._stop.is_set():
+            self.set(*["good"] * len(self.folders))
+            self._stop.set()
+            self._tending.join()
+            self.writer.stop()
+            self.writer.finish()
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Everything fifty times as fast as it is."""
+    for module, names in (
+        (storage, ("SLOW_S", "PATIENCE_S", "ATTEMPT_S", "RETURN_S", "LONGEST_RETURN_S", "RECOVERED_S")),
+        (writing, ("RETRY_S", "SYNC_PERIOD_S")),
+    ):
+        for name in names:
+            monkeypatch.setattr(module, name, getattr(module, name) / 50)
+    return monkeypatch
+
+
+@pytest.fixture
+def make(quick: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[..., Rig]]:
+    """Makes a rig on as many media as are wanted; ends it."""
+    media = Media(quick)
+    made: list[Rig] = []
+
+    def make_rig(places: int = 2, **options: Any) -> Rig:
+        folders = [tmp_path / f"{len(made)}_{place}" for place in ("main", "fallback")[:places]]
+        for folder in folders:
+            folder.mkdir()
+        made.append(Rig(media, folders, **options))
+        return made[-1]
+
+    yield make_rig
+    for rig in made:
+        rig.close()
+
+
+@pytest.mark.parametrize("how", ["stuck", *ERRORS])
+def test_it_goes_to_the_fallback_and_comes_back(make: Callable[..., Rig], how: str) -> None:
+    rig = make()
+    rig.settle()
+    rig.feed(20)
+    rig.set(how, "good")
+    rig.wait_for(State.FALLBACK)
+    rig.feed(20)
+    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    assert any(rig.folders[1].glob("*.mcap"))
+    rig.set("good", "good")
+    until(lambda: rig.writer.file and rig.writer.file.parent == rig.folders[0], 20, "the main medium")
+    rig.feed(20)
+    assert rig.finish() == list(range(60))
+    assert all(any(folder.glob("*.mcap")) for folder in rig.folders)
+
+
+@pytest.mark.parametrize("how", ["stuck", *ERRORS])
+@pytest.mark.parametrize("begun", [True, False])
+def test_without_another_medium_the_buffers_hold(make: Callable[..., Rig], how: str, begun: bool) -> None:
+    rig = make(1)
+    rig.set("good" if begun else how)
+    if begun:
+        until(lambda: rig.writer.file, 20, "a file")
+        rig.feed(20)
+        rig.set(how)
+    rig.feed(20)
+    rig.wait_for(State.ERROR)
+    assert rig.writer.silence_s > 0
+    rig.settle()
+    rig.feed(20)
+    assert rig.finish() == list(range(60 if begun else 40))
+
+
+def test_what_no_buffer_could_hold_is_counted(make: Callable[..., Rig]) -> None:
+    rig = make(1, capacity=300)
+    rig.settle()
+    rig.set("full")
+    rig.wait_for(State.ERROR)
+    rig.feed(200)
+    rig.settle()
+    stats = rig.buffer.stats
+    found = rig.finish()
+    assert stats.dropped_frames > 100
+    assert len(found) == stats.frames_out == 200 - stats.dropped_frames
+    assert found[-1] == 199
+
+
+def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig]) -> None:
+    rig = make(1)
+    rig.settle()
+    rig.feed(20)
+    away = rig.folders[0].with_name("away")
+    rig.folders[0].rename(away)
+    rig.feed(20)
+    until(lambda: rig.writer.file and rig.writer.file.exists(), 20, "a file in its place")
+    rig.feed(20)
+    rig.close()
+    for file in away.iterdir():
+        file.rename(rig.folders[0] / file.name)
+    assert rig.finish() == list(range(60))
+    assert not Recording.open(rig.folders[0]).unfinished
+
+
+def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
+    rig = make(1)
+    rig.log._log.split_ns = 10**12
+    rig.settle()
+    rig.feed(20)
+    before = until(lambda: rig.writer.file, 20, "a file")
+    shutil.rmtree(rig.folders[0])
+    until(lambda: rig.writer.file != before, 20, "another file")
+    rig.feed(20)
+    assert rig.finish() == list(range(40))
+    assert before.exists()
+    assert any("was deleted" in report and "written again" in report for report in rig.reports)
+
+
+def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]) -> None:
+    rig = make(1)
+    elsewhere = Place(rig.folders[0], Path("/proc"))
+    rig.writer._places = [elsewhere]
+    until(lambda: rig.writer.hopeless, 20, "a refusal")
+    assert "no medium is mounted on /proc" in rig.writer.state()[1]
+    assert not rig.folders[0].exists()
+    rig.writer._places = [Place.of(rig.folders[0])]
+
+
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(script=st.lists(st.tuples(STATUS, STATUS, st.integers(0, 30)), max_size=8), places=st.integers(1, 2))
+def test_whatever_the_media_do_nothing_is_lost(
+    make: Callable[..., Rig], script: list[tuple[str, str, int]], places: int
+) -> None:
+    rig = make(places)
+    for main, fallback, count in script:
+        rig.set(*(main, fallback)[:places])
+        rig.feed(count)
+    rig.settle()
+    assert rig.finish() == list(range(rig.seq))
