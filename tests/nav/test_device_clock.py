@@ -62,7 +62,7 @@ def errors_ms(rows: list[tuple[int, int | None]]) -> list[float]:
     return [(said - true) / MS for true, said in rows if said is not None]
 
 
-@settings(max_examples=25)
+@settings(max_examples=settings.default.max_examples // 4)
 @given(
     drift_ppm=st.floats(-90.0, 90.0),
     zero_ns=st.integers(0, 2**62),
@@ -94,7 +94,7 @@ def test_before_it_is_known_the_arrival_counts() -> None:
     assert clock.state is ClockState.LEARNING
 
 
-@settings(max_examples=40)
+@settings(max_examples=settings.default.max_examples // 3)
 @given(
     jumps_ms=st.lists(st.integers(-(2**40), 2**40), min_size=1, max_size=4),
     delay_ms=st.floats(0.0, 3000.0),
