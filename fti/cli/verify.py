@@ -13,11 +13,13 @@ each link must close, made again from the frames themselves:
   not_triggered    recorded on a trigger only, and none came
 
 Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
-refuted (does not hold).  A single file of a session is proved as far as it goes.
+refuted (does not hold).  A single file of a session is proved as far as it goes; a session whose medium was changed is
+proved from all places together.
 Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted.
 
   fti verify data/da42_20260102T030405Z_0
   fti verify data/da42_20260102T030405Z_0 --json
+  fti verify /media/disk/da42_20260102T030405Z_0 spare/da42_20260102T030405Z_0
 """
 
 from __future__ import annotations
@@ -36,8 +38,8 @@ CODES = {"ok": 0, "loss": 3, "refuted": 1}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """SESSION and --json."""
-    parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
+    """SESSION, more places of it, and --json."""
+    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folder or MCAP file; all of one session")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
@@ -45,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare everything; 3 when something is lost, 1 when something does not hold."""
     from fti.logger.recording import Recording
 
-    report = _verify(Recording.open(args.session))
+    report = _verify(Recording.open(*args.session))
     if args.json:
         print(json.dumps(as_json(report), indent=1))
     else:

@@ -216,7 +216,8 @@ class _Session:
     def recorders(self) -> Check:
         """Did every recorder end in good order?"""
         runs = self._ledger.runs
-        check = Check("recorders", f"{len(runs)}, ended in good order")
+        closed = ", ended in good order" if all(run.last.final for run in runs) else ""
+        check = Check("recorders", f"{len(runs)}{closed}")
         for run, after in zip_longest(runs, runs[1:]):
             if not run.last.final:
                 self._tell_end(check, run, after)
