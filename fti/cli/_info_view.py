@@ -10,7 +10,7 @@ from typing import Any
 from fti.logger.intervals import Gap
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import RAW
-from fti.logger.survey import Note, TopicSurvey
+from fti.logger.survey import MARKS, Note, TopicSurvey
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"
@@ -68,7 +68,7 @@ HEADS = ("topic", "messages", "bytes", "Hz", "device Hz", "sd ms", "p99 ms", "lo
 
 def _topics(view: Overview) -> Iterator[str]:
     yield ""
-    rows = [_row(view, topic) for topic in view.survey.topics]
+    rows = [_row(view, topic) for topic in view.survey.topics if not view.is_copy(topic)]
     widths = [max(len(row[n]) for row in (HEADS, *rows)) for n in range(len(HEADS))]
     for row in (HEADS, *rows):
         cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
@@ -106,7 +106,7 @@ def _number(value: float | None, digits: int, unknown: str = "-") -> str:
 
 def _pictures(view: Overview) -> Iterator[str]:
     """The activity of all topics, in one column over the same time."""
-    topics = [topic for topic in view.survey.topics if topic.topic != TICK_TOPIC]
+    topics = [topic for topic in view.survey.topics if topic.topic != TICK_TOPIC and not view.is_copy(topic)]
     width = max((len(topic.topic) for topic in topics), default=5)
     cells = min(max(shutil.get_terminal_size((120, 40)).columns - width - 3, NARROWEST), WIDEST)
     yield ""
@@ -137,14 +137,13 @@ def _height(rate: float) -> int:
 
 def _gaps(view: Overview) -> Iterator[str]:
     """Where the links were silent, the longest."""
-    links = [topic for topic in view.survey.topics if topic.topic.startswith(RAW)]
-    found = [(gap, topic) for topic in links for gap in view.silences(topic)]
+    found = [(gap, link) for link in view.links if link.topic.startswith(RAW) for gap in view.silences(link)]
     if not found:
         return
     chosen = sorted(found, key=lambda pair: -pair[0].length_ns)[:GAPS_SHOWN]
     more = "" if len(found) == len(chosen) else f", the longest {len(chosen)} of {len(found)}"
     yield ""
-    yield f"silent links{more}"
+    yield f"{'silent links' if view.mode == CONTINUOUS else 'silent, or not triggered'}{more}"
     for gap, topic in sorted(chosen, key=lambda pair: pair[0].begin_ns):
         yield f"  {_when(view, gap.begin_ns)}  {topic.topic}: {_silence(view, topic, gap)}"
 
@@ -165,7 +164,7 @@ def _events(view: Overview) -> Iterator[str]:
         return
     chosen = events
     if len(events) > EVENTS_SHOWN:
-        telling = [e for e in events if e.source == "mark" or e.level != "info"]
+        telling = [e for e in events if e.source in MARKS or e.level != "info"]
         chosen = sorted([*telling, *(e for e in events if e not in telling)][:EVENTS_SHOWN])
     total = len(events) + view.survey.more_events
     yield ""

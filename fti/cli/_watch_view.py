@@ -44,8 +44,6 @@ def _banner(health: Fields) -> Text:
     if (mode := str(session.get("mode", CONTINUOUS))) != CONTINUOUS:
         word, explanation = describe_mode(mode)
         text.append(f" {word}: {explanation} ", "bold black on yellow")
-    if (mode := session.get("mode", "continuous")) != "continuous":
-        text.append(f" {str(mode).upper()} ", "bold black on yellow")
     text.append(f"  {session.get('name', UNKNOWN)}  ", "bold")
     text.append(str(session.get("state", UNKNOWN)), "green" if session.get("state") == "recording" else "bold red")
     size_mb = (storage.get("file_bytes") or 0) / 1e6

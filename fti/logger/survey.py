@@ -24,6 +24,8 @@ CLOCK_TOPIC = "/fti/clock"
 #: The order in which topics are shown: what came over the links first.
 PREFIXES = ("/raw/", "/tx/", "/fti/")
 EVENTS_KEPT = 1000
+#: Sources of events that a person has set.
+MARKS = ("mark", "trigger")
 _WAITING = 8192
 _LEVELS = {number: level for level, number in LOG_LEVELS.items()}
 
@@ -135,7 +137,7 @@ def look_through(recording: Recording) -> Survey:
     for topic in topics.values():
         topic.settle()
     found.topics = sorted(topics.values(), key=_order)
-    found.events.sort()
+    found.events = sorted(set(found.events))  # a snapshot has copies
     return found
 
 

@@ -114,8 +114,11 @@ def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
 
 
 def _items(recording: Recording) -> Iterator[Item]:
+    """All messages, each once: snapshots beside a continuous recording are copies."""
+    copies = recording.raw_files and not recording.snapshot_mode
     for kind in KINDS:
-        yield from recording.items(kind)
+        if not (copies and kind == "snapshot"):
+            yield from recording.items(kind)
 
 
 def _parse(item: Item) -> Any:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from fti.errors import StorageError
 from fti.logger.intervals import Gap
-from fti.logger.survey import Note, TopicSurvey
+from fti.logger.survey import MARKS, Note, TopicSurvey
 from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
 
 WIDTH, LEFT, RIGHT = 1280, 248, 1252
@@ -79,7 +79,7 @@ class _Picture:
     def __init__(self, view: Overview) -> None:
         self._view = view
         self._span_ns = max(view.end_ns - view.begin_ns, 1)
-        self._marks = _place_labels([(self._x(n.t_ns), n) for n in view.survey.events if n.source == "mark"])
+        self._marks = _place_labels([(self._x(n.t_ns), n) for n in view.survey.events if n.source in MARKS])
         self._alerts = [note for note in view.survey.events if note.level in ("warning", "error")]
         lanes = max((lane for *_, lane in self._marks), default=-1) + 1
         self._top = HEAD + lanes * LANE + (14 if self._alerts else 0)

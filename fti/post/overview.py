@@ -88,8 +88,12 @@ class Overview:
     @property
     def links(self) -> list[TopicSurvey]:
         """What is drawn, one row each: the links; in a file without them, all topics."""
-        topics = self.survey.topics
+        topics = [topic for topic in self.survey.topics if not self.is_copy(topic)]
         return [topic for topic in topics if topic.topic.startswith(RAW)] or topics
+
+    def is_copy(self, topic: TopicSurvey) -> bool:
+        """A snapshot beside a continuous recording has copies of what is there already."""
+        return topic.kind == "snapshot" and bool(self.recording.raw_files) and self.mode == CONTINUOUS
 
     def since_begin_s(self, t_ns: int) -> float:
         """Time after the first message [s]."""

@@ -1,4 +1,6 @@
-"""What a page may ask for: a mark.  Bounded in size and rate, and only with the token that the page was served with.
+"""What a page may ask for: a mark, or a snapshot, which is a mark that triggers.
+
+Bounded in size and rate, and only with the token that the page was served with.
 
 The token is made anew at each start and stands in the page, which only its own origin can read.  A page elsewhere
 that opened the WebSocket in spite of the checks of Origin and Host would still not know it.
@@ -15,6 +17,8 @@ from typing import Any
 LONGEST_TEXT = 200
 MOST_PER_SECOND = 5
 NS_PER_S = 1_000_000_000
+#: Command of the page to what the daemon is told beside the text.
+COMMANDS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
 #: Hands a command to the daemon; False when it cannot be reached.
 Send = Callable[[Mapping[str, Any]], bool]
 
@@ -42,14 +46,14 @@ class CommandGate:
         """Why a command is refused; None when it was handed on."""
         if not self._knows_token(command.get("token")):
             return "the page is older than the display; load it again"
-        text = clean(command.get("text"))
-        if command["command"] != "mark" or text is None:
+        text, name = clean(command.get("text")), command["command"]
+        if not isinstance(name, str) or name not in COMMANDS or text is None:
             return "there is no such command"
         if not 1 <= len(text) <= LONGEST_TEXT:
             return f"a mark has 1 to {LONGEST_TEXT} characters"
         if not self._has_room():
             return f"more than {MOST_PER_SECOND} marks in a second"
-        return None if self._send({"mark": text}) else "the daemon does not listen"
+        return None if self._send({"mark": text, **COMMANDS[name]}) else "the daemon does not listen"
 
     def _knows_token(self, token: object) -> bool:
         return isinstance(token, str) and secrets.compare_digest(token.encode(errors="replace"), self.token.encode())

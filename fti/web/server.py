@@ -1,8 +1,9 @@
 """The page's server: HTTP and one WebSocket on loopback, for its own origin alone.
 
 ``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
-``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz.  A client may only set a mark:
-``{"command": "mark", "text", "token", "id"}``; the token stands in the page (see ``fti.web.commands``).
+``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz.  A client may only set a mark
+or trigger a snapshot: ``{"command": "mark" | "snapshot", "text", "token", "id"}``; the token stands in the page (see
+``fti.web.commands``).
 
 A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
 here), or when its Origin is another one; the WebSocket, which a browser lets any page open, demands an Origin.

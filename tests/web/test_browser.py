@@ -192,8 +192,10 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     await page.wait_for(shows("mark-answer", "more than 5 marks in a second"))
 
 
-async def test_a_fallback_medium_and_a_snapshot_session_are_said(page: Page, daemon: FakeDaemon) -> None:
-    assert await page.eval(f"{by_testid('mode')}.parentElement.hidden")
+async def test_a_fallback_medium_and_a_snapshot_session_are_said(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    assert await page.eval(f"{by_testid('mode')}.parentElement.hidden && {by_testid('snapshot-button')}.hidden")
     daemon.change_health = make_fallback_snapshot
     await page.wait_for(shows("alarm-storage", "RECORDING TO THE FALLBACK"))
     assert "/media/usb is full" in await page.text("alarm-storage")
@@ -202,11 +204,15 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_said(page: Page, dae
     for width, height in ((1440, 900), (1920, 1080)):
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
+    await page.eval(f"{by_testid('snapshot-button')}.click()")
+    assert await asyncio.to_thread(display.read_message) == {"mark": "snapshot", "trigger": True}
+    await page.wait_for(shows("mark-answer", "triggered"))
 
 
 def make_fallback_snapshot(health: dict[str, Any]) -> None:
     health["storage"].update(state="fallback", hint="/media/usb is full; recording to /data")
     health["session"]["mode"] = "snapshot"
+    health["snapshot"] = {"state": "waiting", "held_s": 60.0, "held_mb": 3.1, "file": None}
 
 
 SHARED_HISTORY = """

@@ -161,6 +161,12 @@ async def test_without_the_token_of_the_page_nothing_is_done(site: Site, token: 
     assert site.taken == []
 
 
+async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
+    async with site.connect() as ws:
+        assert await answers(ws, {"command": "snapshot", "text": "flutter", "token": await site.token()}) == [None]
+    assert site.taken == [{"mark": "flutter", "trigger": True}]
+
+
 async def test_each_start_has_its_own_token(site: Site) -> None:
     other = PageServer(Feed(0), lambda: 0, site.take)
     port = await other.start(0)

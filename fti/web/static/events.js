@@ -7,11 +7,13 @@ import { MarkField } from "./marks.js";
 export class Events {
   constructor(root, command) {
     this.list = h("ol", { class: "scroll", "data-testid": "events" });
-    root.append(panelTitle("Events").root, new MarkField(command).root, this.list);
+    this.marks = new MarkField(command);
+    root.append(panelTitle("Events").root, this.marks.root, this.list);
     this.shown = "";
   }
 
-  show({ events }) {
+  show({ events, health }) {
+    this.marks.show({ health });
     const newest = events[events.length - 1];
     const identity = newest ? `${events.length} ${newest.t_ns} ${newest.text}` : "";
     if (identity === this.shown) return;

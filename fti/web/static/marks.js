@@ -1,12 +1,13 @@
-// Marks: the field that sets one (m on the keyboard), and the marks among the events, for the plots.
+// Marks: the field that sets one (m on the keyboard) or triggers a snapshot, and the marks among the events, for the plots.
 
 import { h, setText } from "./dom.js";
 
 const LONGEST = 200;
 const SHOWN_MS = 4000;
+const DONE = { mark: "marked", snapshot: "triggered" };
 
 export const marksOf = (events) =>
-  events.filter(({ source }) => source === "mark").map(({ t_ns: tNs, text }) => ({ t: tNs / 1e9, text }));
+  events.filter(({ source }) => source === "mark" || source === "trigger").map(({ t_ns: tNs, text }) => ({ t: tNs / 1e9, text }));
 
 export class MarkField {
   // command : gives a command to the daemon, resolves to why it was refused or to null
@@ -14,12 +15,15 @@ export class MarkField {
     this.command = command;
     this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (press m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
     const button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
+    this.trigger = h("button", { type: "button", class: "trigger", title: "write what was around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
+    this.trigger.hidden = true;
     this.answer = h("output", { "data-testid": "mark-answer" });
-    this.root = h("form", { class: "mark" }, this.input, button, this.answer);
+    this.root = h("form", { class: "mark" }, this.input, button, this.trigger, this.answer);
     this.root.addEventListener("submit", (event) => {
       event.preventDefault();
-      this.#send();
+      this.#send("mark");
     });
+    this.trigger.addEventListener("click", () => this.#send("snapshot"));
     this.input.addEventListener("keydown", (event) => event.key === "Escape" && this.input.blur());
     document.addEventListener("keydown", (event) => this.#onKey(event));
   }
@@ -31,19 +35,24 @@ export class MarkField {
     this.input.focus();
   }
 
-  // An empty field is a mark too: there may be no time for words.
-  async #send() {
-    const text = this.input.value.trim() || "mark";
-    this.input.value = "";
-    const fault = await this.command({ command: "mark", text });
-    if (fault) this.input.value = text;
-    else this.input.blur();
-    this.#say(fault);
+  // The button for a snapshot is there when the daemon keeps the last minutes for one.
+  show({ health }) {
+    this.trigger.hidden = !health?.snapshot;
   }
 
-  #say(fault) {
-    this.answer.dataset.level = fault ? "fault" : "done";
-    setText(this.answer, fault ?? "marked");
+  // An empty field is a mark too: there may be no time for words.
+  async #send(command) {
+    const text = this.input.value.trim() || command;
+    this.input.value = "";
+    const fault = await this.command({ command, text });
+    if (fault) this.input.value = text;
+    else this.input.blur();
+    this.#say(fault ?? DONE[command], fault ? "fault" : "done");
+  }
+
+  #say(text, level) {
+    this.answer.dataset.level = level;
+    setText(this.answer, text);
     clearTimeout(this.timer);
     this.timer = setTimeout(() => setText(this.answer, ""), SHOWN_MS);
   }
