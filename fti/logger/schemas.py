@@ -128,13 +128,30 @@ def _nullable(schema: Json, hint: Any, definitions: Json) -> Json:
 _INTEGER: Json = {"type": "integer"}
 _STRING: Json = {"type": "string"}
 _TABLE: Json = {"type": "object", "properties": {}}
+_COUNTS: Json = {f"{part}_{what}": _INTEGER for part in ("in", "recorded", "held") for what in ("frames", "bytes")}
+#: By reason; how many bytes the kernel dropped is not known: null.
+_DROPPED: Json = {
+    **_TABLE,
+    "additionalProperties": {
+        "type": "object",
+        "properties": {"frames": _INTEGER, "bytes": {"type": ["integer", "null"]}},
+    },
+}
+#: in = recorded + held + dropped; see ``fti.service.accounts``.
+_ACCOUNT: Json = {"type": "object", "properties": {**_COUNTS, "dropped": _DROPPED}}
+_LINK_ACCOUNT: Json = {"type": "object", "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE}}
+_RECORDER: Json = {"type": "object", "properties": dict.fromkeys(("pid", "started_ns", "first_seq"), _INTEGER)}
 _NOTES: dict[str, tuple[str, Json]] = {
     "/fti/clock": (
         "fti.Clock",
         {"t_ns": _INTEGER, "monotonic_ns": _INTEGER, "monotonic_raw_ns": _INTEGER, "realtime_ns": _INTEGER}
         | {"width_ns": _INTEGER},
     ),
-    "/fti/ledger": ("fti.Ledger", {"t_ns": _INTEGER, "links": _TABLE}),
+    "/fti/ledger": (
+        "fti.Ledger",
+        {"t_ns": _INTEGER, "recorder": _RECORDER, "next_seq": _INTEGER, "final": {"type": "boolean"}}
+        | {"ticks": _ACCOUNT, "links": {**_TABLE, "additionalProperties": _LINK_ACCOUNT}},
+    ),
     "/fti/health": (
         "fti.Health",
         {"t_ns": _INTEGER, "session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
