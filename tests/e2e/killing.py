@@ -6,6 +6,7 @@ reader, first as the file lies, then when it has been closed.
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -181,7 +182,7 @@ def read_as_it_lies(path: Path) -> Frames:
                     topics[record.id] = record.topic
                 elif isinstance(record, Message):
                     _take(found, topics[record.channel_id], record)
-        except EndOfFile:
+        except (EndOfFile, struct.error):  # the latter where it breaks off within the head of a record
             pass
     return found
 
