@@ -132,18 +132,18 @@ def look_through(recording: Recording) -> Survey:
             if topic is None:
                 topic = topics[kind, name] = TopicSurvey(name, kind)
             topic.add(item.log_time, len(item.data))
-            if take := takers.get(name):
+            if (take := takers.get(name)) and not (kind == "snapshot" and recording.raw_files):  # copies
                 take(item)
     for topic in topics.values():
         topic.settle()
     found.topics = sorted(topics.values(), key=_order)
-    found.events = sorted(set(found.events))  # a snapshot has copies
+    found.events.sort()
     return found
 
 
 def _order(topic: TopicSurvey) -> tuple[int, int, str]:
     place = next((n for n, prefix in enumerate(PREFIXES) if topic.topic.startswith(prefix)), len(PREFIXES))
-    return KINDS.index(topic.kind), place, topic.topic
+    return place, KINDS.index(topic.kind), topic.topic
 
 
 def _table(data: bytes) -> Mapping[str, Any]:

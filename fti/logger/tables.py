@@ -114,11 +114,11 @@ def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
 
 
 def _items(recording: Recording) -> Iterator[Item]:
-    """All messages, each once: snapshots beside a continuous recording are copies."""
-    copies = recording.raw_files and not recording.snapshot_mode
+    """All messages, each once: beside raw files the notes of a snapshot are copies, and so are mostly its frames."""
     for kind in KINDS:
-        if not (copies and kind == "snapshot"):
-            yield from recording.items(kind)
+        beside = kind == "snapshot" and bool(recording.raw_files)
+        if not beside or recording.snapshot_mode:
+            yield from (item for item in recording.items(kind) if not (beside and item.topic.encoding == JSON))
 
 
 def _parse(item: Item) -> Any:
@@ -191,10 +191,10 @@ class _Tables:
             path.parent.mkdir(parents=True, exist_ok=True)
             if path in self.rows or os.path.lexists(path):
                 raise FileExistsError(None, "it exists already")
+            self.rows[path] = 0  # from here on its draft is cleared away
             self._open[topic] = path, self._form.open(_draft(path), columns), columns
         except OSError as error:
             raise _refusal(path, error) from error
-        self.rows[path] = 0
 
     def write(self, topic: str, first: Sequence[Any], cells: dict[str, Any] | None = None) -> None:
         """Add a row: its first columns, and the others by name.  Raises StorageError."""

@@ -113,7 +113,7 @@ class _Picture:
         width = 28 + 9.4 * len(word)
         begin = f"{datetime.fromtimestamp(view.begin_ns // SECOND_NS, UTC):%Y-%m-%d %H:%M:%S} UTC"
         length = _clock(view.duration_s) if view.duration_s >= 60 else f"{view.duration_s:.1f} s"
-        messages = sum(topic.messages for topic in view.survey.topics)
+        messages = sum(topic.messages for topic in view.survey.topics if not view.is_copy(topic))
         config = f"configuration {view.about.get('config_sha256', 'unknown')[:12]}"
         software = f"fti {view.about.get('software', 'unknown')}"
         told = "  ·  ".join((begin, length, f"{messages:,} messages", software, config))

@@ -17,7 +17,7 @@ from mcap.stream_reader import StreamReader
 
 from fti.logger.intervals import Gap
 from fti.logger.mcap_file import McapFile
-from fti.logger.recording import RAW, Recording
+from fti.logger.recording import RAW, SENT, Recording
 from fti.logger.survey import Survey, TopicSurvey, look_through, time_span
 
 SECOND_NS = 1_000_000_000
@@ -92,8 +92,9 @@ class Overview:
         return [topic for topic in topics if topic.topic.startswith(RAW)] or topics
 
     def is_copy(self, topic: TopicSurvey) -> bool:
-        """A snapshot beside a continuous recording has copies of what is there already."""
-        return topic.kind == "snapshot" and bool(self.recording.raw_files) and self.mode == CONTINUOUS
+        """A snapshot has copies of what raw files have; its frames are copies beside a continuous recording only."""
+        beside = topic.kind == "snapshot" and bool(self.recording.raw_files)
+        return beside and (self.mode == CONTINUOUS or not topic.topic.startswith((RAW, SENT)))
 
     def since_begin_s(self, t_ns: int) -> float:
         """Time after the first message [s]."""

@@ -117,6 +117,21 @@ def test_a_snapshot_session_says_so(folder: SessionFolder, capsys: pytest.Captur
     assert told(folder, capsys)["mode"] == "snapshot"
 
 
+def test_a_snapshot_beside_the_recording_counts_nothing_twice(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record_with_gap(folder)
+    assert info(folder) == 0
+    alone = [line.split() for line in capsys.readouterr().out.splitlines()]
+    shutil.copy(folder.files("raw")[0], folder.path / f"{folder.name}_snapshot_000.mcap")
+    assert info(folder) == 0
+    both = [line.split() for line in capsys.readouterr().out.splitlines() if "_snapshot_000.mcap" not in line]
+    assert both == alone
+    assert main(["export", str(folder.path), "--out", str(tmp_path / "t"), "--raw"]) == 0
+    assert "raw_radar.csv  175 rows" in capsys.readouterr().out
+    assert (tmp_path / "t" / "fti_event.csv").read_text().count("flare") == 1
+
+
 def test_a_killed_and_a_damaged_file_are_told(
     folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
