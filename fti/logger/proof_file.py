@@ -40,10 +40,11 @@ Row = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The messages of one chunk, by topic.  end : how far the file has been read [B]."""
+    """The messages of one chunk, by topic.  at, end : where it stands in the file [B]."""
 
     data: bytes
     rows: list[tuple[Topic, list[Row]]]
+    at: int
     end: int
 
     def body(self, row: Row) -> bytes:
@@ -70,10 +71,13 @@ class ProofFile:
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
         self._ended = False  # the data section
 
-    def pages(self) -> Iterator[Page]:
-        """What the chunks hold.  Raises MissingError when the file cannot be opened."""
+    def pages(self, at: int = 0) -> Iterator[Page]:
+        """What the chunks hold.  Raises MissingError when the file cannot be opened.
+
+        at : where a page begins that is to be had again, with those behind it
+        """
         with Source(self.path) as source:
-            at = self._begin(source)
+            at = at or self._begin(source)
             while at and at < source.size:
                 op = source.read(at, 1)[0]
                 if not self.finished and op in _IN_CHUNKS:
@@ -118,7 +122,7 @@ class ProofFile:
         data = source.read(at, source.size - at)
         rows, end = self._walk(data)
         if rows:
-            yield self._page(data, rows, at + end)
+            yield self._page(data, rows, at, at + end)
         self._break(source, at + end)
 
     # --------------------------------------------------------------------------------------------------- records
@@ -139,14 +143,14 @@ class ProofFile:
                 self.faults.append(f"the chunk at byte {at} has no checksum")
             self._check_times(source, at, rows)
             self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
-        yield self._page(data, rows, end)
+        yield self._page(data, rows, at, end)
 
-    def _page(self, data: bytes, rows: dict[int, list[Row]], end: int) -> Page:
+    def _page(self, data: bytes, rows: dict[int, list[Row]], at: int, end: int) -> Page:
         named = []
         for channel, found in rows.items():
             self.messages[channel] += len(found)
             named.append((self._topics[channel], found))
-        return Page(data, named, end)
+        return Page(data, named, at, end)
 
     def _walk(self, data: bytes) -> tuple[dict[int, list[Row]], int]:
         """Messages by channel, and where the whole records end."""

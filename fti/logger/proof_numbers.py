@@ -200,7 +200,7 @@ class NumberProof:
 
     def feed(self, page: Page) -> None:
         """Take the numbered messages of a page."""
-        parts = [(topic, rows, self._full(rows)) for topic, rows in page.rows if is_numbered(topic.name)]
+        parts = [(topic, rows, self.full(rows)) for topic, rows in page.rows if is_numbered(topic.name)]
         numbers = sorted((seq, row[1]) for _, rows, seqs in parts for seq, row in zip(seqs, rows, strict=True))
         if not numbers:
             return
@@ -230,7 +230,7 @@ class NumberProof:
             proof = self.topics[topic.name] = TopicProof(topic.name, topic.metadata.get("kind") == "can")
         return proof
 
-    def _full(self, rows: list[Row]) -> list[int]:
+    def full(self, rows: list[Row]) -> list[int]:
         """The full numbers, of which the rows have the low 32 bits."""
         last = unwrap(rows[0][0], self._last)
         offset = last - rows[0][0]

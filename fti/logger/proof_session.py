@@ -109,7 +109,7 @@ class _Session:
     def splits(self) -> Check:
         """Is every file there?"""
         check = Check("splits", f"{len(self._recording.raw_files)} raw files, none is missing")
-        for kind in ("raw", "derived") if not self._alone else ():
+        for kind in ("raw", "derived", "snapshot") if not self._alone else ():
             there = [name_parts(path)[1] for path in self._recording.paths(kind)]
             absent = sorted(set(range(max(there, default=-1) + 1)) - set(there))
             if absent:

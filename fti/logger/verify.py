@@ -25,6 +25,7 @@ from fti.logger.proof_ledger import LedgerProof
 from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Check, Report, Topic, Verdict
 from fti.logger.proof_session import GAP_TOPIC, Gaps, conclude
+from fti.logger.proof_snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import Recording
 from fti.logger.records import MESSAGE_BODY
@@ -53,6 +54,7 @@ class _Verification:
         self._ledger = LedgerProof(self._numbers, begins=begins)
         self._begins = begins
         self._gaps = Gaps()
+        self._snapshots = SnapshotProof(self._numbers)
         self._progress = progress
         self._done = 0
         self._total = 2 * sum(path.stat().st_size for path in recording.files)
@@ -69,17 +71,23 @@ class _Verification:
             report.ledgers = self._ledger.notes
             report.numbered = self._numbers.frames
             conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
+            report.checks += self._judge_snapshots()
         return report
 
     # ---------------------------------------------------------------------------------------------------------- files
 
     def _read(self, path: Path, files: Check, official: Check) -> None:
         file = ProofFile(path)
-        raw = path in self._recording.raw_files
+        raw, snapshot = path in self._recording.raw_files, path in self._recording.snapshot_files
         frames = path in self._recording.frame_files
         if frames:
             self._numbers.begin_file()
+        self._snapshots.files += snapshot
         for page in file.pages():
+            if raw:
+                self._snapshots.note_raw(path, page)
+            elif snapshot:
+                self._snapshots.compare(page)
             self._take(page, raw=raw, frames=frames)
             self._progress(self._done + page.end, self._total)
         size = path.stat().st_size
@@ -115,6 +123,17 @@ class _Verification:
         longest = max(b - a for a, b in pairwise(times))
         topic.longest_gap_ns = max(topic.longest_gap_ns, longest)
         topic.last_ns = times[-1]
+
+    def _judge_snapshots(self) -> list[Check]:
+        """Are the copies the same?  No check where there is no snapshot."""
+        found = self._snapshots
+        if not found.files:
+            return []
+        text = f"{found.files} files with {found.frames} numbered messages; {found.copies} stand in raw files too"
+        check = Check("snapshots", f"{text}, the same")
+        if found.different:
+            check.add(Verdict.REFUTED, f"{found.different} messages are not what stands in the raw files")
+        return [check]
 
     # ------------------------------------------------------------------------------------------------ official reader
 

@@ -142,7 +142,7 @@ def payload(seq: int) -> bytes:
     if topic == "/fti/tick":
         return b""
     if topic == "/raw/bus":
-        return ERROR_FRAME if seq % 30 == 1 else seq.to_bytes(2, "little") + bytes(14)
+        return ERROR_FRAME if seq % 30 == 1 else seq.to_bytes(3, "little") + bytes(13)
     return b"%06d" % seq + bytes(seq % 7)
 
 

@@ -375,3 +375,32 @@ def test_a_session_that_is_being_recorded_is_told(folder: SessionFolder) -> None
     assert "the session is being recorded" in check(report, "recorders")[1][0]
     recorder.end()
     assert proved(folder).holds
+
+
+# ---------------------------------------------------------------------------------------------------------- snapshots
+
+
+def snapshot(folder: SessionFolder, seqs: range, spoil: int | None = None) -> None:
+    """A copy of some numbers in a file of its own."""
+    recorder = Recorder(open_log(folder, kind="snapshot"), 0)
+    for seq in seqs:
+        if seq == spoil:
+            recorder.log.frame("ins", seq, time_of(seq), b"other")
+        else:
+            recorder.write(seq)
+    recorder.log.close()
+
+
+def test_snapshots_are_copies(folder: SessionFolder) -> None:
+    make(folder)
+    snapshot(folder, range(150, 350))
+    report = proved(folder)
+    assert report.verdict is Verdict.OK, report.findings
+    said = next(c for c in report.checks if c.name == "snapshots").text
+    assert said == "1 files with 200 numbered messages; 200 stand in raw files too, the same"
+
+
+def test_a_snapshot_that_differs_is_refuted(folder: SessionFolder) -> None:
+    make(folder)
+    snapshot(folder, range(150, 350), spoil=201)
+    assert proved(folder).findings == ["1 messages are not what stands in the raw files"]
