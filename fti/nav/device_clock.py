@@ -8,7 +8,7 @@ be seen; the configured latency stands for it.
 
 A device's clock does not run for ever.  A counter that starts again at a known period goes on (``WRAPS``).  Anything
 else that lasts - a restart, a leap second, a receiver that finds its date, a delay that has become another - begins a
-new segment, after 10 s of messages of which none lies near the line.  After 2 s of such messages the clock is not
+new segment, after 10 s of messages of which none lies near the line.  After 2 s (and five messages) the clock is not
 believed any more: then, as before it is known, the arrival counts.  A bend (temperature) moves the line with its
 window: 0.1 ppm in an hour is 0.05 ms.
 """
@@ -40,10 +40,10 @@ TOLD_DRIFT = 2e-6
 #: A message is near the line within this, and four times what is usual, and four sigma of the line [ns].
 NEAR_NS = 10e6
 NEAR_FACTOR = 4.0
-#: Without a message near the line for so long, it is not believed; for so long and so many messages: a new segment.
+#: After so many messages of which none is near the line, and so long, it is not believed; so long: a new segment.
+AWAY_MESSAGES = 5
 DOUBT_NS = 2 * SECOND_NS
 RENEW_NS = 10 * SECOND_NS
-RENEW_MESSAGES = 5
 #: Periods of counters that start again [ns]: 32 bits of milliseconds; week, ten bits of weeks, day.
 DAY_NS = 86_400 * SECOND_NS
 WRAPS = {
@@ -234,7 +234,7 @@ class DeviceClock:
             self.segments.pop()
             segment, late = self._begin(t_rx_ns, t_dev_ns), 0.0
         self._watch(t_rx_ns, near=abs(late) <= near)
-        if self._away_for(t_rx_ns) >= RENEW_NS and self._away >= RENEW_MESSAGES:
+        if self._away_for(t_rx_ns) >= RENEW_NS and self._away >= AWAY_MESSAGES:
             self._renew(t_rx_ns, t_dev_ns)
             return None
         if not -near <= late <= self._max_age_ns - self._latency_ns:
@@ -274,7 +274,7 @@ class DeviceClock:
             return
         self._away_since = t_rx_ns if self._away_since is None else self._away_since
         self._away += 1
-        self._doubted = self._away_for(t_rx_ns) > DOUBT_NS
+        self._doubted = self._away >= AWAY_MESSAGES and self._away_for(t_rx_ns) > DOUBT_NS
 
     def _away_for(self, t_rx_ns: int) -> int:
         return 0 if self._away_since is None else t_rx_ns - self._away_since

@@ -62,7 +62,7 @@ def errors_ms(rows: list[tuple[int, int | None]]) -> list[float]:
     return [(said - true) / MS for true, said in rows if said is not None]
 
 
-@settings(max_examples=settings.default.max_examples // 4)
+@settings(max_examples=settings().max_examples // 4)
 @given(
     drift_ppm=st.floats(-90.0, 90.0),
     zero_ns=st.integers(0, 2**62),
@@ -94,7 +94,7 @@ def test_before_it_is_known_the_arrival_counts() -> None:
     assert clock.state is ClockState.LEARNING
 
 
-@settings(max_examples=settings.default.max_examples // 3)
+@settings(max_examples=settings().max_examples // 3)
 @given(
     jumps_ms=st.lists(st.integers(-(2**40), 2**40), min_size=1, max_size=4),
     delay_ms=st.floats(0.0, 3000.0),
@@ -103,7 +103,7 @@ def test_before_it_is_known_the_arrival_counts() -> None:
 def test_whatever_a_clock_does_no_message_is_younger_than_its_arrival_or_older_than_allowed(
     jumps_ms: list[int], delay_ms: float, seed: int
 ) -> None:
-    """0 <= arrival - validity <= max age, always; else the clock is not believed."""
+    """0 <= latency <= arrival - validity <= max age, always; else the clock is not believed."""
     clock = make_clock()
     zero_ns = 0
 
@@ -115,7 +115,7 @@ def test_whatever_a_clock_does_no_message_is_younger_than_its_arrival_or_older_t
         device = Device(zero_ns=zero_ns, delays=sometimes_late, seed=seed)
         for _, rx, dev in device.messages(40.0 * i, 40.0 * (i + 1)):
             said = clock.take(rx, dev)
-            assert said is None or 0 <= rx - said <= MAX_AGE_NS
+            assert said is None or LATENCY_NS <= rx - said <= MAX_AGE_NS
 
 
 def test_a_late_message_keeps_the_time_at_which_it_was_true_and_is_counted() -> None:
@@ -209,6 +209,20 @@ def test_a_clock_that_bends_with_its_temperature_is_followed() -> None:
             worst = max(worst, abs(said - FTI_0 - t_ns) / MS)
     assert worst < 1.0
     assert len(clock.segments) == 1
+
+
+@pytest.mark.parametrize(("period_ms", "resolution_ns"), [(20.0, 0), (20.4, 1 * MS), (1000 / 3, 1 * MS)])
+def test_the_resolution_of_a_clock_limits_what_is_known_of_it(period_ms: float, resolution_ns: int) -> None:
+    """A clock that says milliseconds; one that speaks at whole multiples of its period may say them exactly."""
+    clock = make_clock(TimeScale.BOOT)
+    for k in range(round(60_000 / period_ms)):
+        t_ns = round(k * period_ms * MS)
+        clock.take(FTI_0 + t_ns + LATENCY_NS, t_ns // MS * MS)
+    clock.finish()
+    segment = clock.segments[0]
+    assert segment.resolution_ns == resolution_ns
+    assert segment.line.slope_95 >= resolution_ns / (60 * SECOND_NS)
+    assert abs(segment.drift_ppm) <= 1e6 * segment.line.slope_95
 
 
 def test_the_first_message_may_be_the_late_one() -> None:

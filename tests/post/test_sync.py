@@ -16,7 +16,9 @@ from mcap.reader import make_reader
 from fti.cli.main import main
 from fti.drivers import nmea0183
 from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.post.reprocess import recorded_setup, reprocess
 from fti.types import DeviceTime, Stamp, TimeScale
 from tests.web.chromium import Chromium
 
@@ -66,7 +68,8 @@ def record(folder: Path, attachments: dict[str, str], *, times: bool = True) -> 
         late_ns = 80 * MS if k % 10 == 9 else round(abs(rng.normal(0.0, 0.3)) * MS)
         t_rx_ns = true_ns + LATENCY_NS + late_ns
         said = DeviceTime(stamp=Stamp(t_rx_ns, second_ns + back_ns, TimeScale.UTC))
-        log.frame("line", k, t_rx_ns, b"".join(encoder.encode(said)) if times else b"$no time\r\n")
+        log.frame("line", 2 * k, t_rx_ns, b"".join(encoder.encode(said)) if times else b"$no time\r\n")
+        log.tick(2 * k + 1, t_rx_ns)
         clock_ns = FTI_0 + k * SECOND_NS
         realtime_ns = clock_ns + (REAL_SET_NS if k >= REAL_SET_S else 0)
         note = {"t_ns": clock_ns, "monotonic_ns": clock_ns - FTI_0, "monotonic_raw_ns": k * 1_000_002_000}
@@ -176,6 +179,28 @@ def test_a_session_in_which_nobody_says_the_time(tmp_path: Path, capsys: pytest.
     assert table["gnss"] is None
     assert main(["sync", str(session)]) == 0
     assert "no device of this session says its own time" in capsys.readouterr().out
+
+
+def test_navigation_learned_the_same_clock(session: Path, tmp_path: Path) -> None:
+    """Reprocessed: late messages have the time at which they were true, and the clock is told once a second."""
+    recording = Recording.open(session)
+    setup = recorded_setup(recording, session)
+    folders = [
+        reprocess(recording, setup, tmp_path / out, as_flown=False, progress=lambda seq: None) for out in ("a", "b")
+    ]
+    first, second = (list(Recording.open(folder).messages()) for folder in folders)
+    assert first == second
+    stamps = [json.loads(data)["stamp"] for topic, *_, data in first if topic == "/receiver/device_time"]
+    ages_ms = [(stamp["t_rx_ns"] - stamp["t_valid_ns"]) / MS for stamp in stamps]
+    assert ages_ms[:9] == [60.0] * 9  # not known yet: the arrival counts
+    assert ages_ms[59:200:10] == pytest.approx([140.0] * 15, abs=1.0)
+    notes = [json.loads(data) for topic, *_, data in first if topic == "/fti/device_clock"]
+    assert len(notes) > 280
+    known = [note["clocks"]["receiver_utc"] for note in notes if note["t_ns"] < FTI_0 + STEP_S * SECOND_NS][-1]
+    assert (known["state"], known["late"]) == ("good", pytest.approx(17, abs=3))
+    assert known["drift_ppm"] == pytest.approx(DRIFT_PPM, abs=4 * known["drift_sd_ppm"])
+    said = [json.loads(data)["message"] for topic, *_, data in first if topic == "/fti/event"]
+    assert any("receiver (utc) has gone by -1.0" in text for text in said)
 
 
 @pytest.mark.browser
