@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import IO
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import SeekingReader
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
+from mcap.records import Chunk, ChunkIndex, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from fti.logger.ledger import LEDGER_TOPIC
 from fti.logger.mcap_file import Topic as Channel
@@ -34,7 +35,6 @@ from fti.logger.session import name_parts
 
 #: Gets what has been done and what there is to do [B].
 Progress = Callable[[int, int], None]
-_OFFICIAL_STEP = 10_000
 
 
 def verify(recording: Recording, progress: Progress = lambda done, total: None) -> Report:
@@ -151,10 +151,9 @@ class _Verification:
             summary = reader.get_summary()
             if summary is None or summary.statistics is None:
                 return ["has no summary"]
-            for _, channel, _ in reader.iter_messages(log_time_order=False):
-                found[channel.id] += 1
-                if not found[channel.id] % _OFFICIAL_STEP:
-                    self._progress(self._done + stream.tell(), self._total)
+            for index in summary.chunk_indexes:
+                found.update(_channels_of(stream, index))
+                self._progress(self._done + stream.tell(), self._total)
         chunks = [index.chunk_start_offset for index in summary.chunk_indexes]
         told = {channel: count for channel, count in summary.statistics.channel_message_counts.items() if count}
         faults = []
@@ -176,6 +175,16 @@ class _Verification:
             except (EndOfFile, struct.error):
                 pass
         return [] if found == file.messages.total() else [f"{found} messages, {file.messages.total()} by this program"]
+
+
+def _channels_of(stream: IO[bytes], index: ChunkIndex) -> Iterator[int]:
+    """The channel of each message of a chunk; the reader's own loop over chunks keeps them all."""
+    stream.seek(index.chunk_start_offset)
+    limit = index.chunk_length
+    chunk = next(StreamReader(stream, skip_magic=True, emit_chunks=True, record_size_limit=limit).records, None)
+    if not isinstance(chunk, Chunk):
+        raise McapError(f"there is no chunk at byte {index.chunk_start_offset}")
+    return (r.channel_id for r in breakup_chunk(chunk, validate_crc=True) if isinstance(r, Message))
 
 
 def _without_ticks(page: Page) -> Page:
