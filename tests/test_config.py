@@ -138,7 +138,10 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed('altimeters = ["radar"]', 'altimeters = ["ins"]'), ["nav.altimeters", "'ins'", "altimeter"]),
         (changed('vertical = "egm96"', 'vertical = "egm2008"'), ["nav.terrain.vertical", "'egm2008'", "'egm96'"]),
         (changed('vertical = "egm96"', 'vertical = "egm96", datum = 1'), ["nav.terrain.datum", "files, vertical"]),
-        (changed("[nav]", "[navigation]"), ["navigation", "no such key", "bus, device, display, link, nav, session"]),
+        (
+            changed("[nav]", "[navigation]"),
+            ["navigation", "no such key", "bus, device, display, link, nav, recorder, session, snapshot"],
+        ),
         ("path = '/etc'\n" + GOOD, ["path", "no such key"]),
         (changed('[session]\nname = "da42"', ""), ["session", "missing"]),
         (GOOD + '[display]\naddress = "0.0.0.0"', ["display.address", "'0.0.0.0'", "127.0.0.1"]),

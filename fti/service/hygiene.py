@@ -5,9 +5,9 @@ affinity and scheduler belong to a thread, so a thread that ends at once tries t
 
 With ``scheduler = "fifo"`` the reader runs before every ordinary process, and the other threads of the recorder one
 below it.  They may not stay ordinary: one of them that waits for a processor while it holds the interpreter would hold
-the reader, too.  They may not be above or beside it: packing and checksums must never delay a stamp.  A thread that
-has run for ``MOST_RUN_S`` without a pause is out of order and must not starve the machine: the kernel says so, and the
-recorder becomes an ordinary process again, and tells.
+the reader, too.  They may not be above or beside it: packing and checksums must never delay a stamp.  Nor may they
+starve the machine when one of them runs wild: the interpreter lock keeps the recorder on one processor at a time, and
+there the kernel leaves a part of every second to the others.  Where that is switched off, ``fifo`` is refused.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import gc
 import mmap
 import os
 import resource
-import signal
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -29,9 +28,8 @@ from fti.errors import ConfigError
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 #: A limit of locked memory that is never in the way, besides the memory of the snapshot sink [B].
 ENOUGH_LOCKED = 2**30
-#: Time that a thread of the recorder may run without a pause under ``fifo`` [s].
-MOST_RUN_S = 1.0
-THREADS = Path("/proc/self/task")
+#: Time of each period that the kernel leaves to threads under ``fifo`` [us]; -1 : all of it.
+THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
 def check(config: Config) -> None:
@@ -44,12 +42,24 @@ def check(config: Config) -> None:
             f"({refusal}); allowed here is 'other'; CAP_SYS_NICE or a limit of at least {asked.priority} permits it "
             f"(systemd: AmbientCapabilities=CAP_SYS_NICE or LimitRTPRIO={asked.priority})"
         )
+    if asked.scheduler == "fifo" and _is_unbounded():
+        raise ConfigError(
+            f"{config.path}: recorder.scheduler = 'fifo': this machine lets such a process take all of a processor "
+            f"({THROTTLE} is -1); allowed here is 'other', or set kernel.sched_rt_runtime_us = 950000"
+        )
     if asked.lock_memory and not _may_lock(config):
         raise ConfigError(
             f"{config.path}: recorder.lock_memory = true: not permitted (the limit is "
             f"{resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] // 1024} KiB); allowed here is false; CAP_IPC_LOCK or no "
             "limit permits it (systemd: AmbientCapabilities=CAP_IPC_LOCK or LimitMEMLOCK=infinity)"
         )
+
+
+def _is_unbounded() -> bool:
+    try:
+        return int(THROTTLE.read_text()) < 0
+    except OSError:
+        return False  # a container that hides it
 
 
 def _check_cpus(path: str, cpus: tuple[int, ...]) -> None:
@@ -110,7 +120,6 @@ def apply(asked: RecorderTuning) -> list[str]:
         steps.append(gc.disable)
     if asked.scheduler == "fifo":
         steps.append(lambda: _set_fifo(asked.priority))
-        steps.append(lambda: resource.setrlimit(resource.RLIMIT_RTTIME, (round(MOST_RUN_S * 1e6), _hardest())))
     refused = []
     for step in steps:
         try:
@@ -120,10 +129,6 @@ def apply(asked: RecorderTuning) -> list[str]:
     return refused
 
 
-def _hardest() -> int:
-    return resource.getrlimit(resource.RLIMIT_RTTIME)[1]
-
-
 def _set_fifo(priority: int) -> None:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
@@ -131,7 +136,8 @@ def _set_fifo(priority: int) -> None:
 def step_below_reader() -> None:
     """For every other thread, as its first step: it was started with the priority of the reader."""
     if os.sched_getscheduler(0) == os.SCHED_FIFO:
-        _set_fifo(os.sched_getparam(0).sched_priority - 1)
+        with contextlib.suppress(OSError):  # beside the reader is better than not at all
+            _set_fifo(os.sched_getparam(0).sched_priority - 1)
 
 
 def _lock_memory() -> None:
@@ -140,22 +146,3 @@ def _lock_memory() -> None:
         if _libc().mlockall(flags) != 0:
             number = ctypes.get_errno()
             raise OSError(number, f"mlockall: {os.strerror(number)}")
-
-
-class Runaway:
-    """Makes the recorder an ordinary process when the kernel says that one of its threads runs without a pause.
-
-    text : None, or what is to be told of it
-    """
-
-    text: str | None = None
-
-    def watch(self) -> None:
-        """Begin; for the main thread."""
-        signal.signal(signal.SIGXCPU, self._calm_down)
-
-    def _calm_down(self, number: int, frame: object) -> None:
-        for task in THREADS.iterdir():
-            with contextlib.suppress(OSError):  # a thread that has ended meanwhile
-                os.sched_setscheduler(int(task.name), os.SCHED_OTHER, os.sched_param(0))
-        self.text = f"it ran for {MOST_RUN_S:g} s without a pause; recorder.scheduler is 'other' from now on"

@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         order = RecorderOrder.model_validate_json(text)
         recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fd)
         gc.freeze()
-        recorder.be_prompt(hygiene.apply(order.config.recorder))
+        recorder.tell_refused(hygiene.apply(order.config.recorder))
         asyncio.run(recorder.run())
     return 0
 

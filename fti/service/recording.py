@@ -18,7 +18,6 @@ from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
-from fti.service.hygiene import Runaway
 from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
 from fti.service.snapshot import SnapshotSink
@@ -53,7 +52,6 @@ class Recorder:
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
         self._snapshot = self._make_snapshot()
-        self._runaway = Runaway()
         min_free_mb = order.config.session.min_free_mb
         self._writer = Writer(self._log, self._sources(), self._places, min_free_mb, self._report)
         self._storage = StorageReport(self._writer, self._dropped, self._tell, self._tell_file)
@@ -106,9 +104,8 @@ class Recorder:
     def _present_folder(self) -> SessionFolder | None:
         return self._log.folder if self._writer.file else None
 
-    def be_prompt(self, refused: Sequence[str]) -> None:
-        """Watch over what the machine does for this process, and tell what it refused."""
-        self._runaway.watch()
+    def tell_refused(self, refused: Sequence[str]) -> None:
+        """Tell what the machine refuses this process, though it permitted it when it was asked."""
         for text in refused:
             self._tell("error", "recorder", text)
 
@@ -198,15 +195,9 @@ class Recorder:
         while True:
             self._writer.tend()
             self._storage.tell_changes()
-            self._tell_troubles()
+            if self._snapshot:
+                self._snapshot.tell_overflow()
             await asyncio.sleep(TEND_PERIOD_S)
-
-    def _tell_troubles(self) -> None:
-        if self._snapshot:
-            self._snapshot.tell_overflow()
-        if self._runaway.text:
-            self._tell("error", "recorder", self._runaway.text)
-            self._runaway.text = None
 
     async def _begin_recording(self) -> None:
         """Wait for the first file, or for the reason why there is none yet, and tell it."""

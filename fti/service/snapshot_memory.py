@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from struct import Struct
 
@@ -24,23 +24,22 @@ BLOCK_NS = 500_000_000
 
 @dataclass(slots=True)
 class Block:
-    """Packed frames.  first_ns, last_ns : their earliest and latest time; losses : frames and bytes of each source."""
+    """Packed frames.  first_ns, last_ns : their earliest and latest time; amounts : frames and bytes of each source."""
 
     data: bytearray = field(default_factory=bytearray)
     first_ns: int = 2**63
     last_ns: int = 0
-    losses: dict[int, Loss] = field(default_factory=dict)
+    amounts: dict[int, Loss] = field(default_factory=dict)
 
-    def add(self, source: int, entries: Iterable[Entry]) -> None:
-        """Pack frames of one source."""
-        data, pack, count, before = self.data, _HEAD.pack, 0, len(self.data)
+    def add(self, source: int, entries: Sequence[Entry]) -> None:
+        """Pack frames of one source, at least one."""
+        data, pack, before = self.data, _HEAD.pack, len(self.data)
         for seq, t_ns, frame in entries:
             data += pack(source, seq, t_ns, len(frame))
             data += frame
-            self.first_ns = min(self.first_ns, t_ns)
-            self.last_ns = max(self.last_ns, t_ns)
-            count += 1
-        self.losses.setdefault(source, Loss()).add(count, len(data) - before - count * HEAD_BYTES)
+        times = [t_ns for _, t_ns, _ in entries]
+        self.first_ns, self.last_ns = min(self.first_ns, *times), max(self.last_ns, *times)
+        self.amounts.setdefault(source, Loss()).add(len(times), len(data) - before - len(times) * HEAD_BYTES)
 
     def unpack(self) -> dict[int, list[Entry]]:
         """The frames of each source, in their order."""
@@ -121,7 +120,7 @@ class FrameMemory:
             displaced = gone.last_ns >= limit_ns
             self.overflows += displaced
             wanted = displaced and self._since_ns is not None
-            for source, loss in gone.losses.items():
+            for source, loss in gone.amounts.items():
                 outcome = self._outcomes[source]
                 (outcome.overflow if wanted else outcome.not_triggered).add(loss.frames, loss.bytes)
 
@@ -164,5 +163,5 @@ class FrameMemory:
         """Nothing is held any more: no trigger will come."""
         while block := self.take():
             with self._lock:
-                for source, loss in block.losses.items():
+                for source, loss in block.amounts.items():
                     self._outcomes[source].not_triggered.add(loss.frames, loss.bytes)

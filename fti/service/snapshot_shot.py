@@ -14,8 +14,9 @@ from fti.service.snapshot_memory import Block, FrameMemory
 
 #: Takes the frames of one source into the log.
 Record = Callable[[Sequence[Entry]], None]
-#: Frames may come so much later than the ticks that were received with them: their buffers were behind [ns].
-SETTLE_NS = 500_000_000
+#: The ticks may be ahead of the frames that were received with them: so many looks more at the memory.  Looks and not
+#: a time, so that a machine that stood still does not count.
+SETTLE_LOOKS = 25
 SYNC_PERIOD_S = 1.0
 EVENT_TOPIC = "/fti/event"
 
@@ -39,6 +40,7 @@ class Shot:
         self._later: list[Block] = []
         self._buffered = False  # slice and texts are in the log, and not yet in the file
         self._synced = time.monotonic()
+        self._looks = 0
         self.frames = 0
         memory.hold_from(begin_ns)
 
@@ -47,6 +49,7 @@ class Shot:
     def prolong(self, end_ns: int, t_ns: int, text: str) -> None:
         """Another trigger, or the first one: go on until its end, and record it."""
         self._end_ns = max(self._end_ns, end_ns)
+        self._looks = 0
         self._texts.append((t_ns, text))
         self._give_back()
 
@@ -76,7 +79,8 @@ class Shot:
         """Everything is in the file, and nothing that belongs to it will come.  stopping : nothing comes any more."""
         if self._slice or self._texts or self._memory.oldest_ns <= self._end_ns:
             return False
-        return stopping or self._memory.newest_ns > self._end_ns + SETTLE_NS
+        self._looks += self._memory.newest_ns > self._end_ns
+        return stopping or self._looks > SETTLE_LOOKS
 
     def release(self) -> None:
         """Let the memory go on as before."""

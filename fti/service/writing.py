@@ -25,6 +25,7 @@ from fti.logger.raw_log import RawLog
 from fti.logger.split_log import Part
 from fti.logger.storage import Attempt, State, StorageMachine, is_full
 from fti.service.guard import Report, guarded
+from fti.service.hygiene import step_below_reader
 from fti.service.notes import Notes
 from fti.service.source import Source
 
@@ -175,7 +176,7 @@ class Writer:
             if not self._machine.opened(time.monotonic(), stint.attempt.place) or self._finished:
                 return False
         self.log.adopt(part)
-        self._restart()
+        self._restart(doubtful=before is not None and (before.refused or before.carrying))
         if before:
             before.over.set()
         self._stint = stint
@@ -187,13 +188,14 @@ class Writer:
             if stint is self._stint:
                 with self._deciding:
                     self._machine.released(time.monotonic())
-                self._restart()
+                self._restart(doubtful=True)
                 self._stint = None
                 stint.over.set()
 
-    def _restart(self) -> None:
+    def _restart(self, *, doubtful: bool) -> None:
+        """doubtful : what the last file has taken and not brought onto its medium may never get there."""
         for source in self.sources:
-            source.restart()
+            source.restart(doubtful=doubtful)
         self.notes.restart()
 
     def accepted(self, stint: Stint) -> None:
@@ -243,6 +245,7 @@ class Stint(threading.Thread):
     def run(self) -> None:
         """Open, take over, write, leave."""
         with guarded("writer", self._writer.report):
+            step_below_reader()
             if not self._open():
                 return
             while not (self.over.is_set() or self._writer.stopping.is_set()):
@@ -308,9 +311,16 @@ class Stint(threading.Thread):
                 self._writer.notes.mark_written()
                 self.carrying = False
 
+    def _mark_synced(self) -> None:
+        with self._writer.turn:
+            if not self.over.is_set():
+                for source in self._writer.sources:
+                    source.mark_synced()
+
     def _sync_when_due(self) -> None:
         if time.monotonic() - self._synced >= SYNC_PERIOD_S:
             self.part.sync()
+            self._mark_synced()
             self._synced = time.monotonic()
             self._writer.look(self)
 
