@@ -40,6 +40,13 @@ FRAMES = [
     can.Message(arbitration_id=0x12345678, is_extended_id=True, is_fd=True, data=bytes(range(12))),
 ]
 
+#: linux/can/error.h: the controller lost a frame; it is error passive; bus off.
+ERROR_FRAMES = [
+    (0x2000_0004).to_bytes(4, "little") + b"\x08\0\0\0" + b"\0\x01" + bytes(6),
+    (0x2000_0004).to_bytes(4, "little") + b"\x08\0\0\0" + b"\0\x10" + bytes(6),
+    (0x2000_0040).to_bytes(4, "little") + b"\x08\0\0\0" + bytes(8),
+]
+
 Seen = list[tuple[str, int]]
 
 
@@ -91,6 +98,17 @@ async def every_kind(link: Link, seen: Seen, witness: Witness, bus: can.BusABC, 
         "witness": witness.frames(),
         "sent": [before, after],
     }
+
+
+async def error_frames(link: Link, seen: Seen) -> dict[str, Any]:
+    """What a controller says of itself and of the bus, as a driver would hand it in: with CAN_ERR_FLAG."""
+    seen.clear()
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as sock:
+        sock.bind(("vcan0",))
+        for frame in ERROR_FRAMES:
+            sock.send(frame)
+    await until_async(lambda: len(seen) >= len(ERROR_FRAMES), what="the error frames")
+    return {"link": [s[0] for s in seen], "errors": dict(link.status.errors)}
 
 
 async def burst(link: Link, seen: Seen, bus: can.BusABC) -> dict[str, Any]:
@@ -192,6 +210,7 @@ async def probe() -> dict[str, Any]:
     with can.Bus(interface="socketcan", channel="vcan0", fd=True) as bus:
         found = {
             "kinds": await every_kind(link, seen, witness, bus, clock),
+            "errors": await error_frames(link, seen),
             "burst": await burst(link, seen, bus),
             "down": await down_and_up(link, seen, witness),
         }

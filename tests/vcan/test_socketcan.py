@@ -12,7 +12,7 @@ import can
 import pytest
 
 from tests.helpers import ROOT
-from tests.vcan.probe_socketcan import BURST, FRAMES, OWN_FRAME
+from tests.vcan.probe_socketcan import BURST, ERROR_FRAMES, FRAMES, OWN_FRAME
 
 pytestmark = [pytest.mark.e2e, pytest.mark.socketcan]
 
@@ -74,6 +74,13 @@ def test_a_burst_that_nobody_reads_in_time_is_complete(found: dict[str, Any]) ->
     """A default socket keeps some 280 frames and drops the rest without a word."""
     assert found["burst"]["dropped"] == 0
     assert found["burst"]["counts"] == list(range(BURST))
+
+
+def test_error_frames_are_recorded_and_counted_by_class(found: dict[str, Any]) -> None:
+    assert found["errors"]["link"] == [frame.hex() for frame in ERROR_FRAMES]
+    assert found["errors"]["errors"] == {
+        "can_error_frames": 3, "can_rx_overflow": 1, "can_error_passive": 1, "can_bus_off": 1,
+    }  # fmt: skip
 
 
 def test_an_interface_that_goes_down_is_named_and_comes_back(found: dict[str, Any]) -> None:
