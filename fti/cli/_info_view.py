@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
@@ -50,6 +51,10 @@ def _heading(view: Overview) -> Iterator[str]:
     yield f"  software  fti {about.get('software', 'unknown')}, configuration {config.strip()}"
     if offsets := view.clock_offset_s():
         yield f"  clock     real time - FTI time {offsets[0]:+.6f} s at the begin, {offsets[1]:+.6f} s at the end"
+    if gnss := view.gnss():
+        begin = moment(view.begin_ns + gnss.utc_minus_fti_ns, date=True)
+        offset_s = gnss.utc_minus_fti_ns / SECOND_NS
+        yield f"  GNSS      UTC - FTI time {offset_s:+.6f} s by {gnss.device} ({gnss.scale}): started {begin}"
     if attached := view.recording.attachments():
         yield f"  attached  {', '.join(attached)}"
 
@@ -211,7 +216,7 @@ def size_text(size: float) -> str:
 def as_json(view: Overview) -> dict[str, Any]:
     """The same for programs.  Times in ns, rates in Hz, intervals in s."""
     recording = view.recording
-    offsets = view.clock_offset_s()
+    offsets, gnss = view.clock_offset_s(), view.gnss()
     return {
         "path": str(recording.path),
         "name": view.about.get("name"),
@@ -224,6 +229,7 @@ def as_json(view: Overview) -> dict[str, Any]:
         "config_sha256": view.about.get("config_sha256"),
         "clock_offset_s": {"begin": offsets[0], "end": offsets[1]} if offsets else None,
         "clocks": view.survey.clocks,
+        "gnss": asdict(gnss) if gnss else None,
         "metadata": recording.metadata,
         "attachments": {name: len(data) for name, data in recording.attachments().items()},
         "links": recording.links,

@@ -15,7 +15,7 @@ from fti.logger.foxglove import LOG_LEVELS
 from fti.logger.intervals import Intervals
 from fti.logger.mcap_file import Item
 from fti.logger.recording import Recording
-from fti.logger.schemas import EVENT_TOPIC
+from fti.logger.schemas import DEVICE_CLOCK_TOPIC, EVENT_TOPIC
 from fti.logger.session import Kind
 
 SECOND_NS = 1_000_000_000
@@ -91,12 +91,17 @@ class Note(NamedTuple):
 
 @dataclass(slots=True)
 class Survey:
-    """A whole recording.  events : the first thousand, in order of time; clocks : first and last ``/fti/clock``."""
+    """A whole recording.
+
+    events : the first thousand, in order of time; clocks : first and last ``/fti/clock``
+    gnss   : what the last ``/fti/device_clock`` says of GNSS time; empty when it was never known
+    """
 
     topics: list[TopicSurvey]
     events: list[Note] = field(default_factory=list)
     more_events: int = 0
     clocks: list[Mapping[str, Any]] = field(default_factory=list)
+    gnss: Mapping[str, Any] = field(default_factory=dict)
 
     def take_event(self, item: Item) -> None:
         """An event as ``foxglove.Log``."""
@@ -111,6 +116,12 @@ class Survey:
         """A reading of the clocks."""
         self.clocks[1:] = [_table(item.data)]
 
+    def take_device_clocks(self, item: Item) -> None:
+        """What navigation knows of the devices' clocks."""
+        table = _table(item.data)
+        if table.get("gnss"):
+            self.gnss = {"t_ns": table["t_ns"], **table["gnss"]}
+
 
 def survey(recording: Recording) -> list[TopicSurvey]:
     """All topics of all files, in the order of ``PREFIXES``; silent links too.  Reads everything."""
@@ -121,7 +132,11 @@ def look_through(recording: Recording) -> Survey:
     """Topics, events and clocks.  Reads everything, once."""
     topics: dict[tuple[Kind, str], TopicSurvey] = {}
     found = Survey([])
-    takers = {EVENT_TOPIC: found.take_event, CLOCK_TOPIC: found.take_clock}
+    takers = {
+        EVENT_TOPIC: found.take_event,
+        CLOCK_TOPIC: found.take_clock,
+        DEVICE_CLOCK_TOPIC: found.take_device_clocks,
+    }
     home: Kind = "snapshot" if recording.snapshot_mode else "raw"
     for link in recording.links if recording.frame_files else ():
         topics[home, f"/raw/{link}"] = TopicSurvey(f"/raw/{link}", home)

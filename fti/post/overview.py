@@ -15,10 +15,12 @@ from mcap.exceptions import McapError
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
+from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.logger.intervals import Gap
 from fti.logger.mcap_file import McapFile
 from fti.logger.recording import RAW, SENT, Recording
 from fti.logger.survey import Survey, TopicSurvey, look_through, time_span
+from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000
 CONFIG = "config.toml"
@@ -110,6 +112,15 @@ class Overview:
         edges = [gap for gap in (before, behind) if limit_ns and gap.length_ns > max(limit_ns, SECOND_NS)]
         return sorted([*edges, *topic.intervals.gaps])
 
+    def gnss(self) -> GnssTime | None:
+        """GNSS time at the end of the session; None when no clock of it was known."""
+        told = self.survey.gnss
+        if not told:
+            return None
+        gps = told["scale"] == TimeScale.GPS
+        utc_ns = told["time_ns"] + (GPS_EPOCH_UTC_NS - LEAP_NS if gps else 0)
+        return GnssTime(told["device"], told["scale"], utc_ns - told["t_ns"])
+
     def clock_offset_s(self) -> tuple[float, float] | None:
         """Real-time clock minus FTI time at the first and the last ``/fti/clock`` [s]; None when there is none."""
         known = [c for c in self.survey.clocks if {"realtime_ns", "t_ns"} <= c.keys()]
@@ -117,6 +128,15 @@ class Overview:
             return None
         first, last = ((c["realtime_ns"] - c["t_ns"]) / SECOND_NS for c in (known[0], known[-1]))
         return first, last
+
+
+@dataclass(frozen=True, slots=True)
+class GnssTime:
+    """UTC minus FTI time [ns], from a device's GPS or UTC time."""
+
+    device: str
+    scale: str
+    utc_minus_fti_ns: int
 
 
 def _file_state(recording: Recording, path: Path) -> FileState:

@@ -12,6 +12,7 @@ import pytest
 
 from fti.cli._info_view import activity_bar, size_text
 from fti.cli.main import main
+from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
 from tests.cli.sessions import ABOUT, LINKS, SECOND, STARTED, make_folder, mark, record_derived, record_raw
@@ -95,6 +96,24 @@ def test_text_tells_it_to_a_person(folder: SessionFolder, capsys: pytest.Capture
     assert row[1].split() == ["175", "1.8", "kB", "19.42", "0.00", "40.0", "2.040", "1"]
     assert bar[1].startswith("▆▆▆") and "▆···" in bar[1] and bar[1].endswith("···")
     assert next(line.split()[1:] for line in lines if line.startswith("/raw/ins ")) == ["0", "silent"]
+
+
+@pytest.mark.parametrize(
+    ("scale", "epoch_s"),
+    [("utc", 0), ("gps", 315_964_800 - 18)],  # GPS runs 18 s before UTC, from 1980-01-06 on
+)
+def test_gnss_time_is_told(folder: SessionFolder, scale: str, epoch_s: int, capsys: pytest.CaptureFixture[str]) -> None:
+    log = DerivedLog(folder, split_s=300, split_mb=100)
+    utc_ns = STARTED + 3_600_250_000_000
+    gnss = {"device": "gnss", "scale": scale, "time_ns": utc_ns - epoch_s * SECOND}
+    for known in ({}, gnss, {}):
+        log.note("/fti/device_clock", STARTED, {"t_ns": STARTED, "clocks": {}, "gnss": known})
+    log.close()
+    assert info(folder) == 0
+    assert (
+        f"UTC - FTI time +3600.250000 s by gnss ({scale}): started 2026-01-02 04:04:05 UTC" in capsys.readouterr().out
+    )
+    assert told(folder, capsys)["gnss"] == {"device": "gnss", "scale": scale, "utc_minus_fti_ns": 3_600_250_000_000}
 
 
 def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
