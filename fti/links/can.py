@@ -32,7 +32,7 @@ from fti.links._batch import COUNT
 from fti.links._poll import forget, watch
 from fti.links._socket import Arrival, prepare
 from fti.links.base import BaseLink, Sink
-from fti.links.can_errors import count_error, is_error
+from fti.links.can_errors import ControllerWatch, count_error, is_error
 from fti.links.ports import can_interfaces
 from fti.types import LinkState
 
@@ -88,6 +88,7 @@ class BusLink(BaseLink):
         self._reader: _Reader | None = None
         self._fd = -1
         self._errors = 0
+        self._controller = ControllerWatch(self.status.errors, config.channel)
         self._echoes: deque[bytes] = deque(maxlen=MAX_ECHOES)  # sent, and not yet heard again
 
     # --------------------------------------------------------------------------------------------- opening, closing
@@ -100,6 +101,7 @@ class BusLink(BaseLink):
             self._socket = cast(SocketcanBus, self._bus).socket
             self._arrival = Arrival(self._clock, self.status)
             prepare(self._socket)
+            self._controller.begin(self._clock.now_ns())
         self._fd = _fileno(self._bus)
         if self._socket:
             watch(self._fd, self._on_readable)
@@ -151,6 +153,7 @@ class BusLink(BaseLink):
             self._reader.stop()
         if self._socket:
             self._arrival.ask_drops(self._socket)
+            self._controller.read()
         if self._bus:
             self._bus.shutdown()
         self._bus = self._socket = self._reader = None
@@ -219,6 +222,7 @@ class BusLink(BaseLink):
         super()._judge()
         if self._socket:
             self._arrival.ask_drops(self._socket)
+            self._controller.look(self._clock.now_ns())
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
         if self._socket and state != "up":
             self.status.state = LinkState.ABSENT

@@ -4,12 +4,16 @@ Source: Linux ``include/uapi/linux/can/error.h``.  The identifier of an error fr
 data says more of a problem of the controller itself.  One frame may tell of several.  The frames are recorded as they
 come; the counts stand in the ledger and can be made again from the file.
 
-``can_rx_overflow`` tells that the controller lost frames, not how many: nobody knows.
+``can_rx_overflow`` tells that the controller lost frames, not how many; ``can_rx_over_errors`` is what the driver of a
+SocketCAN interface counts (Linux, ``Documentation/ABI/testing/sysfs-class-net-statistics``), where it does.
 """
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from fti import canframe
+from fti.clock import SECOND_NS
 
 #: Bit of the identifier -> class.
 CLASSES = {
@@ -32,6 +36,7 @@ CONTROLLER_CLASSES = {
     0x40: "can_error_active",
 }
 TOTAL = "can_error_frames"
+OVER_ERRORS = "can_rx_over_errors"
 _FLAG = canframe.ERROR >> 24  # in byte 3 of a frame
 
 
@@ -53,3 +58,39 @@ def count_error(errors: dict[str, int], frame: bytes) -> None:
     """Count an error frame in the errors of a link."""
     for name in (TOTAL, *classes_of(frame)):
         errors[name] = errors.get(name, 0) + 1
+
+
+class ControllerWatch:
+    """Adds what the driver of an interface says that its controller lost, once a second, over all connections."""
+
+    def __init__(self, errors: dict[str, int], interface: str, root: Path = Path("/sys/class/net")) -> None:
+        self._errors = errors
+        self._path = root / interface / "statistics" / "rx_over_errors"
+        self._last: int | None = None
+        self._due_ns = 0
+
+    def begin(self, now_ns: int) -> None:
+        """The interface was opened: what was counted before is not ours."""
+        self._last = self._read()
+        self._due_ns = now_ns + SECOND_NS
+        if self._last is not None:
+            self._errors.setdefault(OVER_ERRORS, 0)
+
+    def look(self, now_ns: int) -> None:
+        """Read when a second has passed."""
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + SECOND_NS
+            self.read()
+
+    def read(self) -> None:
+        """Read now: before the interface is closed.  A counter that has begun again counts from zero."""
+        found = self._read()
+        if found is not None and self._last is not None:
+            self._errors[OVER_ERRORS] += found - self._last if found >= self._last else found
+            self._last = found
+
+    def _read(self) -> int | None:
+        try:
+            return int(self._path.read_text())
+        except (OSError, ValueError):
+            return None

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import can
 import pytest
 
+from fti.clock import SECOND_NS
 from fti.config import CanLink
 from fti.links.can import pack_message
-from fti.links.can_errors import classes_of, count_error, is_error
+from fti.links.can_errors import ControllerWatch, classes_of, count_error, is_error
 from tests.helpers import until_async
 from tests.links.bench import running
 
@@ -64,3 +67,32 @@ async def test_a_link_records_and_counts_them() -> None:
             await until_async(lambda: len(heard.frames) == 2, what="both frames")
     assert heard.frames[0] == (0x2000_0004).to_bytes(4, "little") + b"\x08\0\0\0" + b"\0\x01" + bytes(6)
     assert opened.status.errors == {"can_error_frames": 1, "can_rx_overflow": 1}
+
+
+def test_what_the_driver_says_that_its_controller_lost(tmp_path: Path) -> None:
+    counter = tmp_path / "can0" / "statistics" / "rx_over_errors"
+    counter.parent.mkdir(parents=True)
+    counter.write_text("41\n")
+    errors: dict[str, int] = {}
+    watch = ControllerWatch(errors, "can0", tmp_path)
+    watch.begin(0)
+    assert errors == {"can_rx_over_errors": 0}
+    counter.write_text("44\n")
+    watch.look(SECOND_NS - 1)
+    assert errors == {"can_rx_over_errors": 0}
+    watch.look(SECOND_NS)
+    assert errors == {"can_rx_over_errors": 3}
+    counter.write_text("2\n")  # the interface was made anew
+    watch.read()
+    assert errors == {"can_rx_over_errors": 5}
+    counter.unlink()
+    watch.read()
+    assert errors == {"can_rx_over_errors": 5}
+
+
+def test_an_interface_that_counts_nothing_is_not_zero(tmp_path: Path) -> None:
+    errors: dict[str, int] = {}
+    watch = ControllerWatch(errors, "can9", tmp_path)
+    watch.begin(0)
+    watch.read()
+    assert errors == {}

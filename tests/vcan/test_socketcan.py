@@ -80,6 +80,7 @@ def test_error_frames_are_recorded_and_counted_by_class(found: dict[str, Any]) -
     assert found["errors"]["link"] == [frame.hex() for frame in ERROR_FRAMES]
     assert found["errors"]["errors"] == {
         "can_error_frames": 3, "can_rx_overflow": 1, "can_error_passive": 1, "can_bus_off": 1,
+        "can_rx_over_errors": 0,
     }  # fmt: skip
 
 
