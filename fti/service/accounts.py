@@ -137,6 +137,7 @@ def link_health(unit: Unit, now: int) -> dict[str, Any]:
         "rate_hz": rate,
         "age_ms": None if status.last_rx_ns is None else (now - status.last_rx_ns) / 1e6,
         "connects": status.connects,
+        "stamp_refused": status.stamp_refused,
         "dropped_frames": stats.dropped_frames + status.socket_dropped,
         "dropped_bytes": stats.dropped_bytes,
         "tx_frames": status.tx_frames,

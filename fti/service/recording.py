@@ -16,6 +16,7 @@ from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
+from fti.service.clock_report import report_clocks
 from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
 from fti.service.intake import Intake
@@ -177,17 +178,9 @@ class Recorder:
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
-                self._note_clocks()
+                report_clocks(self._clock, self._writer.note, self._tell)
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
-
-    def _note_clocks(self) -> None:
-        """The clocks into the file, and a word when somebody has set the real-time clock."""
-        sample = self._clock.sample()
-        self._writer.note("/fti/clock", sample["t_ns"], sample)
-        for step in self._clock.take_steps():
-            text = f"the real-time clock was stepped by {step.by_ns / SECOND_NS:+.3f} s; FTI time goes on"
-            self._tell("warning", "clock", text)
 
     async def _tend_storage(self) -> None:
         """The first file, and every change of what becomes of the files."""

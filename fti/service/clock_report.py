@@ -1,0 +1,22 @@
+"""What the recorder says of the kernel's clocks: once a second into the file, and a word when somebody set one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fti.clock import SECOND_NS, SystemClock
+
+#: Topic, FTI time [ns] and content of a note.
+Note = Callable[[str, int, dict[str, Any]], None]
+#: Level, source and text of an event.
+Tell = Callable[[str, str, str], None]
+
+
+def report_clocks(clock: SystemClock, note: Note, tell: Tell) -> None:
+    """Note the clocks on ``/fti/clock``; tell each step of the real-time clock since the last call."""
+    sample = clock.sample()
+    note("/fti/clock", sample["t_ns"], sample)
+    for step in clock.take_steps():
+        text = f"the real-time clock was stepped by {step.by_ns / SECOND_NS:+.3f} s; FTI time goes on"
+        tell("warning", "clock", text)
