@@ -34,6 +34,8 @@ HOST = "127.0.77.1"
 LINKS = 23
 RING_BYTES = 64 * 2**20
 SETTLED_FRAMES = 100
+#: So many recorders live long enough to close a chunk and to sync.
+LONG_RUNS = 0.15
 #: seq -> topic, stamp, data
 Frames = dict[int, tuple[str, int, bytes]]
 #: Waits for the moment of a kill, given the rig.
@@ -105,7 +107,7 @@ class Rig:
         self._child.start()
         self._child.prepare()
         until(lambda: self._ring.next_seq > first + SETTLED_FRAMES, 30, "recorded frames")
-        self.linger(0.3)
+        self.linger(3.0 if self.chance.random() < LONG_RUNS else 0.3)
         copies = {path: path.read_bytes() for path in self.files[finished:]}
         moment(self)
         killed_ns = time.monotonic_ns() + self.epoch_ns
