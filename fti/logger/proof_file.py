@@ -212,8 +212,6 @@ class ProofFile:
             self._index = {}
 
     def _check_metadata(self) -> None:
-        if FILE_METADATA not in self.metadata:
-            self.faults.append(f"has no table {FILE_METADATA}")
         for name in broken(FILE_METADATA, self.metadata):
             self.faults.append(f"its table {name} is not as it was written")
 

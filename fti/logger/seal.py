@@ -22,7 +22,9 @@ def sealed(first: str, tables: Mapping[str, Mapping[str, str]]) -> dict[str, dic
 
 def broken(first: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Names of the tables that are not as they were sealed; none where nothing is sealed."""
-    about = tables.get(first, {})
+    if first not in tables:
+        return [name for name, table in tables.items() if SEAL in table]  # its name is not as it was
+    about = tables[first]
     if not any(key.startswith(SEAL) for key in about):
         return []
     own = {key: value for key, value in about.items() if key != SEAL}
