@@ -7,6 +7,7 @@ import re
 import typing
 from collections.abc import Mapping, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
@@ -56,21 +57,32 @@ class Decimator:
 
 
 class DerivedLog(Log):
-    """Writes the derived files of a session.  Every call but ``flush``, ``sync`` and ``close`` only buffers."""
+    """Writes the derived files of a session.  Every call but ``flush``, ``sync`` and ``close`` only buffers.
+
+    folder, places : see SplitLog
+    """
 
     def __init__(
         self,
-        folder: SessionFolder,
+        folder: SessionFolder | None,
         *,
         split_s: float,
         split_mb: float,
         attachments: Sequence[Attachment] = (),
         metadata: Metadata | None = None,
         decimate_hz: float = 25.0,
+        places: Sequence[Path] = (),
     ) -> None:
-        about = metadata or {}
         super().__init__(
-            SplitLog(folder, "derived", split_s=split_s, split_mb=split_mb, attachments=attachments, metadata=about)
+            SplitLog(
+                folder,
+                "derived",
+                split_s=split_s,
+                split_mb=split_mb,
+                attachments=attachments,
+                metadata=metadata or {},
+                places=places,
+            )
         )
         self._decimator = Decimator(decimate_hz)
         self._channels: dict[str, int] = {}

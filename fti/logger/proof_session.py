@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from pathlib import Path
 from typing import Any
 
 from fti.logger.ledger import SOCKET_QUEUE, Amount
@@ -74,10 +76,25 @@ def conclude(
     """Add the checks of the session and the accounts of its links."""
     alone = not recording.path.is_dir()
     session = _Session(recording, numbers, ledger, gaps, begins=begins, alone=alone)
-    report.checks += [session.splits(), session.sequence(), session.stamps(), session.ticks()]
-    report.checks += [session.books(), session.recorders(), session.gap_notes()]
+    checks = [session.splits(), session.sequence(), session.stamps(), session.ticks()]
+    checks += [session.books(), session.recorders(), session.gap_notes()]
+    if checks[0].verdict is Verdict.REFUTED and recording.elsewhere:
+        checks = [_of_a_part(check, recording.elsewhere) for check in checks]
+    report.checks += checks
     report.missing = session.missing
     report.accounts = session.accounts()
+
+
+def _of_a_part(check: Check, elsewhere: Sequence[Path]) -> Check:
+    """A check of one part of a session, whose medium may have been changed: what is missing may lie at the others."""
+    if check.verdict is not Verdict.REFUTED:
+        return check
+    judged = Check(check.name, check.text)
+    for verdict, text in check.lines:
+        judged.add(Verdict.LOSS if verdict is Verdict.REFUTED else verdict, text)
+    places = ", ".join(map(str, elsewhere))
+    judged.add(Verdict.LOSS, f"this may be a part of the session only: more of it may lie in {places}; give all")
+    return judged
 
 
 class _Session:

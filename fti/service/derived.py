@@ -1,15 +1,22 @@
-"""The derived file of the navigation process, on a thread of its own: a slow medium must not delay an output."""
+"""The derived file of the navigation process, on a thread of its own: a slow medium must not delay an output.
+
+It lies where there is space: on the main medium, or else on the fallback.  When a medium refuses, or is gone, its file
+is let go, so that the medium can come back; this file is not worth more than that.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from fti.errors import StorageError
 from fti.logger.derived_log import DerivedLog
+from fti.logger.places import Place
+from fti.logger.split_log import Part
 from fti.service.guard import Report, guarded
 from fti.types import Event, Measurement, Output
 
@@ -17,14 +24,22 @@ FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0
 #: Outputs and measurements that may wait for the medium: several minutes of them; beyond, the oldest go, counted.
 MOST_WAITING = 200_000
+#: A medium that refuses for so long is let go [s]; another is looked for at this pace, or the main one again.
+PATIENCE_S = 1.0
+LOOK_S = 5.0
 
 
 class DerivedWriter:
     """Takes what navigation makes and writes it in order.  ``lost`` counts what the medium did not take in time."""
 
-    def __init__(self, log: DerivedLog, min_free_mb: float, report: Report) -> None:
+    def __init__(self, log: DerivedLog, places: Sequence[Place], min_free_mb: float, report: Report) -> None:
         self._log = log
+        self._places = places
         self._min_free_mb = min_free_mb
+        self._part: Part | None = None
+        self._unflushed = 0
+        self._refused_since: float | None = None
+        self._look_at = 0.0
         self._report = report
         self._waiting: deque[Callable[[], None]] = deque()
         self._stopping = threading.Event()
@@ -72,20 +87,70 @@ class DerivedWriter:
                 self._step(due)
         with guarded("derived file", self._report):
             self._step(due=False)
-            self._log.close()
+            if self._part:
+                self._part.close()
 
     def _step(self, due: bool) -> None:
-        """Write what waits; when space runs out this file stops first, so that the raw bytes have what is left."""
+        """Write what waits."""
         try:
-            if self._log.free_mb() < self._min_free_mb:
-                self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left for {self._log.path}"
+            part = self._find_part()
+            if part is None:
                 return
+            part.flush()  # what was refused before
+            self._unflushed = 0
             while self._waiting:
                 self._waiting.popleft()()
-            self._log.flush()
+                self._unflushed += 1
+            part.flush()
+            self._unflushed = 0
             if due:
-                self._log.sync()
+                part.sync()
+                self._leave_if_gone(part)
         except StorageError as error:
             self.fault = str(error)
+            self._refused_since = self._refused_since or time.monotonic()
+            if self._part and time.monotonic() - self._refused_since > PATIENCE_S:
+                with contextlib.suppress(StorageError):  # closed where its medium still takes that, or else let go
+                    self._part.close()
+                self._forget()
         else:
-            self.fault = self._log.fault
+            self._refused_since = None
+            self.fault = part.fault
+
+    def _find_part(self) -> Part | None:
+        """Where to write; when space runs out this file stops first, so that the raw bytes have what is left."""
+        if self._part and self._part.free_mb() < self._min_free_mb:
+            self._part.close()
+            self._forget()
+        at_main = self._part is not None and self._part.folder.path == self._places[0].folder
+        if not at_main and time.monotonic() >= self._look_at:
+            self._look_at = time.monotonic() + LOOK_S
+            self._open()
+        return self._part
+
+    def _open(self) -> None:
+        """At the first place that has space; one behind the present place is no gain."""
+        for place in self._places:
+            if self._part and place.folder == self._part.folder.path:
+                return
+            try:
+                part = self._log.open_part(place.prepare(self._min_free_mb))
+            except StorageError as error:
+                self.fault = str(error)
+            else:
+                self._log.adopt(part)
+                before, self._part = self._part, part
+                if before:
+                    before.close()
+                return
+
+    def _leave_if_gone(self, part: Part) -> None:
+        if part.stray():
+            part.close()
+            self._forget()
+
+    def _forget(self) -> None:
+        """There is no file; what it had not taken is lost."""
+        self._part = self._refused_since = None
+        self.lost += self._unflushed
+        self._unflushed = 0

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from pathlib import Path
 
 from fti.buffers.ring import Ring, RingReader
 from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
-from fti.logger.session import SessionFolder
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
 from fti.service.control import Channel
@@ -55,15 +53,16 @@ class Navigator:
         self._fault_told: str | None = None
 
     def _open_derived(self, order: NavigationOrder) -> DerivedWriter:
-        session = order.config.session
+        session, places = order.config.session, order.places()
         log = DerivedLog(
-            SessionFolder.open(Path(order.folder)),
+            None,
             split_s=session.split_s,
             split_mb=session.split_mb,
             attachments=[(name, "text/plain", text.encode()) for name, text in order.attachments.items()],
             metadata={"fti": order.metadata},
+            places=[place.folder for place in places],
         )
-        return DerivedWriter(log, session.min_free_mb, self._report)
+        return DerivedWriter(log, places, session.min_free_mb, self._report)
 
     def run(self) -> None:
         """Work until the ring has ended and is empty."""

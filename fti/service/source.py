@@ -18,8 +18,9 @@ class Source:
     """A triple buffer and how its entries go into the log.
 
     link     : in whose name its gaps are told
-    recorded : of what the buffer hands out, so many are in the log already, and not yet on the medium
-    keep     : gets what is on the medium, each entry once
+    recorded : of what the buffer hands out, so many are in the log already, and the file has not taken them yet
+    keep     : gets what the file has taken, each entry once
+    unsynced : what the file has taken since it was last brought onto the medium
     """
 
     link: str
@@ -27,17 +28,20 @@ class Source:
     record: Callable[[Sequence[Entry]], None]
     recorded: int = 0
     keep: Callable[[Sequence[Entry]], None] | None = None
-    _unkept: list[Entry] = field(default_factory=list)
+    unsynced: list[Sequence[Entry]] = field(default_factory=list)
+    _in_flight: list[Sequence[Entry]] = field(default_factory=list)
+    _again: list[Sequence[Entry]] = field(default_factory=list)
 
     def record_all(self) -> None:
         """Record what the buffer hands out, each entry once, however often it is handed out."""
+        while self._again:
+            self.record(self._again.pop(0))
         if self.buffer.empty:
             return
         entries = self.buffer.take()[self.recorded :]
         if entries:
             self.record(entries)
-            if self.keep:
-                self._unkept += entries
+            self._in_flight.append(entries)
             self.recorded += len(entries)
 
     def tell_gaps(self, tell: Tell, *, final: bool = False) -> None:
@@ -47,15 +51,24 @@ class Source:
             tell(GAP_TOPIC, span.last_t_ns, content)
 
     def mark_written(self) -> None:
-        """What was recorded is on the medium."""
+        """The file has taken what was recorded."""
         if self.recorded:
             if self.keep:
-                self.keep(self._unkept)
-                self._unkept.clear()
+                for entries in self._in_flight:
+                    self.keep(entries)
+            self.unsynced += self._in_flight
+            self._in_flight = []
             self.buffer.written(self.recorded)
             self.recorded = 0
 
-    def restart(self) -> None:
-        """What was recorded and is not on the medium goes into another file: it is recorded again."""
-        self._unkept.clear()
+    def mark_synced(self) -> None:
+        """What the file has taken is on the medium."""
+        self.unsynced = []
+
+    def restart(self, *, doubtful: bool) -> None:
+        """What was recorded and not taken goes into another file; so does, if that is doubtful, what is not synced."""
         self.recorded = 0
+        self._in_flight = []
+        if not doubtful:
+            self.unsynced = []
+        self._again = list(self.unsynced)

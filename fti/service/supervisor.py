@@ -181,8 +181,8 @@ class Supervisor:
             self._publish_info()
         if "event" in message:
             self._bulletin.pass_on(message["event"])
-        if "mark" in message and child.name == DISPLAY:
-            self._obey(message)
+        if "mark" in message and child.name == DISPLAY and (fault := self._obey(message).get("fault")):
+            self._bulletin.event("warning", "mark", fault)
         if "stopped" in message:
             self._recorded.set()
 
@@ -276,7 +276,8 @@ class Supervisor:
             return {"fault": "there is no such command"}
         if command.get("trigger") and (fault := self._trigger(text, now)):
             return {"fault": fault}
-        self._bulletin.event("info", "trigger" if command.get("trigger") else "mark", text)
+        source = "trigger" if command.get("trigger") else "mark"
+        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": source, "text": text})
         return {"t_ns": now}
 
     def _trigger(self, text: str, t_ns: int) -> str | None:
@@ -328,14 +329,17 @@ class Supervisor:
 
     async def _end_child(self, name: str, shorten: Message, patience_s: float) -> None:
         child = self._child(name)
-        deadline = time.monotonic() + patience_s
+        deadline, killed = time.monotonic() + patience_s, False
         while child and child.process and child.process.poll() is None:
             if self._hurry.is_set() and child.channel:
                 child.channel.send(shorten)
             if time.monotonic() > deadline:
+                if killed:  # it ends when the medium that holds it answers
+                    child.process = None
+                    break
                 self._announce(f"error: {name}: did not end within {patience_s:g} s and was killed")
                 child.kill()
-                deadline += patience_s
+                deadline, killed = time.monotonic() + patience_s, True
             await asyncio.sleep(WATCH_PERIOD_S)
         if child:
             child.state = ProcessState.STOPPED

@@ -335,7 +335,8 @@ class Stint(threading.Thread):
         if stray and stray.lost:
             rescued = self.part.rescue(self._writer.log.folder)
             raise StorageError(f"{stray.text}; what it held was written again to {rescued}")
-        if self.refused or self.part.writer.pending_bytes:
-            self.part.abandon()
-        else:
+        try:
             self.part.close()
+        except StorageError:
+            if not (self.refused or stray):
+                raise

@@ -1,0 +1,187 @@
+"""Media that are full, frozen, broken, taken away and put back, on real mounts: every fed byte is in the files."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.logger.recording import Recording
+from tests.e2e.feeder import Feeder
+from tests.e2e.harness import Daemon, daemon, fti
+from tests.e2e.mounts import Ext4, Tmpfs, mounted, skip_unless_possible
+from tests.helpers import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+
+
+@pytest.fixture
+def feeder(tmp_path: Path) -> Iterator[Feeder]:
+    skip_unless_possible()
+    with Feeder(tmp_path / "links") as made:
+        yield made
+
+
+def configure(feeder: Feeder, fallback: Path | None = None) -> None:
+    """Little space is enough; no page; perhaps a fallback."""
+    text = feeder.config.read_text().replace("min_free_mb = 10", "min_free_mb = 1")
+    text = text.replace("[display]\nport = 0", "[display]\nenabled = false")
+    if fallback:
+        text = text.replace('directory = "unused"', f'directory = "unused"\nfallback = "{fallback}"')
+    feeder.config.write_text(text)
+
+
+def storage(running: Daemon) -> dict[str, Any]:
+    found: dict[str, Any] = running.health().get("storage", {})
+    return found
+
+
+def wait_for(running: Daemon, *states: str) -> dict[str, Any]:
+    """Until the storage is in one of these states; returns what health says of it."""
+    said: dict[str, Any] = {}
+
+    def there() -> bool:
+        said.update(storage(running))
+        return said.get("state") in states
+
+    try:
+        until(there, 12, f"storage {states}")
+    except AssertionError as error:
+        raise AssertionError(f"{error}; it says {said}") from None
+    return said
+
+
+def feed_on(feeder: Feeder, count: int = 50) -> None:
+    fed = len(feeder.sent)
+    until(lambda: len(feeder.sent) > fed + count, 20, "more frames")
+
+
+def begin(feeder: Feeder, running: Daemon) -> None:
+    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", 20, "an open line")
+    feeder.start()
+    feed_on(feeder)
+
+
+def assert_complete(feeder: Feeder, *folders: Path) -> None:
+    """Every byte that was sent is there, in order, and fti verify says so."""
+    expected = b"".join(feeder.sent)
+    frames = list(Recording.open(*folders).frames())
+    for link in ("line", "eth"):
+        assert b"".join(frame.data for frame in frames if frame.link == link) == expected
+    assert [frame.seq for frame in frames] == list(range(frames[-1].seq + 1))
+    verified = fti("verify", *map(str, folders))
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def events(*folders: Path) -> str:
+    told = Recording.open(*folders).messages("/fti/event", kind="raw")
+    return "\n".join(json.loads(data)["message"] for *_, data in told)
+
+
+def test_a_recorder_that_is_started_again_while_the_medium_is_full(tmp_path: Path, feeder: Feeder) -> None:
+    configure(feeder)
+    medium = Tmpfs(tmp_path / "medium", 8)
+    with mounted(medium):
+        arguments = (feeder.config, tmp_path / "run", "--out", str(medium.folder), "--links", str(feeder.links))
+        filler = medium.fill()
+        refused = fti("run", str(feeder.config), "--out", str(medium.folder), "--run-dir", str(tmp_path / "refused"))
+        assert refused.returncode == 2
+        assert "No space left" in refused.stdout + refused.stderr
+        filler.unlink()
+        with daemon(*arguments) as running:
+            session = running.session
+            begin(feeder, running)
+            filler = medium.fill()
+            wait_for(running, "error")
+            killed = running.pid_of("recorder")
+            os.kill(killed, signal.SIGKILL)
+            until(lambda: running.pid_of("recorder") != killed, 20, "another recorder")
+            hint = until(lambda: s["hint"] if (s := storage(running)).get("file") is None else "", 20, "no file")
+            assert "No space left" in hint
+            feed_on(feeder, 10)
+            marked = len(feeder.sent)
+            feed_on(feeder)
+            filler.unlink()
+            wait_for(running, "ok")
+            feed_on(feeder)
+            feeder.stop()
+            running.stop()
+        held = b"".join(feeder.sent[marked:])
+        for link in ("line", "eth"):
+            assert b"".join(f.data for f in Recording.open(session).frames() if f.link == link).endswith(held)
+        assert fti("verify", str(session)).returncode == 3  # what the killed recorder held
+
+
+def test_a_medium_that_is_full_frozen_taken_away_and_moved_without_another(tmp_path: Path, feeder: Feeder) -> None:
+    configure(feeder)
+    medium = Ext4(tmp_path / "medium")
+    with mounted(medium):
+        arguments = (feeder.config, tmp_path / "run", "--out", str(medium.folder), "--links", str(feeder.links))
+        with daemon(*arguments) as running:
+            session = running.session
+            begin(feeder, running)
+            filler = medium.fill()
+            assert "No space left" in wait_for(running, "error")["hint"]
+            feed_on(feeder)
+            assert storage(running)["file_age_s"] > 0.3
+            filler.unlink()
+            wait_for(running, "ok")
+            medium.freeze()
+            assert "has taken no byte for" in wait_for(running, "slow", "error")["hint"]
+            wait_for(running, "error")
+            medium.thaw()
+            wait_for(running, "ok")
+            medium.unmount()
+            wait_for(running, "gone")
+            feed_on(feeder)
+            medium.mount()
+            wait_for(running, "ok")
+            away = session.with_name("away")
+            session.rename(away)
+            until(lambda: storage(running).get("file") and Path(storage(running)["file"]).exists(), 30, "a new file")
+            feed_on(feeder)
+            feeder.stop()
+            running.stop()
+        for file in away.iterdir():
+            file.rename(session / file.name)
+        assert_complete(feeder, session)
+        told = events(session)
+        assert "the medium refuses" in told
+        assert "lost: nothing" in told
+
+
+def test_it_goes_on_at_the_fallback_and_comes_back(tmp_path: Path, feeder: Feeder) -> None:
+    medium, other = Ext4(tmp_path / "medium"), Tmpfs(tmp_path / "other", 24)
+    configure(feeder, other.folder)
+    with mounted(medium, other):
+        arguments = (feeder.config, tmp_path / "run", "--out", str(medium.folder), "--links", str(feeder.links))
+        with daemon(*arguments) as running:
+            session = running.session
+            fallback = other.folder / session.name
+            begin(feeder, running)
+            medium.freeze()
+            assert str(fallback) in wait_for(running, "fallback")["hint"]
+            feed_on(feeder)
+            medium.thaw()
+            assert Path(wait_for(running, "ok")["file"]).parent == session
+            feed_on(feeder)
+            medium.break_down()
+            assert "Read-only file system" in wait_for(running, "fallback")["hint"]
+            feed_on(feeder)
+            medium.unmount()
+            until(medium.repair, 20, "a medium that nobody holds")
+            medium.mount()
+            assert Path(wait_for(running, "ok")["file"]).parent == session
+            feed_on(feeder)
+            feeder.stop()
+            running.stop()
+        assert_complete(feeder, session, fallback)
+        alone = fti("verify", str(session))
+        assert alone.returncode == 3, alone.stdout
+        assert str(fallback) in alone.stdout
+        fti("verify", str(fallback))
