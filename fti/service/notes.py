@@ -27,7 +27,10 @@ class Notes:
 
     def add(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         """Keep a note."""
-        (self._events if topic in KEPT_TOPICS else self._others).append((topic, t_ns, content))
+        self._queue(topic).append((topic, t_ns, content))
+
+    def _queue(self, topic: str) -> deque[Note]:
+        return self._events if topic in KEPT_TOPICS else self._others
 
     def record_all(self, log: RawLog) -> None:
         """Record what waits; a note that cannot be recorded is reported and spoils nothing else."""
@@ -43,7 +46,7 @@ class Notes:
         self._recorded.clear()
 
     def restart(self) -> None:
-        """What was recorded and is in no file is recorded again, in another one."""
+        """What was recorded and is in no file is recorded again, in another one, before what waits: ledgers in order."""
         recorded, self._recorded = self._recorded, []
-        for note in recorded:
-            self.add(*note)
+        for note in reversed(recorded):
+            self._queue(note[0]).appendleft(note)
