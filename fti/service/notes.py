@@ -46,7 +46,7 @@ class Notes:
         self._recorded.clear()
 
     def restart(self) -> None:
-        """What was recorded and is in no file is recorded again, in another one, before what waits: ledgers in order."""
+        """What was recorded and is in no file is recorded again, in another one, before what waits."""
         recorded, self._recorded = self._recorded, []
         for note in reversed(recorded):
             self._queue(note[0]).appendleft(note)
