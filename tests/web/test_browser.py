@@ -200,6 +200,8 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_said(
     await page.wait_for(shows("alarm-storage", "RECORDING TO THE FALLBACK"))
     assert "/media/usb is full" in await page.text("alarm-storage")
     assert await page.text("mode") == "SNAPSHOT"
+    assert await page.text("recording") == "WAITING"
+    assert "gradient" in await page.eval(f"getComputedStyle({by_testid('mode')}.parentElement).backgroundImage")
     assert not await page.eval(f"{by_testid('mode')}.parentElement.hidden")
     for width, height in ((1440, 900), (1920, 1080)):
         await page.resize(width, height)
@@ -211,7 +213,7 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_said(
 
 def make_fallback_snapshot(health: dict[str, Any]) -> None:
     health["storage"].update(state="fallback", hint="/media/usb is full; recording to /data")
-    health["session"]["mode"] = "snapshot"
+    health["session"].update(mode="snapshot", origin="flight")
     health["snapshot"] = {"state": "waiting", "held_s": 60.0, "held_mb": 3.1, "file": None}
 
 

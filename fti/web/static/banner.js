@@ -9,7 +9,11 @@ const ORIGINS = {
   flight: ["FLIGHT", ""],
 };
 const MODES = { snapshot: ["SNAPSHOT", "only what is around a trigger is recorded"] };
-const RECORDING = { recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
+const RECORDING = { waiting: "WAITING", recording: "RECORDING", storage_error: "NOT RECORDING", stopping: "STOPPING" };
+
+// In a snapshot session nothing is recorded between the triggers.
+const stateOf = ({ state, mode }, snapshot) =>
+  state === "recording" && mode === "snapshot" && snapshot?.state !== "writing" ? "waiting" : state;
 
 const lastPart = (path) => (path ?? "").split("/").pop();
 
@@ -55,8 +59,9 @@ export class Banner {
     const folder = lastPart(session.folder) || session.name;
     setText(this.session.value, folder);
     document.title = `${folder} · fti`;
-    setText(this.state, RECORDING[session.state] ?? session.state);
-    setAttribute(this.state, "data-state", session.state);
+    const state = stateOf(session, health.snapshot);
+    setText(this.state, RECORDING[state] ?? state);
+    setAttribute(this.state, "data-state", state);
     setAttribute(this.state, "data-storage", storage.state);
     setText(this.file.value, lastPart(storage.file).replace(`${folder}_`, "") || UNKNOWN);
     setText(this.size.value, bytes(storage.file_bytes));
