@@ -1,0 +1,193 @@
+"""Snapshots of a running daemon, beside the recording and instead of it; and a recorder that the machine prefers."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti import config as configuration
+from fti.errors import ConfigError
+from fti.logger.recording import Recording
+from fti.service import hygiene
+from fti.types import TICK_LINK, RawFrame
+from tests.e2e.feeder import Feeder
+from tests.e2e.harness import Daemon, daemon, fti
+from tests.helpers import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(300)]
+BEFORE_S, AFTER_S = 1.0, 0.3
+SECOND_NS = 1_000_000_000
+PATIENCE_S = 30.0
+
+
+@pytest.fixture
+def feeder(tmp_path: Path) -> Iterator[Feeder]:
+    with Feeder(tmp_path / "links") as made:
+        yield made
+
+
+def _configure(feeder: Feeder, *, mode: str = "continuous", after_s: float = AFTER_S, more: str = "") -> None:
+    text = feeder.config.read_text().replace("min_free_mb = 10\n", f'min_free_mb = 10\nmode = "{mode}"\n')
+    text = text.replace("[display]\n", "[display]\nenabled = false\n")
+    feeder.config.write_text(f"{text}\n[snapshot]\nbefore_s = {BEFORE_S}\nafter_s = {after_s}\n{more}")
+
+
+def _snapshot(running: Daemon) -> dict[str, Any]:
+    found: dict[str, Any] = running.health()["snapshot"] or {}
+    return found
+
+
+def _await_memory(running: Daemon) -> None:
+    """The memory holds more than a trigger asks for: something has been let go."""
+    until(lambda: _snapshot(running).get("held_s", 0) > BEFORE_S - 0.1, PATIENCE_S, "a full memory")
+
+
+def _trigger(running: Daemon, text: str) -> None:
+    done = fti("mark", "--trigger", text, "--run-dir", str(running.run_dir))
+    assert done.returncode == 0, done.stderr
+
+
+def _await_file(running: Daemon) -> None:
+    until(lambda: (s := _snapshot(running)).get("file") and s["state"] == "waiting", PATIENCE_S, "a snapshot")
+
+
+def _triggered_ns(recording: Recording) -> list[int]:
+    events = recording.messages("/fti/event", kind="raw")
+    return [log for _, log, _, _, data in events if json.loads(data)["name"] == "trigger"]
+
+
+def _stamped(frames: Iterator[RawFrame], begin_ns: int, end_ns: int) -> list[RawFrame]:
+    return [frame for frame in frames if begin_ns <= frame.t_rx_ns <= end_ns]
+
+
+def test_a_snapshot_holds_exactly_what_the_recording_holds_of_that_time(feeder: Feeder, tmp_path: Path) -> None:
+    _configure(feeder)
+    with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+        session = running.session
+        feeder.start()
+        _await_memory(running)
+        _trigger(running, "flutter at 120 kt")
+        _await_file(running)
+        assert running.health()["session"]["mode"] == "continuous"
+        feeder.stop()
+        assert running.stop() == 130
+    recording = Recording.open(session)
+    (file,) = recording.snapshot_files
+    (t_ns,) = _triggered_ns(recording)
+    begin_ns, end_ns = t_ns - round(BEFORE_S * SECOND_NS), t_ns + round(AFTER_S * SECOND_NS)
+    snapshot = list(Recording.open(file).frames())
+    assert snapshot == _stamped(recording.frames(), begin_ns, end_ns)
+    assert {frame.link for frame in snapshot} == {"line", "eth", TICK_LINK}
+    assert sum(frame.link == "eth" for frame in snapshot) > 50
+    (event,) = Recording.open(file).messages("/fti/event", kind="snapshot")
+    assert (event[1], json.loads(event[4])["message"]) == (t_ns, "flutter at 120 kt")
+    assert fti("verify", str(session)).returncode == 0
+    assert fti("verify", str(file)).returncode == 0
+
+
+def test_in_mode_snapshot_every_frame_is_in_a_snapshot_or_not_triggered(feeder: Feeder, tmp_path: Path) -> None:
+    _configure(feeder, mode="snapshot")
+    with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+        session = running.session
+        feeder.start()
+        _await_memory(running)
+        _trigger(running, "one")
+        _await_file(running)
+        first = _snapshot(running)["file"]
+        _await_memory(running)
+        _trigger(running, "two")
+        until(lambda: _snapshot(running)["file"] != first, PATIENCE_S, "another file")
+        _await_file(running)
+        assert running.health()["session"]["mode"] == "snapshot"
+        feeder.stop()
+        assert running.stop() == 130
+    assert any("mode snapshot" in line for line in running.lines)
+    recording = Recording.open(session)
+    assert recording.metadata["fti"]["mode"] == "snapshot"
+    assert len(recording.snapshot_files) == 2
+    assert not [t for t, *_ in recording.messages("/raw/", kind="raw")]
+    datagrams = [frame.data for frame in recording.frames() if frame.link == "eth"]
+    done = fti("verify", str(session), "--json")
+    proof = json.loads(done.stdout)
+    assert done.returncode == 0, done.stdout
+    account, left_out = proof["accounts"]["/raw/eth"], len(feeder.sent) - len(datagrams)
+    assert account["recorded"] == {"frames": len(datagrams), "bytes": 10 * len(datagrams)}
+    assert account["dropped"] == {"not_triggered": {"frames": left_out, "bytes": 10 * left_out}}
+    _check_parts(datagrams, feeder.sent)
+    info = fti("info", str(session))
+    assert "SNAPSHOT" in info.stdout
+
+
+def _check_parts(datagrams: list[bytes], sent: list[bytes]) -> None:
+    """Two rows of what was sent, and something before, between and behind them is not there."""
+    numbers = [int(data) for data in datagrams]
+    assert [sent[n] for n in numbers] == datagrams
+    assert numbers == sorted(set(numbers))
+    jumps = [b - a for a, b in pairwise(numbers) if b != a + 1]
+    assert len(jumps) == 1
+    assert numbers[0] > 0
+    assert numbers[-1] < len(sent) - 1
+
+
+def test_what_a_killed_recorder_had_written_of_a_snapshot_is_there(feeder: Feeder, tmp_path: Path) -> None:
+    _configure(feeder, mode="snapshot", after_s=3600.0)
+    with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+        session = running.session
+        feeder.start()
+        _await_memory(running)
+        _trigger(running, "boom")
+        until(lambda: _snapshot(running)["file"], PATIENCE_S, "a snapshot")
+        file = Path(_snapshot(running)["file"])
+        until(lambda: file.stat().st_size > 10_000, PATIENCE_S, "frames in it")
+        os.kill(running.pid_of("recorder"), signal.SIGKILL)
+        until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, PATIENCE_S, "a stand-in")
+        _await_memory(running)
+        _trigger(running, "again")
+        until(lambda: _snapshot(running)["file"], PATIENCE_S, "another snapshot")
+        feeder.stop()
+        assert running.stop() == 130
+    recording = Recording.open(session)
+    assert [path.name[-7:-5] for path in recording.snapshot_files] == ["00", "01"]
+    assert not recording.unfinished
+    assert sum(frame.link == "eth" for frame in Recording.open(file).frames()) > 50
+    done = fti("verify", str(session))
+    assert done.returncode == 3, done.stdout
+    assert "never_written" in done.stdout or "ended without a last word" in done.stdout
+
+
+def _check_tuning(running: Daemon, cpu: int) -> None:
+    pid = running.pid_of("recorder")
+    tasks = [int(task.name) for task in Path(f"/proc/{pid}/task").iterdir()]
+    assert len(tasks) > 2
+    assert {os.sched_getscheduler(task) for task in tasks} == {os.SCHED_FIFO}
+    assert {task: os.sched_getparam(task).sched_priority for task in tasks} == {t: 17 - (t != pid) for t in tasks}
+    assert all(os.sched_getaffinity(task) == {cpu} for task in tasks)
+    status = dict(line.split(":", 1) for line in Path(f"/proc/{pid}/status").read_text().splitlines())
+    assert int(status["VmLck"].split()[0]) > 10_000  # KiB
+    assert os.sched_getscheduler(running.pid_of("navigation")) == os.SCHED_OTHER
+
+
+def test_the_recorder_runs_as_it_is_told(feeder: Feeder, tmp_path: Path) -> None:
+    cpu = max(os.sched_getaffinity(0))
+    asked = f"[recorder]\ncpu = [{cpu}]\nscheduler = 'fifo'\npriority = 17\nlock_memory = true\nfreeze_gc = true\n"
+    _configure(feeder, more=asked)
+    try:
+        hygiene.check(configuration.load(feeder.config))
+    except ConfigError as error:
+        done = fti("run", str(feeder.config), "--out", str(tmp_path / "out"))
+        assert (done.returncode, done.stderr.strip()) == (2, str(error))
+        return
+    with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
+        session = running.session
+        feeder.start()
+        _check_tuning(running, cpu)
+        feeder.stop()
+        assert running.stop() == 130
+    assert fti("verify", str(session)).returncode == 0
