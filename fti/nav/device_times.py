@@ -33,8 +33,8 @@ class DeviceTimes:
     def stamp(self, device: str, m: Measurement) -> Measurement:
         """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival."""
         stamp, described = m.stamp, self._devices[device]
-        valid_ns = self._by_clock(described, stamp) if described.use_device_time else None
-        if valid_ns is None:
+        valid_ns = self._by_clock(described, stamp)
+        if valid_ns is None or not described.use_device_time:
             valid_ns = stamp.t_rx_ns - _latency_ns(described)
         return dataclasses.replace(m, stamp=dataclasses.replace(stamp, t_valid_ns=valid_ns))
 

@@ -59,15 +59,19 @@ def test_measurements_of_one_message_were_true_at_one_time_and_count_once() -> N
 
 
 def test_a_device_may_be_told_to_keep_its_time_to_itself() -> None:
+    """Its clock is known and told all the same."""
     times = DeviceTimes([device(use_device_time=False)])
     assert all(m.stamp.t_valid_ns == m.stamp.t_rx_ns - 4 * MS for _, m in fly(times, 0, 60))
-    assert times.tick(FTI_0 + 60 * SECOND_NS) is None
+    note = times.tick(FTI_0 + 60 * SECOND_NS)
+    assert note
+    assert note["clocks"]["ins_gps"]["state"] == "good"
 
 
 def test_without_a_time_of_its_own_the_arrival_counts() -> None:
     times = DeviceTimes([device()])
     stamped = times.stamp("ins", message(FTI_0, 7.0, None)[0])
     assert stamped.stamp.t_valid_ns == FTI_0 + 7 * MS
+    assert times.tick(FTI_0 + SECOND_NS) is None
 
 
 def test_once_a_second_everything_that_is_known_is_told() -> None:
