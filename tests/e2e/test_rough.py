@@ -96,6 +96,7 @@ def test_a_long_stop_of_navigation_a_flood_and_a_flapping_line(rig: Rig, scale: 
 def _overrun_the_ring(running: Daemon, port: int) -> int:
     """Stop navigation for so long that the ring cannot hold what comes; returns the frames that it has lost."""
     pid = running.pid_of("navigation")
+    until(lambda: "lag_ms" in running.health()["navigation"], 20, "the first word of navigation")
     os.kill(pid, signal.SIGSTOP)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         for number in range(OVERRUN):
