@@ -38,8 +38,13 @@ class Block:
             data += pack(source, seq, t_ns, len(frame))
             data += frame
         times = [t_ns for _, t_ns, _ in entries]
-        self.first_ns, self.last_ns = min(self.first_ns, *times), max(self.last_ns, *times)
-        self.amounts.setdefault(source, Loss()).add(len(times), len(data) - before - len(times) * HEAD_BYTES)
+        self.first_ns = min(self.first_ns, *times)
+        self.last_ns = max(self.last_ns, *times)
+        amount = self.amounts.get(source)
+        if amount is None:
+            amount = self.amounts[source] = Loss()
+        count = len(entries)
+        amount.add(count, len(data) - before - count * HEAD_BYTES)
 
     def unpack(self) -> dict[int, list[Entry]]:
         """The frames of each source, in their order."""

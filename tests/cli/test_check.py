@@ -50,12 +50,13 @@ def test_lists_have_one_thing_per_line_name_first(file: Path, capsys: pytest.Cap
     printed = capsys.readouterr().out.splitlines()
     first_words = [line.split()[0] for line in printed]
     assert first_words == [
-        f"{file}:", "session", "links", "line", "spare", "devices", "radar",
+        f"{file}:", "session", "storage", "main", "links", "line", "spare", "devices", "radar",
         "roles", "attitude", "position", "altimeters", "approach", "warning:",
     ]  # fmt: skip
-    assert "radar" in printed[3]
-    assert "recorded, not decoded" in printed[4]
-    assert "no_attitude" in printed[8]
+    assert "MB free" in printed[3]
+    assert "radar" in printed[5]
+    assert "recorded, not decoded" in printed[6]
+    assert "no_attitude" in printed[10]
     assert printed[-1].endswith("links line and spare want the same port /dev/ttyUSB0")
 
 
@@ -131,3 +132,33 @@ def test_a_mistake_is_one_sentence_on_standard_error(
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(tmp_path / "none.toml")]) == 2
     assert "none.toml: cannot be read: No such file" in capsys.readouterr().err
+
+
+def test_the_storage_plan_names_both_places_and_doubts_one_medium(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH.replace('name = "bench"', 'name = "bench"\nfallback = "not/there/yet"'))
+    assert main(["check", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [place["role"] for place in told["storage"]] == ["main", "fallback"]
+    assert told["storage"][1]["directory"] == str(tmp_path / "not/there/yet")
+    assert told["storage"][1]["free_mb"] > 0
+    assert any("on the same medium" in warning for warning in told["warnings"])
+    path.write_text(BENCH.replace('name = "bench"', 'name = "bench"\ndirectory = "d"\nfallback = "./d"'))
+    assert main(["check", str(path)]) == 2
+    assert "session.fallback" in capsys.readouterr().err
+
+
+def test_it_says_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "c.toml"
+    line = '[[link]]\nname = "line"\nkind = "serial"\nport = "/dev/x"\nbaud = 115200\n'
+    path.write_text(f'[session]\nname = "x"\nmode = "snapshot"\n[snapshot]\nbefore_s = 60.0\nmax_mb = 4.0\n{line}')
+    assert main(["check", str(path), "--json"]) == 0
+    shot = json.loads(capsys.readouterr().out)["snapshot"]
+    # a full line brings 11520 B/s in 2 reads a message at the assumed 100 Hz; ticks come 50 times a second
+    rate = 11520 + (2 * 100 + 50) * 22
+    assert shot == {"before_s": 60.0, "after_s": 10.0, "max_mb": 4.0, "holds_s": round(4 * 2**20 / rate, 1)}
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "nothing but this is recorded of the links; 4 MB hold 246.4 s" in said

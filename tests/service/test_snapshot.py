@@ -160,7 +160,7 @@ def test_a_medium_that_refuses_is_told_once_and_nothing_is_lost_or_doubled(
     assert sum("full" in text for text in rig.told) == 1
 
 
-def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path) -> None:
+def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, other = rig.folder, SessionFolder.create(tmp_path / "other", "s", 0)
     rig.folder = None
     rig.feed(100)
@@ -168,6 +168,16 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path) -> Non
     until(lambda: any("no place" in text for text in rig.told), 20, "the refusal")
     rig.folder = first
     until(lambda: rig.sink.outcomes[1].recorded.frames == 100, 20, "frames in the first file")
+    flush = Part.flush
+
+    def refuse_here(part: Part) -> None:
+        if part.folder == first:
+            raise StorageError("sick")
+        flush(part)
+
+    monkeypatch.setattr(Part, "flush", refuse_here)
+    rig.feed(20)
+    until(lambda: any("sick" in text for text in rig.told), 20, "the refusal")
     rig.folder = other
     rig.feed(200)
     rig.await_end()
