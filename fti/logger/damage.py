@@ -9,7 +9,7 @@ the one before it is not taken either: the damage may begin in it.
 Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
 open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
 for one: where the lengths of the damaged chunk agree, what is found in it must lead exactly to its end; where the
-summary is whole, a chunk must stand where the summary tells.
+summary is whole, only what stands where the summary tells is looked at.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Walk:
         self._progress = progress
         self._limit = told.data_end if told else source.size
         self._bare = not (told and told.chunks)  # messages outside of chunks are possible
-        self._places = {chunk.offset for chunk in told.chunks} if told and not told.shift else set[int]()
+        self._places = {*(c.offset for c in told.chunks), *told.others} if told and not told.shift else set[int]()
         self._found: Messages | None = None  # the chunk that was looked at last
         self._proved = 0  # end of the last piece that cannot have swallowed the begin of the next
 
@@ -85,7 +85,8 @@ class Walk:
         at = len(MAGIC)
         if self._source.read(0, at) != MAGIC:
             at = min(at, self._source.size)
-            yield Lost(0, at)
+            if at:
+                yield Lost(0, at)
         while at < self._limit:
             piece = self._take(at) or self._damage(at)
             self._note(piece)
@@ -127,7 +128,7 @@ class Walk:
         if len(head) < HEAD.size or head[0] < Op.PADDING:
             return None
         end = at + HEAD.unpack(head)[1] + HEAD.size
-        return Lost(at, end) if self._sound(end) else None
+        return Lost(at, end) if end <= self._limit and self._sound(end) else None
 
     def _sound(self, at: int) -> bool:
         """Does a sound record stand here, or is here the end?  Messages stand in chunks."""
@@ -236,10 +237,11 @@ class Walk:
             self._progress(min(at, end))
 
     def _proves_itself(self, at: int) -> bool:
+        if self._places and at not in self._places:
+            return False
         head = chunk_head(self._source, at)
         if head:
-            told_of = not self._places or at in self._places
-            chunk = self._chunk(head) if told_of else None
+            chunk = self._chunk(head)
             return bool(chunk and chunk.content.messages)
         end = record_end(self._source, at, self._limit)
         if end is None:

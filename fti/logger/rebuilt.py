@@ -96,4 +96,4 @@ class Rebuilt:
 
 
 def _refusal(path: Path, error: OSError) -> StorageError:
-    return StorageError(f"{path}: cannot be written: {error.strerror}")
+    return StorageError(f"{path.parent}: cannot take the recovered file: {error.strerror}")

@@ -133,7 +133,10 @@ def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
         done += found.bytes
         progress(done)
     report.gaps = numbers.gaps()
-    (out / REPORT).write_text(json.dumps(report.as_json(), indent=1))
+    try:
+        (out / REPORT).write_text(json.dumps(report.as_json(), indent=1))
+    except OSError as error:
+        raise StorageError(f"{out / REPORT}: cannot be written: {error.strerror}") from error
     return report
 
 

@@ -35,7 +35,9 @@ class Source:
 
     def read(self, at: int, size: int) -> bytes:
         """``size`` bytes from ``at``; fewer only at the end of the file."""
-        size = max(0, min(size, self.size - at))
+        if at >= self.size:
+            return b""
+        size = min(size, self.size - at)
         data = self._piece(at, min(size, _STEP))
         if len(data) == size:
             return data
