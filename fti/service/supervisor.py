@@ -10,8 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import time
-from collections import Counter, deque
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,8 @@ from fti.buffers.ring import Ring, ring_size
 from fti.bus.zenoh_bus import Hub
 from fti.clock import SystemClock
 from fti.config import Config
-from fti.logger import repair
 from fti.logger.session import name_parts
-from fti.service import control, rundir
+from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.children import Child, ProcessState
 from fti.service.control import Message
@@ -38,8 +36,6 @@ NAVIGATION_END_S = 20.0
 STANDBY_S = 2.0
 MOST_STARTS = 2
 DISPLAY_END_S = 3.0
-#: A recorder that has said that it stopped ends within this time, if its media let it.
-HELD_S = 10.0
 #: States of the storage in which a place may hold whoever looks at it.
 SICK = ("slow", "gone", "fallback", "error")
 #: Notes that wait for a recorder while there is none.
@@ -236,7 +232,7 @@ class Supervisor:
         if self._stopping:
             return
         if code is not None:
-            self._bulletin.event("error", child.name, f"ended with {_describe_exit(code)}; it is started again")
+            self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
             self._give_up_on(child)
         if child.restart_is_due():
             child.restarts += 1
@@ -307,61 +303,24 @@ class Supervisor:
         recorder = self._children[0]
         if recorder.channel:
             recorder.channel.send({"stop": True})
-        code = await self._await_recorder(recorder)
+        code = await ending.await_recorder(recorder, self._recorded, self._announce)
         if code:
-            self._announce(f"error: recorder: ended with {_describe_exit(code)} before it had closed its files")
+            self._announce(f"error: recorder: ended with {ending.describe_exit(code)} before it had closed its files")
         if not self._recorded.is_set():
             self._ring.end()
         recorder.state = ProcessState.STOPPED
 
-    async def _await_recorder(self, recorder: Child) -> int:
-        """Its exit code.  One that has finished, and is held by a medium that does not answer, is left to that."""
-        held_since = time.monotonic()
-        while recorder.process and recorder.process.poll() is None:
-            if not self._recorded.is_set():
-                held_since = time.monotonic()
-            elif time.monotonic() - held_since > HELD_S:
-                self._announce("warning: recorder: has finished, and ends when a medium that holds it answers")
-                recorder.process = None
-                return 0
-            await asyncio.sleep(WATCH_PERIOD_S)
-        return recorder.process.returncode if recorder.process else 0
-
     async def _end_child(self, name: str, shorten: Message, patience_s: float) -> None:
         child = self._child(name)
-        deadline, killed = time.monotonic() + patience_s, False
-        while child and child.process and child.process.poll() is None:
-            if self._hurry.is_set() and child.channel:
-                child.channel.send(shorten)
-            if time.monotonic() > deadline:
-                if killed:  # it ends when the medium that holds it answers
-                    child.process = None
-                    break
-                self._announce(f"error: {name}: did not end within {patience_s:g} s and was killed")
-                child.kill()
-                deadline, killed = time.monotonic() + patience_s, True
-            await asyncio.sleep(WATCH_PERIOD_S)
         if child:
-            child.state = ProcessState.STOPPED
+            await ending.end_child(child, patience_s, self._announce, lambda: shorten if self._hurry.is_set() else None)
             self._hear_out(child)
 
     async def _close_killed_sessions(self) -> None:
         """Not before this session records."""
         await self.recording.wait()
         with guarded("repair", self._bulletin.report):
-            closed = await asyncio.to_thread(self._repair_others)
-            for fault in (c.fault for c in closed if c.fault):
-                self._announce(f"warning: {fault}")
-            for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
-                self._announce(f"closed {count} files of {folder}, which a killed session had left open")
-
-    def _repair_others(self) -> list[repair.Closed]:
-        own = self._places.folders
-        return [
-            closed
-            for directory in self._places.directories
-            for closed in repair.close_all(directory, in_use=own, goes_on=lambda: not self._hurry.is_set())
-        ]
+            await asyncio.to_thread(self._places.repair_others, lambda: not self._hurry.is_set())
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
         """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
@@ -381,7 +340,3 @@ class Supervisor:
 
     def _report_to_user(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")
-
-
-def _describe_exit(code: int) -> str:
-    return f"signal {-code}" if code < 0 else f"exit code {code}"

@@ -1,0 +1,57 @@
+"""The end of a child: waited for, asked to hurry, killed, or left to the medium that holds it."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from fti.service.bulletin import Announce
+from fti.service.children import Child, ProcessState
+from fti.service.control import Message
+
+LOOK_PERIOD_S = 0.02
+#: A recorder that has said that it stopped ends within this time, if its media let it.
+HELD_S = 10.0
+
+
+async def await_recorder(recorder: Child, recorded: asyncio.Event, announce: Announce) -> int:
+    """Its exit code.  One that has finished, and is held by a medium that does not answer, is left to that.
+
+    recorded : it has said that it stopped
+    """
+    held_since = time.monotonic()
+    while recorder.process and recorder.process.poll() is None:
+        if not recorded.is_set():
+            held_since = time.monotonic()
+        elif time.monotonic() - held_since > HELD_S:
+            announce("warning: recorder: has finished, and ends when a medium that holds it answers")
+            recorder.process = None
+            return 0
+        await asyncio.sleep(LOOK_PERIOD_S)
+    return recorder.process.returncode if recorder.process else 0
+
+
+async def end_child(child: Child, patience_s: float, announce: Announce, urge: Callable[[], Message | None]) -> None:
+    """Wait for a child that was told to end; kill it when that takes longer than ``patience_s``.
+
+    urge : what it is to be told now, so that it ends sooner; None while there is time
+    """
+    deadline, killed = time.monotonic() + patience_s, False
+    while child.process and child.process.poll() is None:
+        if child.channel and (message := urge()):
+            child.channel.send(message)
+        if time.monotonic() > deadline:
+            if killed:  # it ends when the medium that holds it answers
+                child.process = None
+                break
+            announce(f"error: {child.name}: did not end within {patience_s:g} s and was killed")
+            child.kill()
+            deadline, killed = time.monotonic() + patience_s, True
+        await asyncio.sleep(LOOK_PERIOD_S)
+    child.state = ProcessState.STOPPED
+
+
+def describe_exit(code: int) -> str:
+    """An exit code in words."""
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
