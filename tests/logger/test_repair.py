@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 from pathlib import Path
@@ -135,6 +136,32 @@ def test_a_repair_that_is_killed_can_be_repeated(tmp_path: Path, monkeypatch: py
                 assert "No space left" in str(error)
         close_unfinished(path)
         assert read_closed(path) == expected
+
+
+def test_an_interrupted_repair_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second Ctrl-C, before each step that changes the file."""
+    whole = write_killed(tmp_path / "a.mcap", messages=30, chunk_bytes=600) + b"\x05\x10"
+    expected, path = read_stream(whole), tmp_path / "b.mcap"
+    interrupted = 0
+    for name in ("ftruncate", "pwrite", "fsync"):
+        for allowed in range(2):
+            path.write_bytes(whole)
+            real, left = getattr(os, name), [allowed]
+
+            def step(*args: Any, real: Any = real, left: list[int] = left) -> Any:
+                if not left[0]:
+                    raise KeyboardInterrupt
+                left[0] -= 1
+                return real(*args)
+
+            with monkeypatch.context() as patch, contextlib.suppress(KeyboardInterrupt):
+                patch.setattr(os, name, step)
+                close_unfinished(path)
+                interrupted -= 1
+            interrupted += 1
+            close_unfinished(path)
+            assert read_closed(path) == expected
+    assert interrupted >= 4
 
 
 def test_close_all_leaves_running_sessions_alone(tmp_path: Path) -> None:
