@@ -9,7 +9,9 @@ be seen; the configured latency stands for it.
 A device's clock does not run for ever.  A counter that starts again at a known period goes on (``WRAPS``).  Anything
 else that lasts - a restart, a leap second, a receiver that finds its date, a delay that has become another - begins a
 new segment, after 10 s of messages of which none lies near the line.  After 2 s (and five messages) the clock is not
-believed any more: then, as before it is known, the arrival counts.  A bend (temperature) moves the line with its
+believed any more: then, as before it is known, the arrival counts.  What is merely late comes in order; so five
+messages in a row from before the newest are enough.  Until then a message that is later than its age limit keeps its
+time and is stale: its arrival would make it look fresh.  A bend (temperature) moves the line with its
 window: 0.1 ppm in an hour is 0.05 ms.
 """
 
@@ -44,6 +46,8 @@ NEAR_FACTOR = 4.0
 AWAY_MESSAGES = 5
 DOUBT_NS = 2 * SECOND_NS
 RENEW_NS = 10 * SECOND_NS
+#: No way holds messages back for longer; what seems later is of a clock that was set.
+LATEST_NS = 60 * SECOND_NS
 #: Periods of counters that start again [ns]: 32 bits of milliseconds; week, ten bits of weeks, day.
 DAY_NS = 86_400 * SECOND_NS
 WRAPS = {
@@ -67,12 +71,14 @@ class Segment:
     first_ns, last_ns : arrival of the first message that belongs to it, and of the last one taken
     messages, late : taken, and those of them beyond what is near the line
     largest_ns     : the largest lateness that was seen
+    newest_ns      : the newest time of the device in a message near the line
     """
 
     def __init__(self, t_rx_ns: int, t_dev_ns: int, window_s: int | None) -> None:
         self.first_ns = self.last_ns = t_rx_ns
         self.messages = self.late = 0
         self.largest_ns = 0.0
+        self.newest_ns = t_dev_ns
         self._x0, self._y0 = t_dev_ns, t_rx_ns - t_dev_ns
         self._window = window_s
         self._x: list[float] = []
@@ -200,7 +206,7 @@ class DeviceClock:
         self._latency_ns, self._max_age_ns, self._window = latency_ns, max_age_ns, window_s
         self.unwrap_ns = 0
         self._away_since: int | None = None
-        self._away = 0
+        self._away = self._back = 0
         self._doubted = False
         self._told = False
         self._news: list[str] = []
@@ -225,7 +231,10 @@ class DeviceClock:
         return news
 
     def take(self, t_rx_ns: int, t_dev_ns: int) -> int | None:
-        """Take a message; when it was true, in FTI time [ns], or None when its time cannot be believed."""
+        """Take a message; when it was true, in FTI time [ns], or None when its time cannot be believed.
+
+        It may be older than its age limit, never younger than its arrival less the latency.
+        """
         segment = self.segment or self._begin(t_rx_ns, t_dev_ns)
         t_dev_ns = self._unwrapped(segment, t_rx_ns, t_dev_ns)
         late = segment.lateness(t_rx_ns, t_dev_ns)
@@ -233,16 +242,20 @@ class DeviceClock:
         if late < -near and not segment.known:  # the first ones were late
             self.segments.pop()
             segment, late = self._begin(t_rx_ns, t_dev_ns), 0.0
-        self._watch(t_rx_ns, near=abs(late) <= near)
+        self._watch(segment, t_rx_ns, t_dev_ns, near=abs(late) <= near)
         if self._away_for(t_rx_ns) >= RENEW_NS and self._away >= AWAY_MESSAGES:
             self._renew(t_rx_ns, t_dev_ns)
             return None
         if not -near <= late <= self._max_age_ns - self._latency_ns:
             self.refused += 1
-            return None
+            return self._valid_ns(segment, t_rx_ns, t_dev_ns, late) if near < late <= LATEST_NS else None
         segment.add(t_rx_ns, t_dev_ns)
         segment.late += late > near
         segment.largest_ns = max(segment.largest_ns, late)
+        return self._valid_ns(segment, t_rx_ns, t_dev_ns, late)
+
+    def _valid_ns(self, segment: Segment, t_rx_ns: int, t_dev_ns: int, late: float) -> int | None:
+        """When a message was true; None while that is not known well enough."""
         if self.state is not ClockState.GOOD or segment.sd_ns(t_dev_ns) > GOOD_SD_NS:
             return None
         self._tell_known(segment)
@@ -267,14 +280,20 @@ class DeviceClock:
         self.segments.append(Segment(t_rx_ns, t_dev_ns, self._window))
         return self.segments[-1]
 
-    def _watch(self, t_rx_ns: int, *, near: bool) -> None:
-        """How long no message was near the line."""
+    def _watch(self, segment: Segment, t_rx_ns: int, t_dev_ns: int, *, near: bool) -> None:
+        """How long no message was near the line, and how many were from before the newest."""
         if near:
-            self._away_since, self._away, self._doubted = None, 0, False
+            segment.newest_ns = max(segment.newest_ns, t_dev_ns)
+            self._forget_doubts()
             return
         self._away_since = t_rx_ns if self._away_since is None else self._away_since
         self._away += 1
-        self._doubted = self._away >= AWAY_MESSAGES and self._away_for(t_rx_ns) > DOUBT_NS
+        self._back = self._back + 1 if t_dev_ns < segment.newest_ns else 0
+        lasting = self._away >= AWAY_MESSAGES and self._away_for(t_rx_ns) > DOUBT_NS
+        self._doubted |= lasting or self._back >= AWAY_MESSAGES
+
+    def _forget_doubts(self) -> None:
+        self._away_since, self._away, self._back, self._doubted = None, 0, 0, False
 
     def _away_for(self, t_rx_ns: int) -> int:
         return 0 if self._away_since is None else t_rx_ns - self._away_since
@@ -282,7 +301,8 @@ class DeviceClock:
     def _renew(self, t_rx_ns: int, t_dev_ns: int) -> None:
         """What does not fit has lasted: the clock was set, or the way has become another."""
         began_ns = self._away_since or t_rx_ns
-        self._away_since, self._away, self._doubted, self._told = None, 0, False, False
+        self._forget_doubts()
+        self._told = False
         step = (t_dev_ns - self.segments[-1].device_ns(t_rx_ns)) / SECOND_NS
         segment = self._begin(t_rx_ns, t_dev_ns)
         segment.first_ns = began_ns
