@@ -13,7 +13,7 @@ import zlib
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fti.logger import records
@@ -22,7 +22,7 @@ from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
 from fti.logger.seal import broken
 from fti.logger.source import Source
 from fti.logger.split_log import FILE_METADATA
-from fti.logger.structure import chunk_head, record_end
+from fti.logger.structure import ChunkHead, chunk_head, record_end
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
 _IN_CHUNKS = (_SCHEMA, _CHANNEL, _MESSAGE)
@@ -57,12 +57,14 @@ class ProofFile:
     """A file; ``pages`` reads it once.
 
     messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
+    size     : so far it was read [B]; it may have grown since
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.faults: list[str] = []
         self.broken: str | None = None
+        self.size = 0
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
         self.metadata: dict[str, dict[str, str]] = {}
@@ -77,6 +79,7 @@ class ProofFile:
         at : where a page begins that is to be had again, with those behind it
         """
         with Source(self.path) as source:
+            self.size = source.size
             at = at or self._begin(source)
             while at and at < source.size:
                 op = source.read(at, 1)[0]
@@ -129,7 +132,7 @@ class ProofFile:
 
     def _chunk(self, source: Source, at: int, end: int) -> Iterator[Page]:
         self._expect_no_index()
-        head = chunk_head(source, at)
+        head = self._chunk_head(source, at, end)
         data = head.content(source) if head else None
         if head is None or data is None:
             self.faults.append(f"the chunk at byte {at} is damaged")
@@ -144,6 +147,13 @@ class ProofFile:
             self._check_times(source, at, rows)
             self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
         yield self._page(data, rows, at, end)
+
+    def _chunk_head(self, source: Source, at: int, end: int) -> ChunkHead | None:
+        """The head as it was when the chunk ended at ``end``: a writer may have gone on since."""
+        head = chunk_head(source, at)
+        if head and not self.finished and end < head.end:
+            return replace(head, end=end, size=end - head.begin, crc=0)
+        return head
 
     def _page(self, data: bytes, rows: dict[int, list[Row]], at: int, end: int) -> Page:
         named = []

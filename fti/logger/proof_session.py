@@ -55,7 +55,7 @@ class Gaps:
                 self.overflows.append(Overflow(str(table["link"]), *numbers))
             else:
                 self.told.append(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
-        except (KeyError, TypeError, AttributeError, ValueError):
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
             self.unreadable += 1
 
     def explains(self, span: Span) -> bool:

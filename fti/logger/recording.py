@@ -64,7 +64,8 @@ class Recording:
             if part.session != first.session:
                 raise MissingError(f"{other}: is of session {part.session}, and {path} of session {first.session}")
             for kind in KINDS:
-                first.paths(kind).extend(part.paths(kind))
+                here = {file.resolve() for file in first.paths(kind)}
+                first.paths(kind).extend(file for file in part.paths(kind) if file.resolve() not in here)
                 first.paths(kind).sort(key=lambda file: name_parts(file)[1])
         return first
 
@@ -287,4 +288,4 @@ def _find_files(place: Path) -> Iterator[list[Path]]:
 def _kind_of(path: Path) -> Kind:
     """Kind of a single file, as it says itself, or else its name."""
     told = McapFile(path).head().metadata.get(FILE_METADATA, {}).get("kind")
-    return next((kind for kind in ("raw", "derived", "truth") if kind == told), name_parts(path)[0])
+    return next((kind for kind in KINDS if kind == told), name_parts(path)[0])

@@ -11,14 +11,21 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.stream_reader import StreamReader
 
 from fti.cli.main import main
+from fti.logger import proof_file
 from fti.logger.derived_log import DerivedLog
+from fti.logger.proof_ledger import LedgerProof
+from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Report, Verdict
+from fti.logger.proof_session import Gaps
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.logger.source import Source
+from fti.logger.structure import ChunkHead, chunk_head
 from fti.logger.verify import verify
-from tests.logger.small_session import STARTED, TURN, Recorder, make, open_log, time_of
+from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, open_log, time_of
 
 FRAMES = 500
 assert settings.default
@@ -162,6 +169,43 @@ def test_numbers_in_two_files_count_once(folder: SessionFolder) -> None:
     assert check(report, "ledger")[0] is Verdict.OK
 
 
+def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> None:
+    """What a medium had not made sure of when it failed is recorded again, several ledgers too."""
+    notes: list[Table] = []
+    recorder = Recorder(open_log(folder), 0, doctor=lambda index, note: notes.append(note)).run(100)
+    recorder.log.close()
+    recorder.log = open_log(folder)
+    for note in list(notes):
+        recorder.log.json("/fti/ledger", note["t_ns"], note)
+    recorder.run(100).end()
+    report = proved(folder)
+    assert report.verdict is Verdict.OK, report.findings
+    assert report.ledgers == 5
+
+
+def test_a_place_that_is_given_twice_is_looked_at_once(folder: SessionFolder, tmp_path: Path) -> None:
+    make(folder)
+    (tmp_path / "again").symlink_to(folder.path)
+    report = verify(Recording.open(folder.path, tmp_path / "again", folder.files("raw")[0]))
+    assert (report.files, report.verdict) == (len(folder.files("raw")), Verdict.OK)
+    assert check(report, "sequence")[0] is Verdict.OK
+
+
+def test_ledgers_of_a_silent_link_do_not_wait_for_it(folder: SessionFolder) -> None:
+    recorder = Recorder(open_log(folder, split_s=1000), 0).run(30)
+    recorder.ledger()
+    silent = json.loads(json.dumps(recorder.note()))["links"]["bus"] | {"errors": {}}
+    note = recorder.note()
+    proof = LedgerProof(NumberProof(), begins=True)
+    for n in range(1000):
+        note["links"] = {"quiet": silent}
+        note["t_ns"] = time_of(n)
+        note["next_seq"] = 30 + n
+        proof.take(time_of(n), json.dumps(note).encode())
+    assert max(len(marks) for marks in proof._marks.values()) <= 3
+    recorder.end()
+
+
 # ---------------------------------------------------------------------------------------------------- what is refuted
 
 
@@ -274,6 +318,21 @@ def test_a_ledger_that_is_none_is_told(folder: SessionFolder) -> None:
     assert proved(folder).findings == ["1 ledgers cannot be read"]
 
 
+@pytest.mark.parametrize("spoil", [{"t_ns": 10**30}, {"next_seq": 2**64}, {"links": []}])
+def test_a_ledger_of_impossible_numbers_is_told(folder: SessionFolder, spoil: Table) -> None:
+    make(folder, doctor=lambda index, note: note.update(spoil) if index == 3 else None)
+    assert proved(folder).findings == ["1 ledgers cannot be read"]
+
+
+@pytest.mark.parametrize("spoil", [b'{"kind": "buffer_overflow", "link": "a", "first_seq": 1e999}', b"[" * 100_000])
+def test_a_note_of_a_gap_that_says_nothing_is_told(spoil: bytes) -> None:
+    gaps = Gaps()
+    gaps.take(0, spoil, raw=True)
+    proof = LedgerProof(NumberProof(), begins=True)
+    proof.take(0, spoil)
+    assert gaps.unreadable == proof.unreadable == 1
+
+
 # ------------------------------------------------------------------------------------------------------------- losses
 
 
@@ -373,6 +432,34 @@ def test_a_session_that_is_being_recorded_is_told(folder: SessionFolder) -> None
     assert report.verdict is Verdict.LOSS
     assert f"{folder.files('raw')[-1].name}: is being written" in report.findings
     assert "the session is being recorded" in check(report, "recorders")[1][0]
+    recorder.end()
+    assert proved(folder).holds
+
+
+def test_a_file_that_grows_while_it_is_proved_is_not_refuted(
+    folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between this program's look and the official reader's, and between two looks at the head of the open chunk."""
+    recorder = Recorder(open_log(folder, split_s=1000), 0).run(75)
+    with monkeypatch.context() as patch:
+        stream_read = StreamReader.__init__
+
+        def late(*args: Any, **keys: Any) -> None:
+            recorder.run(5)
+            stream_read(*args, **keys)
+
+        patch.setattr(StreamReader, "__init__", late)
+        report = proved(folder)
+        assert report.verdict is Verdict.LOSS, report.findings
+    with monkeypatch.context() as patch:
+
+        def patched(source: Source, at: int) -> ChunkHead | None:
+            recorder.run(5)
+            return chunk_head(source, at)
+
+        patch.setattr(proof_file, "chunk_head", patched)
+        report = proved(folder)
+        assert report.verdict is Verdict.LOSS, report.findings
     recorder.end()
     assert proved(folder).holds
 
