@@ -9,8 +9,9 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+from itertools import accumulate
 
-from fti.clock import Clock
+from fti.clock import Clock, StampWindow
 from fti.links._batch import shared_batch
 from fti.links.base import LinkStatus
 
@@ -45,6 +46,7 @@ class Arrival:
         self._clock = clock
         self._status = status
         self._dropped = 0  # of this socket
+        self._last_ns = 0
 
     def read(self, fd: int) -> tuple[list[bytes], list[int]]:
         """What waits in the socket, at most a batch, and its FTI times of arrival [ns].  Raises OSError."""
@@ -57,13 +59,31 @@ class Arrival:
         return batch.frames(), self._times(batch.stamps())
 
     def _times(self, stamps: list[int]) -> list[int]:
-        """The kernel's stamps as FTI time; now, where one cannot be believed."""
-        offset, oldest, newest = self._clock.stamp_window()
+        """The kernel's stamps as FTI time, never backward.
+
+        Two processors may stamp at once; two windows are as good as two readings of the clocks.
+        """
+        window = self._clock.stamp_window()
+        offset, oldest, newest = window
         if oldest <= min(stamps) and max(stamps) <= newest:
-            return [stamp + offset for stamp in stamps]
-        now = self._clock.now_ns()
-        self._status.stamp_refused += sum(not oldest <= stamp <= newest for stamp in stamps)
-        return [stamp + offset if oldest <= stamp <= newest else now for stamp in stamps]
+            times = [stamp + offset for stamp in stamps]
+        else:
+            times = self._doubtful(stamps, window)
+        if times[0] < self._last_ns or times != sorted(times):
+            times = list(accumulate(times, max, initial=self._last_ns))[1:]
+        self._last_ns = times[-1]
+        return times
+
+    def _doubtful(self, stamps: list[int], window: StampWindow) -> list[int]:
+        """Where a stamp cannot be believed: the time of the next one that can, for it came before, or now."""
+        time_ns, times = self._clock.now_ns(), []
+        for stamp in reversed(stamps):
+            if window.oldest_ns <= stamp <= window.newest_ns:
+                time_ns = stamp + window.offset_ns
+            else:
+                self._status.stamp_refused += 1
+            times.append(time_ns)
+        return times[::-1]
 
     def ask_drops(self, sock: socket.socket) -> None:
         """Ask for the drop counter: a datagram tells of those before it, and behind the last drop none may come."""

@@ -1,0 +1,71 @@
+"""Stamps of one socket run forward, whatever the kernel and its clocks say."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+
+import pytest
+
+from fti.clock import FakeClock, StampWindow
+from fti.links._socket import Arrival
+from fti.links.base import LinkStatus
+
+NOW = 10**18
+MS = 1_000_000
+
+
+class Windows(FakeClock):
+    """A clock whose windows are given."""
+
+    def __init__(self, *windows: StampWindow) -> None:
+        super().__init__(NOW)
+        self._windows = iter(windows)
+
+    def stamp_window(self) -> StampWindow:
+        return next(self._windows)
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+    a, b = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with a, b:
+        b.setblocking(False)
+        yield a, b
+
+
+def read(arrival: Arrival, pair: tuple[socket.socket, socket.socket], stamps: list[int]) -> list[int]:
+    """Times of a batch with these stamps."""
+    for _ in stamps:
+        pair[0].send(b"x")
+    arrival.batch.stamps = lambda: stamps  # type: ignore[method-assign]
+    try:
+        return arrival.read(pair[1].fileno())[1]
+    finally:
+        del arrival.batch.stamps
+
+
+def test_a_refused_stamp_is_not_later_than_the_believed_one_behind_it(
+    pair: tuple[socket.socket, socket.socket],
+) -> None:
+    """After a step some of a batch are from before it."""
+    status = LinkStatus()
+    arrival = Arrival(Windows(StampWindow(0, NOW - 10 * MS, NOW)), status)
+    stamps = [NOW - 3600_000 * MS, NOW - 8 * MS, NOW - 3600_000 * MS, NOW - 5 * MS, NOW + 7200_000 * MS]
+    assert read(arrival, pair, stamps) == [NOW - 8 * MS, NOW - 8 * MS, NOW - 5 * MS, NOW - 5 * MS, NOW]
+    assert status.stamp_refused == 3
+
+
+def test_a_batch_does_not_begin_before_the_end_of_the_last(pair: tuple[socket.socket, socket.socket]) -> None:
+    """The clocks were read 10 us apart for the first, or its stamps were refused."""
+    first, second = StampWindow(10_000, 0, NOW), StampWindow(0, 0, NOW)
+    arrival = Arrival(Windows(first, second), LinkStatus())
+    assert read(arrival, pair, [NOW - 5 * MS, NOW - 4 * MS])[-1] == NOW - 4 * MS + 10_000
+    assert read(arrival, pair, [NOW - 4 * MS + 2000, NOW - 3 * MS]) == [NOW - 4 * MS + 10_000, NOW - 3 * MS]
+
+
+def test_stamps_of_two_processors_keep_the_order_of_the_queue(pair: tuple[socket.socket, socket.socket]) -> None:
+    status = LinkStatus()
+    arrival = Arrival(Windows(StampWindow(0, 0, NOW)), status)
+    assert read(arrival, pair, [NOW - 9, NOW - 5, NOW - 7, NOW - 2]) == [NOW - 9, NOW - 5, NOW - 5, NOW - 2]
+    assert status.stamp_refused == 0
