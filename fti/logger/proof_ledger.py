@@ -16,6 +16,7 @@ from itertools import zip_longest
 
 from fti.logger.ledger import NOTHING, Amount, Entry, Note, Recorder
 from fti.logger.proof_numbers import NumberProof, Span
+from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.wording import clock_text
 
 _ZERO = Entry()
@@ -78,15 +79,17 @@ class LedgerProof:
     """Compares the ledgers with what was found.  findings : what does not hold.
 
     begins : the files hold the session from its first number on
+    apart  : the frames of the links stand in other files: only the ticks can be compared
     """
 
-    def __init__(self, numbers: NumberProof, *, begins: bool) -> None:
+    def __init__(self, numbers: NumberProof, *, begins: bool, apart: bool = False) -> None:
         self.findings: list[str] = []
         self.runs: list[Run] = []
         self.notes = 0
         self.unreadable = 0
         self._numbers = numbers
         self._begins = begins
+        self._apart = apart
         self._marks: dict[str, deque[_Mark]] = {}
         self._seen: set[int] = set()
 
@@ -131,7 +134,9 @@ class LedgerProof:
         return run
 
     def _mark(self, topic: str, mark: _Mark) -> None:
-        """Of ledgers that tell the same of a silent topic, the first and the last one wait: what is between is as they."""
+        """Of ledgers that tell the same of a silent topic, the first and the last one wait: the others add nothing."""
+        if self._apart and topic != TICK_TOPIC:
+            return
         marks = self._marks.setdefault(topic, deque())
         if len(marks) > 1 and all(m.run is mark.run and m.entry == mark.entry for m in (marks[-1], marks[-2])):
             marks.pop()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
 
 from fti.logger.ledger import SOCKET_QUEUE, Amount
+from fti.logger.proof_gaps import Gaps
 from fti.logger.proof_ledger import LedgerProof, Run
 from fti.logger.proof_numbers import TICK_HOLE_NS, NumberProof, Span
 from fti.logger.proof_report import Account, Check, Report, Verdict
@@ -19,55 +17,11 @@ from fti.logger.repair import is_being_written
 from fti.logger.session import name_parts
 from fti.logger.wording import clock_text, ranges_text
 
-GAP_TOPIC = "/fti/gap"
-OVERFLOW = "buffer_overflow"
 NOT_TRIGGERED = "not_triggered"
 #: Received by a recorder that was killed before it could write.
 NEVER_WRITTEN = "never_written"
 #: Held to the end of a recorder in good order, because the medium took no more.
 STORAGE = "storage"
-
-
-@dataclass(frozen=True, slots=True)
-class Overflow:
-    """Frames of one link that a full buffer dropped, as the recorder told."""
-
-    link: str
-    first: int
-    last: int
-    frames: int
-
-
-@dataclass(slots=True)
-class Gaps:
-    """The notes on ``/fti/gap``.  told : what navigation lost, in words; unreadable : notes that say nothing."""
-
-    overflows: list[Overflow] = field(default_factory=list)
-    told: list[str] = field(default_factory=list)
-    unreadable: int = 0
-
-    def take(self, t_ns: int, data: bytes, *, raw: bool) -> None:
-        """A note from a raw or a derived file."""
-        try:
-            table = json.loads(data)
-            if raw and table.get("kind") == OVERFLOW:
-                numbers = (int(table[key]) for key in ("first_seq", "last_seq", "frames"))
-                self.overflows.append(Overflow(str(table["link"]), *numbers))
-            else:
-                self.told.append(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
-        except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
-            self.unreadable += 1
-
-    def explains(self, span: Span) -> bool:
-        """Does a note tell of these numbers?"""
-        return any(gap.first <= span.first and span.last <= gap.last for gap in self.overflows)
-
-
-def _unseen(table: dict[str, Any]) -> str:
-    """A note of navigation in words."""
-    first, last = int(table["after_seq"]) + 1, int(table["before_seq"]) - 1
-    missed = f"not seen numbers {first} to {last}" if first <= last else "missed nothing"
-    return f"{table['kind']}: navigation has {missed}"
 
 
 def conclude(
@@ -76,8 +30,11 @@ def conclude(
     """Add the checks of the session and the accounts of its links."""
     alone = not recording.path.is_dir()
     session = _Session(recording, numbers, ledger, gaps, begins=begins, alone=alone)
-    checks = [session.splits(), session.sequence(), session.stamps(), session.ticks()]
-    checks += [session.books(), session.recorders(), session.gap_notes()]
+    checks = [session.splits()]
+    if recording.frame_files:
+        checks += [session.sequence(), session.stamps(), session.ticks()]
+    if recording.raw_files:
+        checks += [session.books(), session.recorders(), session.gap_notes()]
     if checks[0].verdict is Verdict.REFUTED and recording.elsewhere:
         checks = [_of_a_part(check, recording.elsewhere) for check in checks]
     report.checks += checks
@@ -95,6 +52,11 @@ def _of_a_part(check: Check, elsewhere: Sequence[Path]) -> Check:
     places = ", ".join(map(str, elsewhere))
     judged.add(Verdict.LOSS, f"this may be a part of the session only: more of it may lie in {places}; give all")
     return judged
+
+
+def apart(recording: Recording) -> bool:
+    """Are frames of snapshots and the ledgers that tell of them not both here?"""
+    return not recording.raw_files or (recording.snapshot_mode and not recording.path.is_dir())
 
 
 class _Session:
@@ -118,16 +80,22 @@ class _Session:
         ranges = numbers.coverage.ranges
         self._begin = 0 if begins else ranges[0].first if ranges else 0
         self._end = max([ranges[-1].last + 1 if ranges else 0, *(run.end for run in ledger.runs)])
+        self._apart = apart(recording)
         self._holes = {id(run): ledger.holes(run) for run in ledger.runs}
-        self.missing = sum(hole.count for hole in numbers.coverage.holes(self._begin, self._end))
+        self.missing = 0 if self._apart else sum(h.count for h in numbers.coverage.holes(self._begin, self._end))
 
     # ------------------------------------------------------------------------------------------------ splits, numbers
 
     def splits(self) -> Check:
         """Is every file there?"""
-        check = Check("splits", f"{len(self._recording.raw_files)} raw files, none is missing")
+        recording = self._recording
+        check = Check("splits", f"{len(recording.raw_files)} raw files, none is missing")
+        if not recording.raw_files:
+            check.text = "no raw file"
+            whole = self._alone or recording.reprocessed or not (recording.derived_files or recording.snapshot_files)
+            check.add(Verdict.TOLD if whole else Verdict.LOSS, "no raw file is here: what came in is not proved")
         for kind in ("raw", "derived", "snapshot") if not self._alone else ():
-            there = [name_parts(path)[1] for path in self._recording.paths(kind)]
+            there = [name_parts(path)[1] for path in recording.paths(kind)]
             absent = sorted(set(range(max(there, default=-1) + 1)) - set(there))
             if absent:
                 check.add(Verdict.REFUTED, f"{kind} files {ranges_text([(n, n) for n in absent])} are missing")
@@ -144,6 +112,12 @@ class _Session:
         for topic in numbers.topics.values():
             if topic.unordered:
                 check.add(Verdict.REFUTED, f"{topic.name}: the numbers do not rise {topic.unordered} times")
+        if self._apart:
+            check.text = f"{numbers.frames} numbers, each once"
+            check.add(
+                Verdict.TOLD, "frames around triggers stand apart from the books: the folder proves both together"
+            )
+            return check
         self._judge_outside(check)
         for run in self._ledger.runs:
             self._judge_before(check, run)

@@ -159,6 +159,11 @@ class Recording:
         """Frames were recorded around triggers only, in the snapshot files; ticks are in the raw ones, too."""
         return self.metadata.get("fti", {}).get("mode") == "snapshot"
 
+    @property
+    def reprocessed(self) -> bool:
+        """Made by navigation once more, from the raw files of another folder."""
+        return self.metadata.get("fti", {}).get("reprocessed") == "true"
+
     def _chunks(self, paths: list[Path]) -> Iterator[list[Item]]:
         for path in paths:
             file = McapFile(path)

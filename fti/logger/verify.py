@@ -22,10 +22,11 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from fti.logger.ledger import LEDGER_TOPIC
 from fti.logger.mcap_file import Topic as Channel
 from fti.logger.proof_file import Page, ProofFile, Row
+from fti.logger.proof_gaps import GAP_TOPIC, Gaps
 from fti.logger.proof_ledger import LedgerProof
 from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Check, Report, Topic, Verdict
-from fti.logger.proof_session import GAP_TOPIC, Gaps, conclude
+from fti.logger.proof_session import apart, conclude
 from fti.logger.proof_snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import Recording
@@ -51,7 +52,7 @@ class _Verification:
         self._numbers = NumberProof()
         raw = recording.raw_files
         begins = recording.path.is_dir() or bool(raw and name_parts(raw[0])[1] == 0 and raw[0].stem.endswith("_000"))
-        self._ledger = LedgerProof(self._numbers, begins=begins)
+        self._ledger = LedgerProof(self._numbers, begins=begins, apart=apart(recording))
         self._begins = begins
         self._gaps = Gaps()
         self._snapshots = SnapshotProof(self._numbers)
@@ -66,11 +67,11 @@ class _Verification:
             self._read(path, files, official)
         report = self._report
         report.checks += [files, official]
+        self._ledger.finish()
+        report.ledgers = self._ledger.notes
+        report.numbered = self._numbers.frames
+        conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
         if self._recording.raw_files:
-            self._ledger.finish()
-            report.ledgers = self._ledger.notes
-            report.numbered = self._numbers.frames
-            conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
             report.checks += self._judge_snapshots()
         return report
 
@@ -103,7 +104,7 @@ class _Verification:
 
     def _take(self, page: Page, *, raw: bool, frames: bool) -> None:
         if frames:
-            self._numbers.feed(page if raw else _without_ticks(page))
+            self._numbers.feed(_without_ticks(page) if self._recording.raw_files and not raw else page)
         for channel, rows in page.rows:
             self._count(channel, rows)
             if channel.name == LEDGER_TOPIC and raw:
@@ -125,12 +126,14 @@ class _Verification:
         topic.last_ns = times[-1]
 
     def _judge_snapshots(self) -> list[Check]:
-        """Are the copies the same?  No check where there is no snapshot."""
-        found = self._snapshots
-        if not found.files:
+        """Are the copies the same?  No check where there is no snapshot and none was to come."""
+        found, only = self._snapshots, self._recording.snapshot_mode
+        if not found.files and not only:
             return []
         text = f"{found.files} files with {found.frames} numbered messages; {found.copies} stand in raw files too"
         check = Check("snapshots", f"{text}, the same")
+        if only:
+            check.add(Verdict.TOLD, "SNAPSHOT: not a continuous recording, only what was around a trigger")
         if found.different:
             check.add(Verdict.REFUTED, f"{found.different} messages are not what stands in the raw files")
         return [check]

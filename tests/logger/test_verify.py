@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,10 @@ from mcap.stream_reader import StreamReader
 from fti.cli.main import main
 from fti.logger import proof_file
 from fti.logger.derived_log import DerivedLog
+from fti.logger.proof_gaps import Gaps
 from fti.logger.proof_ledger import LedgerProof
 from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Report, Verdict
-from fti.logger.proof_session import Gaps
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.logger.source import Source
@@ -175,7 +175,7 @@ def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> No
     recorder = Recorder(open_log(folder), 0, doctor=lambda index, note: notes.append(note)).run(100)
     recorder.log.close()
     recorder.log = open_log(folder)
-    for note in list(notes):
+    for note in [*notes]:
         recorder.log.json("/fti/ledger", note["t_ns"], note)
     recorder.run(100).end()
     report = proved(folder)
@@ -467,9 +467,9 @@ def test_a_file_that_grows_while_it_is_proved_is_not_refuted(
 # ---------------------------------------------------------------------------------------------------------- snapshots
 
 
-def snapshot(folder: SessionFolder, seqs: range, spoil: int | None = None) -> None:
+def snapshot(folder: SessionFolder, seqs: Iterable[int], spoil: int | None = None, **keys: Any) -> None:
     """A copy of some numbers in a file of its own."""
-    recorder = Recorder(open_log(folder, kind="snapshot"), 0)
+    recorder = Recorder(open_log(folder, kind="snapshot", **keys), 0)
     for seq in seqs:
         if seq == spoil:
             recorder.log.frame("ins", seq, time_of(seq), b"other")
@@ -491,3 +491,52 @@ def test_a_snapshot_that_differs_is_refuted(folder: SessionFolder) -> None:
     make(folder)
     snapshot(folder, range(150, 350), spoil=201)
     assert proved(folder).findings == ["1 messages are not what stands in the raw files"]
+
+
+def test_a_snapshot_alone_is_proved_as_far_as_it_goes(folder: SessionFolder, tmp_path: Path) -> None:
+    """Also under another name, and of frames that stand twice."""
+    make(folder)
+    snapshot(folder, range(150, 350))
+    snapshot(folder, [*range(30, 40), *range(30, 40)])
+    good, bad = folder.files("snapshot")
+    report = verify(Recording.open(shutil.copy(good, tmp_path / "flutter.mcap")))
+    assert (report.verdict, report.numbered, report.missing) == (Verdict.OK, 200, 0)
+    assert report.accounts[0].recorded.frames > 0
+    assert "no raw file is here" in check(report, "splits")[1][0]
+    assert verify(Recording.open(bad)).verdict is Verdict.REFUTED
+
+
+def test_a_raw_file_of_mode_snapshot_alone_is_not_refuted(folder: SessionFolder, tmp_path: Path) -> None:
+    """Its ledgers tell of frames that stand in the snapshots."""
+    frames = [seq for seq in range(100) if TURN[seq % len(TURN)] != "/fti/tick"]
+    log = open_log(folder, metadata={"fti": {"mode": "snapshot"}})
+    Recorder(log, 0, removed=frames).run(100).end()
+    snapshot(folder, frames, metadata={"fti": {"mode": "snapshot"}})
+    report = proved(folder)
+    assert report.verdict is Verdict.OK, report.findings
+    assert "SNAPSHOT" in check(report, "snapshots")[1][0]
+    report = verify(Recording.open(folder.files("raw")[0]))
+    assert report.verdict is Verdict.OK, report.findings
+    assert "SNAPSHOT" in check(report, "snapshots")[1][0]
+    folder.files("snapshot")[0].unlink()
+    assert proved(folder).verdict is Verdict.REFUTED
+
+
+def test_a_session_without_its_raw_files_is_not_whole(folder: SessionFolder) -> None:
+    """What navigation made again from other files is."""
+    for metadata, verdict in (({}, Verdict.LOSS), ({"fti": {"reprocessed": "true"}}, Verdict.OK)):
+        log = DerivedLog(folder, split_s=2, split_mb=100, metadata=metadata)
+        log.gap(STARTED, "late")
+        log.close()
+        report = proved(folder)
+        assert report.verdict is verdict, report.findings
+        folder.files("derived")[0].unlink()
+
+
+def test_missing_derived_files_are_named_without_raw_ones_too(folder: SessionFolder) -> None:
+    for _ in range(3):
+        log = DerivedLog(folder, split_s=2, split_mb=100)
+        log.gap(STARTED, "late")
+        log.close()
+    folder.files("derived")[1].unlink()
+    assert "derived files 1 are missing" in proved(folder).findings

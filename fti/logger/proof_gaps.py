@@ -1,0 +1,55 @@
+"""The notes of gaps under proof: what a full buffer dropped, as the recorder told, and what navigation lost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+from fti.logger.proof_numbers import Span
+from fti.logger.wording import clock_text
+
+GAP_TOPIC = "/fti/gap"
+OVERFLOW = "buffer_overflow"
+
+
+@dataclass(frozen=True, slots=True)
+class Overflow:
+    """Frames of one link that a full buffer dropped, as the recorder told."""
+
+    link: str
+    first: int
+    last: int
+    frames: int
+
+
+@dataclass(slots=True)
+class Gaps:
+    """The notes on ``/fti/gap``.  told : what navigation lost, in words; unreadable : notes that say nothing."""
+
+    overflows: list[Overflow] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+    unreadable: int = 0
+
+    def take(self, t_ns: int, data: bytes, *, raw: bool) -> None:
+        """A note from a raw or a derived file."""
+        try:
+            table = json.loads(data)
+            if raw and table.get("kind") == OVERFLOW:
+                numbers = (int(table[key]) for key in ("first_seq", "last_seq", "frames"))
+                self.overflows.append(Overflow(str(table["link"]), *numbers))
+            else:
+                self.told.append(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
+            self.unreadable += 1
+
+    def explains(self, span: Span) -> bool:
+        """Does a note tell of these numbers?"""
+        return any(gap.first <= span.first and span.last <= gap.last for gap in self.overflows)
+
+
+def _unseen(table: dict[str, Any]) -> str:
+    """A note of navigation in words."""
+    first, last = int(table["after_seq"]) + 1, int(table["before_seq"]) - 1
+    missed = f"not seen numbers {first} to {last}" if first <= last else "missed nothing"
+    return f"{table['kind']}: navigation has {missed}"
