@@ -384,6 +384,9 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     session = config.session.model_copy(update={"directory": absolute(config.session.directory)})
     if session.fallback is not None:
         session = session.model_copy(update={"fallback": absolute(session.fallback)})
+        if session.fallback == session.directory:
+            shown = config.session.fallback
+            raise ConfigError(f"{config.path}: session.fallback = {shown!r}: must not be session.directory itself")
     return config.model_copy(update={"nav": nav, "session": session})
 
 

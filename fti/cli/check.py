@@ -103,6 +103,7 @@ def describe(config: Config) -> dict[str, Any]:
     return {
         "config": config.path,
         "session": {**session.model_dump(include={"name", "directory", "split_s", "split_mb", "min_free_mb", "mode"})},
+        "storage": _describe_storage(config),
         "snapshot": _describe_snapshot(config),
         "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
         "devices": [_describe_device(bound) for bound in bind_devices(config)],
@@ -110,8 +111,44 @@ def describe(config: Config) -> dict[str, Any]:
         "terrain": list(config.nav.terrain.files) if config.nav.terrain else [],
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(_missing(config)),
-        "warnings": list(_shared_ports(config)),
+        "warnings": [*_shared_ports(config), *_poor_storage(config)],
     }
+
+
+def _describe_storage(config: Config) -> list[dict[str, Any]]:
+    """Where the recording goes, the main place first, and how much space is there now."""
+    from pathlib import Path
+
+    from fti.errors import StorageError
+    from fti.logger.places import free_mb, mount_of
+
+    plan = []
+    for role, directory in (("main", config.session.directory), ("fallback", config.session.fallback)):
+        if directory is None:
+            continue
+        there = next(path for path in (Path(directory), *Path(directory).parents) if path.exists())
+        free: float | None = None
+        fault = ""
+        try:
+            free = free_mb(there)
+        except StorageError as error:
+            fault = str(error)
+        medium = str(mount_of(Path(directory)))
+        plan.append({"role": role, "directory": directory, "medium": medium, "free_mb": free, "fault": fault})
+    return plan
+
+
+def _poor_storage(config: Config) -> Iterator[str]:
+    """What is wrong with the places, though it may be right when the daemon starts."""
+    plan = _describe_storage(config)
+    for place in plan:
+        if place["free_mb"] is not None and place["free_mb"] < config.session.min_free_mb:
+            yield (
+                f"{place['directory']}: {place['free_mb']:.0f} MB are free; "
+                f"session.min_free_mb is {config.session.min_free_mb:g}"
+            )
+    if len({place["medium"] for place in plan}) < len(plan):
+        yield f"session.fallback is on the same medium as session.directory ({plan[0]['medium']})"
 
 
 def _describe_snapshot(config: Config) -> dict[str, float] | None:
@@ -220,6 +257,8 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
             f"snapshot from {shot['before_s']:g} s before a trigger to {shot['after_s']:g} s after it{also}; "
             f"{shot['max_mb']:g} MB hold {shot['holds_s']:g} s of all links at their full rates"
         )
+    yield "storage"
+    yield from _table([_place_cells(place) for place in found["storage"]])
     yield "links"
     yield from _table([_link_cells(link) for link in found["links"]])
     yield "devices"
@@ -235,6 +274,11 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
 
 def _live_cells(name: str, link: dict[str, Any]) -> tuple[str, ...]:
     return (name, link["state"], f"{link['frames']} frames, {link['bytes']} bytes", link["hint"])
+
+
+def _place_cells(place: dict[str, Any]) -> tuple[str, ...]:
+    space = place["fault"] or f"{place['free_mb']:.0f} MB free"
+    return (place["role"], place["directory"], f"on {place['medium']}", space)
 
 
 def _link_cells(link: dict[str, Any]) -> tuple[str, ...]:

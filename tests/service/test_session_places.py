@@ -1,0 +1,36 @@
+"""Where a session begins."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fti.config import Session
+from fti.errors import ConfigError, StorageError
+from fti.service.session_places import SessionPlaces
+
+
+def test_a_session_begins_at_the_fallback_when_the_main_directory_refuses(tmp_path: Path) -> None:
+    (tmp_path / "main").touch()
+    told: list[str] = []
+    session = Session(name="s", directory=str(tmp_path / "main"), fallback=str(tmp_path / "other"))
+    places = SessionPlaces(session, 0, told.append)
+    assert places.folder.path == tmp_path / "other" / places.folder.name
+    assert places.folders == [tmp_path / name / places.folder.name for name in ("main", "other")]
+    assert "a file, not a directory" in told[0]
+
+
+def test_no_directory_and_twice_the_same_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "main").touch()
+    with pytest.raises(StorageError, match="a file, not a directory"):
+        SessionPlaces(Session(name="s", directory=str(tmp_path / "main")), 0, print)
+    with pytest.raises(ConfigError, match=r"is session\.directory itself"):
+        SessionPlaces(Session(name="s", directory=str(tmp_path), fallback=f"{tmp_path}/main/.."), 0, print)
+
+
+def test_an_empty_session_leaves_nothing(tmp_path: Path) -> None:
+    places = SessionPlaces(Session(name="s", directory=str(tmp_path)), 0, print)
+    assert places.folder.path.is_dir()
+    places.close_files(places.folders)
+    assert list(tmp_path.iterdir()) == []
