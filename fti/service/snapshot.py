@@ -34,8 +34,9 @@ PAUSE_S = 0.002
 WAIT_S = 0.02
 RETRY_S = 0.2
 IDLE_S = 1.0
-#: At the end, a medium that refuses for so long gets no more chances.
+#: At the end, a medium that has taken nothing for so long gets no more chances; and when it hangs, for twice as long.
 LAST_CHANCE_S = 5.0
+LOOK_S = 0.1
 SECOND_NS = 1_000_000_000
 
 
@@ -76,6 +77,7 @@ class SnapshotSink:
         self._file: Path | None = None
         self._refused = False
         self._overflow_told = False
+        self._accepted = 0.0  # when the medium last took a slice, or was given its last chance
         self._thread = threading.Thread(target=self._run, name="snapshot", daemon=True)
 
     # ------------------------------------------------------------------------------------------------ for the reader
@@ -94,12 +96,20 @@ class SnapshotSink:
         self._wake.set()
 
     def stop(self) -> None:
-        """After the writer's end: write what a trigger has asked for and was received, let the rest go."""
+        """After the writer's end: write what a trigger has asked for and was received, let the rest go.
+
+        As long as the medium goes on taking it; what it does not take stays held.
+        """
+        self._accepted = time.monotonic()
         self._stopping.set()
         self._wake.set()
-        self._thread.join(2 * LAST_CHANCE_S)
-        if not self._thread.is_alive():
-            self._memory.clear()
+        while self._thread.is_alive() and time.monotonic() - self._accepted < 2 * LAST_CHANCE_S:
+            self._thread.join(LOOK_S)
+        if self._thread.is_alive():
+            return
+        if self._shot:
+            self._shot.give_up()
+        self._memory.clear()
 
     def health(self) -> dict[str, Any]:
         """State (waiting or writing), what the memory holds, the last file."""
@@ -122,10 +132,7 @@ class SnapshotSink:
     def _run(self) -> None:
         with guarded("snapshot", self._report):
             step_below_reader()
-        give_up: float | None = None
-        while not self._stopping.is_set() or (self._shot and time.monotonic() < (give_up or float("inf"))):
-            if self._stopping.is_set():
-                give_up = give_up or time.monotonic() + LAST_CHANCE_S
+        while not self._stopping.is_set() or (self._shot and time.monotonic() - self._accepted < LAST_CHANCE_S):
             pause = RETRY_S
             with guarded("snapshot", self._report):
                 pause = self._turn()
@@ -144,6 +151,7 @@ class SnapshotSink:
             self._refused = True
             return RETRY_S
         self._refused = False
+        self._accepted = time.monotonic()
         return PAUSE_S if self._memory.has_more else WAIT_S
 
     def _write(self, shot: Shot) -> None:

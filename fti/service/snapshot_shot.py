@@ -87,6 +87,15 @@ class Shot:
         self._give_back()
         self._memory.hold_from(None)
 
+    def give_up(self) -> None:
+        """Nothing can be written any more: what was asked for stays held in the books, the rest is let go."""
+        if self._part:
+            self._part.abandon()
+        self._give_back()
+        while block := self._memory.take():
+            for source, entries in block.unpack().items():
+                self._memory.count_passed(source, [e for e in entries if not self._begin_ns <= e[1] <= self._end_ns])
+
     def _give_back(self) -> None:
         self._memory.put_back(self._later)
         self._later = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Part
+from fti.service import snapshot as sink_module
 from fti.service.snapshot import SnapshotSink
 from tests.helpers import until
 
@@ -132,6 +134,42 @@ def test_the_end_cuts_what_a_trigger_waits_for(rig: Rig) -> None:
     assert rig.held() == list(range(100))
     assert not Recording.open(rig.files()[0]).unfinished
     assert rig.sink.outcomes[1].not_triggered.frames == 0
+
+
+def test_the_end_waits_as_long_as_the_medium_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Minutes of memory on a slow medium take longer than the patience with one that refuses."""
+    monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 1.0)
+    flush = Part.flush
+
+    def slow(part: Part) -> None:
+        time.sleep(0.1)
+        flush(part)
+
+    monkeypatch.setattr(Part, "flush", slow)
+    rig = Rig(tmp_path, before_s=1e3)
+    rig.feed(1000)
+    rig.sink.trigger("at the very end", 9990 * MS)
+    rig.sink.stop()
+    assert rig.held() == list(range(1000))
+    assert rig.sink.outcomes[1].recorded.frames == 1000
+
+
+def test_what_a_trigger_asked_for_and_the_medium_did_not_take_stays_held(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is a loss, not something for which no trigger came."""
+
+    def refuse(part: Part) -> None:
+        raise StorageError("full")
+
+    monkeypatch.setattr(sink_module, "LAST_CHANCE_S", 0.3)
+    monkeypatch.setattr(Part, "flush", refuse)
+    rig.feed(300)
+    rig.sink.trigger("boom", 2990 * MS)
+    rig.sink.stop()
+    outcome = rig.sink.outcomes[1]
+    assert (outcome.recorded.frames, outcome.overflow.frames) == (0, 0)
+    assert outcome.not_triggered.frames == 300 - 101
 
 
 def test_no_trigger_no_file(rig: Rig) -> None:
