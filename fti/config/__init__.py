@@ -1,0 +1,59 @@
+"""The configuration: one TOML file, strict, read once and frozen.
+
+Links say what is plugged in, devices what is understood, roles (``[nav]``) what is used for what.
+Relative paths are relative to the file.  An error names the file, the key path, the value and what is allowed.
+"""
+
+from fti.config.binding import bind
+from fti.config.loading import load, parse, read_toml, with_links, with_session
+from fti.config.tables import (
+    Altimeter,
+    Approach,
+    Buffered,
+    Bus,
+    CanLink,
+    Config,
+    Device,
+    Display,
+    Link,
+    Name,
+    Nav,
+    Positive,
+    RecorderTuning,
+    SerialLink,
+    Session,
+    Snapshot,
+    StrictModel,
+    TerrainFiles,
+    UdpLink,
+    Vector,
+)
+
+__all__ = [
+    "Altimeter",
+    "Approach",
+    "Buffered",
+    "Bus",
+    "CanLink",
+    "Config",
+    "Device",
+    "Display",
+    "Link",
+    "Name",
+    "Nav",
+    "Positive",
+    "RecorderTuning",
+    "SerialLink",
+    "Session",
+    "Snapshot",
+    "StrictModel",
+    "TerrainFiles",
+    "UdpLink",
+    "Vector",
+    "bind",
+    "load",
+    "parse",
+    "read_toml",
+    "with_links",
+    "with_session",
+]

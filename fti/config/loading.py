@@ -1,0 +1,115 @@
+"""Reading the file, checking what refers to what, making paths absolute; and the changes that a command may ask for."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from fti.config.binding import bind
+from fti.config.tables import CanLink, Config, SerialLink, UdpLink
+from fti.errors import ConfigError, MissingError
+
+
+def read_toml(path: Path) -> tuple[dict[str, Any], str]:
+    """A TOML file as a table, and its text.  Raises MissingError or ConfigError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise MissingError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text") from None
+    try:
+        return tomllib.loads(text), text
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: is not valid TOML: {error}") from None
+
+
+def load(path: str | Path) -> Config:
+    """Read, check and freeze a configuration.  Raises ConfigError or MissingError."""
+    file = Path(path)
+    table, text = read_toml(file)
+    return parse(table, text, file)
+
+
+def parse(table: Mapping[str, Any], text: str, file: Path) -> Config:
+    """The configuration in a TOML table; file : where it stands (for messages and relative paths)."""
+    for reserved in ("path", "text"):
+        if reserved in table:
+            raise ConfigError(f"{file}: {reserved}: there is no such key")
+    config = bind(Config, {**table, "path": str(file), "text": text}, str(file))
+    _check_references(config, str(file))
+    return _resolve_paths(config, file.parent)
+
+
+def _check_references(config: Config, file: str) -> None:
+    links = [link.name for link in config.link]
+    devices = [device.name for device in config.device]
+    _check_unique(links, file, "link")
+    _check_unique(devices, file, "device")
+    if config.session.mode == "snapshot" and config.snapshot is None:
+        raise ConfigError(f"{file}: session.mode = 'snapshot': needs a [snapshot] table: before_s, after_s, max_mb")
+    for i, device in enumerate(config.device):
+        if device.link not in links:
+            raise ConfigError(f"{file}: device[{i}].link = {device.link!r}: no such link; there are {_listed(links)}")
+        if device.altimeter and not device.altimeter.range_m[0] < device.altimeter.range_m[1]:
+            shown = list(device.altimeter.range_m)
+            raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {shown}: the first must be below the second")
+    for role in ("attitude", "position", "altimeters"):
+        for name in getattr(config.nav, role):
+            if name not in devices:
+                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
+    for device in config.device:
+        if device.name in config.nav.altimeters and device.altimeter is None:
+            raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+
+
+def _check_unique(names: list[str], file: str, kind: str) -> None:
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise ConfigError(f"{file}: {kind}[{i}].name = {name!r}: used twice; names must differ")
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+def _resolve_paths(config: Config, folder: Path) -> Config:
+    def absolute(text: str) -> str:
+        return os.path.abspath(folder / text)  # noqa: PTH100 - without "..", and without following links
+
+    nav = config.nav
+    if nav.terrain:
+        files = tuple(absolute(f) for f in nav.terrain.files)
+        nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update={"files": files})})
+    if nav.approach:
+        approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})
+        nav = nav.model_copy(update={"approach": approach})
+    session = config.session.model_copy(update={"directory": absolute(config.session.directory)})
+    if session.fallback is not None:
+        session = session.model_copy(update={"fallback": absolute(session.fallback)})
+        if session.fallback == session.directory:
+            shown = config.session.fallback
+            raise ConfigError(f"{config.path}: session.fallback = {shown!r}: must not be session.directory itself")
+    return config.model_copy(update={"nav": nav, "session": session})
+
+
+def with_links(config: Config, folder: str | Path) -> Config:
+    """The same configuration with every serial and slcan port at ``folder/<link>``, where an emulator puts them."""
+
+    def moved(link: SerialLink | UdpLink | CanLink) -> SerialLink | UdpLink | CanLink:
+        place = str(Path(folder).absolute() / link.name)
+        if isinstance(link, SerialLink):
+            return link.model_copy(update={"port": place})
+        if isinstance(link, CanLink) and link.interface == "slcan":
+            return link.model_copy(update={"channel": place})
+        return link
+
+    return config.model_copy(update={"link": tuple(moved(link) for link in config.link)})
+
+
+def with_session(config: Config, **changes: Any) -> Config:
+    """The same configuration with keys of ``[session]`` replaced (``directory``, ``origin``)."""
+    return config.model_copy(update={"session": config.session.model_copy(update=changes)})

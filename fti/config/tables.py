@@ -1,0 +1,215 @@
+"""The tables of a configuration, as frozen models: what may stand in the file, with types, ranges and defaults."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+Positive = Annotated[float, Field(gt=0)]
+Vector = tuple[float, float, float]
+
+
+class StrictModel(BaseModel):
+    """A frozen table in which unknown keys and wrong types are errors.  Driver options derive from it too."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+# ------------------------------------------------------------------------------------------------------- session
+
+
+class Session(StrictModel):
+    """``[session]``: where the recording goes and how it is cut.
+
+    fallback : on another medium; the recording goes on there while ``directory`` refuses
+    """
+
+    name: Name
+    directory: str = "data"
+    fallback: str | None = None
+    split_s: Positive = 300.0
+    split_mb: Positive = 1024.0
+    min_free_mb: Annotated[float, Field(ge=0)] = 500.0
+    origin: Literal["flight", "hil", "replay"] = "flight"
+    mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: frames are recorded around a trigger only
+
+
+class Snapshot(StrictModel):
+    """``[snapshot]``: the last ``before_s`` seconds are kept in memory, and on a trigger written into a file.
+
+    max_mb : the memory is never larger [MiB]; the oldest frames go first
+    """
+
+    before_s: Annotated[float, Field(gt=0, le=86_400)] = 120.0
+    after_s: Annotated[float, Field(ge=0, le=86_400)] = 10.0
+    max_mb: Annotated[float, Field(ge=1, le=65_536)] = 256.0
+
+
+class RecorderTuning(StrictModel):
+    """``[recorder]``: how the machine treats the recorder's process.  All off by default.
+
+    cpu         : it runs on these processors only; none : on all
+    scheduler   : fifo : before every ordinary process; its reader with ``priority``, its other threads one below
+    lock_memory : none of its memory is ever swapped out
+    freeze_gc   : Python's collector of cycles stands still
+    """
+
+    cpu: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    scheduler: Literal["other", "fifo"] = "other"
+    priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's own interrupt threads have 50
+    lock_memory: bool = False
+    freeze_gc: bool = False
+
+
+# --------------------------------------------------------------------------------------------------------- links
+
+
+class Buffered(StrictModel):
+    """What every link has: a name, permission to send, and the size of each of its three buffers."""
+
+    name: Name
+    transmit: bool = False
+    buffer_bytes: Annotated[int, Field(ge=4096, le=2**30)] = 2**19
+
+
+class SerialLink(Buffered):
+    """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter."""
+
+    kind: Literal["serial"]
+    port: str
+    baud: Annotated[int, Field(gt=0)] = 115200
+    data_bits: Literal[5, 6, 7, 8] = 8
+    parity: Literal["none", "even", "odd", "mark", "space"] = "none"
+    stop_bits: Literal[1, 2] = 1
+    flow: Literal["none", "rtscts", "xonxoff"] = "none"
+
+
+Endpoint = Annotated[str, Field(pattern=r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$")]
+
+
+class UdpLink(Buffered):
+    """Datagrams to ``bind`` (address:port), only from ``source`` when given; ``group`` joins a multicast group."""
+
+    kind: Literal["udp"]
+    bind: Endpoint
+    source: str | None = None
+    group: str | None = None
+    peer: Endpoint | None = None  # where transmitted datagrams go
+
+
+class CanLink(Buffered):
+    """A CAN bus: any python-can interface; ``slcan`` on a serial port is parsed directly."""
+
+    kind: Literal["can"]
+    interface: str
+    channel: str
+    bitrate: Annotated[int, Field(gt=0)] | None = None
+    fd: bool = False
+    settings: dict[str, Any] = Field(default_factory=dict)  # further python-can arguments, as they are
+
+
+Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
+
+
+# ------------------------------------------------------------------------------------------------------- devices
+
+
+class Altimeter(StrictModel):
+    """``[device.altimeter]``: the limits inside which an altimeter is believed."""
+
+    kind: Literal["radar", "laser"]
+    range_m: tuple[float, float]
+    max_roll_deg: Positive = 30.0
+    max_pitch_deg: Positive = 30.0
+    beam_deg: Positive = 40.0  # full width of the beam
+    sd_m: Positive | None = None  # one sigma, when the device does not say
+
+
+class Device(StrictModel):
+    """``[[device]]``: what is understood; any number on one link."""
+
+    name: Name
+    link: Name
+    driver: str
+    rate_hz: Positive | None = None
+    max_age_ms: Positive = 1000.0
+    latency_ms: Annotated[float, Field(ge=0)] = 0.0
+    use_device_time: bool = True  # once its clock is known against FTI time; false: validity from the arrival alone
+    lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
+    rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
+    altimeter: Altimeter | None = None
+    options: dict[str, Any] = Field(default_factory=dict)
+
+
+# --------------------------------------------------------------------------------------------- navigation, display
+
+
+class TerrainFiles(StrictModel):
+    """``[nav] terrain``: elevation files and the datum of their heights."""
+
+    files: tuple[str, ...]
+    vertical: Literal["ellipsoid", "egm96"]
+
+
+class Approach(StrictModel):
+    """``[nav.approach]``: the published approach and the limits of its integrity monitor."""
+
+    profile: str
+    window_m: Positive = 400.0
+    y_max_m: Positive = 150.0
+    max_roll_deg: Positive = 10.0
+    max_pitch_deg: Positive = 10.0
+    alert_s_m: Positive = 50.0
+    alert_y_m: Positive = 100.0
+    alert_v_m: Positive = 5.0
+    alert_v_deg: Positive = 0.35
+
+
+class Nav(StrictModel):
+    """``[nav]``: roles, each a list of devices in order of preference."""
+
+    attitude: tuple[Name, ...] = ()
+    position: tuple[Name, ...] = ()
+    altimeters: tuple[Name, ...] = ()
+    terrain: TerrainFiles | None = None
+    approach: Approach | None = None
+
+
+class Display(StrictModel):
+    """``[display]``: the page; on loopback only."""
+
+    enabled: bool = True
+    address: Literal["127.0.0.1"] = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8080
+
+
+class Bus(StrictModel):
+    """``[bus]``: outputs and health on zenoh, at an explicit endpoint on loopback; port 0 takes a free one."""
+
+    enabled: bool = True
+    port: Annotated[int, Field(ge=0, le=65535)] = 0
+
+
+class Config(StrictModel):
+    """The whole configuration.  ``text`` is the file as it was read; ``path`` where from."""
+
+    session: Session
+    link: tuple[Link, ...] = ()
+    device: tuple[Device, ...] = ()
+    nav: Nav = Nav()
+    display: Display = Display()
+    bus: Bus = Bus()
+    snapshot: Snapshot | None = None
+    recorder: RecorderTuning = RecorderTuning()
+    path: str = ""
+    text: str = ""
+
+    def devices_on(self, link: str) -> tuple[Device, ...]:
+        """The devices that listen to a link."""
+        return tuple(d for d in self.device if d.link == link)
+
+    def find_device(self, name: str) -> Device | None:
+        """The device of that name."""
+        return next((d for d in self.device if d.name == name), None)
