@@ -149,11 +149,18 @@ class BaseLink(ABC):
                 await self.send(data)
 
     async def _watch(self, lost: asyncio.Future[LinkError]) -> None:
-        while True:
-            await asyncio.wait([lost], timeout=WATCH_S)
-            if lost.done():
-                raise lost.result()
-            self._judge()
+        """Until the link is lost, look at it now and then."""
+        self._look_later(lost)
+        await asyncio.wait([lost])
+        raise lost.result()
+
+    def _look_later(self, lost: asyncio.Future[LinkError]) -> None:
+        asyncio.get_running_loop().call_later(WATCH_S, self._look, lost)
+
+    def _look(self, lost: asyncio.Future[LinkError]) -> None:
+        if not lost.done():
+            self._look_later(lost)
+            self._guard(self._judge)
 
     def _judge(self) -> None:
         """Four times a second while open.  Raises LinkError when the port is no longer the right one."""
@@ -170,13 +177,17 @@ class BaseLink(ABC):
 
     def _on_readable(self) -> bool:
         """Callback of the loop; true when there may be more to read."""
+        return bool(self._guard(self._read))
+
+    def _guard(self, act: Callable[[], bool | None]) -> bool | None:
+        """Act on the port; an error means that it is lost."""
         try:
-            return self._read()
+            return act()
         except LinkError as error:
             self._fail(error)
         except OSError as error:
             self._fail(LinkError(f"link {self.name}: {error.strerror or error}"))
-        return False
+        return None
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         """Count what has arrived, and hand it on."""

@@ -32,17 +32,18 @@ class Source:
     _in_flight: list[Sequence[Entry]] = field(default_factory=list)
     _again: list[Sequence[Entry]] = field(default_factory=list)
 
-    def record_all(self) -> None:
-        """Record what the buffer hands out, each entry once, however often it is handed out."""
+    def record_all(self) -> bool:
+        """Record what the buffer hands out, each entry once, however often it is handed out; False when it is empty."""
         while self._again:
             self.record(self._again.pop(0))
         if self.buffer.empty:
-            return
+            return False
         entries = self.buffer.take()[self.recorded :]
         if entries:
             self.record(entries)
             self._in_flight.append(entries)
             self.recorded += len(entries)
+        return True
 
     def tell_gaps(self, tell: Tell, *, final: bool = False) -> None:
         """A note for each row of frames that the buffer had to drop, when it has ended or nothing follows."""

@@ -274,8 +274,8 @@ class Stint(threading.Thread):
             if self.over.is_set():
                 return
             for source in self._writer.sources:
-                source.record_all()
-                source.tell_gaps(self._writer.note)
+                if source.record_all():
+                    source.tell_gaps(self._writer.note)
             self._writer.notes.record_all(self._writer.log)
             self.carrying = True
         self._persist()
