@@ -71,7 +71,7 @@ class _Verification:
         report.ledgers = self._ledger.notes
         report.numbered = self._numbers.frames
         conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
-        if self._recording.raw_files:
+        if self._recording.raw_files or self._recording.snapshot_mode:
             report.checks += self._judge_snapshots()
         return report
 

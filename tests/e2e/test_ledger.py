@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import signal
@@ -13,9 +15,10 @@ from typing import Any
 
 import pytest
 
+from fti.cli.main import main
 from fti.logger.recording import Recording
 from tests.e2e.feeder import Feeder
-from tests.e2e.harness import Daemon, daemon, free_udp_port, fti
+from tests.e2e.harness import Daemon, daemon, free_udp_port
 from tests.helpers import until
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
@@ -54,8 +57,9 @@ def _ledger(running: Daemon) -> dict[str, Any]:
 
 
 def _verify(session: Path) -> tuple[int, dict[str, Any]]:
-    done = fti("verify", str(session), "--json")
-    return done.returncode, json.loads(done.stdout)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        code = main(["verify", str(session), "--json"])
+    return code, json.loads(printed.getvalue())
 
 
 def test_what_a_full_socket_queue_drops_is_counted_and_the_sum_is_what_was_sent(tmp_path: Path) -> None:
@@ -91,13 +95,12 @@ def test_the_books_of_a_killed_recorder_and_of_the_next_one_close(tmp_path: Path
         daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running,
     ):
         session = running.session
-        until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", 20, "the line")
         feeder.start()
-        until(lambda: len(feeder.sent) > 300, 20, "more than a ledger")
+        until(lambda: len(feeder.sent) > 200, 20, "more than a ledger")
         os.kill(running.pid_of("recorder"), signal.SIGKILL)
         until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, 20, "a restart")
         fed = len(feeder.sent)
-        until(lambda: len(feeder.sent) > fed + 150, 20, "more frames")
+        until(lambda: len(feeder.sent) > fed + 50, 20, "more frames")
         feeder.stop()
         assert running.stop() == 130
     code, proof = _verify(session)
