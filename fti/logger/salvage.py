@@ -14,6 +14,7 @@ from fti.logger import records
 from fti.logger.damage import Lost, Messages, Other, Walk, unknown_channels
 from fti.logger.numbers_found import Gap, NumbersFound
 from fti.logger.rebuilt import Rebuilt
+from fti.logger.recording import Recording
 from fti.logger.records import HEAD, MAGIC, Op, read_text
 from fti.logger.session import name_parts
 from fti.logger.source import Source
@@ -71,7 +72,10 @@ class FileReport:
 
 @dataclass(slots=True)
 class Report:
-    """What was found in a session.  gaps : numbers of frames that are missing between those found."""
+    """What was found in a session.
+
+    gaps : numbers of frames that are missing between those found; of mode "snapshot" only ``fti verify`` can tell
+    """
 
     source: str
     files: list[FileReport] = field(default_factory=list)
@@ -132,7 +136,8 @@ def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
         report.files.append(found)
         done += found.bytes
         progress(done)
-    report.gaps = numbers.gaps()
+    if not Recording.open(out).snapshot_mode:  # there, numbers stand in the snapshots, or nowhere without a loss
+        report.gaps = numbers.gaps()
     try:
         (out / REPORT).write_text(json.dumps(report.as_json(), indent=1))
     except OSError as error:

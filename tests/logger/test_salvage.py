@@ -22,9 +22,11 @@ from fti.logger import records
 from fti.logger.numbers_found import NumbersFound
 from fti.logger.records import Op
 from fti.logger.salvage import salvage, salvage_session
+from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.damaged import Original, Span, is_part, recovered, write_foreign, write_own
 from tests.logger.reading import Found, read_closed, read_stream
+from tests.logger.small_session import STARTED, TURN, Recorder, open_log
 
 #: Quick and full counts; full: ``--scale full``.
 FLIPS, HOLES, STEP = 300, 100, 41
@@ -275,6 +277,13 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "recovered.json").read_text()) == report.as_json()
     assert done == sorted(done) and done[-1] == len(data)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["recovered.json", "s_0_000.mcap"]
+
+
+def test_frames_for_which_no_trigger_came_are_not_missing(tmp_path: Path) -> None:
+    folder = SessionFolder.create(tmp_path, "s", STARTED)
+    removed = [seq for seq in range(100) if TURN[seq % len(TURN)] != "/fti/tick"]
+    Recorder(open_log(folder, metadata={"fti": {"mode": "snapshot"}}), 0, removed=removed).run(100).end()
+    assert salvage_session(folder.path, tmp_path / "out", lambda done: None).complete
 
 
 def test_numbers_go_on_past_32_bits(tmp_path: Path) -> None:
