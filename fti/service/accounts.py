@@ -14,8 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from fti.buffers.triple import TripleBuffer
@@ -49,6 +48,10 @@ class Outcome:
     recorded: Loss = field(default_factory=Loss)
     not_triggered: Loss = field(default_factory=Loss)
     overflow: Loss = field(default_factory=Loss)
+
+    def copy(self) -> Outcome:
+        """As it is now."""
+        return Outcome(replace(self.recorded), replace(self.not_triggered), replace(self.overflow))
 
 
 @dataclass(slots=True)
@@ -102,7 +105,7 @@ def link_account(unit: Unit) -> dict[str, Any]:
 
 def account(buffer: TripleBuffer, outcome: Outcome | None, socket_dropped: int = 0) -> dict[str, Any]:
     """Account of one buffer.  How many bytes the kernel dropped is not known: null, and not in the sum."""
-    kept = deepcopy(outcome or Outcome())  # read before the buffer is: what comes in between is held
+    kept = outcome.copy() if outcome else Outcome()  # read before the buffer is: what comes in between is held
     stats = buffer.stats
     recorded = kept.recorded if outcome else Loss(stats.frames_out, stats.bytes_out)
     dropped: dict[str, dict[str, int | None]] = {
