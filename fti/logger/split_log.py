@@ -191,11 +191,15 @@ class Part:
 
     def close(self) -> None:
         """Finish all files.  When the medium refuses they are released as they are, and StorageError is raised."""
-        self._unclosed.append(self.writer)
-        try:
-            self._close_old()
-        finally:
-            self.abandon()
+        refusal: StorageError | None = None
+        for writer in dict.fromkeys((*self._unclosed, self.writer)):
+            try:
+                writer.close()
+            except StorageError as error:  # the others may have better luck
+                refusal = refusal or error
+        self.abandon()
+        if refusal:
+            raise refusal
 
     def abandon(self) -> None:
         """Release all files as they are; a later repair closes them."""

@@ -22,6 +22,7 @@ from typing import Any
 from fti.errors import StorageError
 from fti.logger.places import Place
 from fti.logger.raw_log import RawLog
+from fti.logger.session import SessionFolder
 from fti.logger.split_log import Part
 from fti.logger.storage import Attempt, State, StorageMachine, is_full
 from fti.service.guard import Report, guarded
@@ -198,6 +199,16 @@ class Writer:
             source.restart(doubtful=doubtful)
         self.notes.restart()
 
+    def await_successor(self) -> SessionFolder:
+        """The folder that is written to after a stint is over, once there is one.  Raises StorageError at the end."""
+        while True:
+            with self.turn:
+                if self._stint:
+                    return self.log.folder
+                if self._finished:
+                    raise StorageError("no place was found any more")
+            time.sleep(RETRY_S)
+
     def accepted(self, stint: Stint) -> None:
         """Its medium has taken everything."""
         with self._deciding:
@@ -333,7 +344,7 @@ class Stint(threading.Thread):
         """Another stint writes: close what was written here, as far as the medium allows."""
         stray = self.part.stray()
         if stray and stray.lost:
-            rescued = self.part.rescue(self._writer.log.folder)
+            rescued = self.part.rescue(self._writer.await_successor())
             raise StorageError(f"{stray.text}; what it held was written again to {rescued}")
         try:
             self.part.close()
