@@ -32,6 +32,11 @@ class SocketPoll:
         """No socket is left."""
         return not self._reads
 
+    @property
+    def resting(self) -> bool:
+        """Nothing comes; the next datagram wakes it."""
+        return self._next is None
+
     def add(self, fd: int, read: Read) -> None:
         """Look at this socket too."""
         self._reads[fd] = read
@@ -46,7 +51,7 @@ class SocketPoll:
         """End."""
         if self._next:
             self._next.cancel()
-        self._loop.remove_reader(self._epoll.fileno())
+        self._loop.remove_reader(self._epoll.fileno())  # first: the loop knows it by its number
         self._epoll.close()
 
     def _wake(self) -> None:

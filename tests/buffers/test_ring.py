@@ -72,6 +72,42 @@ def test_every_frame_is_read_or_counted(turns: list[tuple[int, int]]) -> None:
     assert not found or found[-1] == seq - 1
 
 
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(1, 64), st.integers(0, 100)), min_size=1, max_size=40))
+def test_frames_that_are_put_together_are_read_one_by_one(turns: list[tuple[int, int]]) -> None:
+    ring = Ring.create(4 * PAGE)
+    reader, seq, found = RingReader(ring), 0, list[int]()
+    for count, read in turns:
+        numbers = range(seq, seq + count)
+        ring.put_many(3, seq, [10 * n for n in numbers], [payload(n) for n in numbers])
+        seq += count
+        for record in reader.read(read) if read else []:
+            assert record == Record(3, record.seq, 10 * record.seq, payload(record.seq))
+            found.append(record.seq)
+    while records := reader.read():
+        found += [record.seq for record in records]
+    ring.close()
+    assert found == sorted(set(found))
+    assert len(found) + reader.lost_frames == seq
+    assert found[-1] == seq - 1
+
+
+def test_what_is_too_much_for_one_record_is_divided() -> None:
+    ring = Ring.create(16 * PAGE)  # a record has at most 4 pages
+    reader, frames = RingReader(ring), [bytes([i]) * 1500 for i in range(20)]
+    ring.put_many(1, 7, list(range(20)), frames)
+    found = reader.read()
+    assert found == [Record(1, 7 + i, i, frame) for i, frame in enumerate(frames)]
+    assert reader.lost_frames == 0
+    assert ring.next_seq == 27
+    ring.close()
+
+
+def test_a_frame_that_is_too_large_is_refused_also_in_company(ring: Ring) -> None:
+    with pytest.raises(ValueError, match="allowed are 4"):
+        ring.put_many(0, 0, [0, 1, 2], [b"", bytes(PAGE), b""])
+
+
 def test_overrun_reader_goes_on_at_the_oldest(ring: Ring) -> None:
     reader = RingReader(ring)
     put(ring, *range(2000))

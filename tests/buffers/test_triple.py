@@ -252,3 +252,58 @@ def test_two_threads_hammer_it() -> None:
     assert out == sorted(set(out))
     assert out[-1] == frames - 1
     assert len(out) + buffer.stats.dropped_frames == frames
+
+
+@given(
+    st.lists(
+        st.tuples(st.lists(st.integers(0, 60), min_size=1, max_size=30), st.integers(0, 3)), min_size=1, max_size=20
+    )
+)
+def test_together_is_as_one_by_one(batches: list[tuple[list[int], int]]) -> None:
+    """What arrives together is kept and dropped as if it had come one by one, also while storage stands still."""
+    together, single = TripleBuffer(300), TripleBuffer(300)
+    seq = 0
+    out: tuple[list[Entry], list[Entry]] = [], []
+    for sizes, turn in batches:
+        frames, times = [bytes(size) for size in sizes], list(range(seq, seq + len(sizes)))
+        together.put_many(seq, times, frames)
+        for i, frame in enumerate(frames):
+            single.put(seq + i, seq + i, frame)
+        seq += len(sizes)
+        for buffer, found in zip((together, single), out, strict=True):
+            if turn:
+                taken = buffer.take()
+                if turn == 2:  # storage accepts
+                    buffer.written()
+                    found += taken
+        assert together.stats == single.stats
+    assert out[0] == out[1]
+    assert flush(together) == flush(single)
+
+
+def test_a_row_of_drops_is_handed_out_once_when_it_has_ended() -> None:
+    buffer = TripleBuffer(100)
+    for seq in range(20):
+        buffer.put(seq, 10 * seq, bytes(12))
+    assert buffer.take_drops() == []
+    flush(buffer)
+    (span,) = buffer.take_drops()
+    assert (span.frames, span.bytes) == (buffer.stats.dropped_frames, 12 * buffer.stats.dropped_frames)
+    assert (span.first_t_ns, span.last_t_ns) == (10 * span.first_seq, 10 * span.last_seq)
+    assert buffer.take_drops(final=True) == []
+    for seq in range(20, 40):
+        buffer.put(seq, seq, bytes(12))
+    (last,) = buffer.take_drops(final=True)
+    assert span.frames + last.frames == buffer.stats.dropped_frames
+    buffer.put(40, 40, bytes(12))  # who goes on all the same is told all the same
+    assert len(buffer.take_drops(final=True)) == 1
+
+
+def test_drops_are_not_waited_for() -> None:
+    buffer = TripleBuffer(100)
+    for seq in range(20):
+        buffer.put(seq, seq, bytes(12))
+    flush(buffer)
+    with buffer._receive.lock:
+        assert buffer.take_drops() == []
+    assert len(buffer.take_drops()) == 1

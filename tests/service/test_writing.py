@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import json
+import math
 import os
+import threading
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -101,3 +105,45 @@ def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
         rig.writer.stop()
     rig.writer.finish()
     assert [frame.seq for frame in Recording.open(rig.folder.path).frames()] == list(range(5))
+
+
+def test_the_stated_stall_is_survived_and_then_the_oldest_frames_are_missing_and_told(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """T10 (Spiegel 2018, eq. 6.2): 100 Hz, 66 B in two receptions, 2^19 B: 121.5 s; the same bytes, faster."""
+    half, first, pwrite, refused = bytes(33), 1, os.pwrite, threading.Event()
+
+    def refuse(*_: Any) -> int:
+        refused.set()
+        raise OSError(errno.EIO, "told so")
+
+    def put(begin: int, count: int) -> None:
+        for seq in range(begin, begin + count):
+            rig.buffer.put(seq, 5_000_000 * seq, half)
+
+    rig.start()
+    monkeypatch.setattr(os, "pwrite", refuse)
+    put(0, first)
+    assert refused.wait(20)  # this frame is in the hands of storage, and the stall begins
+    survived = 2 * math.floor(100 * rig.buffer.capacity_s(100, 66, 2))
+    assert survived / 200 == pytest.approx(121.5, abs=0.05)
+    put(first, survived)
+    assert rig.buffer.stats.dropped_frames == 0
+    too_many = 500
+    put(first + survived, too_many)
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    kept = rig.finish()
+    gone = range(first + 2**19 // 41, first + 2**19 // 41 + too_many)  # the oldest that had not been handed over
+    assert kept == [seq for seq in range(first + survived + too_many) if seq not in gone]
+    (note,) = Recording.open(rig.folder.path).messages("/fti/gap", "raw")
+    assert json.loads(note[-1]) == {
+        "t_ns": 5_000_000 * gone[-1],
+        "kind": "buffer_overflow",
+        "link": "a",
+        "first_seq": gone[0],
+        "last_seq": gone[-1],
+        "first_t_ns": 5_000_000 * gone[0],
+        "last_t_ns": 5_000_000 * gone[-1],
+        "frames": too_many,
+        "bytes": too_many * 33,
+    }

@@ -1,0 +1,104 @@
+"""The common look at all sockets: wakes for the first datagram, goes on while something comes, then rests."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from fti.links import _poll
+from tests.helpers import until_async
+
+
+class Port:
+    """A socket that is watched, and what it has heard; ``more`` is what its read says."""
+
+    def __init__(self) -> None:
+        self.near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.near.setblocking(False)
+        self.heard: list[bytes] = []
+        self.more = False
+        self.then: Callable[[], None] = lambda: None
+
+    def read(self) -> bool:
+        try:
+            self.heard.append(self.near.recv(100))
+        except BlockingIOError:
+            return False
+        self.then()
+        return self.more
+
+    def watch(self) -> None:
+        _poll.watch(self.near.fileno(), self.read)
+
+    def forget(self) -> None:
+        _poll.forget(self.near.fileno())
+
+    def close(self) -> None:
+        self.near.close()
+        self.far.close()
+
+
+@pytest.fixture
+def ports() -> Iterator[list[Port]]:
+    with ExitStack() as stack:
+        made = [Port() for _ in range(3)]
+        for port in made:
+            stack.callback(port.close)
+        yield made
+
+
+async def test_all_are_read_and_then_it_rests(ports: list[Port]) -> None:
+    for port in ports:
+        port.watch()
+    (poll,) = _poll._polls.values()
+    for turn in range(3):
+        for port in ports:
+            port.far.send(bytes([turn]))
+        await until_async(lambda turn=turn: all(len(port.heard) == turn + 1 for port in ports))  # type: ignore[misc]
+        await until_async(lambda: poll.resting, what="rest")  # and is woken again by the next datagram
+    for port in ports:
+        port.forget()
+    assert not _poll._polls
+
+
+async def test_who_has_more_is_read_again_at_once(ports: list[Port]) -> None:
+    port = ports[0]
+    port.more = True
+    port.watch()
+    for i in range(50):
+        port.far.send(bytes([i]))
+        if i == 5:
+            await until_async(lambda: port.heard)
+    await until_async(lambda: len(port.heard) == 50)
+    port.forget()
+
+
+async def test_a_socket_may_be_left_while_it_is_read(ports: list[Port]) -> None:
+    """As when reading finds the device gone: neither its neighbour nor a later socket suffers."""
+    first, second, third = ports
+    for port in (first, second):
+        port.watch()
+    first.then = second.forget
+    for port in (first, second):
+        port.far.send(b"x")
+    await until_async(lambda: first.heard)
+    first.then = first.forget  # the last one
+    first.far.send(b"y")
+    await until_async(lambda: len(first.heard) == 2)
+    assert not _poll._polls
+    third.watch()
+    third.far.send(b"z")
+    await until_async(lambda: third.heard)
+    third.forget()
+
+
+async def test_to_forget_what_was_never_watched_is_harmless(ports: list[Port]) -> None:
+    ports[0].forget()
+    ports[0].watch()
+    ports[1].forget()
+    ports[0].far.send(b"x")
+    await until_async(lambda: ports[0].heard)
+    ports[0].forget()
