@@ -124,7 +124,9 @@ class Note:
     def falls_behind(self, earlier: Note) -> bool:
         """Does it tell of less than an earlier one of the same recorder?"""
         return self.next_seq < earlier.next_seq or any(
-            entry.came.frames < before.came.frames or entry.lost.frames < before.lost.frames
+            entry.came.frames < before.came.frames
+            or entry.lost.frames < before.lost.frames
+            or any(entry.errors.get(name, 0) < count for name, count in before.errors.items())
             for topic, entry in self.entries.items()
             if (before := earlier.entries.get(topic))
         )

@@ -313,6 +313,12 @@ def test_error_frames_are_counted_again(folder: SessionFolder) -> None:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("count", [0, 1000])
+def test_line_errors_do_not_become_fewer(folder: SessionFolder, count: int) -> None:
+    make(folder, doctor=lambda i, note: i == 3 and note["links"]["bus"]["errors"].update(can_rx_overflow=count))
+    assert any("tells of less than one before it" in text for text in check(proved(folder), "ledger")[1])
+
+
 def test_a_ledger_that_is_none_is_told(folder: SessionFolder) -> None:
     make(folder, doctor=lambda index, note: note.pop("ticks") if index == 3 else None)
     assert proved(folder).findings == ["1 ledgers cannot be read"]
