@@ -303,11 +303,13 @@ class DeviceClock:
         began_ns = self._away_since or t_rx_ns
         self._forget_doubts()
         self._told = False
-        step = (t_dev_ns - self.segments[-1].device_ns(t_rx_ns)) / SECOND_NS
+        before = self.segments[-1]
         segment = self._begin(t_rx_ns, t_dev_ns)
         segment.first_ns = began_ns
         segment.add(t_rx_ns, t_dev_ns)
-        self._news.append(f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew")
+        if before.known:
+            step = (t_dev_ns - before.device_ns(t_rx_ns)) / SECOND_NS
+            self._news.append(f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew")
 
     def _unwrapped(self, segment: Segment, t_rx_ns: int, t_dev_ns: int) -> int:
         """The device's time without the jump of a counter that starts again."""

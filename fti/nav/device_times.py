@@ -17,7 +17,16 @@ from fti.types import Event, Measurement, Stamp, TimeScale
 SECOND_NS = 1_000_000_000
 #: Scales that are the same for everybody, the better one first.
 GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
+#: No clock shows a time beyond [ns]: 146 years.  Devices that do not know it say the largest number they have.
+LARGEST_NS = 2**62
 _Key = tuple[str, TimeScale]
+
+
+def told_time(stamp: Stamp) -> tuple[TimeScale, int] | None:
+    """Scale and time of the device [ns] that a message says; None when it says none that a clock can show."""
+    if stamp.time_scale is None or stamp.t_dev_ns is None or abs(stamp.t_dev_ns) > LARGEST_NS:
+        return None
+    return stamp.time_scale, stamp.t_dev_ns
 
 
 class DeviceTimes:
@@ -40,13 +49,15 @@ class DeviceTimes:
 
     def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
         """One message yields several measurements with the same stamp: it is taken once."""
-        if stamp.t_dev_ns is None or stamp.time_scale is None:
+        told = told_time(stamp)
+        if told is None:
             return None
-        key = (device.name, stamp.time_scale)
-        t_rx_ns, t_dev_ns, valid_ns = self._last.get(key, (None, None, None))
-        if (t_rx_ns, t_dev_ns) != (stamp.t_rx_ns, stamp.t_dev_ns):
-            valid_ns = self._clock(key, device).take(stamp.t_rx_ns, stamp.t_dev_ns)
-            self._last[key] = stamp.t_rx_ns, stamp.t_dev_ns, valid_ns
+        scale, t_dev_ns = told
+        key = (device.name, scale)
+        last_rx_ns, last_dev_ns, valid_ns = self._last.get(key, (None, None, None))
+        if (last_rx_ns, last_dev_ns) != (stamp.t_rx_ns, t_dev_ns):
+            valid_ns = self._clock(key, device).take(stamp.t_rx_ns, t_dev_ns)
+            self._last[key] = stamp.t_rx_ns, t_dev_ns, valid_ns
         return valid_ns
 
     def _clock(self, key: _Key, device: Device) -> DeviceClock:

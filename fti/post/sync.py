@@ -18,6 +18,7 @@ from fti.config import Device
 from fti.drivers import Decoder
 from fti.logger.recording import Recording
 from fti.nav.device_clock import DeviceClock, Segment
+from fti.nav.device_times import told_time
 from fti.service.binding import BoundDevice
 from fti.types import RawFrame, TimeScale
 
@@ -132,9 +133,9 @@ class _Ears:
         """Take a frame."""
         for device, decoder in self._on_link.get(frame.link, ()):
             for measurement in decoder.feed(frame.data, frame.t_rx_ns):
-                stamp = measurement.stamp
-                if stamp.t_dev_ns is not None and stamp.time_scale is not None:
-                    self._of(device, stamp.time_scale).take(stamp.t_rx_ns, stamp.t_dev_ns)
+                if told := told_time(measurement.stamp):
+                    scale, t_dev_ns = told
+                    self._of(device, scale).take(measurement.stamp.t_rx_ns, t_dev_ns)
 
     def _of(self, device: Device, scale: TimeScale) -> Heard:
         key = device.name, scale

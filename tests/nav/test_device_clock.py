@@ -223,6 +223,13 @@ def test_a_clock_that_goes_back_is_not_believed_after_few_messages(step_s: float
     assert clock.state is ClockState.AWAY
 
 
+def test_a_clock_that_stands_still_is_told_to_nobody() -> None:
+    clock = make_clock()
+    for k in range(1000):
+        assert clock.take(FTI_0 + k * 100 * MS, 0) is None
+    assert clock.take_news() == []
+
+
 def test_a_clock_that_bends_with_its_temperature_is_followed() -> None:
     """From -1 to +1 ppm within the two hours: validity times stay within a millisecond."""
     clock = make_clock()

@@ -74,6 +74,15 @@ def test_without_a_time_of_its_own_the_arrival_counts() -> None:
     assert times.tick(FTI_0 + SECOND_NS) is None
 
 
+@pytest.mark.parametrize("t_dev_ns", [(2**64 - 1) * 1000, 65535 * 604_800 * SECOND_NS, -(2**63)])
+def test_a_time_that_no_clock_shows_is_none(t_dev_ns: int) -> None:
+    """The largest number of its field, from a device that does not know the time."""
+    times = DeviceTimes([device()])
+    said = times.stamp("ins", Attitude(stamp=Stamp(FTI_0 + 4 * MS, t_dev_ns, TimeScale.GPS)))
+    assert said.stamp.t_valid_ns == FTI_0
+    assert times.tick(FTI_0 + SECOND_NS) is None
+
+
 def test_once_a_second_everything_that_is_known_is_told() -> None:
     times = DeviceTimes([device()])
     fly(times, 0, 60)
