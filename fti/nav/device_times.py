@@ -40,10 +40,13 @@ class DeviceTimes:
         self._second = 0
 
     def stamp(self, device: str, m: Measurement) -> Measurement:
-        """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival."""
+        """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival.
+
+        What a device declares invalid counts from its arrival: in the past, the valid value before would outlast it.
+        """
         stamp, described = m.stamp, self._devices[device]
         valid_ns = self._by_clock(described, stamp)
-        if valid_ns is None or not described.use_device_time:
+        if valid_ns is None or not described.use_device_time or not getattr(m, "valid", True):
             valid_ns = stamp.t_rx_ns - _latency_ns(described)
         return dataclasses.replace(m, stamp=dataclasses.replace(stamp, t_valid_ns=valid_ns))
 

@@ -74,6 +74,16 @@ def test_without_a_time_of_its_own_the_arrival_counts() -> None:
     assert times.tick(FTI_0 + SECOND_NS) is None
 
 
+def test_what_a_device_declares_invalid_is_not_put_into_the_past() -> None:
+    """Its clock may have been set back just then: the last valid value would stand behind the warning."""
+    times = DeviceTimes([device()])
+    fly(times, 0, 60)
+    stamp = message(FTI_0 + 60 * SECOND_NS, 300.0)[1].stamp
+    valid, invalid = (times.stamp("ins", Attitude(stamp=stamp, roll=0.0, valid=valid)) for valid in (True, False))
+    assert valid.stamp.t_valid_ns == pytest.approx(FTI_0 + 60 * SECOND_NS, abs=MS)
+    assert invalid.stamp.t_valid_ns == stamp.t_rx_ns - 4 * MS
+
+
 @pytest.mark.parametrize("t_dev_ns", [(2**64 - 1) * 1000, 65535 * 604_800 * SECOND_NS, -(2**63)])
 def test_a_time_that_no_clock_shows_is_none(t_dev_ns: int) -> None:
     """The largest number of its field, from a device that does not know the time."""
