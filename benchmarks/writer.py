@@ -1,17 +1,17 @@
-"""The recorder's MCAP writer beside the official one: cost of a message, and what a kill -9 loses.
+"""The recorder's MCAP writer beside what a user would take: cost of a message, and what a kill -9 loses.
 
     python benchmarks/writer.py [--messages N]
 
-Cost: messages of 44 bytes on 23 channels, written and flushed every 42 messages (20 ms at 2.1 kmsg/s); ``sync`` is not
-counted.  Loss: a child process writes 2.1 kmsg/s for some seconds and is killed; what it had handed over (it counts in
-shared memory) is compared with what the official StreamReader finds.
+Cost: messages of 48 bytes (CAN FD frames for python-can) on 23 channels, handed over as the recorder does: 20 ms of
+messages at a time, and then a flush where the writer can.  At 2.1 kmsg/s that is 42 messages, at 200 kmsg/s 4000.
+Loss: a child process writes 2.1 kmsg/s for some seconds and is killed; what it had handed over (it counts in shared
+memory) is compared with what is found in the file.
 """
 
 from __future__ import annotations
 
 import argparse
 import mmap
-import os
 import signal
 import struct
 import subprocess
@@ -21,84 +21,180 @@ import time
 from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import can
+import foxglove
+from foxglove.mcap import MCAPWriteOptions
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.parts.machine import Verdict, machine
+from fti.buffers.triple import Entry
 from fti.logger.stream_writer import StreamWriter
 
 CHANNELS = 23
-BATCH = 42  # 20 ms at 2.1 kmsg/s
-PAYLOAD = bytes(range(44))
-Put = Callable[[int], None]
-Act = Callable[[], None]
+BATCHES = {"2.1": 42, "200": 4000}  # 20 ms at so many kmsg/s
+PAYLOAD = bytes(range(48))
+TOPICS = [f"/raw/link{n}" for n in range(CHANNELS)]
+MOST_OF_OFFICIAL = 1 / 3
+MOST_OF_FILE = 5.0
+#: What each channel has to write.
+Batch = list[tuple[int, list[Entry]]]
 
 
-def open_ours(path: Path) -> tuple[Put, Act, Act]:
+class Target(NamedTuple):
+    """A writer: put takes a batch, close finishes."""
+
+    put: Callable[[Batch], None]
+    close: Callable[[], None]
+
+
+def open_ours(path: Path) -> Target:
     writer = StreamWriter(path)
-    ids = [writer.add_channel(f"/raw/link{n}", "x-fti-raw") for n in range(CHANNELS)]
-    write = writer.write
-    return lambda n: write(ids[n % CHANNELS], n, PAYLOAD, n), writer.flush, writer.close
+    ids = [writer.add_channel(topic, "x-fti-raw") for topic in TOPICS]
+
+    def put(batch: Batch) -> None:
+        for channel, entries in batch:
+            writer.write_many(ids[channel], entries)
+        writer.flush()
+
+    return Target(put, writer.close)
 
 
-def open_official(path: Path) -> tuple[Put, Act, Act]:
+def open_official(path: Path) -> Target:
     """The official writer, uncompressed, as it is: it writes when a chunk is full."""
-    put, _, close = open_official_flushed(path)
-    return put, lambda: None, close
+    return _official(path, lambda writer: None)
 
 
-def open_official_flushed(path: Path) -> tuple[Put, Act, Act]:
+def open_official_flushed(path: Path) -> Target:
     """The official writer, flushed as often as ours: each flush ends a chunk."""
+    return _official(path, lambda writer: writer.flush())
+
+
+def _official(path: Path, flush: Callable[[Any], None]) -> Target:
     stream = path.open("wb")
     writer = Writer(stream, compression=CompressionType.NONE)
     writer.start("fti")
-    ids = [writer.register_channel(f"/raw/link{n}", "x-fti-raw", 0) for n in range(CHANNELS)]
-    add, flush, finish = writer.add_message, writer.flush, writer.finish
+    ids = [writer.register_channel(topic, "x-fti-raw", 0) for topic in TOPICS]
+    add: Any = writer.add_message
+    finish: Any = writer.finish
+
+    def put(batch: Batch) -> None:
+        for channel, entries in batch:
+            for seq, time_ns, data in entries:
+                add(ids[channel], time_ns, data, time_ns, seq)
+        flush(writer)
 
     def close() -> None:
-        finish()  # type: ignore[no-untyped-call]
+        finish()
         stream.close()
 
-    return lambda n: add(ids[n % CHANNELS], n, PAYLOAD, n, n), flush, close
+    return Target(put, close)
 
 
-WRITERS = {
-    "fti, flushed every 20 ms": open_ours,
-    "mcap.writer, default": open_official,
+def open_foxglove(path: Path) -> Target:
+    """Foxglove's SDK, whose writer is compiled."""
+    context = foxglove.Context()
+    options = MCAPWriteOptions(compression=None)
+    writer = foxglove.open_mcap(path, context=context, writer_options=options)
+    schema = foxglove.Schema(name="", encoding="", data=b"")
+    channels = [foxglove.Channel(t, message_encoding="x-fti-raw", schema=schema, context=context) for t in TOPICS]
+
+    def put(batch: Batch) -> None:
+        for channel, entries in batch:
+            log = channels[channel].log
+            for _, time_ns, data in entries:
+                log(data, log_time=time_ns)
+
+    def close() -> None:
+        for channel in channels:
+            channel.close()
+        writer.close()
+
+    return Target(put, close)
+
+
+def open_can(path: Path, make: Callable[[Path], Any]) -> Target:
+    """A logger of python-can; its messages are made beforehand, as a bus hands them over ready."""
+    logger = make(path)
+    messages = [can.Message(arbitration_id=n, data=PAYLOAD, is_fd=True, timestamp=1e9) for n in range(CHANNELS)]
+
+    def put(batch: Batch) -> None:
+        take = logger.on_message_received
+        for channel, entries in batch:
+            message = messages[channel]
+            for _ in entries:
+                take(message)
+
+    return Target(put, logger.stop)
+
+
+def open_file(path: Path) -> Target:
+    """The bytes alone."""
+    stream = path.open("wb")
+
+    def put(batch: Batch) -> None:
+        write = stream.write
+        for _, entries in batch:
+            for entry in entries:
+                write(entry[2])
+
+    return Target(put, stream.close)
+
+
+OURS, OFFICIAL, FILE = "fti, flushed every 20 ms", "mcap.writer, default", "file.write of the bytes alone"
+WRITERS: dict[str, Callable[[Path], Target]] = {
+    OURS: open_ours,
+    OFFICIAL: open_official,
     "mcap.writer, flushed every 20 ms": open_official_flushed,
+    "foxglove-sdk": open_foxglove,
+    "python-can BLF": lambda path: open_can(path, can.BLFWriter),
+    "python-can ASC": lambda path: open_can(path, can.ASCWriter),
+    FILE: open_file,
 }
+#: Those whose files a reader of MCAP can be asked about.
+KILLED = (OURS, OFFICIAL, "mcap.writer, flushed every 20 ms", "foxglove-sdk")
 
 
-def measure_cost(name: str, folder: Path, messages: int) -> tuple[float, float]:
-    """Mean cost of a message [us] and size of the file for each message [B]; best of three."""
+def batches(size: int, first: int = 0) -> Batch:
+    """So many messages, spread over the channels."""
+    found: Batch = [(channel, []) for channel in range(CHANNELS)]
+    for n in range(first, first + size):
+        found[n % CHANNELS][1].append((n, 1_000_000_000 + n, PAYLOAD))
+    return [(channel, entries) for channel, entries in found if entries]
+
+
+def measure_cost(name: str, folder: Path, messages: int, size: int) -> float:
+    """Mean cost of a message [us]; best of three."""
     best = float("inf")
-    path = folder / "cost.mcap"
+    path = folder / "cost"
+    work = [batches(size, first) for first in range(0, messages, size)]
     for _ in range(3):
         path.unlink(missing_ok=True)
-        put, flush, close = WRITERS[name](path)
+        target = WRITERS[name](path)
         started = time.perf_counter()
-        for first in range(0, messages, BATCH):
-            for n in range(first, first + BATCH):
-                put(n)
-            flush()
+        for batch in work:
+            target.put(batch)
         best = min(best, time.perf_counter() - started)
-        close()
-    return best / messages * 1e6, path.stat().st_size / messages
+        target.close()
+    return best / sum(len(entries) for batch in work for _, entries in batch) * 1e6
 
 
 def write_until_killed(name: str, path: Path, counter: Path) -> None:
     """The child: hands over 42 messages every 20 ms and counts them."""
-    put, flush, _ = WRITERS[name](path)
+    target = WRITERS[name](path)
+    size = BATCHES["2.1"]
     with counter.open("r+b") as stream, mmap.mmap(stream.fileno(), 8) as shared:
         n, due = 0, time.monotonic()
         while True:
-            for n in range(n, n + BATCH):  # noqa: B020
-                put(n)
-            n += 1
+            target.put(batches(size, n))
+            n += size
             shared[:] = struct.pack("<Q", n)
-            flush()
             due += 0.02
             time.sleep(max(0.0, due - time.monotonic()))
 
@@ -128,26 +224,50 @@ def count_messages(data: bytes) -> int:
     return count
 
 
-def main() -> None:
+def compare(messages: int) -> int:
+    """Print the table and the verdict."""
+    print(machine())
+    print(f"{messages} messages of {len(PAYLOAD)} B on {CHANNELS} channels")
+    heads = [f"us at {rate} k/s" for rate in BATCHES]
+    print(f"{'writer':34} " + " ".join(f"{head:>13} {'ratio':>6}" for head in heads) + f" {'lost by kill -9':>16}")
+    found: dict[str, list[float]] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for writer in WRITERS:
+            found[writer] = [measure_cost(writer, folder, messages, size) for size in BATCHES.values()]
+            lost = _loss(writer, folder) if writer in KILLED else ""
+            cells = zip(found[writer], found[OURS], strict=True)
+            print(
+                f"{writer:34} " + " ".join(f"{cost:13.2f} {cost / ours:6.1f}" for cost, ours in cells) + f" {lost:>16}"
+            )
+    return _judge(found)
+
+
+def _loss(writer: str, folder: Path) -> str:
+    given, found = measure_loss(writer, folder, 3.0)
+    return f"{(given - found) / 2100:.2f} s"
+
+
+def _judge(found: dict[str, list[float]]) -> int:
+    verdict = Verdict()
+    for position, rate in enumerate(BATCHES):
+        ours, official, file = (found[name][position] for name in (OURS, OFFICIAL, FILE))
+        share, multiple = ours / official, ours / file
+        verdict.judge(f"{rate} kmsg/s: {share:.2f} x the official writer; at most 0.33", share <= MOST_OF_OFFICIAL)
+        verdict.judge(f"{rate} kmsg/s: {multiple:.1f} x file.write; at most {MOST_OF_FILE:g}", multiple <= MOST_OF_FILE)
+    return verdict.code
+
+
+def main() -> int:
+    """Compare; or be the child that is killed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--messages", type=int, default=210_000)
     parser.add_argument("--child", nargs=3, metavar=("WRITER", "FILE", "COUNTER"), help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.child:
         write_until_killed(args.child[0], Path(args.child[1]), Path(args.child[2]))
-    print(f"{os.cpu_count()} cores, Python {sys.version.split()[0]}, {args.messages} messages of {len(PAYLOAD)} B")
-    print(
-        f"{'writer':34} {'us/message':>10} {'ratio':>6} {'B/message':>10} {'handed over':>12} {'lost by kill -9':>16}"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        first = None
-        for name in WRITERS:
-            cost, size = measure_cost(name, Path(folder), args.messages)
-            first = first or cost
-            given, found = measure_loss(name, Path(folder), 3.0)
-            lost = f"{given - found} ({(given - found) / 2100:.2f} s)"
-            print(f"{name:34} {cost:10.2f} {cost / first:6.1f} {size:10.1f} {given:12} {lost:>16}")
+    return compare(args.messages)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
