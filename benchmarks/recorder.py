@@ -1,11 +1,16 @@
-"""The recorder process under load: throughput without loss, what a message costs, and how late a stamp is.
+"""The whole recorder process: what it takes without loss, what it costs, and when it stamps.
 
-    python benchmarks/recorder.py [--rate 200000] [--seconds 60] [--rounds 3]
+    python -m benchmarks.recorder [--seconds S] [--rate N] [--only throughput|calm|stamps]
 
-Throughput: datagrams of 95 bytes to 23 links; lossless when the files hold as many of each link as were sent.
-Cost: processor time of the recorder at 2.1 kmsg/s on 23 links, beside an asyncio reader that only calls ``file.write``,
-in turns.  Stamps: what a datagram and a line of text on a pty were stamped with, less when they were sent, while a
-process of its own computes without rest; beside an asyncio reader that takes the time in its callback.
+throughput : datagrams of 95 B to 23 links at --rate for --seconds, from a generator on the same machine; each that
+             was sent must be in the file, and ``fti verify`` must find nothing
+calm       : processor time at 2100 datagrams a second on 23 links, beside a bare asyncio reader that only calls
+             ``file.write``; both get the same traffic in turn
+stamps     : t_rx minus the moment of sending, UDP (the kernel's stamp) and serial (a pty), while one process computes
+             in compiled code and another one in Python, so that both cores are busy; beside a bare asyncio reader
+             that takes the time in its callback
+
+Exit code 1 when a target is missed.
 """
 
 from __future__ import annotations
@@ -14,192 +19,190 @@ import argparse
 import contextlib
 import json
 import os
-import shutil
+import pty
 import statistics
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 import tty
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
-from mcap.reader import make_reader
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from benchmarks.parts.generator import HEAD, SIZE
+from benchmarks.parts import plain_reader as plain
+from benchmarks.parts.generator import SIZE
 from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
-from benchmarks.parts.plain_reader import STAMPED
+from benchmarks.parts.prober import PROBE
 from benchmarks.parts.rig import RecorderRig, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
 from fti.logger.recording import Recording
+from fti.logger.verify import verify
 
 LINKS = 23
-AIRCRAFT_HZ = 2100.0
-MOST_COST = 1.5  # x the plain reader's
-MOST_STAMP_US = 100.0
-LINE_PERIOD_S = 0.005
-LINE = 32  # bytes of a line on the pty
-SHARES = (0.5, 0.99, 0.999)
-
-
-def main() -> int:
-    """Measure, print, judge."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rate", type=float, default=200_000, help="messages per second, all links together")
-    parser.add_argument("--seconds", type=float, default=60, help="duration of the throughput run")
-    parser.add_argument("--rounds", type=int, default=3, help="turns of recorder and plain reader")
-    args = parser.parse_args()
-    verdict = Verdict()
-    print(machine())
-    with tempfile.TemporaryDirectory(prefix="fti_bench_") as name:
-        folder = Path(name)
-        throughput(folder / "throughput", args.rate, args.seconds, verdict)
-        shutil.rmtree(folder / "throughput")
-        cost(folder, args.rounds, verdict)
-        stamps(folder, verdict)
-    return verdict.code
-
-
-def _generate(ports: Sequence[int], rate: float, seconds: float, meanwhile: Callable[[], None]) -> list[int]:
-    """Have it sent; what went to each port."""
-    with start_generator(ports, rate, seconds) as generator:
-        while generator.poll() is None:
-            meanwhile()
-            time.sleep(0.05)
-        assert generator.stdout
-        sent: list[int] = json.loads(generator.stdout.read())["sent"]
-        return sent
+CALM_RATE, ROUNDS, CALM_MOST = 2100.0, 3, 1.5
+STAMP_RATE, STAMP_MOST_US = 1000.0, 100.0
+PARTS = ("throughput", "calm", "stamps")
 
 
 # ----------------------------------------------------------------------------------------------------- throughput
 
 
 def throughput(folder: Path, rate: float, seconds: float, verdict: Verdict) -> None:
-    """As many messages in the files as were sent."""
+    """Everything that is sent must be in the file."""
     links = udp_links(LINKS)
     rig = RecorderRig(folder, links)
-    before, began = cpu_s(rig.pid), time.monotonic()
-    sent = _generate([port_of(link) for link in links], rate, seconds, rig.listen)
-    took = time.monotonic() - began
-    used = cpu_s(rig.pid) - before
+    began = cpu_s(rig.pid)
+    sent, taken = feed(rig, [port_of(link) for link in links], rate, seconds)
+    cpu = cpu_s(rig.pid) - began
     rig.close()
-    recorded = _recorded(rig.session.path)
-    missing = sum(sent) - sum(recorded.values())
+    report = verify(Recording.open(rig.session.path))
+    topics = [report.topics.get(f"/raw/{link.name}") for link in links]
+    recorded = [topic.messages if topic else 0 for topic in topics]
     total = sum(sent)
-    print(f"throughput: {total} messages of {SIZE} B on {LINKS} links in {took:.1f} s")
-    print(f"  {total / took:.0f} messages/s, {total * SIZE / took / 1e6:.1f} MB/s, recorder {100 * used / took:.0f} %")
-    print(f"  of a core, {1e6 * used / total:.2f} us a message; {missing} missing")
-    even = all(recorded[f"/raw/{link.name}"] == count for link, count in zip(links, sent, strict=True))
-    verdict.judge(f"every message of {rate:.0f} a second for {seconds:g} s is in the files", even)
+    print(f"throughput: {LINKS} UDP links, {total} datagrams of {SIZE} B in {taken:.1f} s")
+    print(f"  {total / taken:.0f} frames/s, {total * SIZE / taken / 1e6:.1f} MB/s; the recorder took {cpu:.1f} s of")
+    print(f"  processor time: {100 * cpu / taken:.0f} % of a core, {cpu / total * 1e6:.2f} us a frame")
+    verdict.judge(f"lossless: {sum(recorded)} of {total} recorded", recorded == sent)
+    verdict.judge(f"verify: {'; '.join(report.findings) or 'nothing found'}", report.holds)
+    verdict.judge(f"at least 95 % of the rate asked for ({rate:.0f}/s)", total / taken >= 0.95 * rate)
 
 
-def _recorded(session: Path) -> Counter[str]:
-    """Messages of each topic, as the summaries of the files tell."""
-    found: Counter[str] = Counter()
-    for path in sorted(session.glob("*.mcap")):
-        with path.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-        assert summary and summary.statistics
-        for number, count in summary.statistics.channel_message_counts.items():
-            found[summary.channels[number].topic] += count
-    return found
+def feed(rig: RecorderRig, ports: list[int], rate: float, seconds: float) -> tuple[list[int], float]:
+    """Run the generator to its end; how many it sent to each port, and in which time [s]."""
+    with start_generator(ports, rate, seconds) as generator:
+        while generator.poll() is None:
+            rig.listen()
+            time.sleep(0.05)
+        assert generator.stdout
+        said = json.loads(generator.stdout.read())
+    return said["sent"], said["seconds"]
 
 
-# ----------------------------------------------------------------------------------------------------------- cost
+# ----------------------------------------------------------------------------------------------------------- calm
 
 
-def cost(folder: Path, rounds: int, verdict: Verdict, seconds: float = 15.0) -> None:
-    """Processor time of both readers, in turns."""
-    ours, plain = [], []
-    for turn in range(rounds):
-        links = udp_links(LINKS)
-        rig = RecorderRig(folder / f"cost{turn}", links)
-        ours.append(_cost(rig.pid, [port_of(link) for link in links], seconds, rig.listen))
-        rig.close()
-        with plain_reader(folder / f"plain{turn}", LINKS) as (pid, ports):
-            plain.append(_cost(pid, ports, seconds, lambda: None))
-    ratio = statistics.median(ours) / statistics.median(plain)
-    print(f"cost at {AIRCRAFT_HZ:.0f} messages/s on {LINKS} links, median of {rounds} turns of {seconds:g} s")
-    for name, shares in (("recorder", ours), ("asyncio and file.write", plain)):
-        each = 1e6 * statistics.median(shares) / AIRCRAFT_HZ
-        print(f"  {name:24} {100 * statistics.median(shares):5.2f} % of a core, {each:5.1f} us a message")
-    verdict.judge(f"the recorder costs {ratio:.2f} x the plain reader; at most {MOST_COST}", ratio <= MOST_COST)
-
-
-def _cost(pid: int, ports: Sequence[int], seconds: float, meanwhile: Callable[[], None]) -> float:
-    """Share of a core while datagrams come."""
-    before, began = cpu_s(pid), time.monotonic()
-    _generate(ports, AIRCRAFT_HZ, seconds, meanwhile)
-    return (cpu_s(pid) - before) / (time.monotonic() - began)
+def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
+    """The recorder and the bare reader in turn."""
+    links = udp_links(LINKS)
+    rig = RecorderRig(folder, links)
+    ours: list[float] = []
+    bare: list[float] = []
+    with plain_reader(folder / "plain", LINKS) as (pid, ports):
+        for _ in range(ROUNDS):
+            for shares, number, targets in ((ours, rig.pid, [port_of(k) for k in links]), (bare, pid, ports)):
+                began = cpu_s(number)
+                _, taken = feed(rig, targets, CALM_RATE, seconds)
+                shares.append(100 * (cpu_s(number) - began) / taken)
+    rig.close()
+    ratio = statistics.median(ours) / statistics.median(bare)
+    print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
+    print(f"  {'recorder':30} {statistics.median(ours):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in ours)})")
+    print(
+        f"  {'bare reader with file.write':30} {statistics.median(bare):5.2f} %   ({', '.join(f'{s:.2f}' for s in bare)})"
+    )
+    verdict.judge(f"ratio {ratio:.2f}; at most {CALM_MOST}", ratio <= CALM_MOST)
 
 
 # --------------------------------------------------------------------------------------------------------- stamps
 
 
-def stamps(folder: Path, verdict: Verdict, seconds: float = 15.0) -> None:
-    """How late the stamps are while every core computes."""
-    with _busy_neighbour():
-        udp, serial = _our_stamps(folder, seconds)
-        naive = _plain_stamps(folder / "plain", seconds)
-    print(f"lateness of stamps at {AIRCRAFT_HZ:.0f} messages/s beside a busy process [us]")
-    print(f"  {'':40} {'p50':>9} {'p99':>9} {'p99.9':>9}")
-    rows = (("UDP, recorder (kernel stamp)", udp), ("pty, recorder (stamp at the read)", serial))
-    for name, late in (*rows, ("UDP, asyncio reader that takes the time", naive)):
-        late.sort()
-        print(f"  {name:40} " + " ".join(f"{percentile(late, share) / 1e3:9.1f}" for share in SHARES))
-    p99 = percentile(udp, 0.99) / 1e3
-    verdict.judge(f"p99 of UDP stamps is {p99:.0f} us; at most {MOST_STAMP_US:.0f}", p99 <= MOST_STAMP_US)
-
-
 @contextlib.contextmanager
-def _busy_neighbour() -> Iterator[None]:
-    """A process that never rests: the place of a navigation at full load."""
-    with subprocess.Popen([sys.executable, "-c", "while True: sum(range(1000))"]) as neighbour:
-        try:
-            yield
-        finally:
-            neighbour.kill()
+def busy() -> Iterator[None]:
+    """Both cores compute."""
+    kinds = ("arrays", "python")
+    burners = [subprocess.Popen([sys.executable, "-m", "benchmarks.parts.burner", kind]) for kind in kinds]
+    time.sleep(1.0)
+    try:
+        yield
+    finally:
+        for burner in burners:
+            burner.kill()
+            burner.wait()
 
 
-def _our_stamps(folder: Path, seconds: float) -> tuple[list[int], list[int]]:
-    """Lateness [ns] of datagrams and of lines on a pty."""
-    master, slave = os.openpty()
+def start_prober(ports: list[int], lines: list[int], seconds: float) -> None:
+    """Send probes to their end."""
+    command = [sys.executable, "-m", "benchmarks.parts.prober", "--rate", str(STAMP_RATE), "--seconds", str(seconds)]
+    command += ["--ports", *map(str, ports), "--lines", *map(str, lines)]
+    subprocess.run(command, pass_fds=lines, check=True)
+
+
+def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
+    """UDP and serial links of the recorder, then the bare reader."""
+    master, slave = pty.openpty()
     tty.setraw(slave)
-    links = udp_links(LINKS)
+    links = udp_links(4)
     line = SerialLink(name="line", kind="serial", port=os.ttyname(slave))
     rig = RecorderRig(folder, [*links, line])
-
-    def write() -> None:
-        rig.listen()
-        for _ in range(int(0.05 / LINE_PERIOD_S)):
-            os.write(master, HEAD.pack(0, time.monotonic_ns()).ljust(LINE, b"."))
-            time.sleep(LINE_PERIOD_S)
-
-    _generate([port_of(link) for link in links], AIRCRAFT_HZ, seconds, write)
+    with busy():
+        start_prober([port_of(link) for link in links], [master], seconds)
     rig.close()
     os.close(master)
     os.close(slave)
-    udp: list[int] = []
-    serial: list[int] = []
+    found = delays(rig)
+    print(f"stamps: {STAMP_RATE:.0f} probes/s, {seconds:.0f} s, both cores computing; later than the sending by, in us")
+    print(f"  {'':40} {'p50':>8} {'p99':>8} {'p99.9':>8} {'probes':>8}")
+    show("UDP, the recorder (kernel stamp)", found["udp"])
+    show("serial, the recorder", found["line"])
+    show("UDP, a bare reader's callback", bare_stamps(folder, seconds))
+    p99 = percentile(sorted(found["udp"]), 0.99) / 1e3
+    verdict.judge(f"UDP p99 {p99:.0f} us; at most {STAMP_MOST_US:.0f}", p99 <= STAMP_MOST_US)
+
+
+def delays(rig: RecorderRig) -> dict[str, list[int]]:
+    """Stamp minus sending [ns], of each datagram, and of each read of the line that begins with a probe."""
+    found: dict[str, list[int]] = {"udp": [], "line": []}
+    place = 0  # in the bytes of the line
     for frame in Recording.open(rig.session.path).frames():
-        if len(frame.data) >= HEAD.size:  # not a tick
-            sent = HEAD.unpack_from(frame.data)[1] + rig.epoch_ns
-            (serial if frame.link == "line" else udp).append(frame.t_rx_ns - sent)
-    return udp, serial
+        kind = frame.link.rstrip("0123456789")
+        if len(frame.data) >= PROBE.size and place % PROBE.size == 0:
+            found[kind].append(frame.t_rx_ns - rig.epoch_ns - PROBE.unpack_from(frame.data)[1])
+        place += len(frame.data) if kind == "line" else 0
+    return found
 
 
-def _plain_stamps(file: Path, seconds: float) -> list[int]:
-    with plain_reader(file, LINKS, "--stamp") as (_, ports):
-        _generate(ports, AIRCRAFT_HZ, seconds, lambda: None)
-    data = file.read_bytes()
-    step = STAMPED.size + SIZE
-    return [
-        STAMPED.unpack_from(data, at)[0] - HEAD.unpack_from(data, at + STAMPED.size)[1]
-        for at in range(0, len(data) - step + 1, step)
-    ]
+def show(what: str, found: list[int]) -> None:
+    """A line of the table."""
+    ordered = sorted(found)
+    shown = " ".join(f"{percentile(ordered, share) / 1e3:8.0f}" for share in (0.5, 0.99, 0.999))
+    print(f"  {what:40} {shown} {len(ordered):8}", flush=True)
+
+
+def bare_stamps(folder: Path, seconds: float) -> list[int]:
+    """The same with a reader that stamps when it is called."""
+    path = folder / "stamped"
+    with plain_reader(path, 4, "--stamp") as (_, ports), busy():
+        start_prober(ports, [], seconds)
+    data, at, found = path.read_bytes(), 0, []
+    while at + plain.STAMPED.size + PROBE.size <= len(data):
+        t_ns, length = plain.STAMPED.unpack_from(data, at)
+        at += plain.STAMPED.size
+        with contextlib.suppress(struct.error):
+            found.append(t_ns - PROBE.unpack_from(data, at)[1])
+        at += length
+    return found
+
+
+def main() -> int:
+    """Run the parts, print the verdict."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0, help="of the throughput; the other parts take a third")
+    parser.add_argument("--rate", type=float, default=200_000.0, help="datagrams per second, all links together")
+    parser.add_argument("--only", choices=PARTS)
+    args = parser.parse_args()
+    print(machine(), flush=True)
+    verdict = Verdict()
+    for part in (args.only,) if args.only else PARTS:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            if part == "throughput":
+                throughput(folder, args.rate, args.seconds, verdict)
+            elif part == "calm":
+                calm(folder, args.seconds / 6, verdict)
+            else:
+                stamps(folder, args.seconds / 3, verdict)
+    return verdict.code
 
 
 if __name__ == "__main__":
