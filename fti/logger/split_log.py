@@ -149,7 +149,19 @@ class Part:
         self._closed_bytes = 0
         self.fault: str | None = None
         self._number, self.writer = self._open_next()
+        self._make_known()
         self._trace = Trace(self.path, self.writer.fileno())
+
+    def _make_known(self) -> None:
+        """Bring the empty file onto the medium, so that its number is not missing when that fails in its first second.
+
+        A later file of this part becomes known when the one before it is closed.
+        """
+        try:
+            self.writer.sync()
+        except StorageError:
+            self.discard()
+            raise
 
     @property
     def path(self) -> Path:

@@ -110,9 +110,7 @@ class DerivedWriter:
             self.fault = str(error)
             self._refused_since = self._refused_since or time.monotonic()
             if self._part and time.monotonic() - self._refused_since > PATIENCE_S:
-                with contextlib.suppress(StorageError):  # closed where its medium still takes that, or else let go
-                    self._part.close()
-                self._forget()
+                self._let_go(self._part)
         else:
             self._refused_since = None
             self.fault = part.fault
@@ -120,8 +118,10 @@ class DerivedWriter:
     def _find_part(self) -> Part | None:
         """Where to write; when space runs out this file stops first, so that the raw bytes have what is left."""
         if self._part and self._part.free_mb() < self._min_free_mb:
-            self._part.close()
-            self._forget()
+            self.fault = f"less than session.min_free_mb = {self._min_free_mb:g} is left for {self._part.path}"
+            if len(self._places) == 1:
+                return None  # it goes on when there is space again
+            self._let_go(self._part)
         at_main = self._part is not None and self._part.folder.path == self._places[0].folder
         if not at_main and time.monotonic() >= self._look_at:
             self._look_at = time.monotonic() + LOOK_S
@@ -146,11 +146,12 @@ class DerivedWriter:
 
     def _leave_if_gone(self, part: Part) -> None:
         if part.stray():
-            part.close()
-            self._forget()
+            self._let_go(part)
 
-    def _forget(self) -> None:
-        """There is no file; what it had not taken is lost."""
+    def _let_go(self, part: Part) -> None:
+        """There is no file; what it had not taken is lost.  It is closed where its medium still takes that."""
+        with contextlib.suppress(StorageError):
+            part.close()
         self._part = self._refused_since = None
         self.lost += self._unflushed
         self._unflushed = 0
