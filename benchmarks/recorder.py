@@ -97,10 +97,8 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
     rig.close()
     ratio = statistics.median(ours) / statistics.median(bare)
     print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
-    print(f"  {'recorder':30} {statistics.median(ours):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in ours)})")
-    print(
-        f"  {'bare reader with file.write':30} {statistics.median(bare):5.2f} %   ({', '.join(f'{s:.2f}' for s in bare)})"
-    )
+    for name, shares in (("recorder", ours), ("bare reader with file.write", bare)):
+        print(f"  {name:30} {statistics.median(shares):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in shares)})")
     verdict.judge(f"ratio {ratio:.2f}; at most {CALM_MOST}", ratio <= CALM_MOST)
 
 

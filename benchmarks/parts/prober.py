@@ -25,7 +25,7 @@ def ways(ports: list[int], lines: list[int]) -> list[Callable[[bytes], object]]:
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.connect(("127.0.0.1", port))
         made.append(sock.send)
-    return made + [lambda data, fd=line: os.write(fd, data) for line in lines]  # type: ignore[misc]
+    return made + [lambda data, fd=line: os.write(fd, data) for line in lines]
 
 
 def probe(sends: list[Callable[[bytes], object]], rate: float, seconds: float) -> None:
