@@ -1,6 +1,6 @@
 """The whole recorder process: what it takes without loss, what it costs, and when it stamps.
 
-    python -m benchmarks.recorder [--seconds S] [--rate N] [--only throughput|calm|stamps]
+    python benchmarks/recorder.py [--seconds S] [--rate N] [--only throughput|calm|stamps]
 
 throughput : datagrams of 95 B to 23 links at --rate for --seconds, from a generator on the same machine; each that
              was sent must be in the file, and ``fti verify`` must find nothing
@@ -22,7 +22,6 @@ import os
 import pty
 import statistics
 import struct
-import subprocess
 import sys
 import tempfile
 import time
@@ -30,11 +29,13 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from benchmarks.parts import plain_reader as plain
 from benchmarks.parts.generator import SIZE
 from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
 from benchmarks.parts.prober import PROBE
-from benchmarks.parts.rig import RecorderRig, plain_reader, port_of, start_generator, udp_links
+from benchmarks.parts.rig import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
 from fti.logger.recording import Recording
 from fti.logger.verify import verify
@@ -109,7 +110,7 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
 def busy() -> Iterator[None]:
     """Both cores compute."""
     kinds = ("arrays", "python")
-    burners = [subprocess.Popen([sys.executable, "-m", "benchmarks.parts.burner", kind]) for kind in kinds]
+    burners = [part("burner", kind) for kind in kinds]
     time.sleep(1.0)
     try:
         yield
@@ -119,11 +120,11 @@ def busy() -> Iterator[None]:
             burner.wait()
 
 
-def start_prober(ports: list[int], lines: list[int], seconds: float) -> None:
+def probe(ports: list[int], lines: list[int], seconds: float) -> None:
     """Send probes to their end."""
-    command = [sys.executable, "-m", "benchmarks.parts.prober", "--rate", str(STAMP_RATE), "--seconds", str(seconds)]
-    command += ["--ports", *map(str, ports), "--lines", *map(str, lines)]
-    subprocess.run(command, pass_fds=lines, check=True)
+    ways = ["--ports", *ports, "--lines", *lines]
+    with part("prober", "--rate", STAMP_RATE, "--seconds", seconds, *ways, pass_fds=lines) as prober:
+        prober.wait()
 
 
 def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
@@ -134,7 +135,7 @@ def stamps(folder: Path, seconds: float, verdict: Verdict) -> None:
     line = SerialLink(name="line", kind="serial", port=os.ttyname(slave))
     rig = RecorderRig(folder, [*links, line])
     with busy():
-        start_prober([port_of(link) for link in links], [master], seconds)
+        probe([port_of(link) for link in links], [master], seconds)
     rig.close()
     os.close(master)
     os.close(slave)
@@ -171,7 +172,7 @@ def bare_stamps(folder: Path, seconds: float) -> list[int]:
     """The same with a reader that stamps when it is called."""
     path = folder / "stamped"
     with plain_reader(path, 4, "--stamp") as (_, ports), busy():
-        start_prober(ports, [], seconds)
+        probe(ports, [], seconds)
     data, at, found = path.read_bytes(), 0, []
     while at + plain.STAMPED.size + PROBE.size <= len(data):
         t_ns, length = plain.STAMPED.unpack_from(data, at)
@@ -191,12 +192,12 @@ def main() -> int:
     args = parser.parse_args()
     print(machine(), flush=True)
     verdict = Verdict()
-    for part in (args.only,) if args.only else PARTS:
+    for which in (args.only,) if args.only else PARTS:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            if part == "throughput":
+            if which == "throughput":
                 throughput(folder, args.rate, args.seconds, verdict)
-            elif part == "calm":
+            elif which == "calm":
                 calm(folder, args.seconds / 6, verdict)
             else:
                 stamps(folder, args.seconds / 3, verdict)

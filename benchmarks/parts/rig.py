@@ -19,6 +19,7 @@ from fti.logger.session import SessionFolder
 from fti.service.children import Child
 from fti.service.orders import RecorderOrder
 
+ROOT = Path(__file__).resolve().parent.parent.parent
 READY_S = 30.0
 POLL_S = 0.01
 
@@ -91,11 +92,17 @@ class RecorderRig:
         self.ring.close()
 
 
+def part(name: str, *arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """A process of ``benchmarks.parts``."""
+    command = [sys.executable, "-m", f"benchmarks.parts.{name}", *map(str, arguments)]
+    return subprocess.Popen(command, cwd=ROOT, text=True, **options)
+
+
 @contextlib.contextmanager
 def plain_reader(file: Path, ports: int, *arguments: str) -> Iterator[tuple[int, list[int]]]:
     """A plain reader; its process number and its ports."""
-    command = [sys.executable, "-m", "benchmarks.parts.plain_reader", str(file), str(ports), *arguments]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    pipe = subprocess.PIPE
+    with part("plain_reader", file, ports, *arguments, stdin=pipe, stdout=pipe) as process:
         assert process.stdin and process.stdout
         try:
             yield process.pid, json.loads(process.stdout.readline())
@@ -105,5 +112,4 @@ def plain_reader(file: Path, ports: int, *arguments: str) -> Iterator[tuple[int,
 
 def start_generator(ports: Sequence[int], rate: float, seconds: float) -> subprocess.Popen[str]:
     """A generator process; its output says what it has sent."""
-    command = [sys.executable, "-m", "benchmarks.parts.generator", "--rate", str(rate), "--seconds", str(seconds)]
-    return subprocess.Popen([*command, *map(str, ports)], stdout=subprocess.PIPE, text=True)
+    return part("generator", "--rate", rate, "--seconds", seconds, *ports, stdout=subprocess.PIPE)

@@ -11,10 +11,10 @@ with it.  Its first page is the header, 64-bit words; the rest holds records, on
     reader's state: position behind the last record consumed | next seq expected | frames lost
     positions count bytes since the beginning of the ring and only grow
 
-    record: | length u32 | crc-32 u32 | first seq u64 | link u32 | count u32 | count x t_rx_ns i64 |
-            | count x size u32 | data |
-            frames of one link that arrived together, numbered one after another; length counts what follows ``count``;
-            crc over the position (as its start value) and everything behind it
+    record: | length u32 | crc-32 u32 | first seq u64 | count u32 | count x t_rx_ns i64 | count x size u32 |
+            | count x link u16 | data |
+            frames that arrived together, numbered one after another; length counts what follows ``count``; crc over
+            the position (as its start value) and everything behind it
 
 A state is written beside the valid one and becomes valid with its generation, one 64-bit store: a process killed at
 any instruction leaves the old state or the new one.  The writer gives up the oldest records (and publishes that)
@@ -25,11 +25,11 @@ oldest position beyond its own, or a wrong crc, and goes on at the oldest whole 
 
 from __future__ import annotations
 
-import functools
 import mmap
 import os
 import struct
 import zlib
+from array import array
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -38,10 +38,12 @@ from fti.config import CanLink, Link, SerialLink
 MAGIC = 0x3130_676E_6972_7466  # "ftring01"
 PAGE = 4096
 RECORD = struct.Struct("<II")  # length, crc
-FIELDS = struct.Struct("<QII")  # first seq, link, count
+FIELDS = struct.Struct("<QI")  # first seq, count
 HEAD = RECORD.size + FIELDS.size
-FRAME = 8 + 4  # what each frame needs besides its data: t_rx_ns, size
+TIME, FRAME_SIZE, LINK = "q", "I", "H"  # what each frame needs besides its data, as arrays
+FRAME = sum(array(kind).itemsize for kind in (TIME, FRAME_SIZE, LINK))
 ALONE = HEAD + FRAME  # what a frame that arrives alone needs
+_ALONE = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
 READ_BYTES = 2**18  # copied at once by the reader; no record is larger, and none than a quarter of the ring
@@ -77,12 +79,6 @@ def _rate(link: Link) -> int:
     if isinstance(link, CanLink):
         return (link.bitrate or DEFAULT_BITRATE) // CAN_BITS * (16 + ALONE)
     return UDP_RATE
-
-
-@functools.cache
-def _frames(count: int) -> struct.Struct:
-    """Times and sizes of so many frames."""
-    return struct.Struct(f"<{count}q{count}I")
 
 
 class WriterState(NamedTuple):
@@ -147,31 +143,30 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------- writer
 
-    def put_many(self, link_index: int, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
-        """Append frames of one link, numbered from first_seq on; never waits, the oldest frames are overwritten.
+    def put_many(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+        """Append frames, numbered from first_seq on; never waits, the oldest frames are overwritten.
 
+        links : index of the link of each frame
         What is too much for one record is divided.  Raises ValueError for a frame that is too large alone.
         """
-        count = len(frames)
-        table = _frames(count).pack(*times_ns, *map(len, frames))
-        content = FIELDS.pack(first_seq, link_index, count) + table + b"".join(frames)
+        content = _pack(links, first_seq, times_ns, frames)
         need = RECORD.size + len(content)
         if need > self._largest:
-            self._divide(link_index, first_seq, times_ns, frames)
+            self._divide(links, first_seq, times_ns, frames)
             return
         end, _, oldest, began = self._state
         if end + need - oldest > self._size:
             oldest = self._give_up(end + need - self._size)
         self._store(end, RECORD.pack(need - HEAD, zlib.crc32(content, end & 0xFFFF_FFFF)) + content)
-        self._publish(WriterState(end + need, first_seq + count, oldest, began if end else first_seq))
+        self._publish(WriterState(end + need, first_seq + len(frames), oldest, began if end else first_seq))
 
-    def _divide(self, link_index: int, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
+    def _divide(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
         """Two records instead of one."""
         half = len(frames) // 2
         if not half:
             raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - ALONE}")
-        self.put_many(link_index, first_seq, times_ns[:half], frames[:half])
-        self.put_many(link_index, first_seq + half, times_ns[half:], frames[half:])
+        self.put_many(links[:half], first_seq, times_ns[:half], frames[:half])
+        self.put_many(links[half:], first_seq + half, times_ns[half:], frames[half:])
 
     def _give_up(self, least: int) -> int:
         """Give up whole records until position ``least`` and some more, so that it need not be done for each put."""
@@ -261,15 +256,30 @@ class Ring:
             self._map[PAGE : PAGE + size - first] = data[first:]
 
 
-def _records(content: bytes) -> Iterator[Record]:
+def _pack(links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> bytes:
+    """The content of a record."""
+    count = len(frames)
+    if count == 1:
+        return _ALONE.pack(first_seq, 1, times_ns[0], len(frames[0]), links[0]) + frames[0]
+    head = FIELDS.pack(first_seq, count)
+    return b"".join((head, array(TIME, times_ns), array(FRAME_SIZE, map(len, frames)), array(LINK, links), *frames))
+
+
+def _unpack(content: bytes) -> Iterator[Record]:
     """The frames of a record."""
-    seq, link_index, count = FIELDS.unpack_from(content)
-    table = _frames(count).unpack_from(content, FIELDS.size)
-    at = FIELDS.size + count * FRAME
-    for i in range(count):
-        end = at + table[count + i]
-        yield Record(link_index, seq + i, table[i], content[at:end])
+    seq, count = FIELDS.unpack_from(content)
+    at = FIELDS.size
+    columns = []
+    for kind in (TIME, FRAME_SIZE, LINK):
+        column = array(kind)
+        end = at + count * column.itemsize
+        column.frombytes(content[at:end])
+        columns.append(column)
         at = end
+    for t_rx_ns, size, link in zip(*columns, strict=True):
+        yield Record(link, seq, t_rx_ns, content[at : at + size])
+        seq += 1
+        at += size
 
 
 class RingReader:
@@ -336,10 +346,10 @@ class RingReader:
             covered = memoryview(data)[at + RECORD.size : end]
             if zlib.crc32(covered, (base + at) & 0xFFFF_FFFF) != crc:
                 break
-            seq, _, count = FIELDS.unpack_from(covered)
+            seq, count = FIELDS.unpack_from(covered)
             lost += max(seq - expected, 0)
             expected = seq + count
-            found += _records(data[at + RECORD.size : end])
+            found += _unpack(data[at + RECORD.size : end])
             at = end
         if found:
             self._state = ReaderState(base + at, expected, lost)

@@ -252,7 +252,7 @@ class TripleBuffer:
         """
         with self._write.lock:
             self._collect()
-            if self._receive.lock.acquire(blocking=False):
+            if self._receive.entries and self._receive.lock.acquire(blocking=False):
                 self._hand_over()
                 self._receive.lock.release()
                 self._collect()

@@ -94,8 +94,9 @@ class Batch:
 
     def receive(self, fd: int) -> int:
         """Take what waits in a socket, at most COUNT datagrams; how many.  Raises OSError."""
-        used = self._count * _SLOT_WORDS
-        self._slots[:used] = self._fresh[:used]  # the kernel has written how much it used of each
+        if self._count:  # the kernel has written how much it used of each
+            used = self._count * _SLOT_WORDS
+            self._slots[:used] = self._fresh[:used]
         count = self._call(fd, *self._arguments)
         self._count = max(count, 0)
         if count < 0 and (number := ctypes.get_errno()) != errno.EAGAIN:
@@ -111,13 +112,14 @@ class Batch:
 
     def stamps(self) -> list[int]:
         """When they arrived, with CLOCK_REALTIME [ns]; 0 where the kernel has not said it."""
-        times, end = self._times, self._count * _CONTROL_WORDS
+        times = self._times
         if self._count == 1:
-            found = [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1]]
-        else:
-            seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
-            nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
-            found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
+            told = self._slots[_CONTROL_LENGTH] >= STAMP_BYTES
+            return [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1] if told else 0]
+        end = self._count * _CONTROL_WORDS
+        seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
+        nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
+        found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
         lengths = self._column(_CONTROL_LENGTH)
         if min(lengths) < STAMP_BYTES:
             return [stamp if length >= STAMP_BYTES else 0 for stamp, length in zip(found, lengths, strict=True)]

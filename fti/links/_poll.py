@@ -1,4 +1,4 @@
-"""One look at all sockets of a loop, every other millisecond while something comes.
+"""One look at all sockets of a loop, every 5 ms while something comes.
 
 The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and the wake-up of a process
 costs more than the reading.  The first datagram wakes the loop as ever; from then on the sockets are looked at
@@ -11,7 +11,7 @@ import asyncio
 import select
 from collections.abc import Callable
 
-PERIOD_S = 0.002
+PERIOD_S = 0.005
 
 #: Reads what is there; true when there may be more.
 Read = Callable[[], bool]

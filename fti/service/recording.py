@@ -262,6 +262,7 @@ class Recorder:
         for task in (*readers, *helpers, *self._jobs):
             task.cancel()
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
+        self._intake.hand_on()
         await asyncio.to_thread(self._writer.stop)
         if self._snapshot:
             await asyncio.to_thread(self._snapshot.stop)

@@ -270,12 +270,12 @@ def test_together_is_as_one_by_one(batches: list[tuple[list[int], int]]) -> None
         for i, frame in enumerate(frames):
             single.put(seq + i, seq + i, frame)
         seq += len(sizes)
-        for buffer, found in zip((together, single), out, strict=True):
+        for buffer, kept in zip((together, single), out, strict=True):
             if turn:
                 taken = buffer.take()
                 if turn == 2:  # storage accepts
                     buffer.written()
-                    found += taken
+                    kept.extend(taken)
         assert together.stats == single.stats
     assert out[0] == out[1]
     assert flush(together) == flush(single)
