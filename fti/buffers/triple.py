@@ -137,7 +137,7 @@ class TripleBuffer:
                 f"capacity {capacity_bytes} B, threshold {threshold}; allowed are > 0 and 0 < threshold <= 1"
             )
         self._capacity = capacity_bytes
-        self._enough = threshold * capacity_bytes
+        self._threshold = threshold
         self._receive, self._global, self._write = (_Queue(overhead) for _ in range(3))
         self._on_ready = on_ready
         self._called = False
@@ -149,7 +149,7 @@ class TripleBuffer:
     @property
     def ready(self) -> bool:
         """``global`` has reached the threshold: writing pays."""
-        return self._global.size >= self._enough
+        return self._global.size >= self._threshold * self._capacity
 
     @property
     def empty(self) -> bool:
@@ -186,7 +186,7 @@ class TripleBuffer:
             self._bytes_in += payload
             if self._receive.entries or not self._pass_on(entries, count, payload):
                 self._take_in(entries)
-        if self._global.size >= self._enough and self._on_ready and not self._called:
+        if self._on_ready and not self._called and self.ready:
             self._called = True
             self._on_ready()
 

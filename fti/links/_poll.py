@@ -1,10 +1,8 @@
-"""One look at all sockets of a loop at each beat of the recorder, while something comes.
+"""One look at all sockets of a loop, every 5 ms while something comes.
 
 The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and the wake-up of a process
 costs more than the reading.  The first datagram wakes the loop as ever; from then on the sockets are looked at
-together when a tick is due (every 20 ms of FTI time), until there is nothing any more.  So one wake-up does for both,
-and the datagrams that arrived before a tick are numbered before it.  Where more was waiting than one call takes, the
-next look is soon.
+together, until there is nothing any more.
 """
 
 from __future__ import annotations
@@ -13,10 +11,7 @@ import asyncio
 import select
 from collections.abc import Callable
 
-from fti.types import TICK_PERIOD_NS
-
-BEAT_S = TICK_PERIOD_NS / 1e9
-SOON_S = 0.002
+PERIOD_S = 0.005
 
 #: Reads what is there; true when there may be more.
 Read = Callable[[], bool]
@@ -30,7 +25,6 @@ class SocketPoll:
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
         self._next: asyncio.TimerHandle | asyncio.Handle | None = None
-        self._busy = False  # more was waiting than one call takes
         loop.add_reader(self._epoll.fileno(), self._wake)
 
     @property
@@ -70,19 +64,12 @@ class SocketPoll:
         if self._epoll.closed:  # by one of them
             return
         if any(more):
-            self._busy = True
             self._next = self._loop.call_soon(self._look)
-        elif more or self._busy:
-            self._next = self._loop.call_at(self._next_look(), self._look)
-            self._busy = False
+        elif more:
+            self._next = self._loop.call_later(PERIOD_S, self._look)
         else:
             self._next = None
             self._loop.add_reader(self._epoll.fileno(), self._wake)
-
-    def _next_look(self) -> float:
-        """With the next tick; loop time and FTI time differ by whole seconds."""
-        now = self._loop.time()
-        return now + SOON_S if self._busy else (now // BEAT_S + 1) * BEAT_S
 
 
 _polls: dict[asyncio.AbstractEventLoop, SocketPoll] = {}

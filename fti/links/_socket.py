@@ -65,21 +65,13 @@ class Arrival:
         """
         window = self._clock.stamp_window()
         offset, oldest, newest = window
-        if len(stamps) == 1 and self._last_ns - offset <= stamps[0] <= newest and oldest <= stamps[0]:
-            times = [stamps[0] + offset]  # the common case of a calm link
+        if oldest <= min(stamps) and max(stamps) <= newest:
+            times = [stamp + offset for stamp in stamps]
         else:
-            times = self._in_order(self._believed(stamps, window))
-        self._last_ns = times[-1]
-        return times
-
-    def _believed(self, stamps: list[int], window: StampWindow) -> list[int]:
-        if window.oldest_ns <= min(stamps) and max(stamps) <= window.newest_ns:
-            return [stamp + window.offset_ns for stamp in stamps]
-        return self._doubtful(stamps, window)
-
-    def _in_order(self, times: list[int]) -> list[int]:
+            times = self._doubtful(stamps, window)
         if times[0] < self._last_ns or times != sorted(times):
-            return list(accumulate(times, max, initial=self._last_ns))[1:]
+            times = list(accumulate(times, max, initial=self._last_ns))[1:]
+        self._last_ns = times[-1]
         return times
 
     def _doubtful(self, stamps: list[int], window: StampWindow) -> list[int]:

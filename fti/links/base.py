@@ -160,10 +160,7 @@ class BaseLink(ABC):
     def _look(self, lost: asyncio.Future[LinkError]) -> None:
         if not lost.done():
             self._look_later(lost)
-            try:
-                self._judge()
-            except (LinkError, OSError) as error:
-                self._lose(error)
+            self._guard(self._judge)
 
     def _judge(self) -> None:
         """Four times a second while open.  Raises LinkError when the port is no longer the right one."""
@@ -180,16 +177,17 @@ class BaseLink(ABC):
 
     def _on_readable(self) -> bool:
         """Callback of the loop; true when there may be more to read."""
-        try:
-            return self._read()
-        except (LinkError, OSError) as error:
-            self._lose(error)
-            return False
+        return bool(self._guard(self._read))
 
-    def _lose(self, error: LinkError | OSError) -> None:
-        """The port said that it is lost."""
-        told = error if isinstance(error, LinkError) else LinkError(f"link {self.name}: {error.strerror or error}")
-        self._fail(told)
+    def _guard(self, act: Callable[[], bool | None]) -> bool | None:
+        """Act on the port; an error means that it is lost."""
+        try:
+            return act()
+        except LinkError as error:
+            self._fail(error)
+        except OSError as error:
+            self._fail(LinkError(f"link {self.name}: {error.strerror or error}"))
+        return None
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         """Count what has arrived, and hand it on."""

@@ -9,9 +9,6 @@ from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
 
-#: What one link has brought with one read: its index, its buffer, times of arrival [ns], frames.
-Share = tuple[int, TripleBuffer, Sequence[int], Sequence[bytes]]
-
 
 class Intake:
     """Numbers what arrives and hands it on to ring and buffer.  For the one thread that reads.
@@ -22,7 +19,13 @@ class Intake:
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
         self._seq = ring.next_seq
-        self._arrived: list[Share] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        self._links: list[int] = []
+        self._times: list[int] = []
+        self._frames: list[bytes] = []
+        self._shares: list[tuple[TripleBuffer, int, Sequence[int], Sequence[bytes]]] = []
 
     @property
     def seq(self) -> int:
@@ -34,29 +37,26 @@ class Intake:
         """A function that takes the frames of one link, and their times of arrival [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-            if not self._arrived:
+            if not self._shares:
                 asyncio.get_running_loop().call_soon(self.hand_on)
-            self._arrived.append((index, buffer, times_ns, frames))
+            self._shares.append((buffer, self._seq, times_ns, frames))
+            self._seq += len(frames)
+            self._links += [index] * len(frames)
+            self._times += times_ns
+            self._frames += frames
 
         return accept
 
     def hand_on(self) -> None:
-        """Number what has arrived and hand it on.
+        """Hand on what has arrived.
 
         First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
         know of.
         """
-        if not self._arrived:
+        if not self._shares:
             return
-        arrived, self._arrived = self._arrived, []
-        first = seq = self._seq
-        links, all_times, all_frames = list[int](), list[int](), list[bytes]()
-        for index, _, times_ns, frames in arrived:
-            links += [index] * len(frames)
-            all_times += times_ns
-            all_frames += frames
-        self._seq = first + len(links)
-        self._ring.put_many(links, first, all_times, all_frames)
-        for _, buffer, times_ns, frames in arrived:
-            buffer.put_many(seq, times_ns, frames)
-            seq += len(frames)
+        links, times_ns, frames, shares = self._links, self._times, self._frames, self._shares
+        self._begin()
+        self._ring.put_many(links, self._seq - len(frames), times_ns, frames)
+        for buffer, first_seq, share_times, share in shares:
+            buffer.put_many(first_seq, share_times, share)

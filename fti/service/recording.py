@@ -163,14 +163,12 @@ class Recorder:
                 continue  # the state of the link tells it; the next period asks again
 
     async def _tick(self) -> None:
-        """A frame every 20 ms, so that silence has a time too; what has come with it is written at once."""
+        """A frame every 20 ms, so that silence has a time too."""
         accept = self._intake.sink(self._tick_index, self._ticks)
         while True:
             now = self._clock.now_ns()
             await asyncio.sleep((TICK_PERIOD_NS - now % TICK_PERIOD_NS) / SECOND_NS)
             accept((b"",), (self._clock.now_ns(),))
-            self._intake.hand_on()
-            self._writer.wake()
 
     async def _watch(self) -> None:
         """Health to the supervisor twice a second; ledger and clocks into the file once a second."""

@@ -38,9 +38,7 @@ class Source:
             self.record(self._again.pop(0))
         if self.buffer.empty:
             return False
-        entries = self.buffer.take()
-        if self.recorded:
-            entries = entries[self.recorded :]
+        entries = self.buffer.take()[self.recorded :]
         if entries:
             self.record(entries)
             self._in_flight.append(entries)
