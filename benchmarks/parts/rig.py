@@ -14,7 +14,7 @@ from typing import Any
 
 from fti.buffers.ring import Ring, ring_size
 from fti.clock import choose_epoch_ns
-from fti.config import Config, Link, Session, UdpLink
+from fti.config import Config, Link, RecorderTuning, Session, UdpLink
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
 from fti.service.orders import RecorderOrder
@@ -44,12 +44,13 @@ def port_of(link: UdpLink) -> int:
 class RecorderRig:
     """A recorder process with its ring and session, as the supervisor starts it; nobody reads the ring."""
 
-    def __init__(self, folder: Path, links: Sequence[Link]) -> None:
+    def __init__(self, folder: Path, links: Sequence[Link], *, freeze_gc: bool = False) -> None:
         self.epoch_ns = choose_epoch_ns()
         self.session = SessionFolder.create(folder, "bench", 0)
         self.ring = Ring.create(ring_size(links))
+        session = Session(name="bench")
         order = RecorderOrder(
-            config=Config(session=Session(name="bench"), link=tuple(links)),
+            config=Config(session=session, link=tuple(links), recorder=RecorderTuning(freeze_gc=freeze_gc)),
             folder=str(self.session.path),
             epoch_ns=self.epoch_ns,
             sending={},

@@ -119,7 +119,12 @@ class Batch:
         end = self._count * _CONTROL_WORDS
         seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
         nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
-        found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
+        first = seconds[0]
+        if seconds.count(first) == self._count:
+            base = first * SECOND_NS
+            found = [base + ns for ns in nanoseconds]
+        else:
+            found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
         lengths = self._column(_CONTROL_LENGTH)
         if min(lengths) < STAMP_BYTES:
             return [stamp if length >= STAMP_BYTES else 0 for stamp, length in zip(found, lengths, strict=True)]
