@@ -7,13 +7,13 @@ from itertools import zip_longest
 from pathlib import Path
 
 from fti.logger.ledger import SOCKET_QUEUE, Amount
+from fti.logger.lock import is_being_written
 from fti.logger.proof_gaps import Gaps
 from fti.logger.proof_ledger import LedgerProof, Run
 from fti.logger.proof_numbers import TICK_HOLE_NS, NumberProof, Span
 from fti.logger.proof_report import Account, Check, Report, Verdict
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import Recording
-from fti.logger.repair import is_being_written
 from fti.logger.session import name_parts
 from fti.logger.wording import clock_text, ranges_text
 

@@ -6,18 +6,17 @@ index, summary and footer.  A file that is damaged elsewhere is left as it is.  
 
 from __future__ import annotations
 
-import fcntl
 import os
 import struct
 import zlib
 from array import array
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from fti.errors import FtiError, RecordingError, StorageError
 from fti.logger import records
+from fti.logger.lock import is_being_written, locked
 from fti.logger.mcap_file import has_footer
 from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, Op
 from fti.logger.summary import Summary
@@ -84,44 +83,6 @@ def _close_each(paths: Iterable[Path]) -> list[Closed]:
         if result:
             closed.append(result)
     return closed
-
-
-def is_being_written(path: Path) -> bool:
-    """Does a writer hold the file?  Files that cannot be opened are not."""
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(fd)
-    return False
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[int]:
-    """Hold a file against every writer, repair and pack; gives its descriptor.  Raises StorageError."""
-    try:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be opened for writing: {error.strerror}") from error
-    try:
-        _lock(path, fd)
-        yield fd
-    finally:
-        os.close(fd)
-
-
-def _lock(path: Path, fd: int) -> None:
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise StorageError(f"{path}: is being written by another process") from None
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be locked: {error.strerror}") from error
 
 
 class _Records:

@@ -20,6 +20,7 @@ from mcap.records import Chunk, ChunkIndex, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from fti.logger.ledger import LEDGER_TOPIC
+from fti.logger.lock import is_being_written
 from fti.logger.mcap_file import Topic as Channel
 from fti.logger.proof_file import Page, ProofFile, Row
 from fti.logger.proof_gaps import GAP_TOPIC, Gaps
@@ -31,7 +32,6 @@ from fti.logger.proof_snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.recording import Recording
 from fti.logger.records import MESSAGE_BODY
-from fti.logger.repair import is_being_written
 from fti.logger.session import name_parts
 
 #: Gets what has been done and what there is to do [B].
