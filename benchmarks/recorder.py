@@ -37,7 +37,7 @@ from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
 from benchmarks.parts.prober import PROBE
 from benchmarks.parts.rig import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.verify import verify
 
 LINKS = 23

@@ -10,7 +10,7 @@ from typing import Any
 
 from fti.logger.intervals import Gap
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.recording import RAW
+from fti.logger.reading.recording import RAW
 from fti.logger.survey import MARKS, Note, TopicSurvey
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 

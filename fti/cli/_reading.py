@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 
 
 @contextmanager

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the tables and name them; 3 when a file broke off."""
     from fti.cli._reading import reading
     from fti.errors import FtiError
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
     from fti.logger.tables import Choice, export
 
     if args.end_s < args.begin_s:

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """Read everything and print it; 3 when a file broke off."""
     from fti.cli._info_view import as_json, as_text
     from fti.cli._reading import reading
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
     from fti.post.overview import Overview
 
     recording = Recording.open(args.session)

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _close(session: str) -> int:
     from fti.errors import RecordingError, StorageError
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
     from fti.logger.repair import close_unfinished
 
     code = 0

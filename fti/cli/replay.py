@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from fti import config as configuration
     from fti.cli._playing import print_report, until_stopped
     from fti.hil.replay import Replay, recorded_config
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
 
     session = Path(args.session)
     recording = Recording.open(session)

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
     from fti.post.sync_page import write_page

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fti.logger.ledger import Amount
     from fti.logger.proof_report import Account, Report
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
 
 CODES = {"ok": 0, "loss": 3, "refuted": 1}
 
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare everything; 3 when something is lost, 1 when something does not hold."""
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
 
     report = _verify(Recording.open(*args.session))
     if args.json:

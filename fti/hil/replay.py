@@ -18,7 +18,7 @@ from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.endpoints import Endpoint, make_endpoint, opened, until
 from fti.hil.scheduler import Report, Scheduler
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.types import TICK_LINK, RawFrame
 
 SECOND_NS = 1_000_000_000

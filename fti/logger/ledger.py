@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.recording import RAW, SENT
+from fti.logger.reading.recording import RAW, SENT
 
 LEDGER_TOPIC = "/fti/ledger"
 #: Frames that were dropped for this reason never got a number.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fti.logger.content import Content, channel_name
 from fti.logger.raw_log import RAW_ENCODING
-from fti.logger.recording import unwrap
+from fti.logger.reading.recording import unwrap
 
 
 @dataclass(slots=True)

@@ -18,13 +18,13 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError, StorageError
 from fti.logger.lock import locked
-from fti.logger.mcap_file import has_footer
 from fti.logger.pack_layout import original
 from fti.logger.pack_writer import LAYOUT, METADATA, Packer
+from fti.logger.reading.mcap_file import has_footer
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import chunk_head, record_end
+from fti.logger.reading.told import Told, read_told
 from fti.logger.records import HEAD, MAGIC, read_text
-from fti.logger.source import Source
-from fti.logger.structure import chunk_head, record_end
-from fti.logger.told import Told, read_told
 
 Progress = Callable[[int], None]
 

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from enum import IntEnum
 
 from fti.errors import RecordingError
-from fti.logger.compression import compress, decompress
+from fti.logger.reading.compression import compress, decompress
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import chunk_head
 from fti.logger.records import HEAD
-from fti.logger.source import Source
-from fti.logger.structure import chunk_head
 
 _STEP = struct.Struct("<QB")
 _SIZE = struct.Struct("<Q")

@@ -9,12 +9,12 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError
 from fti.logger import records
-from fti.logger.compression import compress
 from fti.logger.pack_index import PackIndex, Place
 from fti.logger.pack_layout import Layout, Then
+from fti.logger.reading.compression import compress
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
 from fti.logger.records import HEAD, MAGIC, Op
-from fti.logger.source import Source
-from fti.logger.structure import ChunkHead, chunk_head, record_end
 
 METADATA = "fti.packed"
 LAYOUT = "fti.layout"

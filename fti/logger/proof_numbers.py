@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import attrgetter
 
-from fti.logger.mcap_file import Topic
 from fti.logger.proof_file import Page, Row
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.recording import RAW, SENT, unwrap
+from fti.logger.reading.mcap_file import Topic
+from fti.logger.reading.recording import RAW, SENT, unwrap
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.types import TICK_PERIOD_NS
 

@@ -13,7 +13,7 @@ from fti.logger.proof_ledger import LedgerProof, Run
 from fti.logger.proof_numbers import TICK_HOLE_NS, NumberProof, Span
 from fti.logger.proof_report import Account, Check, Report, Verdict
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import name_parts
 from fti.logger.wording import clock_text, ranges_text
 

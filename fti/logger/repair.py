@@ -17,7 +17,7 @@ from pathlib import Path
 from fti.errors import FtiError, RecordingError, StorageError
 from fti.logger import records
 from fti.logger.lock import is_being_written, locked
-from fti.logger.mcap_file import has_footer
+from fti.logger.reading.mcap_file import has_footer
 from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, Op
 from fti.logger.summary import Summary
 

@@ -13,8 +13,8 @@ import numpy as np
 from fti.logger.activity import Activity
 from fti.logger.foxglove import LOG_LEVELS
 from fti.logger.intervals import Intervals
-from fti.logger.mcap_file import Item
-from fti.logger.recording import Recording
+from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.recording import Recording
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC, EVENT_TOPIC
 from fti.logger.session import Kind
 

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.columns import Column, ColumnFinder, Type, cell, flatten
-from fti.logger.mcap_file import Item
-from fti.logger.recording import RAW, SENT, Recording
+from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.survey import KINDS
 
 SECOND_NS = 1_000_000_000

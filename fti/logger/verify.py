@@ -21,7 +21,6 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from fti.logger.ledger import LEDGER_TOPIC
 from fti.logger.lock import is_being_written
-from fti.logger.mcap_file import Topic as Channel
 from fti.logger.proof_file import Page, ProofFile, Row
 from fti.logger.proof_gaps import GAP_TOPIC, Gaps
 from fti.logger.proof_ledger import LedgerProof
@@ -30,7 +29,8 @@ from fti.logger.proof_report import Check, Report, Topic, Verdict
 from fti.logger.proof_session import apart, conclude
 from fti.logger.proof_snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.recording import Recording
+from fti.logger.reading.mcap_file import Topic as Channel
+from fti.logger.reading.recording import Recording
 from fti.logger.records import MESSAGE_BODY
 from fti.logger.session import name_parts
 

@@ -17,8 +17,8 @@ from mcap.stream_reader import StreamReader
 
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.logger.intervals import Gap
-from fti.logger.mcap_file import McapFile
-from fti.logger.recording import RAW, SENT, Recording
+from fti.logger.reading.mcap_file import McapFile
+from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.survey import Survey, TopicSurvey, look_through, time_span
 from fti.types import TimeScale
 

@@ -17,7 +17,7 @@ from fti import config as configuration
 from fti.config import Config
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.nav.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fti.config import Device
 from fti.drivers import Decoder
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.nav.device_clock import DeviceClock, Segment
 from fti.nav.device_times import told_time
 from fti.service.binding import BoundDevice

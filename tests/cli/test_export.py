@@ -126,7 +126,7 @@ class FullTable(csv_export.CsvTable):
 
 
 def test_a_full_medium_leaves_no_half_table(folder: SessionFolder, tmp_path: Path) -> None:
-    from fti.logger.recording import Recording
+    from fti.logger.reading.recording import Recording
     from fti.logger.tables import Choice, Format, export
 
     with pytest.raises(StorageError, match=r"raw_\w+.csv: cannot be written: No space left on device"):

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.harness import FTI, START_S, daemon, with_free_ports
 from tests.helpers import ROOT, until
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.flights import DEMO, Flight
 from tests.e2e.harness import FTI, START_S, daemon, fti, with_free_ports
 from tests.helpers import until

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from fti.canframe import pack_can
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.harness import Daemon, Line, daemon, free_udp_port
 from tests.helpers import ROOT, until
 

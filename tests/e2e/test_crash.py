@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, fti

@@ -14,7 +14,7 @@ from statistics import median
 
 import pytest
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.heartbeat import Heartbeats
 from tests.e2e.killing import Moment, Rig, describe
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from fti.cli.main import main
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, free_udp_port
 from tests.helpers import until

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.stream_writer import StreamWriter
 from tests.e2e.feeder import CONFIG
 from tests.e2e.harness import FTI, Daemon, Line, daemon, free_udp_port, fti

@@ -17,7 +17,7 @@ import pytest
 from fti import config as configuration
 from fti.cli.main import main
 from fti.errors import ConfigError
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.service import hygiene
 from fti.types import TICK_LINK, RawFrame
 from tests.e2e.feeder import Feeder

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, fti
 from tests.e2e.mounts import Ext4, Tmpfs, mounted, skip_unless_possible

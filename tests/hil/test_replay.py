@@ -23,7 +23,7 @@ from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.replay import FrameStream, Replay, recorded_config
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.types import RawFrame
 from tests.e2e.harness import with_free_ports

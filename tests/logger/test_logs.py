@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from fti.errors import StorageError
 from fti.logger.derived_log import Decimator, DerivedLog, snake_case
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.types import (
     TICK_LINK,
@@ -330,7 +330,7 @@ def write_in_disorder(folder: SessionFolder) -> list[RawFrame]:
 def test_frames_come_in_order_of_their_number(
     folder: SessionFolder, monkeypatch: pytest.MonkeyPatch, patience: int
 ) -> None:
-    monkeypatch.setattr("fti.logger.recording.PATIENCE", patience)
+    monkeypatch.setattr("fti.logger.reading.recording.PATIENCE", patience)
     expected = write_in_disorder(folder)
     recording = Recording.open(folder.path)
     assert len(recording.raw_files) > 5
@@ -340,7 +340,7 @@ def test_frames_come_in_order_of_their_number(
 def test_frames_do_not_wait_for_a_number_that_never_comes(
     folder: SessionFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fti.logger.recording.PATIENCE", 10)
+    monkeypatch.setattr("fti.logger.reading.recording.PATIENCE", 10)
     expected = write_in_disorder(folder)
     recording = Recording.open(folder.path)
     chunks, taken = recording._numbered_chunks, [0, 0]

@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
 from fti.errors import RecordingError, StorageError
-from fti.logger.mcap_file import McapFile
 from fti.logger.pack import pack, unpack
+from fti.logger.reading.mcap_file import McapFile
 from fti.logger.repair import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.damaged import recovered, write_foreign, write_own

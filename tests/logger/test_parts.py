@@ -10,7 +10,7 @@ import pytest
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.places import Place, Trace, mount_of
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, SessionFolder
 
 SECOND = 1_000_000_000

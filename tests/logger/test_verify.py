@@ -20,10 +20,10 @@ from fti.logger.proof_gaps import Gaps
 from fti.logger.proof_ledger import LedgerProof
 from fti.logger.proof_numbers import NumberProof
 from fti.logger.proof_report import Report, Verdict
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import ChunkHead, chunk_head
 from fti.logger.session import SessionFolder
-from fti.logger.source import Source
-from fti.logger.structure import ChunkHead, chunk_head
 from fti.logger.verify import verify
 from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, open_log, time_of
 

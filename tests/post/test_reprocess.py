@@ -12,7 +12,7 @@ from fti.drivers import freeflight_ra4500 as ra
 from fti.errors import RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import Segment, flown_segments, recorded_setup, reprocess
 

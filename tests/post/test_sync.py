@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from fti.cli.main import main
 from fti.drivers import nmea0183
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.types import DeviceTime, Stamp, TimeScale

@@ -11,7 +11,7 @@ import pytest
 from fti.buffers.ring import Ring, RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Config, SerialLink, Session, UdpLink
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
 from fti.service.orders import LinkOrder, RecorderOrder

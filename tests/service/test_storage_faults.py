@@ -20,7 +20,7 @@ from fti.buffers.triple import TripleBuffer
 from fti.logger import storage
 from fti.logger.places import Place
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, name_parts
 from fti.logger.storage import State
 from fti.service import writing

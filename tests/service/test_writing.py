@@ -16,7 +16,7 @@ import pytest
 from fti.buffers.triple import TripleBuffer
 from fti.logger.places import Place
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.recording import Recording
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Part
 from fti.service.source import Source

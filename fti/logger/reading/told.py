@@ -7,10 +7,10 @@ import zlib
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from fti.logger.mcap_file import FOOTER_BYTES
+from fti.logger.reading.mcap_file import FOOTER_BYTES
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import record_end
 from fti.logger.records import HEAD, MAGIC, Op, read_text
-from fti.logger.source import Source
-from fti.logger.structure import record_end
 
 _DATA_END = HEAD.pack(Op.DATA_END, 4)
 _DATA_END_SIZE = HEAD.size + 4

@@ -20,7 +20,7 @@ from mcap.records import Attachment, Channel, Chunk, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from fti.errors import MissingError
-from fti.logger.compression import decompress
+from fti.logger.reading.compression import decompress
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages

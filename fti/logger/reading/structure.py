@@ -11,9 +11,9 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from fti.logger.compression import MAX_RECORD, decompress
+from fti.logger.reading.compression import MAX_RECORD, decompress
+from fti.logger.reading.source import Source
 from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE_BODY, SECTOR, Op, read_text
-from fti.logger.source import Source
 
 #: Records that are read whole to be checked are no longer than this, but for attachments [B].
 MAX_SMALL = 16 * 2**20
