@@ -37,8 +37,8 @@ from benchmarks.parts.machine import Verdict, cpu_s, machine, percentile
 from benchmarks.parts.prober import PROBE
 from benchmarks.parts.rig import RecorderRig, part, plain_reader, port_of, start_generator, udp_links
 from fti.config import SerialLink
+from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
-from fti.logger.verify import verify
 
 LINKS = 23
 CALM_RATE, ROUNDS, CALM_MOST = 2100.0, 3, 1.5

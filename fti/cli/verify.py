@@ -30,8 +30,8 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from fti.logger.ledger import Amount
-    from fti.logger.proof_report import Account, Report
+    from fti.logger.proof.ledger import Amount
+    from fti.logger.proof.report import Account, Report
     from fti.logger.reading.recording import Recording
 
 CODES = {"ok": 0, "loss": 3, "refuted": 1}
@@ -60,7 +60,7 @@ def _verify(recording: Recording) -> Report:
     from rich.console import Console
     from rich.progress import Progress
 
-    from fti.logger.verify import verify
+    from fti.logger.proof.verify import verify
 
     console = Console(file=sys.stderr)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -14,17 +14,17 @@ from hypothesis import strategies as st
 from mcap.stream_reader import StreamReader
 
 from fti.cli.main import main
-from fti.logger import proof_file
 from fti.logger.derived_log import DerivedLog
-from fti.logger.proof_gaps import Gaps
-from fti.logger.proof_ledger import LedgerProof
-from fti.logger.proof_numbers import NumberProof
-from fti.logger.proof_report import Report, Verdict
+from fti.logger.proof import file as proof_file
+from fti.logger.proof.balance import LedgerProof
+from fti.logger.proof.gaps import Gaps
+from fti.logger.proof.numbers import NumberProof
+from fti.logger.proof.report import Report, Verdict
+from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head
 from fti.logger.session import SessionFolder
-from fti.logger.verify import verify
 from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, open_log, time_of
 
 FRAMES = 500

@@ -13,7 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fti.buffers.triple import TripleBuffer
 from fti.links import LinkStatus
-from fti.logger.ledger import Note
+from fti.logger.proof.ledger import Note
 from fti.logger.schemas import note_schema
 from fti.service.accounts import Books, Unit, link_health
 from fti.types import LinkState

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
-from fti.logger.ledger import SOCKET_QUEUE, Amount
 from fti.logger.lock import is_being_written
-from fti.logger.proof_gaps import Gaps
-from fti.logger.proof_ledger import LedgerProof, Run
-from fti.logger.proof_numbers import TICK_HOLE_NS, NumberProof, Span
-from fti.logger.proof_report import Account, Check, Report, Verdict
+from fti.logger.proof.balance import LedgerProof, Run
+from fti.logger.proof.gaps import Gaps
+from fti.logger.proof.ledger import SOCKET_QUEUE, Amount
+from fti.logger.proof.numbers import TICK_HOLE_NS, NumberProof, Span
+from fti.logger.proof.report import Account, Check, Report, Verdict
+from fti.logger.proof.wording import clock_text, ranges_text
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.recording import Recording
 from fti.logger.session import name_parts
-from fti.logger.wording import clock_text, ranges_text
 
 NOT_TRIGGERED = "not_triggered"
 #: Received by a recorder that was killed before it could write.

@@ -19,15 +19,15 @@ from mcap.reader import SeekingReader
 from mcap.records import Chunk, ChunkIndex, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from fti.logger.ledger import LEDGER_TOPIC
 from fti.logger.lock import is_being_written
-from fti.logger.proof_file import Page, ProofFile, Row
-from fti.logger.proof_gaps import GAP_TOPIC, Gaps
-from fti.logger.proof_ledger import LedgerProof
-from fti.logger.proof_numbers import NumberProof
-from fti.logger.proof_report import Check, Report, Topic, Verdict
-from fti.logger.proof_session import apart, conclude
-from fti.logger.proof_snapshot import SnapshotProof
+from fti.logger.proof.balance import LedgerProof
+from fti.logger.proof.file import Page, ProofFile, Row
+from fti.logger.proof.gaps import GAP_TOPIC, Gaps
+from fti.logger.proof.ledger import LEDGER_TOPIC
+from fti.logger.proof.numbers import NumberProof
+from fti.logger.proof.report import Check, Report, Topic, Verdict
+from fti.logger.proof.session import apart, conclude
+from fti.logger.proof.snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.mcap_file import Topic as Channel
 from fti.logger.reading.recording import Recording

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from fti.logger.proof_file import Page, ProofFile
-from fti.logger.proof_numbers import NumberProof, is_numbered
+from fti.logger.proof.file import Page, ProofFile
+from fti.logger.proof.numbers import NumberProof, is_numbered
 
 #: Pages of raw files that are kept: the snapshot goes through them in order.
 KEPT_PAGES = 4

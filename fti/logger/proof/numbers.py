@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from operator import attrgetter
 
-from fti.logger.proof_file import Page, Row
+from fti.logger.proof.file import Page, Row
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.mcap_file import Topic
 from fti.logger.reading.recording import RAW, SENT, unwrap

@@ -14,10 +14,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
-from fti.logger.ledger import NOTHING, Amount, Entry, Note, Recorder
-from fti.logger.proof_numbers import NumberProof, Span
+from fti.logger.proof.ledger import NOTHING, Amount, Entry, Note, Recorder
+from fti.logger.proof.numbers import NumberProof, Span
+from fti.logger.proof.wording import clock_text
 from fti.logger.raw_log import TICK_TOPIC
-from fti.logger.wording import clock_text
 
 _ZERO = Entry()
 

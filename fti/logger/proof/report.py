@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from fti.logger.ledger import Amount
+from fti.logger.proof.ledger import Amount
 
 
 class Verdict(StrEnum):

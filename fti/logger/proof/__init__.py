@@ -1,0 +1,1 @@
+"""Proof: is every number there, every byte accounted for, every checksum right, and what that amounts to."""
