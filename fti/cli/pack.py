@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
 
     from fti.errors import RecordingError
     from fti.logger.pack import pack, unpack
-    from fti.logger.salvage import session_files
+    from fti.logger.recovery.salvage import session_files
 
     work = unpack if args.undo else pack
     done: list[Packed] = []

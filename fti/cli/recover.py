@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fti.logger.salvage import FileReport, Report
+    from fti.logger.recovery.salvage import FileReport, Report
 
 SHOWN = 10
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
 def _close(session: str) -> int:
     from fti.errors import RecordingError, StorageError
     from fti.logger.reading.recording import Recording
-    from fti.logger.repair import close_unfinished
+    from fti.logger.recovery.repair import close_unfinished
 
     code = 0
     for path in Recording.open(session).files:
@@ -72,7 +72,7 @@ def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
-    from fti.logger.salvage import salvage_session, session_files
+    from fti.logger.recovery.salvage import salvage_session, session_files
 
     total = sum(path.stat().st_size for path in session_files(session))
     place = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from fti.config import Session
 from fti.errors import ConfigError, StorageError
-from fti.logger import repair
 from fti.logger.places import Place
+from fti.logger.recovery import repair
 from fti.logger.session import SessionFolder
 from fti.service.bulletin import Announce
 

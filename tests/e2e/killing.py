@@ -22,7 +22,7 @@ from fti.buffers.ring import Ring, RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Config, Session, UdpLink
 from fti.logger import records
-from fti.logger.repair import close_unfinished
+from fti.logger.recovery.repair import close_unfinished
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
 from fti.service.control import Channel as ControlChannel

@@ -10,9 +10,9 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from fti.logger.numbers_found import NumbersFound
 from fti.logger.records import HEAD
-from fti.logger.salvage import FileReport, salvage
+from fti.logger.recovery.numbers_found import NumbersFound
+from fti.logger.recovery.salvage import FileReport, salvage
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import Found, read_closed, read_stream
 

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType
 from fti.errors import RecordingError, StorageError
 from fti.logger.pack import pack, unpack
 from fti.logger.reading.mcap_file import McapFile
-from fti.logger.repair import close_all, close_unfinished
+from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.damaged import recovered, write_foreign, write_own
 from tests.logger.reading import read_closed, read_stream

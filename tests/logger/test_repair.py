@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
-from fti.logger.repair import close_all, close_unfinished
+from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import read_closed, read_stream
 

@@ -19,9 +19,9 @@ from mcap.writer import CompressionType, Writer
 
 from fti.errors import MissingError, StorageError
 from fti.logger import records
-from fti.logger.numbers_found import NumbersFound
 from fti.logger.records import Op
-from fti.logger.salvage import salvage, salvage_session
+from fti.logger.recovery.numbers_found import NumbersFound
+from fti.logger.recovery.salvage import salvage, salvage_session
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.damaged import Original, Span, is_part, recovered, write_foreign, write_own

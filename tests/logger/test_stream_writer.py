@@ -23,7 +23,7 @@ from mcap.stream_reader import StreamReader
 
 from fti.errors import StorageError
 from fti.logger.records import SECTOR
-from fti.logger.repair import close_unfinished
+from fti.logger.recovery.repair import close_unfinished
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import Found, read_closed, read_stream
 

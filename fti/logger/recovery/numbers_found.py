@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fti.logger.content import Content, channel_name
 from fti.logger.raw_log import RAW_ENCODING
 from fti.logger.reading.recording import unwrap
+from fti.logger.recovery.content import Content, channel_name
 
 
 @dataclass(slots=True)

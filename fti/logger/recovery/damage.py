@@ -18,12 +18,12 @@ import re
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
-from fti.logger.content import Content
 from fti.logger.reading.compression import MAX_RECORD
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
 from fti.logger.reading.told import Told
 from fti.logger.records import HEAD, MAGIC, Op
+from fti.logger.recovery.content import Content
 
 BLOCK = 4 * 2**20
 #: Begin of a chunk, an attachment, metadata or the end of the data, shorter than 2^40 bytes.

@@ -11,14 +11,14 @@ from typing import Any
 
 from fti.errors import MissingError, StorageError
 from fti.logger import records
-from fti.logger.damage import Lost, Messages, Other, Walk, unknown_channels
-from fti.logger.numbers_found import Gap, NumbersFound
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import record_end
 from fti.logger.reading.told import ChunkPlace, read_told
-from fti.logger.rebuilt import Rebuilt
 from fti.logger.records import HEAD, MAGIC, Op, read_text
+from fti.logger.recovery.damage import Lost, Messages, Other, Walk, unknown_channels
+from fti.logger.recovery.numbers_found import Gap, NumbersFound
+from fti.logger.recovery.rebuilt import Rebuilt
 from fti.logger.session import name_parts
 
 METADATA = "fti.recovered"
