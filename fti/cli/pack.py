@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fti.logger.pack import Packed
+    from fti.logger.packing.pack import Packed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.progress import Progress
 
     from fti.errors import RecordingError
-    from fti.logger.pack import pack, unpack
+    from fti.logger.packing.pack import pack, unpack
     from fti.logger.recovery.salvage import session_files
 
     work = unpack if args.undo else pack

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 
 from fti.errors import RecordingError, StorageError
-from fti.logger.pack import pack, unpack
+from fti.logger.packing.pack import pack, unpack
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.stream_writer import StreamWriter
@@ -187,7 +187,7 @@ def test_a_kill_anywhere_leaves_one_of_the_two(tmp_path: Path, scale: int) -> No
     """And the next run removes what it left."""
     path, delays = tmp_path / "a.mcap", random.Random(5)
     whole = write_own(path, messages=20_000, chunk_bytes=20_000)
-    code = "import sys; from pathlib import Path; from fti.logger.pack import pack, unpack\nprint(1, flush=True)\n"
+    code = "import sys; from pathlib import Path; from fti.logger.packing.pack import pack, unpack\nprint(1, flush=True)\n"
     code += (
         "for _ in range(50):\n    pack(Path(sys.argv[1]), lambda _: None); unpack(Path(sys.argv[1]), lambda _: None)"
     )

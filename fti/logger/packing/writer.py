@@ -9,8 +9,8 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError
 from fti.logger import records
-from fti.logger.pack_index import PackIndex, Place
-from fti.logger.pack_layout import Layout, Then
+from fti.logger.packing.index import PackIndex, Place
+from fti.logger.packing.layout import Layout, Then
 from fti.logger.reading.compression import compress
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end

@@ -18,8 +18,8 @@ from typing import BinaryIO
 
 from fti.errors import RecordingError, StorageError
 from fti.logger.lock import locked
-from fti.logger.pack_layout import original
-from fti.logger.pack_writer import LAYOUT, METADATA, Packer
+from fti.logger.packing.layout import original
+from fti.logger.packing.writer import LAYOUT, METADATA, Packer
 from fti.logger.reading.mcap_file import has_footer
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import chunk_head, record_end

@@ -1,0 +1,1 @@
+"""Packing: finished files in compressed chunks, and back to the same bytes."""
