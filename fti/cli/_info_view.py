@@ -8,10 +8,10 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
-from fti.logger.intervals import Gap
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.recording import RAW
-from fti.logger.survey import MARKS, Note, TopicSurvey
+from fti.logger.survey.intervals import Gap
+from fti.logger.survey.topics import MARKS, Note, TopicSurvey
 from fti.post.overview import CONTINUOUS, SECOND_NS, FileState, Overview
 
 BARS = "·▁▂▃▄▅▆▇█"

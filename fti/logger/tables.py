@@ -18,7 +18,7 @@ from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.columns import Column, ColumnFinder, Type, cell, flatten
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import RAW, SENT, Recording
-from fti.logger.survey import KINDS
+from fti.logger.survey.topics import KINDS
 
 SECOND_NS = 1_000_000_000
 JSON = "json"

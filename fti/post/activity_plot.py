@@ -12,8 +12,8 @@ from itertools import groupby
 from pathlib import Path
 
 from fti.errors import StorageError
-from fti.logger.intervals import Gap
-from fti.logger.survey import MARKS, Note, TopicSurvey
+from fti.logger.survey.intervals import Gap
+from fti.logger.survey.topics import MARKS, Note, TopicSurvey
 from fti.post.overview import CONTINUOUS, SECOND_NS, Overview
 
 WIDTH, LEFT, RIGHT = 1280, 248, 1252

@@ -16,10 +16,10 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
-from fti.logger.intervals import Gap
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import RAW, SENT, Recording
-from fti.logger.survey import Survey, TopicSurvey, look_through, time_span
+from fti.logger.survey.intervals import Gap
+from fti.logger.survey.topics import Survey, TopicSurvey, look_through, time_span
 from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000

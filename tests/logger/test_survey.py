@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fti.logger.activity import MOST_BINS, Activity
-from fti.logger.intervals import GAPS_KEPT, Gap, Intervals
+from fti.logger.survey.activity import MOST_BINS, Activity
+from fti.logger.survey.intervals import GAPS_KEPT, Gap, Intervals
 
 SECOND = 1_000_000_000
 BEGIN = 1_767_323_045_000_000_000

@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fti.logger.activity import Activity
 from fti.logger.foxglove import LOG_LEVELS
-from fti.logger.intervals import Intervals
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC, EVENT_TOPIC
 from fti.logger.session import Kind
+from fti.logger.survey.activity import Activity
+from fti.logger.survey.intervals import Intervals
 
 SECOND_NS = 1_000_000_000
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth", "snapshot")

@@ -1,0 +1,1 @@
+"""Survey: what a recording holds, topic by topic, in a fixed memory."""
