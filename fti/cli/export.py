@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from fti.cli._arguments import seconds
 
 if TYPE_CHECKING:
-    from fti.logger.tables import Format
+    from fti.logger.export.tables import Format
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
     """Write the tables and name them; 3 when a file broke off."""
     from fti.cli._reading import reading
     from fti.errors import FtiError
+    from fti.logger.export.tables import Choice, export
     from fti.logger.reading.recording import Recording
-    from fti.logger.tables import Choice, export
 
     if args.end_s < args.begin_s:
         raise FtiError(f"--to {args.end_s:g}: is before --from {args.begin_s:g}")
@@ -69,9 +69,9 @@ def run(args: argparse.Namespace) -> int:
 def _format(name: str) -> Format:
     """Parquet's library is loaded only where it is used."""
     if name == "parquet":
-        from fti.logger.parquet_export import PARQUET
+        from fti.logger.export.parquet_table import PARQUET
 
         return PARQUET
-    from fti.logger.csv_export import CSV
+    from fti.logger.export.csv_table import CSV
 
     return CSV

@@ -13,8 +13,8 @@ import pytest
 
 from fti.cli.main import main
 from fti.errors import StorageError
-from fti.logger import csv_export
-from fti.logger.columns import Column, ColumnFinder, Type, flatten
+from fti.logger.export import csv_table
+from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
 from fti.logger.session import SessionFolder
 from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw
 from tests.helpers import until
@@ -78,10 +78,10 @@ def test_parquet_has_types_units_and_nulls(folder: SessionFolder, tmp_path: Path
 
 
 def test_parquet_comes_in_groups_that_lose_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from fti.logger import parquet_export
+    from fti.logger.export import parquet_table
 
-    monkeypatch.setattr(parquet_export, "GROUP_ROWS", 7)
-    table = parquet_export.ParquetTable(tmp_path / "t", [Column("n", Type.INT)])
+    monkeypatch.setattr(parquet_table, "GROUP_ROWS", 7)
+    table = parquet_table.ParquetTable(tmp_path / "t", [Column("n", Type.INT)])
     for n in range(30):
         table.write([n])
     table.close()
@@ -113,7 +113,7 @@ def test_nothing_is_overwritten(folder: SessionFolder, tmp_path: Path, capsys: p
     assert list(kept.parent.iterdir()) == [kept] and kept.read_text() == "mine"
 
 
-class FullTable(csv_export.CsvTable):
+class FullTable(csv_table.CsvTable):
     """A table on a medium that takes only so many rows."""
 
     left = 5
@@ -126,8 +126,8 @@ class FullTable(csv_export.CsvTable):
 
 
 def test_a_full_medium_leaves_no_half_table(folder: SessionFolder, tmp_path: Path) -> None:
+    from fti.logger.export.tables import Choice, Format, export
     from fti.logger.reading.recording import Recording
-    from fti.logger.tables import Choice, Format, export
 
     with pytest.raises(StorageError, match=r"raw_\w+.csv: cannot be written: No space left on device"):
         export(Recording.open(folder.path), tmp_path / "t", Format(".csv", FullTable), Choice(raw=True))

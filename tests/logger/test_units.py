@@ -9,7 +9,7 @@ import pytest
 
 from fti import types
 from fti.logger.derived_log import snake_case
-from fti.logger.units import unit_of, with_unit
+from fti.logger.export.units import unit_of, with_unit
 
 UNITS = {"rad", "m", "m/s", "m/s^2", "rad/s", "Pa", "K", "T", "DDM", "dB-Hz", "ns", "1"}
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from fti.logger.columns import Column, Type
-from fti.logger.tables import Format
+from fti.logger.export.columns import Column, Type
+from fti.logger.export.tables import Format
 
 
 class CsvTable:

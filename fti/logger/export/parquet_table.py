@@ -13,8 +13,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from fti.logger.columns import Column, Type
-from fti.logger.tables import Format
+from fti.logger.export.columns import Column, Type
+from fti.logger.export.tables import Format
 
 #: Rows of one row group, which wait in memory.
 GROUP_ROWS = 4096

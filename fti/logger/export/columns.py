@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from fti.logger.units import unit_of, with_unit
+from fti.logger.export.units import unit_of, with_unit
 
 #: An integer beyond this is no integer in a table.
 LARGEST = 2**63 - 1

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from fti.errors import MissingError, RecordingError, StorageError
-from fti.logger.columns import Column, ColumnFinder, Type, cell, flatten
+from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.survey.topics import KINDS

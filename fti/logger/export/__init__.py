@@ -1,0 +1,1 @@
+"""Export: a recording as tables with units, in CSV or Parquet."""
