@@ -2,7 +2,7 @@
 
   fti mark "begin of approach 3"
 
-The mark is recorded as an event with its time, and shown on the page.
+The mark is recorded as an event with its time, and shown on the page.  It has 1 to 200 characters on one line.
 
   fti mark --trigger "flutter at 120 kt"
 
@@ -19,15 +19,20 @@ import argparse
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti mark``."""
-    parser.add_argument("text", metavar="TEXT", help="what to record")
+    parser.add_argument("text", metavar="TEXT", nargs="+", help="what to record; several words are one text")
     parser.add_argument("--trigger", action="store_true", help="also write what was around this moment")
     parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Send the mark to the daemon."""
+    """Send the mark to the daemon, as the page does: one line of bounded length."""
+    from fti.errors import FtiError
     from fti.service.client import ask
+    from fti.web.commands import clean, fault_of_mark
 
-    answer = ask({"mark": args.text, "trigger": args.trigger}, args.run_dir)
+    text = clean(" ".join(args.text)) or ""
+    if fault := fault_of_mark(text):
+        raise FtiError(fault)
+    answer = ask({"mark": text, "trigger": args.trigger}, args.run_dir)
     print(f"{'triggered' if args.trigger else 'marked'} at {answer['t_ns'] / 1e9:.3f} s")
     return 0

@@ -49,8 +49,8 @@ class CommandGate:
         text, name = clean(command.get("text")), command["command"]
         if not isinstance(name, str) or name not in COMMANDS or text is None:
             return "there is no such command"
-        if not 1 <= len(text) <= LONGEST_TEXT:
-            return f"a mark has 1 to {LONGEST_TEXT} characters"
+        if fault := fault_of_mark(text):
+            return fault
         if not self._has_room():
             return f"more than {MOST_PER_SECOND} marks in a second"
         return None if self._send({"mark": text, **COMMANDS[name]}) else "the daemon does not listen"
@@ -72,3 +72,10 @@ def clean(text: object) -> str | None:
     if not isinstance(text, str):
         return None
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def fault_of_mark(text: str) -> str | None:
+    """Why a text cannot be a mark; None when it can."""
+    if 1 <= len(text) <= LONGEST_TEXT:
+        return None
+    return f"a mark has 1 to {LONGEST_TEXT} characters, not {len(text)}"

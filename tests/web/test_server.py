@@ -179,8 +179,8 @@ async def test_each_start_has_its_own_token(site: Site) -> None:
 @pytest.mark.parametrize(
     ("command", "fault"),
     [
-        ({"command": "mark", "text": "x" * 201}, "a mark has 1 to 200 characters"),
-        ({"command": "mark", "text": " \n"}, "a mark has 1 to 200 characters"),
+        ({"command": "mark", "text": "x" * 201}, "a mark has 1 to 200 characters, not 201"),
+        ({"command": "mark", "text": " \n"}, "a mark has 1 to 200 characters, not 0"),
         ({"command": "mark"}, "there is no such command"),
         ({"command": "mark", "text": ["x"]}, "there is no such command"),
         ({"command": "stop", "text": "x"}, "there is no such command"),

@@ -1,0 +1,48 @@
+"""``fti mark``: what reaches the daemon, and what is refused before it."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.cli.main import main
+from fti.service.control_socket import serve_commands
+from fti.service.rundir import DaemonInfo, publish
+
+
+def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
+    """Exit code of the command beside a daemon, and what the daemon was asked."""
+    asked: list[dict[str, Any]] = []
+
+    def obey(command: dict[str, Any]) -> dict[str, Any]:
+        asked.append(command)
+        return {"t_ns": 1_500_000_000}
+
+    async def beside() -> int:
+        sock = run_dir / "control"
+        server = await serve_commands(sock, obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
+        publish(run_dir, DaemonInfo(os.getpid(), "s", "", None, None, 0, str(sock)))
+        async with server:
+            return await asyncio.to_thread(main, ["mark", *arguments, "--run-dir", str(run_dir)])
+
+    return asyncio.run(beside()), asked
+
+
+def test_a_mark_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert mark(tmp_path, "  begin of\n\x1b approach 3 ") == (0, [{"mark": "begin of approach 3", "trigger": False}])
+    assert capsys.readouterr().out == "marked at 1.500 s\n"
+    assert mark(tmp_path, "begin", "of", "approach", "3")[1] == [{"mark": "begin of approach 3", "trigger": False}]
+
+
+@pytest.mark.parametrize(("text", "length"), [("x" * 201, 201), ("", 0), (" \t\n", 0)])
+def test_its_length_is_bounded(text: str, length: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert mark(tmp_path, text) == (2, [])
+    assert capsys.readouterr().err == f"fti: a mark has 1 to 200 characters, not {length}\n"
+
+
+def test_the_longest_one_arrives(tmp_path: Path) -> None:
+    assert mark(tmp_path, "--trigger", "ü" * 200) == (0, [{"mark": "ü" * 200, "trigger": True}])
