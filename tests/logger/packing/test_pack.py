@@ -187,8 +187,9 @@ def test_a_kill_anywhere_leaves_one_of_the_two(tmp_path: Path, scale: int) -> No
     """And the next run removes what it left."""
     path, delays = tmp_path / "a.mcap", random.Random(5)
     whole = write_own(path, messages=20_000, chunk_bytes=20_000)
-    code = "import sys; from pathlib import Path; from fti.logger.packing.pack import pack, unpack\nprint(1, flush=True)\n"
+    code = "import sys; from pathlib import Path; from fti.logger.packing.pack import pack, unpack\n"
     code += (
+        "print(1, flush=True)\n"
         "for _ in range(50):\n    pack(Path(sys.argv[1]), lambda _: None); unpack(Path(sys.argv[1]), lambda _: None)"
     )
     left = 0
