@@ -77,6 +77,12 @@ class DeviceTimes:
         clocks = {f"{name}_{scale}": describe(clock, t_ns) for (name, scale), clock in self.clocks.items()}
         return {"t_ns": t_ns, "clocks": clocks, "gnss": self._gnss(t_ns)} if clocks else None
 
+    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+        """What is known of the clocks of a device, the one that all share first."""
+        order = [*GNSS_SCALES, *(scale for scale in TimeScale if scale not in GNSS_SCALES)]
+        known = [self.clocks[device, scale] for scale in order if (device, scale) in self.clocks]
+        return [describe(clock, t_ns) for clock in known if clock.segments]
+
     def take_events(self, t_ns: int) -> list[Event]:
         """What a person should know since the last call."""
         news = [text for clock in self.clocks.values() for text in clock.take_news()]

@@ -82,6 +82,10 @@ class Chain:
         whole = False
         with self._guard(listener.name, frame, products):
             found = listener.decoder.feed(frame.data, frame.t_rx_ns)
+    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+        """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
+        return self._times.clocks_of(device, t_ns)
+
             whole = True
         if not whole:  # a decoder must not fail; if one does, it alone starts again
             listener.decoder = listener.bound.make_decoder()

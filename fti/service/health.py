@@ -57,7 +57,8 @@ class HealthBoard:
             return navigation, devices
         hint = f"navigation has said nothing for {silent_ns / 1e9:.0f} s"
         late = {**navigation, "lag_ms": navigation["lag_ms"] + silent_ns / 1e6, "hint": hint}
-        return late, {name: {**device, "state": LinkState.SILENT, "hint": hint} for name, device in devices.items()}
+        gone = {"state": LinkState.SILENT, "hint": hint, "clocks": []}
+        return late, {name: {**device, **gone} for name, device in devices.items()}
 
     def _judge_storage(self, now_ns: int) -> dict[str, Any]:
         """What the recorder said of the storage, unless that is long ago: late is not valid."""

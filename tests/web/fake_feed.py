@@ -164,6 +164,22 @@ def _device(link: str, driver: str, t: float, rate: float, **changes: Any) -> di
     } | changes
 
 
+def make_clock(scale: str, offset_ms: float, **changes: Any) -> dict[str, Any]:
+    """A device's clock as health has it; without changes one that is known and used."""
+    return {
+        "scale": scale,
+        "state": "good",
+        "used": True,
+        "offset_ms": offset_ms,
+        "offset_sd_ms": 0.042,
+        "drift_ppm": 1.1,
+        "drift_sd_ppm": 0.021,
+        "late_share": 0.0125,
+        "messages": 4000,
+        "refused": 3,
+    } | changes
+
+
 def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
     """The health of a bench with one cable that does not fit and one that is not plugged in."""
     noise = {"state": "noise", "hint": "bytes but no frame: check baud rate and inversion; freeflight_ra4500 was seen"}
@@ -188,7 +204,7 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
             "gnss_line": _link("serial", t, 0.0, 0, **absent),
         },
         "devices": {
-            "ins": _device("ins_eth", "imar_ixcom", t, 100.0),
+            "ins": _device("ins_eth", "imar_ixcom", t, 100.0, clocks=[make_clock("gps", -213.4567)]),
             "radar_altimeter": _device("radalt_line", "freeflight_ra4500", t, 25.0),
             "laser_altimeter": _device("laser_line", "nmea0183", t, 30.0),
             "air_data": _device("airdata_can", "canaerospace", t, 60.0),

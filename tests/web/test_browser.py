@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_feed import SESSION, DisplayProcess, FakeDaemon
+from tests.web.fake_feed import SESSION, DisplayProcess, FakeDaemon, make_clock
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
@@ -215,6 +215,50 @@ def make_fallback_snapshot(health: dict[str, Any]) -> None:
     health["storage"].update(state="fallback", hint="/media/usb is full; recording to /data")
     health["session"].update(mode="snapshot", origin="flight")
     health["snapshot"] = {"state": "waiting", "held_s": 60.0, "held_mb": 3.1, "file": None}
+
+
+async def test_the_clock_of_each_device_is_told_as_far_as_it_is_known(page: Page, daemon: FakeDaemon) -> None:
+    assert await page.text("device-ins-gps-offset") == "\u2212213.46 ± 0.04 ms"
+    assert await page.text("device-ins-gps-drift") == "+1.10 ± 0.02 ppm"
+    assert await page.text("device-ins-gps-late") == "1.3 % late"
+    assert await page.text("device-ins-gps-state") == ""
+    daemon.change_health = make_clocks
+    await page.wait_for(shows("device-ins-gps-state", "not used"))
+    assert await page.text("device-air_data-utc-offset") == "+604800.250 s"
+    assert await page.text("device-laser_altimeter-boot-offset") == "on at 09:31:07.125"
+    for testid, words in (("gnss-utc", "does not fit: arrival counts"), ("laser_altimeter-utc", "learning")):
+        assert words in await page.text(f"device-{testid}-state")
+        assert await page.text(f"device-{testid}-offset") == ""
+    assert "refused" in await page.eval(f"{by_testid('device-ins-gps-offset')}.closest('tr').title")
+    for width, height in ((1440, 900), (1920, 1080)):
+        await page.resize(width, height)
+        assert await page.eval(CUT_OFF) == []
+        assert await page.eval(BESIDE_EACH_OTHER)
+    daemon.change_health = lambda health: health["devices"].pop("ins")["clocks"].clear()
+    await page.wait_for("!document.querySelector('tr.clock')")  # it is the only device with one
+
+
+#: The parts of a clock's line do not run into each other.
+BESIDE_EACH_OTHER = """[...document.querySelectorAll('tr.clock div')].every((line) => {
+    const boxes = [...line.children].filter((e) => e.textContent).map((e) => {
+        const range = document.createRange();
+        range.selectNodeContents(e);
+        return range.getBoundingClientRect();
+    });
+    return boxes.every((box, i) => i === 0 || box.left >= boxes[i - 1].right);
+})"""
+
+
+def make_clocks(health: dict[str, Any]) -> None:
+    on_ms = 1_775_986_267_125.0  # 2026-04-12 09:31:07.125 UTC
+    clocks = {
+        "ins": [make_clock("gps", -9999.9, used=False)],
+        "air_data": [make_clock("utc", 604_800_250.0)],
+        "laser_altimeter": [make_clock("utc", 0.1, state="learning", offset_sd_ms=None), make_clock("boot", -on_ms)],
+        "gnss": [make_clock("utc", 1.0, state="away")],
+    }
+    for name, known in clocks.items():
+        health["devices"][name]["clocks"] = known
 
 
 SHARED_HISTORY = """

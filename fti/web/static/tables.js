@@ -1,6 +1,7 @@
 // What is plugged in (links) and what is understood (devices), each with one state, in a colour and in words.
 
 import { age, bytes, fixed, isNumber, title } from "./format.js";
+import { ClockRow } from "./clocks.js";
 import { h, Keyed, panelTitle, setAttribute, setText } from "./dom.js";
 
 const BUFFERS = ["receive", "global", "write"];
@@ -95,7 +96,8 @@ class DeviceRow extends Row {
   constructor(name) {
     const [rate, aged, skipped] = Array.from({ length: 3 }, numberCell);
     super("device", name, [rate, aged, skipped]);
-    Object.assign(this, { rate, aged, skipped });
+    const clocks = new Keyed(this.root, (scale) => new ClockRow(name, scale, DEVICE_COLUMNS.length), 1);
+    Object.assign(this, { rate, aged, skipped, clocks });
   }
 
   show(device, silence) {
@@ -106,6 +108,9 @@ class DeviceRow extends Row {
     const total = skipped.reduce((sum, [, count]) => sum + count, 0);
     const reasons = skipped.map(([reason, count]) => `${title(reason)}: ${count} bytes`).join("\n");
     showCount(this.skipped, total ? bytes(total) : "0", reasons);
+    const clocks = device.clocks ?? [];
+    const rows = this.clocks.sync(clocks.map((clock) => clock.scale));
+    for (const clock of clocks) rows.get(clock.scale).show(clock);
   }
 }
 
