@@ -11,6 +11,7 @@ from fti import drivers
 from fti.config import Config
 from fti.drivers import Decoder
 from fti.service.chain import Chain, Listener
+from fti.service.clock_health import clock_health
 from fti.types import LinkState, RawFrame
 
 #: A state is judged over so many health reports (twice a second).
