@@ -105,11 +105,11 @@ class Diagnosis:
             "framed": counters.framed,
             "held": counters.held,
             "skipped": dict(counters.skipped),
-        }
             "clocks": [
                 clock_health(known, used=device.use_device_time)
                 for known in self._chain.clocks_of(listener.name, now_ns)
             ],
+        }
 
     def _judge(self, listener: Listener, past: Past, rate: float, now_ns: int) -> tuple[LinkState, str]:
         device = listener.bound.device
