@@ -72,6 +72,10 @@ class Chain:
                     products.outputs += self._pipeline.feed(listener.name, stamped)
         return products
 
+    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
+        """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
+        return self._times.clocks_of(device, t_ns)
+
     def _tell_times(self, t_ns: int, products: Products) -> None:
         if note := self._times.tick(t_ns):
             products.notes.append((DEVICE_CLOCK_TOPIC, t_ns, note))
@@ -82,10 +86,6 @@ class Chain:
         whole = False
         with self._guard(listener.name, frame, products):
             found = listener.decoder.feed(frame.data, frame.t_rx_ns)
-    def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
-        """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
-        return self._times.clocks_of(device, t_ns)
-
             whole = True
         if not whole:  # a decoder must not fail; if one does, it alone starts again
             listener.decoder = listener.bound.make_decoder()
