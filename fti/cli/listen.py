@@ -8,7 +8,8 @@
 Standard output: one line per 16 bytes, with the time since the start [s], as hexadecimal and text; a CAN frame as
 identifier and data.  Standard error, every second and at the end: what has arrived, and each driver that found its
 frames, with its messages and the bytes that they cover.  Drivers that need options are not tried.  Ends after
---duration, or with Ctrl-C.  Nothing is sent, except the opening commands of an slcan adapter.
+--duration, or with Ctrl-C.  Nothing is sent, except to an slcan adapter: commands that open it and ask
+for its status.
 """
 
 from __future__ import annotations

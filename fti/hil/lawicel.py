@@ -3,7 +3,8 @@
 Document: Lawicel AB, CAN232 manual, version 3 (2013), ASCII commands; the frames are those of ``fti.links.slcan``.
 
     S0..S8 sxxyy Zn  settings: CR        O L C  open, listen only, close: CR
-    V N F            version, serial number, status flags
+    V N              version, serial number
+    F                status flags (``fti.links.slcan_status``), then forgotten: Fxx CR with an open channel, else BEL
     t T r R and so on  a frame: z CR or Z CR when the channel is open, else BEL
     anything else    BEL
 """
@@ -16,14 +17,18 @@ from fti.links.slcan import FORMS, LONGEST, parse_line
 
 OK, ERROR = b"\r", b"\a"
 #: Answers that do not depend on the rest of the command.
-ANSWERS = {b"V": b"V1013\r", b"N": b"NF001\r", b"F": b"F00\r", b"S": OK, b"s": OK, b"Z": OK, b"": OK}
+ANSWERS = {b"V": b"V1013\r", b"N": b"NF001\r", b"S": OK, b"s": OK, b"Z": OK, b"": OK}
 
 
 class Adapter:
-    """The adapter's state.  ``feed`` host bytes, get the answers; ``on_frame`` gets the frames that the host sends."""
+    """The adapter's state.  ``feed`` host bytes, get the answers; ``on_frame`` gets the frames that the host sends.
+
+    flags : what the controller has to tell; a fault adds to them
+    """
 
     def __init__(self, on_frame: Callable[[bytes], None]) -> None:
         self.is_open = False
+        self.flags = 0
         self._on_frame = on_frame
         self._line = bytearray()
 
@@ -40,6 +45,8 @@ class Adapter:
             return OK
         if letter and letter[0] in FORMS:
             return self._take_frame(line)
+        if line == b"F":
+            return self._tell_flags()
         return ANSWERS.get(letter, ERROR)
 
     def _take_frame(self, line: bytes) -> bytes:
@@ -48,3 +55,9 @@ class Adapter:
             return ERROR
         self._on_frame(frame)
         return b"Z\r" if line[:1].isupper() else b"z\r"
+
+    def _tell_flags(self) -> bytes:
+        if not self.is_open:
+            return ERROR
+        flags, self.flags = self.flags, 0
+        return b"F%02X\r" % flags

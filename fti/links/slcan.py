@@ -10,11 +10,16 @@ Document: Lawicel AB, CAN232 manual, version 3 (2013), ASCII commands; CAN FD le
 
 What is delivered are ``can_frame`` bytes (see ``fti.canframe``), stamped with the read that brought the first letter.
 Text that is no frame and no answer is counted as noise; a frame behind a lost CR is found again by its letter.
+
+The adapter is opened and asked for its status (``fti.links.slcan_status``) whether or not the link may transmit, and
+also with listen_only: these commands end in the adapter, nothing of them reaches the bus.  Asking costs four letters a
+second on the serial line, and puts out the adapter's red lamp: what it shone for stands in the ledger then.
 """
 
 from __future__ import annotations
 
 import asyncio
+import os
 import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -25,6 +30,7 @@ from fti.config import CanLink, SerialLink
 from fti.errors import ConfigError, LinkError
 from fti.links.base import Sink
 from fti.links.serial import SerialPortLink
+from fti.links.slcan_status import ASK, BUS_TROUBLE, StatusWatch
 
 BITRATES = {
     10_000: b"S0",
@@ -42,6 +48,8 @@ LONGEST = 1 + 8 + 1 + 128 + 4
 DEFAULT_BAUD = 115200
 OPEN_S = 1.0
 ANSWER = re.compile(rb"[zZ]?|V[0-9A-Fa-f]{4}|v[0-9A-Za-z]*|N[0-9A-Za-z]{4}|F[0-9A-Fa-f]{2}")
+#: In the errors of the link: bytes that are no frame and no answer; how often the channel was found closed.
+NOISE, CLOSED = "slcan_noise_bytes", "slcan_channel_closed"
 CLASSIC_LETTERS = b"tTrR"  # no hex digits: they cannot stand inside a frame
 
 
@@ -107,11 +115,14 @@ def format_frame(frame: bytes) -> bytes:
 class Lawicel:
     """Text of an adapter to frames.  Every byte is part of a frame, of an answer, held, or noise.
 
-    deliver : called with (frame, arrival of its first letter [ns])
+    deliver  : called with (frame, arrival of its first letter [ns])
+    watch    : gets the answers that tell the status
+    refusals : BELs that answered something else
     """
 
-    def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
+    def __init__(self, deliver: Callable[[bytes, int], None], watch: StatusWatch) -> None:
         self._deliver = deliver
+        self._watch = watch
         self._line = bytearray()
         self._reads: list[tuple[int, int]] = []  # where in the line a read began, and when it arrived
         self.framed = self.answers = self.refusals = self.noise = 0
@@ -129,6 +140,12 @@ class Lawicel:
             self._end_line()
         self._hold(rest, t_rx_ns)
 
+    def give_up(self) -> None:
+        """The line that is held will not be ended: it is noise."""
+        self.noise += len(self._line)
+        self._line.clear()
+        self._reads = []
+
     def _hold(self, text: bytes, t_rx_ns: int) -> None:
         if text or not self._reads:
             self._reads.append((len(self._line), t_rx_ns))
@@ -145,10 +162,10 @@ class Lawicel:
         self._line.clear()
         self._reads = []
         if line.endswith(b"\a"):
-            self.refusals += 1
+            self.refusals += not self._watch.refused()
             self.answers += 1
             self.noise += len(line) - 1
-        elif ANSWER.fullmatch(line):
+        elif self._watch.take(line) or ANSWER.fullmatch(line):
             self.answers += len(line) + 1
         else:
             self._find_frame(line, reads)
@@ -179,31 +196,91 @@ class SlcanLink(SerialPortLink):
         port = SerialLink(name=config.name, kind="serial", port=config.channel, baud=baud, transmit=config.transmit)
         super().__init__(port, clock, sink, on_connect)
         self._commands = _open_commands(config, listen_only)
-        self._parser = Lawicel(self._receive_frame)
+        self._controller = StatusWatch(self.status.errors)
+        self._parser = Lawicel(self._receive_frame, self._controller)
+        self._rest = b""  # of a line whose begin has been written
         self._noise_before = 0
 
     async def _open(self) -> None:
         await super()._open()
+        self._rest = b""
         self._noise_before = self.status.noise_bytes
-        self._parser = Lawicel(self._receive_frame)
+        self._parser = Lawicel(self._receive_frame, self._controller)
+        self._begin_to_watch()
         try:
             async with asyncio.timeout(OPEN_S):
                 await super()._write(self._commands)
         except TimeoutError:
             raise LinkError(f"{self._config.port}: the adapter takes no command") from None
 
+    def _begin_to_watch(self) -> None:
+        self._controller.begin(self._clock.now_ns(), self._commands.count(b"\r") - 1)
+
+    def _close(self) -> None:
+        super()._close()
+        self._parser.give_up()
+        self._count_noise()
+
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         self._parser.feed(data, t_rx_ns)
-        self.status.noise_bytes = self._noise_before + self._parser.noise
+        self._count_noise()
+
+    def _count_noise(self) -> None:
+        self.status.noise_bytes = self.status.errors[NOISE] = self._noise_before + self._parser.noise
 
     def _receive_frame(self, frame: bytes, t_rx_ns: int) -> None:
         self._receive((frame,), (t_rx_ns,))
 
+    # ------------------------------------------------------------------------------------------------------- writing
+
     async def _write(self, data: bytes) -> None:
-        await super()._write(format_frame(data))
+        line = format_frame(data)
+        while not self._begin_line(line):
+            await self._writable(self._fd)
+        while not self._end_line():
+            await self._writable(self._fd)
+
+    def _begin_line(self, line: bytes) -> bool:
+        """Write what the kernel takes of a line; false when it takes nothing.
+
+        A line that was begun is ended first: half a line with another one behind it could be a frame that nobody sent.
+        """
+        if not self._end_line():
+            return False
+        rest = self._without_written(line)
+        if len(rest) == len(line):
+            return False
+        self._rest = rest
+        return True
+
+    def _end_line(self) -> bool:
+        self._rest = self._without_written(self._rest)
+        return not self._rest
+
+    def _without_written(self, text: bytes) -> bytes:
+        try:
+            return text[os.write(self._fd, text) :] if text else b""
+        except BlockingIOError:
+            return text
+
+    def _judge(self) -> None:
+        super()._judge()
+        if self._controller.is_due(self._clock.now_ns()) and not self._send_lock.locked():
+            self._ask()
+
+    def _ask(self) -> None:
+        """Ask for the status; an adapter that has closed its channel (it was without power) is opened again."""
+        if not self._controller.has_closed:
+            if self._begin_line(ASK):
+                self._controller.asked()
+        elif self._begin_line(self._commands):
+            self._begin_to_watch()
+            self.status.errors[CLOSED] = self.status.errors.get(CLOSED, 0) + 1
 
     def _silent_hint(self) -> str:
-        if self._parser.refusals:
+        if self._controller.flags & BUS_TROUBLE:
+            return f"{self._config.port}: errors on the bus, says the adapter: is the bit rate right, is it terminated?"
+        if self._parser.refusals and not self._controller.known:
             return f"{self._config.port}: the adapter refused a command: does it know the bit rate?"
         if self._parser.noise:
             return f"{self._config.port}: text that is no CAN frame: is it a Lawicel adapter, is tty_baudrate right?"
@@ -211,9 +288,9 @@ class SlcanLink(SerialPortLink):
 
 
 def _open_commands(config: CanLink, listen_only: bool) -> bytes:
-    """Close (it may be open), bit rate, open."""
+    """Close (it may be open), bit rate, open; what the status says now is of before."""
     if config.bitrate is not None and config.bitrate not in BITRATES:
         allowed = ", ".join(map(str, BITRATES))
         raise ConfigError(f"link {config.name}: bitrate = {config.bitrate}: a Lawicel adapter knows {allowed}")
     rate = [BITRATES[config.bitrate]] if config.bitrate else []
-    return b"".join(command + b"\r" for command in (b"C", *rate, b"L" if listen_only else b"O"))
+    return b"".join(command + b"\r" for command in (b"C", *rate, b"L" if listen_only else b"O")) + ASK

@@ -17,6 +17,7 @@ from fti.config import CanLink
 from fti.errors import ConfigError
 from fti.links import open_link
 from fti.links.slcan import LONGEST, Lawicel, format_frame, parse_line
+from fti.links.slcan_status import StatusWatch
 from fti.types import LinkState
 from tests.helpers import until_async
 from tests.links.bench import Peer, running
@@ -28,7 +29,7 @@ class Parsed:
     def __init__(self) -> None:
         self.frames: list[CanFrame] = []
         self.times: list[int] = []
-        self.parser = Lawicel(self._take)
+        self.parser = Lawicel(self._take, StatusWatch({}))
         self.bytes_in = 0
 
     def _take(self, frame: bytes, t_rx_ns: int) -> None:
@@ -169,7 +170,7 @@ def link(adapter: Peer, **keys: Any) -> CanLink:
 async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
     clock = FakeClock(3)
     async with running(link(adapter, bitrate=500_000), clock=clock) as (opened, heard):
-        await adapter.expect(b"C\rS6\rO\r")
+        await adapter.expect(b"C\rS6\rO\rF\r")
         adapter.write(b"\r\r\rt10021133\rT0000010")
         await until_async(lambda: heard.frames)
         clock.advance(1)
@@ -183,23 +184,24 @@ async def test_adapter_is_opened_and_frames_arrive(adapter: Peer) -> None:
 
 async def test_adapter_that_dies_is_opened_again(adapter: Peer) -> None:
     async with running(link(adapter)) as (opened, heard):
-        await adapter.expect(b"C\rO\r")
+        await adapter.expect(b"C\rO\rF\r")
         adapter.write(b"??\rt1002")  # garbage, then half a frame, which is lost with the adapter
         await until_async(lambda: opened._parser.held == 5)
         adapter.die()
         await until_async(lambda: opened.status.state is LinkState.ABSENT)
         adapter.connect()
-        await adapter.expect(b"C\rO\r")
+        await adapter.expect(b"C\rO\rF\r")
         adapter.write(b"1133\rt10021133\r")
         await until_async(lambda: heard.frames)
-        assert opened.status.noise_bytes == 3 + 5
+        assert opened.status.noise_bytes == 3 + 5 + 5
+        assert opened.status.errors["slcan_noise_bytes"] == 13
     assert [unpack_can(frame) for frame in heard.frames] == [VECTORS[0][1]]
 
 
 async def test_frames_are_sent_as_text(adapter: Peer) -> None:
     keys = {"transmit": True, "settings": {"listen_only": True}}
     async with running(link(adapter, **keys), on_connect=[pack_can(1, b"\x02")]) as (opened, _):
-        await adapter.expect(b"C\rL\rt001102\r")
+        await adapter.expect(b"C\rL\rF\rt001102\r")
         await opened.send(pack_can(0x1ABCDEF0, b"\xaa\xbb", extended=True))
         await adapter.expect(b"T1ABCDEF02AABB\r")
         with pytest.raises(ValueError, match="a CAN frame has"):
