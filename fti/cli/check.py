@@ -11,7 +11,8 @@ With --live it also listens for five seconds on every link, and says what the da
 and ends with 1 when a link is not good.
 
 The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
-A role without a device is no error: its outputs are invalid, with the reason that is named here.
+A role without a device is no error: its outputs are invalid, with the reason that is named here.  Neither is a warning
+(what is probably wrong in the configuration) or a hint (what this computer could do better).
 """
 
 from __future__ import annotations
@@ -94,6 +95,7 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 
 def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
+    from fti.cli._receive_buffer import hints
     from fti.service.binding import bind_devices
     from fti.service.preparation import Preparation
 
@@ -112,6 +114,7 @@ def describe(config: Config) -> dict[str, Any]:
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(_missing(config)),
         "warnings": [*_shared_ports(config), *_poor_storage(config)],
+        "hints": list(hints(config)),
     }
 
 
@@ -217,6 +220,7 @@ def _describe_device(bound: BoundDevice) -> dict[str, Any]:
         "document": bound.driver.DOCUMENT,
         "rate_hz": device.rate_hz,
         "max_age_ms": device.max_age_ms,
+        "use_device_time": device.use_device_time,
     }
 
 
@@ -267,6 +271,8 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     yield from _table(list(_role_cells(found)))
     for warning in found["warnings"]:
         yield f"warning: {warning}"
+    for hint in found["hints"]:
+        yield f"hint: {hint}"
     if "live" in found:
         yield "now"
         yield from _table([_live_cells(name, link) for name, link in found["live"].items()])
@@ -291,7 +297,8 @@ def _link_cells(link: dict[str, Any]) -> tuple[str, ...]:
 def _device_cells(device: dict[str, Any]) -> tuple[str, ...]:
     rate = f"{device['rate_hz']:g} Hz" if device["rate_hz"] else "any rate"
     age = f"stale after {device['max_age_ms']:g} ms"
-    return (device["name"], f"on {device['link']}", device["driver"], rate, age)
+    time = "" if device["use_device_time"] else "valid as of its arrival, whatever time it says itself"
+    return (device["name"], f"on {device['link']}", device["driver"], rate, age, time)
 
 
 def _role_cells(found: dict[str, Any]) -> Iterator[tuple[str, ...]]:

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from fti import config
+from fti.cli import _receive_buffer
 from fti.cli.check import worst_load
 from fti.cli.main import main
+from fti.links._socket import RECEIVE_BUFFER
 
 BENCH = """
 [session]
@@ -148,6 +150,50 @@ def test_the_storage_plan_names_both_places_and_doubts_one_medium(
     path.write_text(BENCH.replace('name = "bench"', 'name = "bench"\ndirectory = "d"\nfallback = "./d"'))
     assert main(["check", str(path)]) == 2
     assert "session.fallback" in capsys.readouterr().err
+
+
+def test_a_device_whose_own_time_is_not_used_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(BENCH.replace("rate_hz = 25", "rate_hz = 25\nuse_device_time = false"))
+    assert main(["check", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["devices"][0]["use_device_time"] is False
+    assert main(["check", str(path)]) == 0
+    assert "valid as of its arrival" in capsys.readouterr().out
+    path.write_text(BENCH)
+    main(["check", str(path)])
+    assert "valid as of" not in capsys.readouterr().out
+
+
+UDP = '[[link]]\nname = "net"\nkind = "udp"\nbind = "127.0.0.1:47999"\n'
+BUS = '[[link]]\nname = "bus"\nkind = "can"\ninterface = "{}"\nchannel = "x"\nbitrate = 500000\n'
+
+
+def hints_of(path: Path, text: str, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    path.write_text(f'[session]\nname = "x"\n{text}')
+    assert main(["check", str(path), "--json"]) == 0
+    found: list[str] = json.loads(capsys.readouterr().out)["hints"]
+    return found
+
+
+def test_a_computer_that_gives_sockets_little_is_a_hint(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "c.toml"
+    monkeypatch.setattr(_receive_buffer, "granted_bytes", lambda: 2 * 212_992)  # what most distributions allow
+    (hint,) = hints_of(path, UDP + BUS.format("socketcan"), capsys)
+    for words in ("net, bus: ", "208 KiB", "4096", "about 512 datagrams of 100 B", "not 10082"):
+        assert words in hint
+    assert "sudo sysctl -w net.core.rmem_max=4194304" in hint
+    assert main(["check", str(path)]) == 0
+    assert "hint: net, bus: " in capsys.readouterr().out
+    assert hints_of(path, BUS.format("slcan"), capsys) == []  # no socket there
+    monkeypatch.setattr(_receive_buffer, "granted_bytes", lambda: 2 * 4_194_304)
+    assert hints_of(path, UDP, capsys) == []
+
+
+def test_what_a_socket_gets_is_asked_of_the_kernel() -> None:
+    granted, limit = _receive_buffer.granted_bytes(), int(Path("/proc/sys/net/core/rmem_max").read_text())
+    assert granted in (2 * min(limit, RECEIVE_BUFFER), 2 * RECEIVE_BUFFER)
 
 
 def test_it_says_how_long_the_memory_of_snapshots_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
