@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.about import remarks
 from fti.logger.reading.recording import RAW
 from fti.logger.survey.intervals import Gap
 from fti.logger.survey.topics import MARKS, Note, TopicSurvey
@@ -41,8 +42,8 @@ def as_text(view: Overview) -> Iterator[str]:
 def _heading(view: Overview) -> Iterator[str]:
     about = view.about
     yield str(view.recording.path)
-    if view.mode != CONTINUOUS:
-        yield f"  *** {view.mode.upper()}: not a continuous recording, only what was around a trigger ***"
+    for text in remarks(view.recording):
+        yield f"  *** {text} ***"
     origin = ORIGINS.get(view.origin, f"origin {view.origin}")
     yield f"  session   {about.get('name', '–')}, {origin}, {view.mode}"
     begin = moment(view.begin_ns, date=True) if view.begin_ns else "no messages"
@@ -61,9 +62,11 @@ def _heading(view: Overview) -> Iterator[str]:
 
 def _files(view: Overview) -> Iterator[str]:
     yield ""
-    width = max(len(file.path.name) for file in view.files)
-    for file in view.files:
-        yield f"{file.path.name:{width}}  {size_text(file.bytes):>9}  {file.words}"
+    places = {file.path.parent for file in view.files}
+    names = [str(file.path) if len(places) > 1 else file.path.name for file in view.files]
+    width = max(map(len, names))
+    for name, file in zip(names, view.files, strict=True):
+        yield f"{name:{width}}  {size_text(file.bytes):>9}  {file.words}"
 
 
 # ----------------------------------------------------------------------------------------------------------- topics
@@ -222,6 +225,7 @@ def as_json(view: Overview) -> dict[str, Any]:
         "name": view.about.get("name"),
         "origin": view.origin,
         "mode": view.mode,
+        "remarks": list(remarks(recording)),
         "first_ns": view.begin_ns,
         "last_ns": view.end_ns,
         "duration_s": view.duration_s,
@@ -242,7 +246,7 @@ def as_json(view: Overview) -> dict[str, Any]:
 
 def _file_json(file: FileState) -> dict[str, Any]:
     state = {"finished": file.finished, "compression": file.compression, "fault": file.fault}
-    return {"name": file.path.name, "bytes": file.bytes, **state}
+    return {"name": file.path.name, "folder": str(file.path.parent), "bytes": file.bytes, **state}
 
 
 def _topic_json(view: Overview, topic: TopicSurvey) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""A bar on standard error while a recording is read; nothing where that is no terminal."""
+"""What stands on standard error beside the result of reading a recording: remarks, a bar (in a terminal), faults."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,3 +37,17 @@ def reading(recording: Recording, what: str, passes: int = 1) -> Iterator[None]:
             yield
         finally:
             recording.on_read = None
+
+
+def report_remarks(recording: Recording) -> None:
+    """Say what whoever uses a recording should know: that it is a snapshot, that more of it lies elsewhere."""
+    from fti.logger.reading.about import remarks
+
+    for text in remarks(recording):
+        print(f"note: {text}", file=sys.stderr)
+
+
+def report_faults(recording: Recording) -> None:
+    """Say which files broke off while they were read."""
+    for fault in recording.faults.values():
+        print(f"fti: {fault.path}: {fault.text}", file=sys.stderr)

@@ -6,11 +6,13 @@ log_time_ns and publish_time_ns (FTI time) and t_s, seconds since the first mess
 
 In CSV the unit stands in the head of the column.  In Parquet it stands in the metadata: "unit" of each field, and all
 together as JSON under "units" in the metadata of the file.  A number without unit has none.  An empty cell (CSV) or
-null (Parquet) is a value that is not known.
+null (Parquet) is a value that is not known.  session.json beside the tables (and the metadata of Parquet) says of which
+session they are: name, origin, mode, and a note where it is a snapshot, not a continuous recording.
 
   fti export data/da42_20260102T030405Z_0 --out tables
   fti export data/da42_20260102T030405Z_0 --out tables --format parquet --topic '/ins/*' --topic /nav/glide_slope
   fti export data/da42_20260102T030405Z_0 --out tables --from 600 --to 720 --raw
+  fti export /media/disk/da42_20260102T030405Z_0 spare/da42_20260102T030405Z_0 --out tables    (the medium was changed)
 
   pandas.read_csv("tables/ins_attitude.csv")["roll [rad]"]
   pandas.read_parquet("tables/ins_attitude.parquet")["roll"]
@@ -19,7 +21,6 @@ null (Parquet) is a value that is not known.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, --out and what is wanted."""
-    parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
+    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folder or MCAP file; all of one session")
     parser.add_argument("--out", metavar="DIR", required=True, type=Path, help="folder for the tables")
     parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="kind of the tables (csv)")
     parser.add_argument(
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the tables and name them; 3 when a file broke off."""
-    from fti.cli._reading import reading
+    from fti.cli._reading import reading, report_faults, report_remarks
     from fti.errors import FtiError
     from fti.logger.export.tables import Choice, export
     from fti.logger.reading.recording import Recording
@@ -56,13 +57,13 @@ def run(args: argparse.Namespace) -> int:
     if args.end_s < args.begin_s:
         raise FtiError(f"--to {args.end_s:g}: is before --from {args.begin_s:g}")
     choice = Choice(tuple(args.topic), args.begin_s, args.end_s, args.raw)
-    recording = Recording.open(args.session)
+    recording = Recording.open(*args.session)
+    report_remarks(recording)
     with reading(recording, "exporting", passes=2):
         rows = export(recording, args.out, _format(args.format), choice)
     for path, count in rows.items():
         print(f"{path}  {count} rows")
-    for fault in recording.faults.values():
-        print(f"fti: {fault.path}: {fault.text}", file=sys.stderr)
+    report_faults(recording)
     return 3 if recording.faults else 0
 
 

@@ -9,6 +9,7 @@ Reads finished recordings, packed ones, killed ones and those that are being wri
 
   fti info data/da42_20260102T030405Z_0
   fti info flight_000.mcap --json
+  fti info /media/disk/da42_20260102T030405Z_0 spare/da42_20260102T030405Z_0     the medium was changed: all folders
   fti info data/da42_20260102T030405Z_0 --plot activity.html      or .svg: a picture for report and browser
 """
 
@@ -16,13 +17,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SESSION, --json and --plot."""
-    parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
+    parser.add_argument("session", metavar="SESSION", nargs="+", help="session folder or MCAP file; all of one session")
     parser.add_argument("--json", action="store_true", help="print JSON only")
     parser.add_argument(
         "--plot", metavar="FILE", type=_picture, help="also draw the activity into FILE.svg or FILE.html, which is new"
@@ -39,11 +39,11 @@ def _picture(text: str) -> Path:
 def run(args: argparse.Namespace) -> int:
     """Read everything and print it; 3 when a file broke off."""
     from fti.cli._info_view import as_json, as_text
-    from fti.cli._reading import reading
+    from fti.cli._reading import reading, report_faults
     from fti.logger.reading.recording import Recording
     from fti.post.overview import Overview
 
-    recording = Recording.open(args.session)
+    recording = Recording.open(*args.session)
     with reading(recording, "reading"):
         view = Overview.make(recording)
     if args.plot:
@@ -51,6 +51,5 @@ def run(args: argparse.Namespace) -> int:
 
         write_plot(view, args.plot)
     print(json.dumps(as_json(view), indent=1) if args.json else "\n".join(as_text(view)))
-    for fault in recording.faults.values():
-        print(f"fti: {fault.path}: {fault.text}", file=sys.stderr)
+    report_faults(recording)
     return 3 if recording.faults else 0

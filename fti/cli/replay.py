@@ -2,7 +2,8 @@
 
 Serial and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  The replay begins when
 every serial line, slcan channel and UDP port has been opened, and half a second later (a CAN bus does not tell who
-listens).  Nothing is lost: while a line is full, the replay waits.
+listens).  Nothing is lost: while a line is full, the replay waits.  A snapshot, or a session in mode "snapshot", is
+sent as far as it was recorded, with its pauses; it begins with its first frame.
 
     fti replay data/demo_20260101T120000Z_0 --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links --origin replay
@@ -40,11 +41,13 @@ def run(args: argparse.Namespace) -> int:
 
     from fti import config as configuration
     from fti.cli._playing import print_report, until_stopped
+    from fti.cli._reading import report_remarks
     from fti.hil.replay import Replay, recorded_config
     from fti.logger.reading.recording import Recording
 
     session = Path(args.session)
     recording = Recording.open(session)
+    report_remarks(recording)
     config = configuration.load(args.config) if args.config else recorded_config(recording, session)
     replay = Replay(recording, config, Path(args.links), speed=args.speed, from_s=args.from_s, wait_s=args.wait)
 

@@ -7,8 +7,9 @@ messages come, where its clock was set.  Then the real-time clock of the compute
   fti sync SESSION --plot clocks.html          a page with everything in it
   fti sync SESSION --out time_base.csv         FTI time -> device, GPS, UTC and real time; .mcap does too
 
-Raw stamps are never changed: the time base is a table beside them, to interpolate in.  CONFIG takes the place of the
-recorded configuration.
+Raw stamps are never changed: the time base is a table beside them, to interpolate in.  Of which session it is, and
+whether that is a snapshot, stands in time_base.json beside it, or in the metadata of the MCAP file.  CONFIG takes the
+place of the recorded configuration.
 """
 
 from __future__ import annotations
@@ -33,24 +34,27 @@ def run(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.progress import Progress
 
+    from fti.cli._reading import report_faults, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
     from fti.post.sync_page import write_page
     from fti.post.sync_report import as_json, as_text
-    from fti.post.time_base import check_name, time_base, write
+    from fti.post.time_base import check_place, write
 
     session = Path(args.session)
     if args.out:
-        check_name(Path(args.out))
+        check_place(Path(args.out))
     recording = Recording.open(session)
+    report_remarks(recording)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("frames", total=None)
         sync = analyse(recording, setup.devices, lambda done: bar.update(task, completed=done))
     if args.out:
-        write(time_base(sync), Path(args.out))
+        write(sync, Path(args.out))
     if args.plot:
         write_page(sync, session.name, Path(args.plot))
     print(json.dumps(as_json(sync), indent=1) if args.json else "\n".join(as_text(sync)))
+    report_faults(recording)
     return 3 if recording.faults else 0

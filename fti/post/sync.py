@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fti.config import Device
 from fti.drivers import Decoder
+from fti.logger.reading.about import about
 from fti.logger.reading.recording import Recording
 from fti.nav.device_clock import DeviceClock, Segment
 from fti.nav.device_times import told_time
@@ -95,11 +96,15 @@ class ComputerClock:
 
 @dataclass(frozen=True, slots=True)
 class Sync:
-    """What is known of the clocks of a session.  begin_ns : FTI time of its first frame."""
+    """What is known of the clocks of a session.
+
+    begin_ns : FTI time of its first frame; about : of which session, see ``fti.logger.reading.about``
+    """
 
     begin_ns: int
     heard: list[Heard]
     computer: ComputerClock
+    about: Mapping[str, str] = field(default_factory=dict)
 
     def gnss(self) -> Heard | None:
         """The clock that stands for GNSS time: known, GPS before UTC, in the order of the configuration."""
@@ -116,7 +121,7 @@ def analyse(recording: Recording, devices: list[BoundDevice], progress: Progress
         ears.listen(frame)
         if done % PROGRESS_FRAMES == 0:
             progress(done)
-    return Sync(begin_ns, ears.finish(), read_computer_clock(recording))
+    return Sync(begin_ns, ears.finish(), read_computer_clock(recording), about(recording))
 
 
 class _Ears:

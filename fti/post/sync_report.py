@@ -20,6 +20,7 @@ def as_json(sync: Sync) -> dict[str, Any]:
     delay        : of the messages, beyond the shortest way; late : beyond what is usual
     """
     return {
+        "session": dict(sync.about),
         "begin_ns": sync.begin_ns,
         "devices": [_device(heard) for heard in sync.heard],
         "computer": _computer(sync),
@@ -98,8 +99,10 @@ def _gnss(sync: Sync) -> dict[str, Any] | None:
 
 def as_text(sync: Sync) -> list[str]:
     """Lines for a person."""
+    note = [f"*** {sync.about['note']} ***"] if "note" in sync.about else []
     lines = [line for heard in sync.heard for line in _device_lines(heard, sync.begin_ns)]
-    return [*(lines or ["no device of this session says its own time"]), *_computer_lines(sync), *_gnss_lines(sync)]
+    devices = lines or ["no device of this session says its own time"]
+    return [*note, *devices, *_computer_lines(sync), *_gnss_lines(sync)]
 
 
 def _device_lines(heard: Heard, begin_ns: int) -> list[str]:

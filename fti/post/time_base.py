@@ -12,10 +12,9 @@ import dataclasses
 import io
 import itertools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from mcap.writer import Writer
@@ -29,6 +28,7 @@ from fti.post.sync import SECOND_NS, ComputerClock, Heard, Sync
 HOUR_NS = 3600 * SECOND_NS
 STEP_NS = 600 * SECOND_NS
 TOPIC = "/fti/time_base"
+SUFFIXES = (".csv", ".mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,34 +94,56 @@ def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
 # -------------------------------------------------------------------------------------------------------- writing
 
 
-def check_name(path: Path) -> None:
-    """Raises ConfigError when no file of that name can be written."""
-    if path.suffix not in _WRITERS:
-        raise ConfigError(f"{path}: the name must end in {' or '.join(_WRITERS)}")
+def check_place(path: Path) -> None:
+    """Raises ConfigError when no file of that name can be written, StorageError when it is there already."""
+    if path.suffix not in SUFFIXES:
+        raise ConfigError(f"{path}: the name must end in {' or '.join(SUFFIXES)}")
+    for file in (path, _beside(path)):
+        if file.exists():
+            raise StorageError(f"{file}: cannot be written: it exists already")
 
 
-def write(rows: list[TimeBaseRow], path: Path) -> None:
-    """To a new ``.csv`` or ``.mcap`` file.  Raises ConfigError for another name, StorageError when it cannot be."""
-    check_name(path)
+def _beside(path: Path) -> Path:
+    """What says of a table of which session it is."""
+    return path.with_suffix(".json") if path.suffix == ".csv" else path
+
+
+def write(sync: Sync, path: Path) -> None:
+    """The rows to a new ``.csv`` or ``.mcap`` file, with what is told of the session: of a table, in a file beside it.
+
+    Raises as ``check_place``, and StorageError when it cannot be written.
+    """
+    check_place(path)
+    rows = time_base(sync)
+    if path.suffix == ".mcap":
+        _write_new(path, _mcap(rows, sync.about))
+        return
+    _write_new(_beside(path), f"{json.dumps(dict(sync.about), indent=1)}\n".encode())
+    _write_new(path, _csv(rows))
+
+
+def _write_new(path: Path, data: bytes) -> None:
     try:
         with path.open("xb") as file:
-            _WRITERS[path.suffix](rows, file)
+            file.write(data)
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror}") from None
 
 
-def _write_csv(rows: list[TimeBaseRow], file: BinaryIO) -> None:
+def _csv(rows: list[TimeBaseRow]) -> bytes:
     names = [field.name for field in dataclasses.fields(TimeBaseRow)]
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(names)
     table.writerows([getattr(row, name) for name in names] for row in rows)
-    file.write(text.getvalue().encode())
+    return text.getvalue().encode()
 
 
-def _write_mcap(rows: list[TimeBaseRow], file: BinaryIO) -> None:
+def _mcap(rows: list[TimeBaseRow], about: Mapping[str, str]) -> bytes:
+    file = io.BytesIO()
     writer = Writer(file)
     writer.start(profile="fti", library="fti")
+    writer.add_metadata("fti", dict(about))
     schema = schemas.schema_of(TimeBaseRow)
     schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
     channel = writer.register_channel(TOPIC, "json", schema_id)
@@ -129,6 +151,4 @@ def _write_mcap(rows: list[TimeBaseRow], file: BinaryIO) -> None:
         data = json.dumps(dataclasses.asdict(row), separators=(",", ":")).encode()
         writer.add_message(channel, row.t_fti_ns, data, row.t_fti_ns)
     writer.finish()  # type: ignore[no-untyped-call]
-
-
-_WRITERS: dict[str, Callable[[list[TimeBaseRow], BinaryIO], None]] = {".csv": _write_csv, ".mcap": _write_mcap}
+    return file.getvalue()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
@@ -48,6 +49,26 @@ def record_raw(
             log.flush()
     log.flush()
     return log
+
+
+def record_snapshots(folder: SessionFolder, *parts: range) -> None:
+    """A session in mode "snapshot" of 6 s: ticks in the raw file, frames of some numbers in a snapshot file each."""
+    keys: dict[str, Any] = {
+        "split_s": 300,
+        "split_mb": 100,
+        "metadata": {"fti": {**ABOUT, "mode": "snapshot"}},
+        "attachments": [("config.toml", "text/plain", CONFIG)],
+    }
+    log = RawLog(folder, LINKS, **keys)
+    for seq in range(0, 300, 10):
+        log.tick(seq, STARTED + seq * SECOND // 50)
+    mark(log, 2.0, "flutter")
+    log.close()
+    for part in parts:
+        shot = RawLog(folder, LINKS, kind="snapshot", **keys)
+        for seq in (seq for seq in part if seq % 10):
+            shot.frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
+        shot.close()
 
 
 def mark(log: RawLog, t_s: float, text: str) -> None:

@@ -16,7 +16,7 @@ from fti.errors import StorageError
 from fti.logger.export import csv_table
 from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
 from fti.logger.session import SessionFolder
-from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw
+from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw, record_snapshots
 from tests.helpers import until
 
 
@@ -45,7 +45,7 @@ def test_csv_has_units_in_its_heads(folder: SessionFolder, tmp_path: Path) -> No
     assert export(folder, out, "--raw") == 0
     assert sorted(p.name for p in out.iterdir()) == [
         "fti_event.csv", "imu_imu_sample.csv", "ins_attitude.csv", "nav_glide_slope.csv",
-        "raw_ins.csv", "raw_radar.csv", "tx_radar.csv",
+        "raw_ins.csv", "raw_radar.csv", "session.json", "tx_radar.csv",
     ]  # fmt: skip
     imu = read_table(out / "imu_imu_sample.csv")
     assert [row["accel_b.2 [m/s^2]"] for row in imu] == ["", "9.81"] and "accel_b" not in imu[0]
@@ -81,7 +81,7 @@ def test_parquet_comes_in_groups_that_lose_nothing(tmp_path: Path, monkeypatch: 
     from fti.logger.export import parquet_table
 
     monkeypatch.setattr(parquet_table, "GROUP_ROWS", 7)
-    table = parquet_table.ParquetTable(tmp_path / "t", [Column("n", Type.INT)])
+    table = parquet_table.ParquetTable(tmp_path / "t", [Column("n", Type.INT)], {})
     for n in range(30):
         table.write([n])
     table.close()
@@ -91,7 +91,11 @@ def test_parquet_comes_in_groups_that_lose_nothing(tmp_path: Path, monkeypatch: 
 
 def test_topics_and_times_are_chosen(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert export(folder, tmp_path / "a", "--topic", "/nav/*", "--topic", "/imu/*") == 0
-    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["imu_imu_sample.csv", "nav_glide_slope.csv"]
+    assert sorted(p.name for p in (tmp_path / "a").iterdir()) == [
+        "imu_imu_sample.csv",
+        "nav_glide_slope.csv",
+        "session.json",
+    ]
     assert export(folder, tmp_path / "b", "--raw", "--topic", "/raw/ins", "--from", "2", "--to", "3") == 0
     times = [float(row["t_s"]) for row in read_table(tmp_path / "b" / "raw_ins.csv")]
     assert (len(times), min(times), max(times)) == (25, 2.02, 2.98)
@@ -102,6 +106,60 @@ def test_topics_and_times_are_chosen(folder: SessionFolder, tmp_path: Path, caps
     assert "with --raw the bytes of the links" in found
     assert export(folder, tmp_path / "c", "--from", "3", "--to", "2") == 2
     assert "--to 2: is before --from 3" in capsys.readouterr().err
+
+
+def test_a_session_in_several_folders_is_exported_as_one(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spare = tmp_path / "spare" / folder.name
+    spare.mkdir(parents=True)
+    moved = folder.files("raw")[0]
+    moved.rename(spare / moved.name)
+    assert export(folder, tmp_path / "part", "--raw", "--topic", "/raw/ins") == 0
+    assert main(["export", str(folder.path), str(spare), "--out", str(tmp_path / "t"), "--raw"]) == 0
+    assert [int(row["seq"]) for row in read_table(tmp_path / "t" / "raw_ins.csv")] == list(range(1, 300, 2))
+    assert len(read_table(tmp_path / "part" / "raw_ins.csv")) < 150
+
+
+# ------------------------------------------------------------------------------------------- of which session it is
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_tables_of_a_snapshot_say_so(form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made, out = make_folder(tmp_path), tmp_path / "t"
+    record_snapshots(made, range(50, 100), range(200, 230))
+    assert export(made, out, "--raw", "--format", form) == 0
+    assert capsys.readouterr().err.startswith("note: SNAPSHOT: not a continuous recording")
+    about = json.loads((out / "session.json").read_text())
+    assert (about["session"], about["origin"], about["mode"]) == (made.name, "hil", "snapshot")
+    assert about["note"].startswith("SNAPSHOT: not a continuous recording")
+    if form == "csv":
+        seqs = [int(row["seq"]) for row in read_table(out / "raw_ins.csv")]
+    else:
+        table = pq.read_table(out / "raw_ins.parquet")
+        seqs = table.column("seq").to_pylist()
+        assert {key.encode(): text.encode() for key, text in about.items()}.items() <= table.schema.metadata.items()
+    assert seqs == [*range(51, 100, 2), *range(201, 230, 2)]
+
+
+def test_a_continuous_session_has_no_such_note(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export(folder, tmp_path / "t", "--topic", "/nav/*") == 0
+    assert export(folder, tmp_path / "t", "--topic", "/imu/*") == 0  # more of the same session
+    assert capsys.readouterr().err == ""
+    assert "note" not in json.loads((tmp_path / "t" / "session.json").read_text())
+
+
+def test_tables_of_two_sessions_are_not_mixed(
+    folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert export(folder, tmp_path / "t", "--topic", "/nav/*") == 0
+    other = SessionFolder.create(tmp_path, "other", STARTED)
+    record_raw(other, range(10)).close()
+    assert export(other, tmp_path / "t", "--raw") == 2
+    assert "session.json: the tables in this folder are of another session" in capsys.readouterr().err
+    assert sorted(p.name for p in (tmp_path / "t").iterdir()) == ["nav_glide_slope.csv", "session.json"]
 
 
 def test_nothing_is_overwritten(folder: SessionFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -144,7 +202,7 @@ def test_an_interrupt_leaves_no_half_table(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=20)
     whole = sorted(p.name for p in out.iterdir())
-    assert (process.returncode, whole) in [(130, []), (0, ["raw_ins.csv", "raw_radar.csv"])]
+    assert (process.returncode, whole) in [(130, []), (0, ["raw_ins.csv", "raw_radar.csv", "session.json"])]
 
 
 def test_a_damaged_recording_gives_what_is_there(

@@ -15,7 +15,17 @@ from fti.cli.main import main
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
-from tests.cli.sessions import ABOUT, LINKS, SECOND, STARTED, make_folder, mark, record_derived, record_raw
+from tests.cli.sessions import (
+    ABOUT,
+    LINKS,
+    SECOND,
+    STARTED,
+    make_folder,
+    mark,
+    record_derived,
+    record_raw,
+    record_snapshots,
+)
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -128,12 +138,76 @@ def test_the_pictures_of_all_topics_are_as_wide(folder: SessionFolder, capsys: p
 
 
 def test_a_snapshot_session_says_so(folder: SessionFolder, capsys: pytest.CaptureFixture[str]) -> None:
-    log = RawLog(folder, LINKS, split_s=4, split_mb=100, metadata={"fti": {**ABOUT, "mode": "snapshot"}})
-    log.frame("ins", 0, STARTED, b"x")
-    log.close()
+    record_snapshots(folder, range(50, 150))
     assert info(folder) == 0
     assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
-    assert told(folder, capsys)["mode"] == "snapshot"
+    found = told(folder, capsys)
+    assert found["mode"] == "snapshot" and found["remarks"][0].startswith("SNAPSHOT")
+
+
+def test_a_snapshot_file_of_a_continuous_session_says_so(
+    folder: SessionFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = RawLog(folder, LINKS, kind="snapshot", split_s=4, split_mb=100, metadata={"fti": ABOUT})
+    log.frame("ins", 0, STARTED, b"x")
+    log.close()
+    assert main(["info", str(folder.files("snapshot")[0])]) == 0
+    assert "*** SNAPSHOT: not a continuous recording" in capsys.readouterr().out
+
+
+# ------------------------------------------------------------------------------------------------- several folders
+
+
+def record_in_two_places(tmp_path: Path) -> tuple[Path, Path]:
+    """Six seconds in three files; the middle one lies on another medium, as every file says."""
+    main_place, spare = (tmp_path / name / "s_20260102T030405Z_0" for name in ("main", "spare"))
+    main_place.mkdir(parents=True)
+    spare.mkdir(parents=True)
+    log = RawLog(
+        SessionFolder(main_place), LINKS, split_s=2, split_mb=100, metadata={"fti": ABOUT}, places=[main_place, spare]
+    )
+    for seq in range(300):
+        log.frame("ins" if seq % 2 else "radar", seq, STARTED + seq * SECOND // 50, bytes(10))
+        if seq % 50 == 49:
+            log.flush()
+    log.close()
+    middle = SessionFolder(main_place).files("raw")[1]
+    middle.rename(spare / middle.name)
+    return main_place, spare
+
+
+def test_a_session_in_several_folders_is_told_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = record_in_two_places(tmp_path)
+    assert main(["info", str(first), str(second), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {topic["topic"]: topic["messages"] for topic in found["topics"]} == {"/raw/ins": 150, "/raw/radar": 150}
+    assert [topic["gap_count"] for topic in found["topics"]] == [0, 0] and found["remarks"] == []
+    assert [file["folder"] for file in found["files"]] == [str(first), str(second), str(first)]
+    assert main(["info", str(first), str(second)]) == 0
+    assert f"{second}/s_20260102T030405Z_0_001.mcap" in capsys.readouterr().out
+
+
+def test_who_gives_one_folder_of_several_is_told_of_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = record_in_two_places(tmp_path)
+    assert main(["info", str(first)]) == 0
+    assert f"more of this session lies in {second}; name all its folders" in capsys.readouterr().out
+    shutil.rmtree(second)  # the medium is not there
+    assert main(["info", str(first)]) == 0
+    assert f"raw files 001 are not here; they may lie in {second}" in capsys.readouterr().out
+    assert main(["info", str(SessionFolder(first).files("raw")[0])]) == 0
+    assert "not here" not in capsys.readouterr().out  # who gives a file, means a file
+
+
+def test_folders_of_two_sessions_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folders = [SessionFolder.create(tmp_path, name, STARTED) for name in ("s", "t")]
+    for made in folders:
+        record_raw(made, range(10)).close()
+    for command in (["info"], ["export", "--out", str(tmp_path / "tables")]):
+        assert main([command[0], *(str(made.path) for made in folders), *command[1:]]) == 2
+        assert "is of session t_20260102T030405Z_0, and" in capsys.readouterr().err
+    assert not (tmp_path / "tables").exists()
 
 
 def test_a_snapshot_beside_the_recording_counts_nothing_twice(

@@ -54,11 +54,18 @@ def shown_ns(t_ns: int) -> int:
     return FTI_0 + BOOKED_NS + round(since * (1 + DRIFT_PPM * 1e-6)) + (SET_NS if since >= STEP_S * SECOND_NS else 0)
 
 
-def record(folder: Path, attachments: dict[str, str], *, times: bool = True) -> Path:
+def record(folder: Path, attachments: dict[str, str], *, times: bool = True, mode: str = "continuous") -> Path:
     """A sentence for each whole second of the receiver; one in ten comes 80 ms late."""
     session = SessionFolder.create(folder, "small", FTI_0)
     texts = [(name, "text/plain", text.encode()) for name, text in attachments.items()]
-    log = RawLog(session, [RawTopic("line", "serial", {})], split_s=1000, split_mb=10, attachments=texts)
+    log = RawLog(
+        session,
+        [RawTopic("line", "serial", {})],
+        split_s=1000,
+        split_mb=10,
+        attachments=texts,
+        metadata={"fti": {"mode": mode}},
+    )
     encoder = nmea0183.make_encoder(nmea0183.Options())
     rng = np.random.default_rng(1)
     for k in range(LENGTH_S):
@@ -170,6 +177,31 @@ def test_nothing_is_overwritten_and_other_names_are_refused(
         assert main(["sync", str(session), arguments[0], str(tmp_path / arguments[1])]) == 2
         assert arguments[1] in capsys.readouterr().err
     assert (tmp_path / "base.csv").read_text() == (tmp_path / "page.html").read_text() == "mine"
+
+
+def test_what_is_made_of_a_snapshot_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = record(tmp_path, {"config.toml": CONFIG}, mode="snapshot")
+    note = "SNAPSHOT: not a continuous recording"
+    table = sync(session, capsys, "--out", str(tmp_path / "base.csv"), "--plot", str(tmp_path / "page.html"))
+    assert table["session"]["note"].startswith(note)
+    assert note in (tmp_path / "page.html").read_text()
+    assert json.loads((tmp_path / "base.json").read_text()) == table["session"]
+    assert main(["sync", str(session), "--out", str(tmp_path / "base.mcap")]) == 0
+    assert capsys.readouterr().out.startswith(f"*** {note}")
+    with (tmp_path / "base.mcap").open("rb") as file:
+        (metadata,) = make_reader(file).iter_metadata()
+    assert metadata.metadata == table["session"]
+
+
+def test_a_continuous_session_has_no_such_note(
+    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "note" not in sync(session, capsys, "--out", str(tmp_path / "base.csv"))["session"]
+    assert json.loads((tmp_path / "base.json").read_text())["session"] == session.name
+    assert main(["sync", str(session), "--out", str(tmp_path / "base.csv")]) == 2  # before anything is decoded
+    assert "base.csv: cannot be written: it exists already" in capsys.readouterr().err
+    assert main(["sync", str(session)]) == 0
+    assert "SNAPSHOT" not in capsys.readouterr().out
 
 
 def test_a_session_in_which_nobody_says_the_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

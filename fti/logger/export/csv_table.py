@@ -1,9 +1,12 @@
-"""Tables as CSV: units in the heads (``height_agl [m]``), an empty cell is a value that is not known."""
+"""Tables as CSV: units in the heads (``height_agl [m]``), an empty cell is a value that is not known.
+
+A comment in the file would be a row to most programs that read it; of which session it is, ``session.json`` says.
+"""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,8 @@ from fti.logger.export.tables import Format
 class CsvTable:
     """A CSV file in UTF-8.  Bytes are hexadecimal, texts of a list stand in one cell, as ``a b``."""
 
-    def __init__(self, path: Path, columns: Sequence[Column]) -> None:
+    def __init__(self, path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> None:
+        del about
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._table = csv.writer(self._stream, lineterminator="\n")
         self._table.writerow([column.head for column in columns])

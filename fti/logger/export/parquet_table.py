@@ -1,12 +1,14 @@
 """Tables as Apache Parquet: typed columns, units in the metadata of each field and, together, of the file.
 
-The file's metadata ``units`` is a JSON table of column and unit; pandas, Polars, DuckDB and MATLAB read the columns.
+The file's metadata ``units`` is a JSON table of column and unit; ``session``, ``origin``, ``mode`` and more say of
+which session it is, and ``note`` that it is a snapshot, where it is one.  pandas, Polars, DuckDB and MATLAB read the
+columns.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +33,8 @@ TYPES = {
 class ParquetTable:
     """A Parquet file (zstd).  A value that is not known is null."""
 
-    def __init__(self, path: Path, columns: Sequence[Column]) -> None:
-        self._schema = make_schema(columns)
+    def __init__(self, path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> None:
+        self._schema = make_schema(columns, about)
         self._writer = pq.ParquetWriter(path, self._schema, compression="zstd")
         self._waiting: list[Sequence[Any]] = []
 
@@ -57,14 +59,14 @@ class ParquetTable:
             self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
 
-def make_schema(columns: Sequence[Column]) -> pa.Schema:
-    """The schema of a table with its units."""
+def make_schema(columns: Sequence[Column], about: Mapping[str, str]) -> pa.Schema:
+    """The schema of a table with its units and what is told of the session."""
     units = {column.name: column.unit for column in columns if column.unit}
     fields = [
         pa.field(column.name, TYPES[column.type], metadata={"unit": column.unit} if column.unit else None)
         for column in columns
     ]
-    return pa.schema(fields, metadata={"units": json.dumps(units)})
+    return pa.schema(fields, metadata={**about, "units": json.dumps(units)})
 
 
 PARQUET = Format(".parquet", ParquetTable)

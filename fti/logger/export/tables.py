@@ -1,13 +1,14 @@
 """A recording as tables, one for each topic: read twice, first for the columns, then for the rows; little memory.
 
-A table appears under its name when it is whole.  Nothing that exists is overwritten.
+A table appears under its name when it is whole.  Nothing that exists is overwritten.  ``session.json`` beside the
+tables says of which session they are, and that it is a snapshot, where it is one.
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -15,7 +16,9 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from fti.errors import MissingError, RecordingError, StorageError
+from fti.logger.export import session_file
 from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
+from fti.logger.reading.about import about
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.survey.topics import KINDS
@@ -48,10 +51,10 @@ class TableWriter(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """A kind of table.  open : makes a writer of a path and its columns; raises OSError."""
+    """A kind of table.  open : makes a writer of a path, columns, and what is told of the session; raises OSError."""
 
     suffix: str
-    open: Callable[[Path, Sequence[Column]], TableWriter]
+    open: Callable[[Path, Sequence[Column], Mapping[str, str]], TableWriter]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +85,13 @@ class _Contents:
 def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> dict[Path, int]:
     """Write the tables; returns the rows of each file.
 
-    Raises MissingError when a pattern matches nothing, StorageError when a file exists already or cannot be written.
+    Raises MissingError when a pattern matches nothing, StorageError when a file exists already or cannot be written, or
+    when the folder has tables of another session.
     """
     contents = _find_contents(recording, raw=choice.raw)
     _check_patterns(choice, contents)
     span = _Span(contents.start_ns or 0, choice)
-    with _Tables(folder, form) as tables:
+    with _Tables(folder, form, about(recording)) as tables:
         for topic, (finder, _) in contents.tables.items():
             if choice.wants(topic):
                 tables.open(topic, (*TIMES, *finder.columns()))
@@ -172,13 +176,15 @@ def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:
 class _Tables:
     """The tables that are being written, as drafts beside their places; after an error none of them is there."""
 
-    def __init__(self, folder: Path, form: Format) -> None:
+    def __init__(self, folder: Path, form: Format, about: Mapping[str, str]) -> None:
         self._folder = folder
         self._form = form
+        self._about = about
         self._open: dict[str, tuple[Path, TableWriter, Sequence[Column]]] = {}
         self.rows: dict[Path, int] = {}
 
     def __enter__(self) -> _Tables:
+        session_file.check(self._folder, self._about)
         return self
 
     def __contains__(self, topic: str) -> bool:
@@ -192,7 +198,7 @@ class _Tables:
             if path in self.rows or os.path.lexists(path):
                 raise FileExistsError(None, "it exists already")
             self.rows[path] = 0  # from here on its draft is cleared away
-            self._open[topic] = path, self._form.open(_draft(path), columns), columns
+            self._open[topic] = path, self._form.open(_draft(path), columns, self._about), columns
         except OSError as error:
             raise _refusal(path, error) from error
 
@@ -213,11 +219,20 @@ class _Tables:
             for path, writer, _ in self._open.values():
                 _close(path, writer, quietly=error is not None)
             if error is None:
-                for path in self.rows:
-                    _draft(path).rename(path)
+                self._name_them()
         finally:
             for path in self.rows:
                 _draft(path).unlink(missing_ok=True)
+
+    def _name_them(self) -> None:
+        """Give the whole tables their names; first what says of which session they are.  Raises StorageError."""
+        try:
+            if self.rows:
+                session_file.write(self._folder, self._about)
+            for path in self.rows:
+                _draft(path).rename(path)
+        except OSError as error:
+            raise _refusal(self._folder, error) from error
 
 
 def _draft(path: Path) -> Path:
