@@ -12,12 +12,12 @@ are recorded as sent, not as received.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import functools
 import socket
-import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import compress
 from typing import Any, cast
 
@@ -31,15 +31,18 @@ from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._batch import COUNT
 from fti.links._poll import forget, watch
 from fti.links._socket import Arrival, prepare
+from fti.links._thread import ThreadReader
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import ControllerWatch, count_error, is_error
 from fti.links.ports import can_interfaces
 from fti.types import LinkState
 
 RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
-THREAD_WAIT_S = 0.05
 MAX_ERRORS = 100  # one after the other, without a frame: then the bus is opened again
 MAX_ECHOES = 64
+LAST_BATCHES = 1000  # from an interface that is gone
+#: In the errors of the link: frames that the library or its driver could not read.
+UNREADABLE = "can_unreadable"
 #: Interfaces whose bit rate is not set by the program.
 NO_BITRATE = ("socketcan", "udp_multicast", "virtual")
 
@@ -85,7 +88,7 @@ class BusLink(BaseLink):
         self._bus: can.BusABC | None = None
         self._socket: socket.socket | None = None  # SocketCAN's own
         self._arrival = Arrival(clock, self.status)
-        self._reader: _Reader | None = None
+        self._reader: ThreadReader | None = None
         self._fd = -1
         self._errors = 0
         self._controller = ControllerWatch(self.status.errors, config.channel)
@@ -96,6 +99,7 @@ class BusLink(BaseLink):
     async def _open(self) -> None:
         self._bus = await self._make_bus()
         self._errors = 0
+        self._echoes.clear()
         loop = asyncio.get_running_loop()
         if self._config.interface == "socketcan":
             self._socket = cast(SocketcanBus, self._bus).socket
@@ -108,7 +112,7 @@ class BusLink(BaseLink):
         elif self._fd >= 0:
             loop.add_reader(self._fd, self._on_readable)
         else:
-            self._reader = _Reader(self._bus, self._clock, self._on_message, self._on_error, self.name)
+            self._reader = ThreadReader(self._bus, self._clock, self._on_message, self._on_error, self.name)
 
     async def _make_bus(self) -> can.BusABC:
         """Open the bus in a thread: drivers of vendors take their time, and other links must be read meanwhile."""
@@ -167,7 +171,7 @@ class BusLink(BaseLink):
         for _ in range(COUNT):
             try:
                 message = self._bus.recv(timeout=0) if self._bus else None
-            except (can.CanError, ValueError) as error:
+            except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything, and must be read on
                 self._on_error(error)
                 return False
             if message is None:
@@ -177,11 +181,22 @@ class BusLink(BaseLink):
 
     def _read_socket(self) -> bool:
         try:
-            frames, times = self._arrival.read(self._fd)
+            return self._read_batch()
         except OSError as error:
             if error.errno != errno.ENETDOWN:
+                self._read_last()
                 raise
             return True  # told once; frames come again when the interface is up
+
+    def _read_last(self) -> None:
+        """The kernel tells an error before what came earlier, and keeps that."""
+        with contextlib.suppress(OSError):
+            for _ in range(LAST_BATCHES):
+                if not self._read_batch():
+                    break
+
+    def _read_batch(self) -> bool:
+        frames, times = self._arrival.read(self._fd)
         if not frames:
             return False
         count, own = len(frames), [flags & socket.MSG_CONFIRM for flags in self._arrival.batch.flags()]
@@ -199,7 +214,7 @@ class BusLink(BaseLink):
         try:
             frame = pack_message(message)
         except ValueError:
-            self.status.refused += 1
+            self._refuse()
             return
         if frame in self._echoes:
             self._echoes.remove(frame)
@@ -208,10 +223,23 @@ class BusLink(BaseLink):
 
     def _on_error(self, error: Exception) -> None:
         """The library could not read a frame; one bad frame is no lost bus, a hundred in a row are."""
-        self.status.refused += 1
+        self._refuse()
         self._errors += 1
         if self._errors >= MAX_ERRORS or isinstance(error, OSError):
             self._fail(LinkError(f"{self._config.interface} {self._config.channel}: {error}"))
+
+    def _refuse(self) -> None:
+        self.status.refused += 1
+        self.status.errors[UNREADABLE] = self.status.refused
+
+    async def drain(self) -> None:
+        """Read what the kernel or the driver still holds, before the link is cancelled."""
+        if self._reader is None:
+            await super().drain()
+            return
+        reader = self._reader
+        await asyncio.to_thread(reader.finish)
+        reader.hand_on()
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         for frame in filter(is_error, frames):
@@ -238,9 +266,7 @@ class BusLink(BaseLink):
 
     async def _write(self, data: bytes) -> None:
         if self._socket is None:
-            if self._config.interface == "udp_multicast":
-                self._echoes.append(data)  # a multicast group hears itself
-            await self._write_bus(unpack_message(data))
+            await self._write_bus(data)
             return
         while self._socket:
             try:
@@ -253,11 +279,16 @@ class BusLink(BaseLink):
                     raise
                 await asyncio.sleep(RETRY_S)
 
-    async def _write_bus(self, message: can.Message) -> None:
+    async def _write_bus(self, data: bytes) -> None:
         assert self._bus
+        message = unpack_message(data)
+        if self._config.interface == "udp_multicast":
+            self._echoes.append(data)  # a multicast group hears itself
         try:
             await asyncio.to_thread(self._bus.send, message, 1.0)
         except can.CanError as error:
+            with contextlib.suppress(ValueError):  # heard all the same, or no bus that hears itself
+                self._echoes.remove(data)
             raise LinkError(f"link {self.name}: cannot send: {error}") from None
 
 
@@ -273,40 +304,3 @@ def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:
     """A bus that nobody waits for any more."""
     if opening.exception() is None:
         opening.result().shutdown()
-
-
-class _Reader:
-    """One thread that waits for frames of a bus without a descriptor and hands them to the loop, stamped."""
-
-    def __init__(
-        self,
-        bus: can.BusABC,
-        clock: Clock,
-        on_message: Callable[[can.Message, int], object],
-        on_error: Callable[[Exception], object],
-        name: str,
-    ) -> None:
-        self._bus = bus
-        self._clock = clock
-        self._on_message = on_message
-        self._on_error = on_error
-        self._loop = asyncio.get_running_loop()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._read, name=f"fti-can-{name}", daemon=True)
-        self._thread.start()
-
-    def _read(self) -> None:
-        while not self._stopping.is_set():
-            try:
-                message = self._bus.recv(timeout=THREAD_WAIT_S)
-            except (can.CanError, OSError, ValueError) as error:
-                self._loop.call_soon_threadsafe(self._on_error, error)
-                self._stopping.wait(THREAD_WAIT_S)
-                continue
-            if message is not None:
-                self._loop.call_soon_threadsafe(self._on_message, message, self._clock.now_ns())
-
-    def stop(self) -> None:
-        """End the thread; takes one wait at most, more only when a driver ignores its time limit."""
-        self._stopping.set()
-        self._thread.join(timeout=20 * THREAD_WAIT_S)

@@ -34,10 +34,20 @@ BUSY = (errno.EAGAIN, errno.EBUSY)
 
 
 class _Port(pyserial.Serial):
-    """pyserial, without its habit of discarding what arrived before the port was opened."""
+    """pyserial, without its habit of discarding what arrived before the port was opened.
+
+    It leaves what an earlier user has set: that a break empties the kernel's queue, that torn bytes are left out.
+    """
 
     def _reset_input_buffer(self) -> None:
         pass
+
+    def _reconfigure_port(self, force_update: bool = False) -> None:
+        assert self.fd is not None
+        settings = termios.tcgetattr(self.fd)
+        settings[0] &= ~(termios.BRKINT | termios.IGNPAR)
+        termios.tcsetattr(self.fd, termios.TCSANOW, settings)
+        super()._reconfigure_port(force_update)  # type: ignore[misc]
 
 
 def open_port(config: SerialConfig) -> _Port:

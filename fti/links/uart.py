@@ -20,7 +20,7 @@ from fti.clock import SECOND_NS
 TIOCGICOUNT = 0x545D
 _ICOUNTER = struct.Struct("@11i36x")  # cts dsr rng dcd rx tx frame overrun parity brk buf_overrun, reserved[9]
 _FRAME, _OVERRUN, _PARITY, _BREAK, _BUFFER = 6, 7, 8, 9, 10
-_MASK = 0xFFFF_FFFF
+_MASK, _HALF = 0xFFFF_FFFF, 2**31
 PERIOD_NS = SECOND_NS
 
 #: As ``fcntl.ioctl`` with a buffer.
@@ -77,5 +77,6 @@ class LineWatch:
         if found is None or self._last is None:
             return
         for name, before, after in zip(LineErrors._fields, self._last, found, strict=True):
-            self._errors[name] += (after - before) & _MASK
+            fresh = (after - before) & _MASK
+            self._errors[name] += fresh if fresh < _HALF else after & _MASK  # the driver has begun again
         self._last = found

@@ -21,7 +21,7 @@ from fti.links import open_link
 from fti.links._batch import Batch
 from fti.links.can import pack_message, unpack_message
 from fti.types import LinkState
-from tests.helpers import until_async
+from tests.helpers import until, until_async
 from tests.links.bench import running
 
 FRAMES = [
@@ -94,6 +94,45 @@ async def test_drain_takes_what_the_bus_holds(bus: tuple[CanLink, can.BusABC]) -
         assert heard.frames == FRAMES
 
 
+async def test_drain_waits_for_the_thread_that_reads(bus: tuple[CanLink, can.BusABC]) -> None:
+    """Two that read one bus would change the order of the frames."""
+    config, other = bus
+    frames = [pack_can(i % 0x800, i.to_bytes(4, "little")) for i in range(3000)]
+    async with running(config) as (opened, heard):
+        for frame in frames:
+            other.send(unpack_message(frame))
+        await opened.drain()
+        assert heard.frames == frames
+        assert heard.times == sorted(heard.times)
+
+
+async def test_what_was_read_before_a_bus_is_lost_is_handed_on(bus: tuple[CanLink, can.BusABC]) -> None:
+    """The loop is busy while the thread reads, and finds the bus lost before it has looked at the frames."""
+    config, other = bus
+    async with running(config) as (opened, heard):
+        for _ in range(100):
+            other.send(unpack_message(FRAMES[0]))
+        until(lambda: not opened._bus or opened._bus.queue.empty(), what="the thread to read")
+        opened._close()
+        assert len(heard.frames) == 100
+
+
+async def test_a_driver_that_raises_anything_is_read_on(bus: tuple[CanLink, can.BusABC]) -> None:
+    config, other = bus
+    async with running(config) as (opened, heard):
+        recv = opened._bus.recv
+
+        def fail_then_read(timeout: float) -> can.Message | None:
+            opened._bus.recv = recv
+            raise RuntimeError("a driver of a vendor")
+
+        opened._bus.recv = fail_then_read
+        await until_async(lambda: opened.status.refused)
+        other.send(unpack_message(FRAMES[0]))
+        await until_async(lambda: heard.frames)
+        assert opened.status.errors == {"can_unreadable": 1}
+
+
 @pytest.mark.parametrize(
     ("error", "state", "words"),
     [
@@ -159,6 +198,8 @@ class FakeBus:
             return None
         if data == b"bad":
             raise can.CanOperationError("could not unpack received message")
+        if data == b"worse":
+            raise RuntimeError("a driver of a vendor")
         return unpack_message(data)
 
     def send(self, message: can.Message, timeout: float) -> None:
@@ -197,13 +238,39 @@ async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake
         assert heard.frames == [FRAMES[1], FRAMES[0]]
 
 
+async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeBus]) -> None:
+    """Another node may send the same frame."""
+
+    def refuse(message: can.Message, timeout: float) -> None:
+        raise can.CanOperationError("the network is down")
+
+    async with running(link("udp_multicast", transmit=True)) as (opened, heard):
+        fake[0].send = refuse  # type: ignore[method-assign]
+        with pytest.raises(LinkError, match="the network is down"):
+            await opened.send(FRAMES[0])
+        fake[0].other.send(FRAMES[0])
+        await until_async(lambda: heard.frames)
+        assert heard.frames == FRAMES[:1]
+
+
+async def test_an_echo_of_an_earlier_bus_is_not_waited_for(fake: list[FakeBus]) -> None:
+    async with running(link("udp_multicast", transmit=True)) as (opened, heard):
+        fake[0].send = lambda message, timeout: None  # type: ignore[method-assign]
+        await opened.send(FRAMES[0])
+        opened._fail(LinkError("lost"))
+        await until_async(lambda: opened.status.connects == 2)
+        fake[1].other.send(FRAMES[0])
+        await until_async(lambda: heard.frames)
+
+
 async def test_bad_frame_is_counted_and_skipped(fake: list[FakeBus]) -> None:
     async with running(link("pcan", bitrate=250_000)) as (opened, heard):
         assert fake[0].arguments == {"ignore_config": True, "bitrate": 250_000}
-        for data in (FRAMES[0], b"bad", FRAMES[1]):
+        for data in (FRAMES[0], b"bad", b"worse", FRAMES[1]):
             fake[0].other.send(data)
         await until_async(lambda: len(heard.frames) == 2)
-        assert opened.status.refused == 1
+        assert opened.status.refused == 2
+        assert opened.status.errors == {"can_unreadable": 2}
         assert opened.status.connects == 1
 
 
@@ -300,10 +367,12 @@ async def test_own_frame_is_not_received(fake: list[FakeBus]) -> None:
 
 
 async def test_interface_that_vanishes_is_opened_again(fake: list[FakeBus]) -> None:
-    async with running(link("socketcan")) as (opened, _):
+    async with running(link("socketcan")) as (opened, heard):
         opened._arrival.batch = FlakyBatch([errno.ENODEV])
-        fake[0].other.send(FRAMES[0])
+        for frame in FRAMES[:3]:
+            fake[0].other.send(frame)
         await until_async(lambda: opened.status.connects == 2)
+        assert heard.frames == FRAMES[:3]  # the kernel tells the error first, and keeps what came before it
 
 
 async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:

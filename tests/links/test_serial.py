@@ -7,6 +7,7 @@ import contextlib
 import errno
 import itertools
 import os
+import termios
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -237,6 +238,16 @@ def test_pty_has_no_wire_and_so_no_parity(peer: Peer) -> None:
     keys = {"parity": "even", "data_bits": 7, "flow": "rtscts"}
     port = open_port(link(peer).model_copy(update=keys))
     assert (port.bytesize, port.parity, port.rtscts, port.exclusive) == (8, "N", False, True)
+    port.close()
+
+
+def test_nothing_of_an_earlier_user_lets_the_kernel_discard_bytes(peer: Peer) -> None:
+    """BRKINT: a break empties the queue.  IGNPAR: bytes with an error are left out.  ``stty sane`` sets the first."""
+    settings = termios.tcgetattr(peer._slave)
+    settings[0] |= termios.BRKINT | termios.IGNPAR | termios.IGNBRK | termios.INPCK | termios.ISTRIP
+    termios.tcsetattr(peer._slave, termios.TCSANOW, settings)
+    port = open_port(link(peer))
+    assert termios.tcgetattr(port.fileno())[0] == 0
     port.close()
 
 

@@ -78,6 +78,16 @@ def test_counters_wrap() -> None:
     assert errors["uart_framing"] == 3
 
 
+def test_counters_that_begin_again_are_not_four_billion_errors() -> None:
+    driver, errors = Driver(), dict[str, int]()
+    driver.counts["overrun"] = 10
+    watch = LineWatch(errors, driver)
+    watch.begin(0, 0)
+    driver.counts["overrun"] = 2
+    watch.read(0)
+    assert errors["uart_overrun"] == 2
+
+
 def test_a_driver_without_counters_is_not_zero() -> None:
     driver, errors = Driver(), dict[str, int]()
     driver.answers = False
