@@ -15,6 +15,7 @@ import asyncio
 import contextlib
 import errno
 import functools
+import os
 import socket
 from collections import deque
 from collections.abc import Sequence
@@ -87,6 +88,7 @@ class BusLink(BaseLink):
         self._config = config
         self._bus: can.BusABC | None = None
         self._socket: socket.socket | None = None  # SocketCAN's own
+        self._queue: socket.socket | None = None  # where the kernel counts what it drops
         self._arrival = Arrival(clock, self.status)
         self._reader: ThreadReader | None = None
         self._fd = -1
@@ -103,10 +105,11 @@ class BusLink(BaseLink):
         loop = asyncio.get_running_loop()
         if self._config.interface == "socketcan":
             self._socket = cast(SocketcanBus, self._bus).socket
-            self._arrival = Arrival(self._clock, self.status)
             prepare(self._socket)
             self._controller.begin(self._clock.now_ns())
         self._fd = _fileno(self._bus)
+        self._queue = self._socket or _socket_at(self._fd)
+        self._arrival = Arrival(self._clock, self.status)
         if self._socket:
             watch(self._fd, self._on_readable)
         elif self._fd >= 0:
@@ -155,12 +158,14 @@ class BusLink(BaseLink):
             loop.remove_writer(self._fd)
         if self._reader:
             self._reader.stop()
+        if self._queue:
+            self._arrival.ask_drops(self._queue)
+            self._queue.close()
         if self._socket:
-            self._arrival.ask_drops(self._socket)
             self._controller.read()
         if self._bus:
             self._bus.shutdown()
-        self._bus = self._socket = self._reader = None
+        self._bus = self._socket = self._queue = self._reader = None
         self._fd = -1
 
     # ------------------------------------------------------------------------------------------------------ reading
@@ -248,8 +253,9 @@ class BusLink(BaseLink):
 
     def _judge(self) -> None:
         super()._judge()
+        if self._queue:
+            self._arrival.ask_drops(self._queue)
         if self._socket:
-            self._arrival.ask_drops(self._socket)
             self._controller.look(self._clock.now_ns())
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")
         if self._socket and state != "up":
@@ -298,6 +304,19 @@ def _fileno(bus: can.BusABC) -> int:
         return bus.fileno()
     except (NotImplementedError, can.CanError):
         return -1
+
+
+def _socket_at(fd: int) -> socket.socket | None:
+    """The descriptor as a socket of our own; None when it is none."""
+    try:
+        own = os.dup(fd)
+    except OSError:
+        return None
+    try:
+        return socket.socket(fileno=own)
+    except OSError:
+        os.close(own)
+        return None
 
 
 def _shut_down(opening: asyncio.Future[can.BusABC]) -> None:

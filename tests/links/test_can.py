@@ -238,6 +238,25 @@ async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake
         assert heard.frames == [FRAMES[1], FRAMES[0]]
 
 
+async def test_frames_that_the_kernel_drops_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bus of the library may be a socket of its own (udp_multicast)."""
+    made = FakeBus()
+    for end in (made.socket, made.other):
+        end.close()
+    made.socket, made.other = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    made.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    made.socket.bind(("127.0.0.1", 0))
+    made.other.connect(made.socket.getsockname())
+    monkeypatch.setattr(can, "Bus", lambda *_, **__: made)
+    async with running(link("udp_multicast")) as (opened, heard):
+        for _ in range(500):
+            made.other.send(FRAMES[0])
+        await until_async(lambda: opened.status.socket_dropped and heard.frames)
+        await opened.drain()
+        opened._judge()
+        assert len(heard.frames) + opened.status.socket_dropped == 500
+
+
 async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeBus]) -> None:
     """Another node may send the same frame."""
 
