@@ -22,20 +22,28 @@ from fti.logger.reading.recording import Recording
 from fti.types import TICK_LINK, RawFrame
 
 SECOND_NS = 1_000_000_000
+#: A longer pause is told: in a snapshot it may last until the next trigger.
+PAUSE_S = 5.0
 CONFIG_ATTACHMENT = "config.toml"
 
 
 class FrameStream:
     """The frames of a recording as a stream of the scheduler.
 
-    from_s : part of the recording that is left out [s after its first frame]; speed : 2 is twice as fast
+    from_s   : part of the recording that is left out [s after its first frame]; speed : 2 is twice as fast
+    progress : told of long pauses
     """
 
     def __init__(
-        self, frames: Iterator[RawFrame], endpoints: Mapping[str, Endpoint], from_s: float, speed: float
+        self,
+        frames: Iterator[RawFrame],
+        endpoints: Mapping[str, Endpoint],
+        from_s: float,
+        speed: float,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._frames = (f for f in frames if f.link != TICK_LINK)
-        self._endpoints, self._speed = endpoints, speed
+        self._endpoints, self._speed, self._progress = endpoints, speed, progress
         self._next = next(self._frames, None)
         self._origin_ns = (self._next.t_rx_ns if self._next else 0) + round(from_s * SECOND_NS)
         self._due = 0.0
@@ -57,6 +65,9 @@ class FrameStream:
             raise MissingError(f"link {self._next.link!r} of the recording is not in the configuration")
         await endpoint.send_all(self._next.data)
         self._next = next(self._frames, None)
+        before_s = self._due
+        if (due_s := self.due_s()) is not None and due_s - before_s > PAUSE_S:
+            self._progress(f"no frames were recorded now; it goes on in {due_s - before_s:.0f} s")
 
 
 class Replay:
@@ -91,7 +102,7 @@ class Replay:
         async def play(endpoints: Mapping[str, Endpoint]) -> None:
             await _readers(endpoints, progress)
             await asyncio.sleep(self._wait_s)
-            stream = FrameStream(self._recording.frames(), endpoints, self._from_s, self._speed)
+            stream = FrameStream(self._recording.frames(), endpoints, self._from_s, self._speed, progress)
             started[0] = clock.now_ns()
             await scheduler.run([stream], ended)
             for endpoint in endpoints.values():

@@ -7,7 +7,10 @@ import fcntl
 import itertools
 import os
 import random
+import signal
 import struct
+import subprocess
+import sys
 import termios
 from collections import defaultdict
 from collections.abc import Iterator
@@ -22,10 +25,11 @@ from fti.canframe import pack_can
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.replay import FrameStream, Replay, recorded_config
+from fti.hil.scheduler import Report
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.types import RawFrame
+from fti.types import TICK_LINK, RawFrame
 from tests.e2e.harness import with_free_ports
 from tests.helpers import until_async
 from tests.links.bench import Heard, running
@@ -76,7 +80,9 @@ def record(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
     return folder.path
 
 
-async def play(replay: Replay, config: Config, expected: list[RawFrame]) -> dict[str, Heard]:
+async def play(
+    replay: Replay, config: Config, expected: list[RawFrame], reports: list[Report] | None = None
+) -> dict[str, Heard]:
     """Replay with the links of the configuration open, until the last datagram and CAN frame has been heard."""
     heard = {}
     playing = asyncio.create_task(replay.run())
@@ -85,6 +91,8 @@ async def play(replay: Replay, config: Config, expected: list[RawFrame]) -> dict
         for link in config.link:
             _, heard[link.name] = await stack.enter_async_context(running(link))
         report = await playing
+        if reports is not None:
+            reports.append(report)
         assert not any(sent.dropped_messages for sent in report.links.values())
         whole = {name: sum(frame.link == name for frame in expected) for name in ("eth", "bus")}
         await until_async(lambda: all(len(heard[name].frames) >= count for name, count in whole.items()))
@@ -152,14 +160,15 @@ def unread(descriptor: int) -> int:
     return count
 
 
-def due_of(recorded: list[RawFrame], **keys: float) -> list[float]:
-    """Instants at which a stream sends, without sending."""
+def due_of(recorded: list[RawFrame], told: list[str] | None = None, **keys: float) -> list[float]:
+    """Instants at which a stream sends, without sending.  told : gets what it says."""
 
     class Sink:
         async def send_all(self, data: bytes) -> None: ...
 
     sinks: dict[str, Any] = {frame.link: Sink() for frame in recorded}
-    stream = FrameStream(iter(recorded), sinks, keys.get("from_s", 0.0), keys.get("speed", 1.0))
+    said = list[str]() if told is None else told
+    stream = FrameStream(iter(recorded), sinks, keys.get("from_s", 0.0), keys.get("speed", 1.0), said.append)
     found = []
     while (due := stream.due_s()) is not None:
         found.append(due)
@@ -173,6 +182,97 @@ def test_frames_keep_their_timing_and_order() -> None:
     assert due_of(recorded) == pytest.approx([0.0, 0.1, 0.1, 0.3])
     assert due_of(recorded, speed=10.0) == pytest.approx([0.0, 0.01, 0.01, 0.03])
     assert due_of(recorded, from_s=0.2) == pytest.approx([0.1])
+
+
+# ------------------------------------------------------------------------------------------------------- snapshots
+
+PARTS = (range(100, 200), range(700, 760))
+
+
+def record_snapshots(tmp_path: Path, text: str, recorded: list[RawFrame]) -> Path:
+    """A session in mode "snapshot": ticks and a file for each of the parts; every other frame was not triggered."""
+    folder = SessionFolder.create(tmp_path, "replayed", START_NS)
+    links = [RawTopic(link, kind, {}) for link, kind in (("line", "serial"), ("eth", "udp"), ("bus", "can"))]
+    keys: dict[str, Any] = {
+        "split_s": 300,
+        "split_mb": 100,
+        "attachments": [("config.toml", "text/plain", text.encode())],
+        "metadata": {"fti": {"mode": "snapshot"}},
+    }
+    log = RawLog(folder, links, **keys)
+    for frame in recorded:
+        if is_tick(frame):
+            log.tick(frame.seq, frame.t_rx_ns)
+    log.close()
+    for part in PARTS:
+        shot = RawLog(folder, links, kind="snapshot", **keys)
+        for frame in recorded[part.start : part.stop]:
+            if is_tick(frame):
+                shot.tick(frame.seq, frame.t_rx_ns)
+            else:
+                shot.frame(frame.link, frame.seq, frame.t_rx_ns, frame.data)
+        shot.close()
+    return folder.path
+
+
+def is_tick(frame: RawFrame) -> bool:
+    return frame.seq % 10 == 9
+
+
+def part_of(recorded: list[RawFrame], *parts: range) -> list[RawFrame]:
+    return [frame for part in parts for frame in recorded[part.start : part.stop] if not is_tick(frame)]
+
+
+def test_a_snapshot_session_is_sent_at_its_own_times(tmp_path: Path) -> None:
+    recorded = list(frames(1000))
+    session = record_snapshots(tmp_path, CONFIG, recorded)
+    for place, parts in zip([session, *SessionFolder(session).files("snapshot")], (PARTS, *zip(PARTS)), strict=True):
+        expected = part_of(recorded, *parts)
+        found = list(Recording.open(place).frames())
+        assert [frame for frame in found if frame.link != TICK_LINK] == expected
+        begin_ns = expected[0].t_rx_ns
+        assert due_of(found) == pytest.approx([(frame.t_rx_ns - begin_ns) / 1e9 for frame in expected])
+        assert due_of(found, from_s=0.02)[0] == pytest.approx(0.0, abs=0.0011)
+
+
+@pytest.mark.parametrize("which", ["session", "file"])
+async def test_every_link_hears_what_the_snapshots_have(which: str, tmp_path: Path) -> None:
+    recorded = list(frames(1000))
+    session = record_snapshots(tmp_path, with_free_ports(CONFIG), recorded)
+    place, parts = (session, PARTS) if which == "session" else (SessionFolder(session).files("snapshot")[1], PARTS[1:])
+    recording, links, expected = Recording.open(place), tmp_path / "links", part_of(recorded, *parts)
+    config = configuration.with_links(recorded_config(recording, place), links)
+    heard = await play(Replay(recording, config, links, wait_s=0.0), config, expected, reports := list[Report]())
+    by_link = {link: [frame for frame in expected if frame.link == link] for link in heard}
+    for link in ("eth", "bus"):
+        assert heard[link].frames == [frame.data for frame in by_link[link]]
+    assert heard["line"].bytes == b"".join(frame.data for frame in by_link["line"])
+    first, *_, last = by_link["eth"]
+    lasted_ns = heard["eth"].times[-1] - heard["eth"].times[0]
+    late_ns = reports[0].lateness.max_ms * 1e6  # of the first one, on a machine that stood still
+    assert lasted_ns > 0.9 * (last.t_rx_ns - first.t_rx_ns) - late_ns  # the pause between the snapshots is kept
+
+
+def test_a_long_pause_is_told() -> None:
+    stamps = [0, 1, 7, 8]  # [s]
+    recorded = [RawFrame("eth", k, START_NS + t * 1_000_000_000, b"x") for k, t in enumerate(stamps)]
+    told = list[str]()
+    due_of(recorded, told)
+    due_of(recorded, told, speed=2.0)  # it lasts three seconds only
+    assert told == ["no frames were recorded now; it goes on in 6 s"]
+
+
+def test_the_command_says_that_it_is_a_snapshot(tmp_path: Path) -> None:
+    session = record_snapshots(tmp_path, with_free_ports(CONFIG), list(frames(1000)))
+    for place in (session, SessionFolder(session).files("snapshot")[0]):
+        command = [sys.executable, "-m", "fti.cli.main", "replay", str(place), "--links", str(tmp_path / "links")]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        assert process.returncode == 130
+        assert said.startswith("note: SNAPSHOT: not a continuous recording")
 
 
 def test_ticks_are_not_sent() -> None:
