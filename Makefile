@@ -1,7 +1,7 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
 #   make demo     fly an emulated approach, record it, show it in the browser
-#   make test     every test: quick ones two at a time, those with real processes one after another
+#   make test     every test: quick ones two at a time beside the flights, then those with real processes one by one
 #   make check    style, types, layers
 #   make bench    every benchmark
 #   make soak     the tests again, at full scale
@@ -17,12 +17,8 @@ PYTEST := $(BIN)/python -m pytest
 demo: $(READY)
 	$(BIN)/fti demo
 
-# Both runs happen; the first failure is the exit code.
 test: $(READY)
-	@rc=0; \
-	$(PYTEST) -n 2 -m "not e2e" || rc=$$?; \
-	$(PYTEST) -m e2e || { e2e=$$?; [ $$rc -ne 0 ] || rc=$$e2e; }; \
-	exit $$rc
+	@$(BIN)/python -m tests.run
 
 check: $(READY)
 	@rc=0; \

@@ -12,7 +12,7 @@ from tests.e2e.flights import DEMO, Flight
 from tests.e2e.harness import FTI, START_S, daemon, fti, with_free_ports
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(400)]
 SPEED = 3.0
 
 

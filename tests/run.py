@@ -1,0 +1,54 @@
+"""Every test, as ``make test`` runs it: the flights beside the quick tests, then what needs the machine for itself.
+
+    python -m tests.run
+
+The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
+quick tests, which wait for conditions and never for a time, and which give way to them (nice).  The end-to-end tests
+come afterwards, one after another.  Only the files that have a marker are collected for it.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from tests.helpers import ROOT
+
+PYTEST = [sys.executable, "-m", "pytest"]
+GIVING_WAY = ["nice", "-n", "10"]
+INTERRUPTED = 130
+
+
+def marked(marker: str) -> list[str]:
+    """Files that have tests with a marker."""
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
+
+
+def run(title: str, *command: str) -> int:
+    """Run pytest to its end; returns the exit code."""
+    print(f"== {title}", flush=True)
+    return subprocess.run(command, cwd=ROOT, check=False).returncode
+
+
+def main() -> int:
+    """Both parts happen, unless they are interrupted; the first failure is the exit code."""
+    interrupts: list[int] = []  # every process of the group is told; each ends in good order
+    signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    with tempfile.NamedTemporaryFile(suffix=".txt") as said:
+        flights = subprocess.Popen(
+            [*PYTEST, "-m", "flight", *marked("flight")], cwd=ROOT, stdout=said, stderr=subprocess.STDOUT
+        )
+        codes = [run("quick tests, and flights beside them", *GIVING_WAY, *PYTEST, "-n", "2", "-m", "not e2e")]
+        codes.append(flights.wait())
+        print("== flights", Path(said.name).read_text(), sep="\n", flush=True)
+    if not interrupts:
+        codes.append(run("end to end", *PYTEST, "-m", "e2e and not flight", *marked("e2e")))
+    return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
