@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -21,6 +22,8 @@ STRUCK = "strike bright_black"
 UNKNOWN = "–"
 ALARM_STYLES = {"red": "bold white on red", "amber": "bold black on yellow"}
 LINK_STYLES = {"good": "green", "silent": "yellow", "invalid": "yellow", "wrong rate": "yellow"}
+CLOCK_NAMES = {"gps": "GPS as UTC", "utc": "UTC", "boot": "own"}
+CLOCK_STATES = {"learning": "learning: arrival counts", "away": "does not fit: arrival counts"}
 INTEGRITY_STYLES = {
     "ok": "bold black on green",
     "monitor": "bold white on blue",
@@ -30,9 +33,9 @@ INTEGRITY_STYLES = {
 
 
 def render(state: Fields) -> RenderableType:
-    """Banner, alarms, outputs and links."""
+    """Banner, alarms, outputs, links, and the clocks of devices that have one."""
     health = state["health"] or {}
-    tables = (_outputs(state["outputs"]), _links(health.get("links", {})))
+    tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *_clocks(health.get("devices", {})))
     return Group(_banner(health), *_alarms(state["alarms"]), *tables)
 
 
@@ -104,6 +107,30 @@ def _links(links: Fields) -> Table:
             Text(link.get("hint") or "", "dim", overflow="ellipsis"),
         )
     return table
+
+
+def _clocks(devices: Fields) -> Iterator[Table]:
+    """Each clock against FTI time; nothing while no device has said its own time."""
+    table = Table("clock of", "", "offset", "drift", "late", "", expand=True, box=None, header_style="dim")
+    for name, device in devices.items():
+        for clock in device.get("clocks", []):
+            good = clock["state"] == "good"
+            figures = _clock_figures(clock) if good else ("", "", "")
+            state = CLOCK_STATES.get(clock["state"], str(clock["state"]))
+            words = state if not good else "" if clock["used"] else "not used (use_device_time = false)"
+            style = "yellow" if clock["state"] == "away" else "dim"
+            table.add_row(Text(name, "bold"), CLOCK_NAMES.get(clock["scale"], ""), *figures, Text(words, style))
+    if table.row_count:
+        yield table
+
+
+def _clock_figures(clock: Fields) -> tuple[str, str, str]:
+    """Offset, drift, share of late messages; of a clock that counts from power-on, when that was."""
+    drift = f"{_number(clock['drift_ppm'], 2, '+')} ± {_number(clock['drift_sd_ppm'], 2)} ppm"
+    offset = f"{_number(clock['offset_ms'], 2, '+')} ± {_number(clock['offset_sd_ms'], 2)} ms"
+    if clock["scale"] == "boot":
+        offset = f"on at {datetime.fromtimestamp(-clock['offset_ms'] / 1000, UTC):%H:%M:%S.%f}"[:-3]
+    return offset, drift, f"{_number(100 * clock['late_share'], 1)} %"
 
 
 def _number(value: object, digits: int, sign: str = "") -> str:

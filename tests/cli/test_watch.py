@@ -17,7 +17,7 @@ from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.service.rundir import DaemonInfo, publish
 from fti.web.feed import Feed
-from tests.web.fake_feed import SESSION, FakeDaemon, make_health
+from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health
 
 
 @pytest.fixture
@@ -129,6 +129,21 @@ def test_a_snapshot_session_and_the_storage_are_said() -> None:
     assert "SNAPSHOT: only what is around a trigger is recorded" in text
     assert "STORAGE SLOW – nothing was taken for 1.2 s" in text
     assert "SNAPSHOT" not in rendered(make_feed(), 0)
+
+
+def test_the_clocks_of_devices_are_shown_as_far_as_they_are_known() -> None:
+    feed, health = make_feed(), make_health(10.0, 0, 0)
+    on_ms = 1_775_986_267_125.0  # 2026-04-12 09:31:07.125 UTC
+    health["devices"]["air_data"]["clocks"] = [make_clock("utc", 1.5, used=False), make_clock("boot", -on_ms)]
+    health["devices"]["gnss"]["clocks"] = [make_clock("utc", 1.0, state="away")]
+    feed.take("/health", health, 0)
+    text = " ".join(rendered(feed, 0).split())
+    for words in ("-213.46 ± 0.04 ms", "+1.10 ± 0.02 ppm", "1.2 %", "not used", "on at 09:31:07.125", "does not fit"):
+        assert words in text
+    for device in health["devices"].values():
+        device.pop("clocks", None)
+    feed.take("/health", health, 0)
+    assert "clock of" not in rendered(feed, 0)
 
 
 def test_before_the_first_health_there_is_a_picture() -> None:
