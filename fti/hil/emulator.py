@@ -9,22 +9,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.config import Config
-from fti.hil.endpoints import Endpoint, make_endpoint, opened, until
+from fti.hil.endpoints import Endpoint, SlcanEndpoint, make_endpoint, opened, until
 from fti.hil.faults import DeviceFaults
-from fti.hil.scenario import Scenario
+from fti.hil.scenario import CanStatus, Scenario
 from fti.hil.scheduler import Report, Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
+from fti.links.slcan_status import FLAGS
 from fti.nav.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
 
 SECOND_NS = 1_000_000_000
+TROUBLE_S = 0.25
 
 
 class SensorStream:
@@ -49,6 +51,24 @@ class SensorStream:
             messages = [b"".join(messages)] if messages else []
         for message in messages:
             self._endpoint.send(message)
+
+
+class StatusStream:
+    """A fault of the controllers of slcan adapters, as a stream of the scheduler: trouble every quarter of a second."""
+
+    def __init__(self, fault: CanStatus, adapters: Sequence[SlcanEndpoint]) -> None:
+        self._adapters, self._end_s, self._due_s = adapters, fault.to_s, fault.from_s
+        self._flags = sum(bit for bit, name in FLAGS.items() if name.removeprefix("slcan_") in fault.flags)
+
+    def due_s(self) -> float | None:
+        """When there is trouble next."""
+        return self._due_s if self._due_s < self._end_s else None
+
+    async def send(self) -> None:
+        """Raise the flags."""
+        for adapter in self._adapters:
+            adapter.raise_flags(self._flags)
+        self._due_s += TROUBLE_S
 
 
 class Emulator:
@@ -120,6 +140,13 @@ class Emulator:
         assert self._world is not None
         return contextlib.closing(TruthLog(self._truth, self._world))
 
+    def _status_faults(self) -> list[Stream]:
+        def adapters(fault: CanStatus) -> list[SlcanEndpoint]:
+            named = fault.links or self._endpoints
+            return [e for name, e in self._endpoints.items() if name in named and isinstance(e, SlcanEndpoint)]
+
+        return [StatusStream(f, adapters(f)) for f in self._scenario.fault if isinstance(f, CanStatus)]
+
     async def _fly(
         self,
         sensors: list[Sensor],
@@ -133,6 +160,7 @@ class Emulator:
             SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns)
             for s in sensors
         ]
+        streams += self._status_faults()
         if truth is not None:
             streams.append(truth.stream(start_ns))
         await scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)

@@ -114,6 +114,10 @@ class SlcanEndpoint(PtyEndpoint):
         while not self._adapter.is_open:  # noqa: ASYNC110  the same wait as for the reader
             await asyncio.sleep(POLL_S)
 
+    def raise_flags(self, flags: int) -> None:
+        """Let the controller have these to tell when it is asked."""
+        self._adapter.flags |= flags
+
     def send(self, data: bytes) -> None:
         """Send a ``can_frame``; with a closed channel it is dropped."""
         if self._adapter.is_open:

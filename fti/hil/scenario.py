@@ -10,7 +10,7 @@ wind_mps = 6
 wind_from_deg = 30
 
 [[fault]]
-kind = "cut"                       # obstacle | off_track | cut | stuck | invalid
+kind = "cut"                       # obstacle | off_track | cut | stuck | invalid | can_status
 devices = ["altimeter"]            # none named: every device
 from_s = 30
 to_s = 36
@@ -96,7 +96,28 @@ class Invalid(_OnDevices):
     flags: tuple[str, ...] = ()
 
 
-Fault = Annotated[Obstacle | OffTrack | Cut | Stuck | Invalid, Field(discriminator="kind")]
+StatusFlag = Literal[
+    "rx_fifo_full",
+    "tx_fifo_full",
+    "error_warning",
+    "data_overrun",
+    "error_passive",
+    "arbitration_lost",
+    "bus_error",
+]
+
+
+class CanStatus(StrictModel):
+    """The controllers of slcan adapters have trouble in an interval, and say so when asked; no link named: all."""
+
+    kind: Literal["can_status"]
+    flags: Annotated[tuple[StatusFlag, ...], Field(min_length=1)]
+    links: tuple[Name, ...] = ()
+    from_s: NotNegative
+    to_s: NotNegative
+
+
+Fault = Annotated[Obstacle | OffTrack | Cut | Stuck | Invalid | CanStatus, Field(discriminator="kind")]
 
 
 class Scenario(StrictModel):
@@ -145,17 +166,24 @@ def load(path: Path) -> Scenario:
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:
-    """The daemon's configuration of a scenario (or another one); faults must name devices that it has."""
+    """The daemon's configuration of a scenario (or another one); faults must name devices and links that it has."""
     config = configuration.load(path or scenario.config)
-    names = [d.name for d in config.device]
+    devices = [d.name for d in config.device]
+    adapters = [k.name for k in config.link if isinstance(k, configuration.CanLink) and k.interface == "slcan"]
     for i, fault in enumerate(scenario.fault):
-        for name in fault.devices if isinstance(fault, _OnDevices) else ():
-            if name not in names:
-                raise ConfigError(
-                    f"{scenario.title}: fault[{i}].devices: {name!r} is no device of {config.path}; "
-                    f"there are {', '.join(names)}"
-                )
+        where = f"{scenario.title}: fault[{i}]"
+        if isinstance(fault, _OnDevices):
+            _check_names(f"{where}.devices", "device", fault.devices, devices, config)
+        elif isinstance(fault, CanStatus):
+            _check_names(f"{where}.links", "slcan link", fault.links, adapters, config)
     return config
+
+
+def _check_names(where: str, kind: str, named: tuple[str, ...], there: list[str], config: Config) -> None:
+    for name in named:
+        if name not in there:
+            known = ", ".join(there) or "none"
+            raise ConfigError(f"{where}: {name!r} is no {kind} of {config.path}; there are {known}")
 
 
 def find(name_or_path: str) -> Path:

@@ -13,17 +13,17 @@ import pytest
 from mcap.reader import make_reader
 
 from fti import config as configuration
-from fti.clock import choose_epoch_ns
-from fti.config import Config
+from fti.clock import FakeClock, choose_epoch_ns
+from fti.config import CanLink, Config
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.emulator import Emulator, make_world
-from fti.hil.scenario import Cut, Fault, Flight, Scenario
+from fti.hil.emulator import Emulator, StatusStream, make_world
+from fti.hil.scenario import CanStatus, Cut, Fault, Flight, Scenario
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
 from tests.e2e.harness import with_free_ports
-from tests.helpers import ROOT
+from tests.helpers import ROOT, until_async
 from tests.hil.worlds import flat_terrain, path, scenario
 from tests.links.bench import Heard, running
 
@@ -159,3 +159,36 @@ def test_the_demo_flight_stays_over_the_demo_terrain() -> None:
     height = state.alt - world.ground(state)
     assert np.isfinite(height).all()
     assert height.min() > 3.0
+
+
+async def test_trouble_of_a_can_controller_is_told_while_it_lasts(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    link = next(link for link in config.link if isinstance(link, CanLink))
+    fault = CanStatus(kind="can_status", flags=("data_overrun", "bus_error"), from_s=0.0, to_s=60.0)
+    emulator, _ = make(tmp_path, config, fault)
+    stop, clock = asyncio.Event(), FakeClock(0)
+    flying = asyncio.create_task(emulator.run(stop=stop))
+    await emulator.ready.wait()
+    async with running(link, clock=clock) as (opened, _):
+        emulator.start()
+        errors = opened.status.errors
+
+        def told() -> bool:
+            clock.advance(0.1)
+            return bool(errors.get("slcan_data_overrun", 0) >= 3)
+
+        await until_async(told, 20)
+        assert errors["slcan_bus_error"] == errors["slcan_data_overrun"]
+        assert errors["slcan_rx_fifo_full"] == 0
+        stop.set()
+        await flying
+
+
+def test_trouble_ends(tmp_path: Path) -> None:
+    fault = CanStatus(kind="can_status", flags=("bus_error",), from_s=1.0, to_s=1.5)
+    stream = StatusStream(fault, [])
+    instants = []
+    while (due := stream.due_s()) is not None:
+        instants.append(due)
+        asyncio.run(stream.send())
+    assert instants == [1.0, 1.25]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil import scenario as scenarios
-from fti.hil.scenario import Invalid
+from fti.hil.scenario import CanStatus, Invalid, StatusFlag
 from fti.hil.sensors import MODELS
+from fti.links.slcan_status import FLAGS
 
 MINIMAL = 'title = "t"\ndescription = "d"\nconfig = "demo.toml"\n'
 
@@ -50,7 +52,12 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
-        ('[[fault]]\nkind = "explosion"\n', r"fault\[0\].*'obstacle', 'off_track', 'cut', 'stuck', 'invalid'"),
+        (
+            '[[fault]]\nkind = "explosion"\n',
+            r"'obstacle', 'off_track', 'cut', 'stuck', 'invalid', 'can_status'",
+        ),
+        ('[[fault]]\nkind = "can_status"\nflags = []\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*flags"),
+        ('[[fault]]\nkind = "can_status"\nflags = ["dull"]\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'rx_fifo_full'"),
         ('[[fault]]\nkind = "cut"\nfrom_s = 5\nto_s = 5\n', r"fault\[0\].to_s = 5.0: must be after from_s"),
         ("[flight]\nduration_s = 0\n", r"flight.duration_s = 0"),
     ],
@@ -65,6 +72,17 @@ def test_a_fault_of_a_device_that_is_not_there_is_named() -> None:
     fault = Invalid(kind="invalid", devices=("radar",), from_s=1.0, to_s=2.0)
     with pytest.raises(ConfigError, match=r"fault\[0\].devices: 'radar' is no device of .*; there are altimeter"):
         scenarios.load_config(scenario.model_copy(update={"fault": (fault,)}))
+
+
+def test_a_fault_of_an_adapter_that_is_not_there_is_named() -> None:
+    scenario = scenarios.load(scenarios.find("nominal"))
+    fault = CanStatus(kind="can_status", flags=("bus_error",), links=("gnss",), from_s=1.0, to_s=2.0)
+    with pytest.raises(ConfigError, match=r"fault\[0\].links: 'gnss' is no slcan link of .*; there are air_can"):
+        scenarios.load_config(scenario.model_copy(update={"fault": (fault,)}))
+
+
+def test_the_flags_of_a_fault_are_those_of_the_status() -> None:
+    assert {f"slcan_{flag}" for flag in get_args(StatusFlag)} == set(FLAGS.values())
 
 
 def test_wind_from_the_east_blows_to_the_west(tmp_path: Path) -> None:
