@@ -20,6 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from io import BytesIO
+from itertools import accumulate, count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,7 +35,8 @@ from mcap.writer import CompressionType, Writer
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine
-from fti.buffers.triple import Entry
+from fti.burst import Burst, together
+from fti.links._batch import COUNT
 from fti.logger.stream_writer import StreamWriter
 
 CHANNELS = 23
@@ -43,8 +45,8 @@ PAYLOAD = bytes(range(48))
 TOPICS = [f"/raw/link{n}" for n in range(CHANNELS)]
 MOST_OF_OFFICIAL = 1 / 3
 MOST_OF_FILE = 5.0
-#: What each channel has to write.
-Batch = list[tuple[int, list[Entry]]]
+#: What each channel has to write, as the recorder gets it: with each call of the kernel at most so many.
+Batch = list[tuple[int, list[Burst]]]
 
 
 class Target(NamedTuple):
@@ -59,8 +61,7 @@ def open_ours(path: Path) -> Target:
     ids = [writer.add_channel(topic, "x-fti-raw") for topic in TOPICS]
 
     def put(batch: Batch) -> None:
-        for channel, entries in batch:
-            writer.write_many(ids[channel], entries)
+        writer.write_bursts([(ids[channel], bursts) for channel, bursts in batch])
         writer.flush()
 
     return Target(put, writer.close)
@@ -85,9 +86,10 @@ def _official(path: Path, flush: Callable[[Any], None]) -> Target:
     finish: Any = writer.finish
 
     def put(batch: Batch) -> None:
-        for channel, entries in batch:
-            for seq, time_ns, data in entries:
-                add(ids[channel], time_ns, data, time_ns, seq)
+        for channel, bursts in batch:
+            for first, times, frames, _ in bursts:
+                for seq, time_ns, data in zip(count(first), times, frames, strict=False):
+                    add(ids[channel], time_ns, data, time_ns, seq)
         flush(writer)
 
     def close() -> None:
@@ -106,10 +108,11 @@ def open_foxglove(path: Path) -> Target:
     channels = [foxglove.Channel(t, message_encoding="x-fti-raw", schema=schema, context=context) for t in TOPICS]
 
     def put(batch: Batch) -> None:
-        for channel, entries in batch:
+        for channel, bursts in batch:
             log = channels[channel].log
-            for _, time_ns, data in entries:
-                log(data, log_time=time_ns)
+            for _, times, frames, _ in bursts:
+                for time_ns, data in zip(times, frames, strict=True):
+                    log(data, log_time=time_ns)
 
     def close() -> None:
         for channel in channels:
@@ -126,10 +129,11 @@ def open_can(path: Path, make: Callable[[Path], Any]) -> Target:
 
     def put(batch: Batch) -> None:
         take = logger.on_message_received
-        for channel, entries in batch:
+        for channel, bursts in batch:
             message = messages[channel]
-            for _ in entries:
-                take(message)
+            for _, _, frames, _ in bursts:
+                for _ in frames:
+                    take(message)
 
     return Target(put, logger.stop)
 
@@ -140,9 +144,10 @@ def open_file(path: Path) -> Target:
 
     def put(batch: Batch) -> None:
         write = stream.write
-        for _, entries in batch:
-            for entry in entries:
-                write(entry[2])
+        for _, bursts in batch:
+            for _, _, frames, _ in bursts:
+                for data in frames:
+                    write(data)
 
     return Target(put, stream.close)
 
@@ -163,10 +168,23 @@ KILLED = (OURS, OFFICIAL, "mcap.writer, flushed every 20 ms", "foxglove-sdk")
 
 def batches(size: int, first: int = 0) -> Batch:
     """So many messages, spread over the channels."""
-    found: Batch = [(channel, []) for channel in range(CHANNELS)]
-    for n in range(first, first + size):
-        found[n % CHANNELS][1].append((n, 1_000_000_000 + n, PAYLOAD))
-    return [(channel, entries) for channel, entries in found if entries]
+    found: Batch = []
+    for channel in range(min(CHANNELS, size)):
+        number = len(range(channel, size, CHANNELS))
+        shares = [min(COUNT, number - done) for done in range(0, number, COUNT)]
+        starts = accumulate(shares, initial=first)
+        found.append((channel, [_burst(start, share) for start, share in zip(starts, shares, strict=False)]))
+        first += number
+    return found
+
+
+def _burst(first: int, number: int) -> Burst:
+    return together(first, [1_000_000_000 + first + n for n in range(number)], [PAYLOAD] * number)
+
+
+def messages_in(batch: Batch) -> int:
+    """How many there are."""
+    return sum(len(burst[2]) for _, bursts in batch for burst in bursts)
 
 
 def measure_cost(name: str, folder: Path, messages: int, size: int) -> float:
@@ -182,7 +200,7 @@ def measure_cost(name: str, folder: Path, messages: int, size: int) -> float:
             target.put(batch)
         best = min(best, time.perf_counter() - started)
         target.close()
-    return best / sum(len(entries) for batch in work for _, entries in batch) * 1e6
+    return best / sum(map(messages_in, work)) * 1e6
 
 
 def write_until_killed(name: str, path: Path, counter: Path) -> None:

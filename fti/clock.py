@@ -183,6 +183,15 @@ class SystemClock:
         return max((past.offset_ns + past.ended_ns + 1 for past in doubtful), default=0)
 
 
+def next_beat(now_s: float, period_s: float) -> float:
+    """The next multiple of a period in the time of an event loop [s], which is the monotonic clock.
+
+    What a process does periodically meets there, and with the ticks (FTI time differs by whole seconds): it wakes once
+    for all of it.
+    """
+    return (now_s // period_s + 1) * period_s
+
+
 @dataclass(slots=True)
 class FakeClock:
     """A clock that moves when it is told to: for tests and accelerated flights."""

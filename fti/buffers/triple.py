@@ -3,7 +3,7 @@
     put -> receive -> global -> write -> storage
            reader's   hand-over  writer's
 
-Each queue has a lock of its own.  A move to the next queue is a try: when that queue is held, the entries wait where
+Each queue has a lock of its own.  A move to the next queue is a try: when that queue is held, the frames wait where
 they are and go with the next attempt.  The writer is called when ``global`` has reached its threshold, or comes by
 itself when its flush period ends.  What the writer has taken stays in ``write`` until storage has accepted it.
 
@@ -18,16 +18,14 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+
+from fti.burst import Burst, alone, entries, split, together
 
 OVERFLOW_LOAD = 0.9
 #: More spans than this are told as one: a span then covers everything from its first to its last frame.
 MAX_SPANS = 64
-
-
-#: One reception: position in the session, FTI time of arrival [ns], bytes.
-Entry = tuple[int, int, bytes]
 
 
 @dataclass(slots=True)
@@ -64,56 +62,69 @@ class BufferStats:
 
 
 class _Queue:
-    """Entries in order, their lock, and their size with the overhead."""
+    """Bursts in order, their lock, how many frames they have, and their size with the overhead of each frame."""
 
-    __slots__ = ("entries", "lock", "overhead", "payload", "size")
+    __slots__ = ("bursts", "frames", "lock", "overhead", "payload", "size")
 
     def __init__(self, overhead: int) -> None:
         self.lock = threading.Lock()
-        self.entries: deque[Entry] = deque()
+        self.bursts: deque[Burst] = deque()
         self.overhead = overhead
+        self.frames = 0
         self.payload = 0
         self.size = 0
 
-    def append(self, entry: Entry) -> None:
-        self.entries.append(entry)
-        size = len(entry[2])
-        self.payload += size
-        self.size += size + self.overhead
+    def append(self, burst: Burst) -> None:
+        self.bursts.append(burst)
+        self._count(len(burst[2]), burst[3])
 
-    def extend(self, entries: Iterable[Entry], count: int, payload: int) -> None:
-        self.entries.extend(entries)
+    def popleft(self, count: int | None = None) -> Burst:
+        """The first burst, or its first frames."""
+        burst = self.bursts.popleft()
+        if count is not None and count < len(burst[2]):
+            burst, rest = split(burst, count)
+            self.bursts.appendleft(rest)
+        self._count(-len(burst[2]), -burst[3])
+        return burst
+
+    def _count(self, frames: int, payload: int) -> None:
+        self.frames += frames
         self.payload += payload
-        self.size += payload + count * self.overhead
-
-    def popleft(self) -> Entry:
-        entry = self.entries.popleft()
-        size = len(entry[2])
-        self.payload -= size
-        self.size -= size + self.overhead
-        return entry
+        self.size += payload + frames * self.overhead
 
     def clear(self) -> None:
-        self.entries.clear()
-        self.payload = self.size = 0
+        self.bursts.clear()
+        self.frames = self.payload = self.size = 0
 
     def fits(self, size: int, capacity: int) -> bool:
-        return self.size + size <= capacity or not self.entries
+        return self.size + size <= capacity or not self.bursts
+
+    def room(self, burst: Burst, capacity: int) -> int:
+        """How many frames of a burst fit; one larger than everything does when nothing else is there."""
+        _, _, frames, payload = burst
+        free = capacity - self.size
+        if payload + len(frames) * self.overhead <= free:
+            return len(frames)
+        for count, frame in enumerate(frames):
+            free -= len(frame) + self.overhead
+            if free < 0 and (self.bursts or count):
+                return count
+        return len(frames)
 
     def move_to(self, other: _Queue, capacity: int) -> bool:
-        """Move the oldest entries as far as they fit; true when any did.  Both locks are held."""
-        before = len(self.entries)
-        if not other.entries and self.size <= capacity:
+        """Move the oldest frames as far as they fit; true when any did.  Both locks are held."""
+        before = self.frames
+        if not other.bursts and self.size <= capacity:
             self._swap_into(other)
-        while self.entries and other.fits(len(self.entries[0][2]) + self.overhead, capacity):
-            other.append(self.popleft())
-        return len(self.entries) < before
+        while self.bursts and (count := other.room(self.bursts[0], capacity)):
+            other.append(self.popleft(count))
+        return self.frames < before
 
     def _swap_into(self, empty: _Queue) -> None:
         """Hand everything over at once, so that the locks are held for no longer with a full queue."""
-        self.entries, empty.entries = empty.entries, self.entries
-        empty.payload, empty.size = self.payload, self.size
-        self.payload = self.size = 0
+        self.bursts, empty.bursts = empty.bursts, self.bursts
+        empty.frames, empty.payload, empty.size = self.frames, self.payload, self.size
+        self.frames = self.payload = self.size = 0
 
 
 class TripleBuffer:
@@ -122,7 +133,7 @@ class TripleBuffer:
     capacity_bytes : of each queue [B]
     threshold      : load of ``global`` at which the writer is called
     overhead       : what a reception costs besides its payload [B]
-    on_ready       : called by ``put_many``, outside all locks, when ``global`` is at the threshold; once per ``take``
+    on_ready       : called by ``put_burst``, outside all locks, when ``global`` is at the threshold; once per ``take``
     """
 
     def __init__(
@@ -137,7 +148,7 @@ class TripleBuffer:
                 f"capacity {capacity_bytes} B, threshold {threshold}; allowed are > 0 and 0 < threshold <= 1"
             )
         self._capacity = capacity_bytes
-        self._threshold = threshold
+        self._enough = threshold * capacity_bytes
         self._receive, self._global, self._write = (_Queue(overhead) for _ in range(3))
         self._on_ready = on_ready
         self._called = False
@@ -149,12 +160,12 @@ class TripleBuffer:
     @property
     def ready(self) -> bool:
         """``global`` has reached the threshold: writing pays."""
-        return self._global.size >= self._threshold * self._capacity
+        return self._global.size >= self._enough
 
     @property
     def empty(self) -> bool:
         """Everything that came in has been written (or dropped)."""
-        return not (self._receive.entries or self._global.entries or self._write.entries)
+        return not (self._receive.bursts or self._global.bursts or self._write.bursts)
 
     def capacity_s(self, rate_hz: float, message_bytes: float, receptions: float = 1.0) -> float:
         """How long storage may stall before the first byte is lost [s] (eq. 6.2).
@@ -172,44 +183,59 @@ class TripleBuffer:
 
     def put(self, seq: int, t_rx_ns: int, data: bytes) -> None:
         """Keep one reception."""
-        self.put_many(seq, (t_rx_ns,), (data,))
+        self.put_burst(alone(seq, t_rx_ns, data))
 
     def put_many(self, first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
-        """Keep what arrived together, numbered from first_seq on.
+        """Keep what arrived together, numbered from first_seq on."""
+        self.put_burst(together(first_seq, times_ns, frames))
 
-        Never waits for the writer; the oldest frames go when everything is full.
-        """
-        count, payload = len(frames), sum(map(len, frames))
-        entries = zip(range(first_seq, first_seq + count), times_ns, frames, strict=True)
+    def put_burst(self, burst: Burst) -> None:
+        """Keep what arrived together.  Never waits for the writer; the oldest frames go when everything is full."""
         with self._receive.lock:
-            self._frames_in += count
-            self._bytes_in += payload
-            if self._receive.entries or not self._pass_on(entries, count, payload):
-                self._take_in(entries)
-        if self._on_ready and not self._called and self.ready:
+            self._frames_in += len(burst[2])
+            self._bytes_in += burst[3]
+            if self._receive.bursts or not self._pass_on(burst):
+                self._take_in(burst)
+        if self._global.size >= self._enough and self._on_ready and not self._called:
             self._called = True
             self._on_ready()
 
-    def _pass_on(self, entries: Iterable[Entry], count: int, payload: int) -> bool:
+    def _pass_on(self, burst: Burst) -> bool:
         """Straight to ``global``, as nothing waits in ``receive``; false when it is held or has no room for all."""
         hand_over = self._global
         if not hand_over.lock.acquire(blocking=False):
             return False
-        if fits := hand_over.size + payload + count * hand_over.overhead <= self._capacity:
-            hand_over.extend(entries, count, payload)
+        if fits := hand_over.size + self._size(burst) <= self._capacity:
+            hand_over.append(burst)
         hand_over.lock.release()
         return fits
 
-    def _take_in(self, entries: Iterable[Entry]) -> None:
-        """Each in turn into ``receive``, and from there to ``global`` as far as it is free and has room."""
+    def _size(self, burst: Burst) -> int:
+        return burst[3] + len(burst[2]) * self._receive.overhead
+
+    def _take_in(self, burst: Burst) -> None:
+        """Into ``receive``, and from there to ``global`` as far as it is free and has room."""
         free = self._global.lock.acquire(blocking=False)
-        for entry in entries:
-            self._make_room(len(entry[2]) + self._receive.overhead, free)
-            self._receive.append(entry)
-            if free:
-                self._move_on()
+        if free:
+            self._move_on()
+        after = self._receive.size + self._size(burst)
+        if after < OVERFLOW_LOAD * self._capacity or (not free and after <= self._capacity):
+            self._keep(burst, free)
+        else:
+            self._displace(burst, free)
         if free:
             self._global.lock.release()
+
+    def _keep(self, burst: Burst, free: bool) -> None:
+        self._receive.append(burst)
+        if free:
+            self._move_on()
+
+    def _displace(self, burst: Burst, free: bool) -> None:
+        """Each frame for itself, after so many of the oldest that it fits."""
+        for entry in entries((burst,)):
+            self._make_room(len(entry[2]) + self._receive.overhead, free)
+            self._keep(alone(*entry), free)
 
     def _make_room(self, size: int, free: bool) -> None:
         """Drop the oldest of ``receive`` when it is at 90 % and ``global`` is full, or when nothing fits any more.
@@ -217,8 +243,8 @@ class TripleBuffer:
         free : ``global`` is ours, and has taken what it can
         """
         receive, limit = self._receive, OVERFLOW_LOAD * self._capacity
-        while receive.entries and ((free and receive.size >= limit) or not receive.fits(size, self._capacity)):
-            self._drop(receive.popleft())
+        while receive.bursts and ((free and receive.size >= limit) or not receive.fits(size, self._capacity)):
+            self._drop(receive.popleft(1))
 
     def _hand_over(self) -> None:
         """receive -> global, with ``receive`` held, unless ``global`` is held by another."""
@@ -228,36 +254,36 @@ class TripleBuffer:
 
     def _move_on(self) -> None:
         """receive -> global, with both held."""
-        if self._receive.entries and self._receive.move_to(self._global, self._capacity):
-            self._dropping = False  # entries flow again: the next drop is another one
+        if self._receive.bursts and self._receive.move_to(self._global, self._capacity):
+            self._dropping = False  # frames flow again: the next drop is another one
 
-    def _drop(self, entry: Entry) -> None:
-        seq, t_rx_ns, data = entry
+    def _drop(self, frame: Burst) -> None:
+        seq, (t_rx_ns,), _, size = frame
         self._dropped_frames += 1
-        self._dropped_bytes += len(data)
+        self._dropped_bytes += size
         if not self._drops or (not self._dropping and len(self._drops) < MAX_SPANS):
             self._drops.append(DropSpan(seq, seq, t_rx_ns, t_rx_ns))
         self._dropping = True
         span = self._drops[-1]
         span.last_seq, span.last_t_ns = seq, t_rx_ns
         span.frames += 1
-        span.bytes += len(data)
+        span.bytes += size
 
     # ---------------------------------------------------------------------------------------------- writer's thread
 
-    def take(self) -> list[Entry]:
+    def take(self) -> list[Burst]:
         """What is to be written now, in order; it stays in ``write`` until ``written``.
 
         What an earlier call returned and storage did not accept comes first, filled up to the capacity.
         """
         with self._write.lock:
             self._collect()
-            if self._receive.entries and self._receive.lock.acquire(blocking=False):
+            if self._receive.bursts and self._receive.lock.acquire(blocking=False):
                 self._hand_over()
                 self._receive.lock.release()
                 self._collect()
             self._called = False
-            return list(self._write.entries)
+            return list(self._write.bursts)
 
     def _collect(self) -> None:
         """global -> write, with ``write`` held."""
@@ -266,16 +292,17 @@ class TripleBuffer:
             self._global.lock.release()
 
     def written(self, count: int | None = None) -> None:
-        """Storage has accepted the first ``count`` entries that ``take`` returned (all when None)."""
-        with self._write.lock:
-            waiting, payload = len(self._write.entries), self._write.payload
-            if count is None or count == waiting:
-                self._write.clear()
+        """Storage has accepted the first ``count`` bursts that ``take`` returned (all when None)."""
+        write = self._write
+        with write.lock:
+            frames, payload = write.frames, write.payload
+            if count is None or count == len(write.bursts):
+                write.clear()
             else:
                 for _ in range(count):
-                    self._write.popleft()
-            self._frames_out += waiting - len(self._write.entries)
-            self._bytes_out += payload - self._write.payload
+                    write.popleft()
+            self._frames_out += frames - write.frames
+            self._bytes_out += payload - write.payload
 
     def take_drops(self, *, final: bool = False) -> list[DropSpan]:
         """The spans that have ended and were not taken yet, oldest first; none while the reader holds ``receive``.
@@ -304,7 +331,7 @@ class TripleBuffer:
                 bytes_in=self._bytes_in,
                 frames_out=self._frames_out,
                 bytes_out=self._bytes_out,
-                frames_held=sum(len(queue.entries) for queue in queues),
+                frames_held=sum(queue.frames for queue in queues),
                 bytes_held=sum(queue.payload for queue in queues),
                 dropped_frames=self._dropped_frames,
                 dropped_bytes=self._dropped_bytes,

@@ -13,7 +13,9 @@ import functools
 import mmap
 import os
 import socket
+import struct
 import sys
+from collections.abc import Sequence
 
 from fti.clock import SECOND_NS
 
@@ -24,6 +26,8 @@ NAME_BYTES = 32  # the largest address is sockaddr_in6, 28 bytes
 CONTROL_BYTES = 64
 STAMP_BYTES = socket.CMSG_SPACE(16)  # struct timespec; the kernel puts the stamp first
 DROPS_BYTES = STAMP_BYTES + socket.CMSG_SPACE(4)
+UNSTAMPED = -(2**63)
+FEW = 4  # up to so many are taken out one by one
 _PLACES = range(0, COUNT * ROOM, ROOM)
 
 
@@ -103,31 +107,33 @@ class Batch:
             raise OSError(number, os.strerror(number))
         return self._count
 
-    def frames(self) -> list[bytes]:
+    def frames(self) -> Sequence[bytes]:
         """The datagrams."""
-        data = self._data
         if self._count == 1:  # the common case of a calm link
-            return [data[: self._slots[_LENGTH]]]
-        return [data[at : at + length] for at, length in zip(_PLACES, self._column(_LENGTH), strict=False)]
+            return (self._data[: self._slots[_LENGTH]],)
+        lengths = self._column(_LENGTH)
+        if self._count > FEW and lengths.count(lengths[0]) == self._count:
+            return _equal(self._count, lengths[0]).unpack_from(self._data)
+        data = self._data
+        return [data[at : at + length] for at, length in zip(_PLACES, lengths, strict=False)]
 
-    def stamps(self) -> list[int]:
-        """When they arrived, with CLOCK_REALTIME [ns]; 0 where the kernel has not said it."""
+    def stamps(self, offset_ns: int = 0) -> list[int]:
+        """When they arrived: CLOCK_REALTIME + offset [ns]; UNSTAMPED where the kernel has not said it."""
         times = self._times
         if self._count == 1:
             told = self._slots[_CONTROL_LENGTH] >= STAMP_BYTES
-            return [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1] if told else 0]
+            return [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1] + offset_ns if told else UNSTAMPED]
         end = self._count * _CONTROL_WORDS
         seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
         nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
-        first = seconds[0]
-        if seconds.count(first) == self._count:
-            base = first * SECOND_NS
+        if seconds.count(seconds[0]) == self._count:
+            base = seconds[0] * SECOND_NS + offset_ns
             found = [base + ns for ns in nanoseconds]
         else:
-            found = [s * SECOND_NS + ns for s, ns in zip(seconds, nanoseconds, strict=True)]
+            found = [s * SECOND_NS + ns + offset_ns for s, ns in zip(seconds, nanoseconds, strict=True)]
         lengths = self._column(_CONTROL_LENGTH)
         if min(lengths) < STAMP_BYTES:
-            return [stamp if length >= STAMP_BYTES else 0 for stamp, length in zip(found, lengths, strict=True)]
+            return [t if length >= STAMP_BYTES else UNSTAMPED for t, length in zip(found, lengths, strict=True)]
         return found
 
     def drops(self) -> int | None:
@@ -150,6 +156,12 @@ class Batch:
         """The address of each sender as the kernel writes it (``struct sockaddr``)."""
         names = bytes(self._names[: self._count * NAME_BYTES])
         return [names[at : at + NAME_BYTES] for at in range(0, len(names), NAME_BYTES)]
+
+
+@functools.lru_cache(maxsize=1024)
+def _equal(count: int, length: int) -> struct.Struct:
+    """Datagrams of one length, as they lie in the memory."""
+    return struct.Struct(f"{length}s{ROOM - length}x" * (count - 1) + f"{length}s")
 
 
 def _address(memory: bytearray | mmap.mmap) -> int:

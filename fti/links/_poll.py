@@ -1,8 +1,9 @@
-"""One look at all sockets of a loop, every 5 ms while something comes.
+"""One look at all sockets of a loop with each beat (every 20 ms, with the tick), while something comes.
 
-The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and the wake-up of a process
-costs more than the reading.  The first datagram wakes the loop as ever; from then on the sockets are looked at
-together, until there is nothing any more.
+The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and a process that wakes for
+each finds its memory cold and pays for that many times what the reading costs.  The first datagram wakes the loop as
+ever; from then on the sockets are looked at together, until there is nothing any more.  Where more was waiting than
+one call takes, the next look is soon, so that no receive buffer overflows.
 """
 
 from __future__ import annotations
@@ -11,7 +12,11 @@ import asyncio
 import select
 from collections.abc import Callable
 
-PERIOD_S = 0.005
+from fti.clock import next_beat
+from fti.types import TICK_PERIOD_NS
+
+BEAT_S = TICK_PERIOD_NS / 1e9
+SOON_S = 0.005
 
 #: Reads what is there; true when there may be more.
 Read = Callable[[], bool]
@@ -25,6 +30,7 @@ class SocketPoll:
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
         self._next: asyncio.TimerHandle | asyncio.Handle | None = None
+        self._busy = False  # more was waiting than one call takes
         loop.add_reader(self._epoll.fileno(), self._wake)
 
     @property
@@ -64,12 +70,18 @@ class SocketPoll:
         if self._epoll.closed:  # by one of them
             return
         if any(more):
+            self._busy = True
             self._next = self._loop.call_soon(self._look)
-        elif more:
-            self._next = self._loop.call_later(PERIOD_S, self._look)
+        elif more or self._busy:
+            self._next = self._loop.call_at(self._next_look(), self._look)
+            self._busy = False
         else:
             self._next = None
             self._loop.add_reader(self._epoll.fileno(), self._wake)
+
+    def _next_look(self) -> float:
+        now = self._loop.time()
+        return now + SOON_S if self._busy else next_beat(now, BEAT_S)
 
 
 _polls: dict[asyncio.AbstractEventLoop, SocketPoll] = {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import struct
+from collections.abc import Sequence
 from itertools import accumulate
 
 from fti.clock import Clock, StampWindow
@@ -48,42 +49,41 @@ class Arrival:
         self._dropped = 0  # of this socket
         self._last_ns = 0
 
-    def read(self, fd: int) -> tuple[list[bytes], list[int]]:
-        """What waits in the socket, at most a batch, and its FTI times of arrival [ns].  Raises OSError."""
+    def read(self, fd: int) -> tuple[Sequence[bytes], Sequence[int]]:
+        """What waits in the socket, at most a batch, and its FTI times of arrival [ns], never backward.
+
+        Raises OSError.
+        """
         batch = self.batch
         if not batch.receive(fd):
-            return [], []
+            return (), ()
         drops = batch.drops()
         if drops is not None:
             self._count_drops(drops)
-        return batch.frames(), self._times(batch.stamps())
-
-    def _times(self, stamps: list[int]) -> list[int]:
-        """The kernel's stamps as FTI time, never backward.
-
-        Two processors may stamp at once; two windows are as good as two readings of the clocks.
-        """
-        window = self._clock.stamp_window()
-        offset, oldest, newest = window
-        if oldest <= min(stamps) and max(stamps) <= newest:
-            times = [stamp + offset for stamp in stamps]
-        else:
-            times = self._doubtful(stamps, window)
-        if times[0] < self._last_ns or times != sorted(times):
-            times = list(accumulate(times, max, initial=self._last_ns))[1:]
+        offset, oldest, newest = window = self._clock.stamp_window()
+        times = batch.stamps(offset)
+        if not (oldest <= times[0] - offset and times[-1] - offset <= newest and self._in_order(times)):
+            times = self._mended(times, window)
         self._last_ns = times[-1]
-        return times
+        return batch.frames(), times
 
-    def _doubtful(self, stamps: list[int], window: StampWindow) -> list[int]:
-        """Where a stamp cannot be believed: the time of the next one that can, for it came before, or now."""
-        time_ns, times = self._clock.now_ns(), []
-        for stamp in reversed(stamps):
-            if window.oldest_ns <= stamp <= window.newest_ns:
-                time_ns = stamp + window.offset_ns
+    def _in_order(self, times: list[int]) -> bool:
+        return self._last_ns <= times[0] and (len(times) == 1 or times == sorted(times))
+
+    def _mended(self, times: list[int], window: StampWindow) -> list[int]:
+        """In order: two processors may stamp at once, and two windows are as good as two readings of the clocks.
+
+        Where a stamp cannot be believed: the time of the next one that can, for it came before, or now.
+        """
+        oldest, newest = window.oldest_ns + window.offset_ns, window.newest_ns + window.offset_ns
+        time_ns, believed = self._clock.now_ns(), []
+        for time in reversed(times):
+            if oldest <= time <= newest:
+                time_ns = time
             else:
                 self._status.stamp_refused += 1
-            times.append(time_ns)
-        return times[::-1]
+            believed.append(time_ns)
+        return list(accumulate(reversed(believed), max, initial=self._last_ns))[1:]
 
     def ask_drops(self, sock: socket.socket) -> None:
         """Ask for the drop counter: a datagram tells of those before it, and behind the last drop none may come."""

@@ -14,17 +14,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fti.clock import SECOND_NS, Clock
+from fti.clock import SECOND_NS, Clock, next_beat
 from fti.errors import LinkError
 from fti.types import LinkState
 
 #: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns].  At
-#: least one; the sink may keep neither list.  It must not raise.
+#: least one; nobody changes them any more.  It must not raise.
 Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
-WATCH_S = 0.25
+#: How often an open link is looked at; all of them are with the same beat.
+WATCH_S = 0.24
 #: A link on which nothing came for so long is silent.
 SILENT_NS = 2 * SECOND_NS
 #: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
@@ -155,15 +156,19 @@ class BaseLink(ABC):
         raise lost.result()
 
     def _look_later(self, lost: asyncio.Future[LinkError]) -> None:
-        asyncio.get_running_loop().call_later(WATCH_S, self._look, lost)
+        loop = asyncio.get_running_loop()
+        loop.call_at(next_beat(loop.time(), WATCH_S), self._look, lost)
 
     def _look(self, lost: asyncio.Future[LinkError]) -> None:
         if not lost.done():
             self._look_later(lost)
-            self._guard(self._judge)
+            try:
+                self._judge()
+            except (LinkError, OSError) as error:
+                self._lose(error)
 
     def _judge(self) -> None:
-        """Four times a second while open.  Raises LinkError when the port is no longer the right one."""
+        """Every ``WATCH_S`` while open.  Raises LinkError when the port is no longer the right one."""
         last = self.status.last_rx_ns
         if last is not None and self._clock.now_ns() - last < SILENT_NS:
             self.status.state, self.status.hint = LinkState.GOOD, ""
@@ -177,17 +182,17 @@ class BaseLink(ABC):
 
     def _on_readable(self) -> bool:
         """Callback of the loop; true when there may be more to read."""
-        return bool(self._guard(self._read))
-
-    def _guard(self, act: Callable[[], bool | None]) -> bool | None:
-        """Act on the port; an error means that it is lost."""
         try:
-            return act()
-        except LinkError as error:
-            self._fail(error)
-        except OSError as error:
-            self._fail(LinkError(f"link {self.name}: {error.strerror or error}"))
-        return None
+            return self._read()
+        except (LinkError, OSError) as error:
+            self._lose(error)
+            return False
+
+    def _lose(self, error: LinkError | OSError) -> None:
+        """The port has said that it is lost."""
+        if isinstance(error, OSError):
+            error = LinkError(f"link {self.name}: {error.strerror or error}")
+        self._fail(error)
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         """Count what has arrived, and hand it on."""

@@ -120,7 +120,7 @@ class UdpLink(BaseLink):
             self._receive(frames, times)
         return count == COUNT
 
-    def _of_source(self, frames: list[bytes], times: list[int]) -> tuple[list[bytes], list[int]]:
+    def _of_source(self, frames: Sequence[bytes], times: Sequence[int]) -> tuple[Sequence[bytes], Sequence[int]]:
         """What the configured source has sent; the rest is counted."""
         host, senders = HOSTS[self._family], self._arrival.batch.senders()
         own = [sender[host] == self._source_host for sender in senders]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fti.burst import alone
 from fti.logger import schemas
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
-from fti.logger.stream_writer import Entry
 
 RAW_ENCODING = "x-fti-raw"
 TICK_TOPIC = "/fti/tick"
@@ -27,7 +27,7 @@ class RawTopic:
 
 
 class RawLog(Log):
-    """Writes the raw files of a session.  ``frames``, ``frames_sent``, ``ticks`` and ``json`` buffer; ``flush`` writes.
+    """Writes the raw files of a session.  ``write_bursts`` and ``json`` buffer; ``flush`` writes.
 
     folder, numbering, places : see SplitLog
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
@@ -59,39 +59,31 @@ class RawLog(Log):
             )
         )
         self._write = self._log.write
-        self._write_many = self._log.write_many
+        self.write_bursts = self._log.write_bursts
         self._received = {topic.link: self._add_link("/raw/", topic) for topic in links}
         self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
-        self._tick = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
+        self.tick_channel = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
         self._notes: dict[str, int] = {}
 
     def _add_link(self, prefix: str, topic: RawTopic) -> int:
         about = {"link": topic.link, "kind": topic.kind, **topic.settings}
         return self._log.add_channel(prefix + topic.link, RAW_ENCODING, None, about)
 
-    def frames(self, link: str, entries: Sequence[Entry]) -> None:
-        """Frames that arrived on a link."""
-        self._write_many(self._received[link], entries)
-
-    def frames_sent(self, link: str, entries: Sequence[Entry]) -> None:
-        """What was sent on a link; it is numbered with the frames."""
-        self._write_many(self._sent[link], entries)
-
-    def ticks(self, entries: Sequence[Entry]) -> None:
-        """Tick frames."""
-        self._write_many(self._tick, entries)
+    def channels(self, link: str) -> tuple[int, int]:
+        """The channels of what arrives on a link, and of what is sent on it; both are numbered together."""
+        return self._received[link], self._sent[link]
 
     def frame(self, link: str, seq: int, t_rx_ns: int, data: bytes) -> None:
         """A frame that arrived."""
-        self.frames(link, ((seq, t_rx_ns, data),))
+        self.write_bursts([(self._received[link], (alone(seq, t_rx_ns, data),))])
 
     def sent(self, link: str, seq: int, t_ns: int, data: bytes) -> None:
         """Bytes that were sent."""
-        self.frames_sent(link, ((seq, t_ns, data),))
+        self.write_bursts([(self._sent[link], (alone(seq, t_ns, data),))])
 
     def tick(self, seq: int, t_ns: int) -> None:
         """A tick frame."""
-        self.ticks(((seq, t_ns, b""),))
+        self.write_bursts([(self.tick_channel, (alone(seq, t_ns, b""),))])
 
     def json(self, topic: str, t_ns: int, obj: Any) -> None:
         """A note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.

@@ -19,7 +19,7 @@ from fti.logger.places import MEGABYTE, Stray, Trace, free_mb
 from fti.logger.schemas import Schema
 from fti.logger.seal import sealed
 from fti.logger.session import Kind, Numbering, SessionFolder
-from fti.logger.stream_writer import Entry, StreamWriter
+from fti.logger.stream_writer import Share, StreamWriter
 
 SECOND_NS = 1_000_000_000
 #: Name, media type, content.
@@ -130,9 +130,9 @@ class SplitLog:
         """Buffer a message."""
         self.part.writer.write(channel_id, log_time, data, sequence, publish_time)
 
-    def write_many(self, channel_id: int, entries: Sequence[Entry]) -> None:
-        """Buffer messages of one channel."""
-        self.part.writer.write_many(channel_id, entries)
+    def write_bursts(self, shares: Sequence[Share]) -> None:
+        """Buffer what several channels have."""
+        self.part.writer.write_bursts(shares)
 
 
 class Part:

@@ -14,23 +14,29 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
+import functools
 import os
 import struct
 import zlib
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+from fti.burst import Burst
 from fti.errors import StorageError
 from fti.logger import records
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.summary import Summary
 
 _PACK = MESSAGE.pack
+_EQUAL = struct.Struct("<BQH")  # opcode, length, channel
 _NO_TIME = 2**64 - 1
 _SEQUENCE = 0xFFFF_FFFF
-#: Position in the session, time [ns], bytes.
-Entry = tuple[int, int, bytes]
+#: What a channel has to write: its id, and bursts; in each of them time does not go back.
+Share = tuple[int, Sequence[Burst]]
+#: Up to so many messages of a burst are packed one by one.
+FEW = 4
 
 
 class StreamWriter:
@@ -133,28 +139,22 @@ class StreamWriter:
         if log_time > self._last:  # noqa: PLR1730
             self._last = log_time
 
-    def write_many(self, channel_id: int, entries: Sequence[Entry]) -> None:
-        """Buffer messages of one channel, all or none; sequence is the low 32 bits of the position."""
-        if not entries:
-            return
-        index = self._index.get(channel_id)
-        if index is None:
-            index = self._declare(channel_id)
-        at = self._size + len(self._pending)
+    def write_bursts(self, shares: Sequence[Share]) -> None:
+        """Buffer what several channels have, all or none; sequence is the low 32 bits of the position."""
+        for channel_id, _ in shares:
+            if channel_id not in self._index:
+                self._declare(channel_id)
+        begin = self._size + len(self._pending)
         parts: list[bytes] = []
-        places: list[int] = []
         try:
-            for position, time, data in entries:
-                size = len(data)
-                parts += _PACK(5, MESSAGE_BODY + size, channel_id, position & _SEQUENCE, time, time), data
-                places += time, at
-                at += MESSAGE.size + size
+            first, last = _pack_shares(shares, self._index, begin, parts)
         except struct.error as error:
-            raise ValueError(f"message {position} with time {time}: {error}") from None
+            for channel_id, _ in shares:
+                _forget(self._index[channel_id], begin)
+            raise ValueError(f"a message has a position or a time out of range: {error}") from None
         self._pending += b"".join(parts)
-        index.extend(places)
-        self._first = min(self._first, *places[::2])
-        self._last = max(self._last, *places[::2])
+        self._first = min(self._first, first)
+        self._last = max(self._last, last)
 
     def _declare(self, channel_id: int) -> array[int]:
         """Repeat a channel and its schema in this chunk, before its first message there."""
@@ -280,6 +280,69 @@ class StreamWriter:
             action()
         except OSError as error:
             raise StorageError(f"{self.path}: cannot be written: {error.strerror or error}") from error
+
+
+def _pack_shares(
+    shares: Sequence[Share], index: Mapping[int, array[int]], at: int, parts: list[bytes]
+) -> tuple[int, int]:
+    """Add message records to ``parts``, and where they stand from ``at`` on to the index; first and last time.
+
+    One loop over everything: a calm recorder has two messages of each link, and calls would cost as much again.
+    """
+    first, last, add = _NO_TIME, 0, parts.append
+    for channel_id, bursts in shares:
+        note = index[channel_id].append
+        for position, times, frames, payload in bursts:
+            if times[0] < first:  # noqa: PLR1730  (a call of min costs three times as much)
+                first = times[0]
+            if times[-1] > last:  # noqa: PLR1730
+                last = times[-1]
+            if len(frames) > FEW and payload == len(frames) * len(frames[0]) and _are_equal(frames):
+                records, places = _pack_equal(channel_id, (position, times, frames, payload), at)
+                add(records)
+                index[channel_id].extend(places)
+                at += len(records)
+                continue
+            for time, data in zip(times, frames, strict=True):
+                add(_PACK(5, MESSAGE_BODY + len(data), channel_id, position & _SEQUENCE, time, time))
+                add(data)
+                note(time)
+                note(at)
+                at += MESSAGE.size + len(data)
+                position += 1  # noqa: PLW2901
+    return first, last
+
+
+def _are_equal(frames: Sequence[bytes]) -> bool:
+    """All have the same length."""
+    return list(map(len, frames)).count(len(frames[0])) == len(frames)
+
+
+def _pack_equal(channel_id: int, burst: Burst, at: int) -> tuple[bytes, list[int]]:
+    """Message records of a burst of frames of one length, with one call, and where they stand from ``at`` on."""
+    position, times, frames, _ = burst
+    count, size = len(frames), len(frames[0])
+    positions = range(position & _SEQUENCE, (position & _SEQUENCE) + count)
+    fields: list[Any] = [_EQUAL.pack(5, MESSAGE_BODY + size, channel_id)] * (5 * count)
+    fields[1::5] = positions if positions[-1] <= _SEQUENCE else [n & _SEQUENCE for n in positions]
+    fields[2::5] = fields[3::5] = times
+    fields[4::5] = frames
+    places = [0] * (2 * count)
+    places[::2] = times
+    places[1::2] = range(at, at + count * (MESSAGE.size + size), MESSAGE.size + size)
+    return _records(count, size).pack(*fields), places
+
+
+def _forget(index: array[int], begin: int) -> None:
+    """Take back what was noted from that place on."""
+    while index and index[-1] >= begin:
+        del index[-2:]
+
+
+@functools.lru_cache(maxsize=256)
+def _records(count: int, size: int) -> struct.Struct:
+    """So many message records of that size: what is equal in all, sequence, both times, data."""
+    return struct.Struct("<" + f"{_EQUAL.size}sIQQ{size}s" * count)
 
 
 def _create(path: Path) -> int:

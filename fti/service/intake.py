@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 
-from fti.buffers.ring import Ring
+from fti.buffers.ring import Group, Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
 
@@ -19,13 +19,8 @@ class Intake:
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
         self._seq = ring.next_seq
-        self._begin()
-
-    def _begin(self) -> None:
-        self._links: list[int] = []
-        self._times: list[int] = []
-        self._frames: list[bytes] = []
-        self._shares: list[tuple[TripleBuffer, int, Sequence[int], Sequence[bytes]]] = []
+        self._arrived: list[Group] = []
+        self._buffers: list[TripleBuffer] = []
 
     @property
     def seq(self) -> int:
@@ -37,26 +32,25 @@ class Intake:
         """A function that takes the frames of one link, and their times of arrival [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-            if not self._shares:
+            if not self._arrived:
                 asyncio.get_running_loop().call_soon(self.hand_on)
-            self._shares.append((buffer, self._seq, times_ns, frames))
-            self._seq += len(frames)
-            self._links += [index] * len(frames)
-            self._times += times_ns
-            self._frames += frames
+            self._arrived.append((index, times_ns, frames))
+            self._buffers.append(buffer)
 
         return accept
 
     def hand_on(self) -> None:
-        """Hand on what has arrived.
+        """Number what has arrived, and hand it on.
 
         First the ring: it tells the next recorder where to go on, and no number may stand in a file that it does not
         know of.
         """
-        if not self._shares:
+        if not self._arrived:
             return
-        links, times_ns, frames, shares = self._links, self._times, self._frames, self._shares
-        self._begin()
-        self._ring.put_many(links, self._seq - len(frames), times_ns, frames)
-        for buffer, first_seq, share_times, share in shares:
-            buffer.put_many(first_seq, share_times, share)
+        arrived, buffers, seq = self._arrived, self._buffers, self._seq
+        self._arrived, self._buffers = [], []
+        self._seq += sum(len(frames) for _, _, frames in arrived)
+        self._ring.put(seq, arrived)
+        for buffer, (_, times_ns, frames) in zip(buffers, arrived, strict=True):
+            buffer.put_many(seq, times_ns, frames)
+            seq += len(frames)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
-from fti.buffers.triple import Entry, TripleBuffer
-from fti.clock import SystemClock
+from fti.buffers.triple import TripleBuffer
+from fti.clock import SystemClock, next_beat
 from fti.errors import LinkError
 from fti.links import Link, open_link
 from fti.logger.raw_log import RawLog, RawTopic
@@ -33,6 +33,7 @@ FIRST_FILE_S = 5.0
 FIRST_LOOK_S = 0.005
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
+TICK_PERIOD_S = TICK_PERIOD_NS / SECOND_NS
 
 
 class Recorder:
@@ -112,17 +113,17 @@ class Recorder:
 
     def _sources(self) -> list[Source]:
         log = self._log
-        sources = [Source(TICK_LINK, self._ticks, log.ticks)]
+        sources = [Source(TICK_LINK, log.tick_channel, self._ticks)]
         for unit in self._units:
-            name = unit.link.name
-            sources.append(Source(name, unit.received, functools.partial(log.frames, name)))
-            sources.append(Source(name, unit.sent, functools.partial(log.frames_sent, name)))
+            received, sent = log.channels(unit.link.name)
+            sources.append(Source(unit.link.name, received, unit.received))
+            sources.append(Source(unit.link.name, sent, unit.sent))
         if self._snapshot:
             for source, keep in zip(sources, self._snapshot.keepers, strict=True):
                 source.keep = keep
         if self._order.config.session.mode == "snapshot":
             for source in sources[1:]:
-                source.record = _leave_out
+                source.channel = None
         return sources
 
     def _wake_writer(self) -> None:
@@ -163,12 +164,13 @@ class Recorder:
                 continue  # the state of the link tells it; the next period asks again
 
     async def _tick(self) -> None:
-        """A frame every 20 ms, so that silence has a time too."""
+        """A frame every 20 ms, so that silence has a time too; what has come until then is written with it."""
         accept = self._intake.sink(self._tick_index, self._ticks)
+        loop = asyncio.get_running_loop()
         while True:
-            now = self._clock.now_ns()
-            await asyncio.sleep((TICK_PERIOD_NS - now % TICK_PERIOD_NS) / SECOND_NS)
+            await _beat(TICK_PERIOD_S)
             accept((b"",), (self._clock.now_ns(),))
+            loop.call_soon(self._wake_writer)  # behind the hand-over
 
     async def _watch(self) -> None:
         """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
@@ -180,7 +182,7 @@ class Recorder:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
                 report_clocks(self._clock, self._writer.note, self._tell)
             turn += 1
-            await asyncio.sleep(HEALTH_PERIOD_S)
+            await _beat(HEALTH_PERIOD_S)
 
     async def _tend_storage(self) -> None:
         """The first file, and every change of what becomes of the files."""
@@ -190,7 +192,7 @@ class Recorder:
             self._storage.tell_changes()
             if self._snapshot:
                 self._snapshot.tell_overflow()
-            await asyncio.sleep(TEND_PERIOD_S)
+            await _beat(TEND_PERIOD_S)
 
     async def _begin_recording(self) -> None:
         """Wait for the first file, or for the reason why there is none yet, and tell it."""
@@ -289,8 +291,10 @@ class Recorder:
         }
 
 
-def _leave_out(entries: Sequence[Entry]) -> None:
-    """In mode "snapshot" the frames of the links are not in the raw file."""
+async def _beat(period_s: float) -> None:
+    """Until the next multiple of a period."""
+    now = asyncio.get_running_loop().time()
+    await asyncio.sleep(next_beat(now, period_s) - now)
 
 
 def _settings(link: Any) -> dict[str, str]:

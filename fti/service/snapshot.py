@@ -13,9 +13,11 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from fti.burst import Entry
 from fti.config import Snapshot
 from fti.errors import StorageError
 from fti.logger.places import MEGABYTE
@@ -25,10 +27,12 @@ from fti.service.accounts import Outcome
 from fti.service.guard import Report, guarded
 from fti.service.hygiene import step_below_reader
 from fti.service.snapshot_memory import FrameMemory
-from fti.service.snapshot_shot import Record, Shot
+from fti.service.snapshot_shot import Shot
 
 #: Level, source and text of an event.
 Tell = Callable[[str, str, str], None]
+#: Takes the frames of one source.
+Keep = Callable[[Sequence[Entry]], None]
 #: Between two slices (a slice is a block of the memory), and while no whole block waits.
 PAUSE_S = 0.002
 WAIT_S = 0.02
@@ -62,11 +66,11 @@ class SnapshotSink:
         report: Report,
     ) -> None:
         self._log = log
-        self._records = _records(log, links)
+        self._channels = [log.tick_channel, *chain.from_iterable(map(log.channels, links))]
         self._before_ns, self._after_ns = (round(s * SECOND_NS) for s in (settings.before_s, settings.after_s))
-        self.outcomes = [Outcome() for _ in self._records]
+        self.outcomes = [Outcome() for _ in self._channels]
         self._memory = FrameMemory(self._before_ns, round(settings.max_mb * MEGABYTE), self.outcomes)
-        self.keepers: list[Record] = [partial(self._memory.keep, n) for n in range(len(self._records))]
+        self.keepers: list[Keep] = [partial(self._memory.keep, n) for n in range(len(self._channels))]
         self._folder = folder
         self._tell = tell
         self._report = report
@@ -91,7 +95,7 @@ class SnapshotSink:
         with self._lock:
             begin_ns, end_ns = t_ns - self._before_ns, t_ns + self._after_ns
             if self._shot is None:
-                self._shot = Shot(self._log, self._memory, self._records, begin_ns, end_ns)
+                self._shot = Shot(self._log, self._memory, self._channels, begin_ns, end_ns)
             self._shot.prolong(end_ns, t_ns, text)
         self._wake.set()
 
@@ -170,11 +174,3 @@ class SnapshotSink:
         if over:
             shot.close()
             self._tell("info", "snapshot", f"{self._file.name} holds {shot.frames} frames")
-
-
-def _records(log: RawLog, links: Sequence[str]) -> list[Record]:
-    """How the frames of each source go into the log."""
-    records: list[Record] = [log.ticks]
-    for link in links:
-        records += [partial(log.frames, link), partial(log.frames_sent, link)]
-    return records

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from struct import Struct
 
-from fti.buffers.triple import Entry
+from fti.burst import Entry
 from fti.service.accounts import Loss, Outcome
 
 #: Source, seq, time of arrival [ns], length; the bytes follow.

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from fti.buffers.triple import Entry
+from fti.burst import Entry, alone
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Part
 from fti.service.snapshot_memory import Block, FrameMemory
 
-#: Takes the frames of one source into the log.
-Record = Callable[[Sequence[Entry]], None]
 #: The ticks may be ahead of the frames that were received with them: so many looks more at the memory.  Looks and not
 #: a time, so that a machine that stood still does not count.
 SETTLE_LOOKS = 25
@@ -24,14 +22,14 @@ EVENT_TOPIC = "/fti/event"
 class Shot:
     """What was received from begin_ns to end_ns (FTI time), both included.
 
-    records : of each source of the memory, how its frames go into the log
-    frames  : so many are in the file
+    channels : of the log, for each source of the memory
+    frames   : so many are in the file
     """
 
-    def __init__(self, log: RawLog, memory: FrameMemory, records: Sequence[Record], begin_ns: int, end_ns: int) -> None:
+    def __init__(self, log: RawLog, memory: FrameMemory, channels: Sequence[int], begin_ns: int, end_ns: int) -> None:
         self._log = log
         self._memory = memory
-        self._records = records
+        self._channels = channels
         self._begin_ns = begin_ns
         self._end_ns = end_ns
         self._part: Part | None = None
@@ -120,8 +118,8 @@ class Shot:
             for t_ns, text in texts:
                 event = {"t_ns": t_ns, "level": "info", "source": "trigger", "text": text}
                 self._log.json(EVENT_TOPIC, t_ns, event)
-            for source, entries in self._slice.items():
-                self._records[source](entries)
+            slices = self._slice.items()
+            self._log.write_bursts([(self._channels[n], [alone(*e) for e in entries]) for n, entries in slices])
             self._buffered = True
         part.flush()
         self._buffered = False

@@ -1,4 +1,4 @@
-"""What the writer thread takes its entries from: a triple buffer, and how its entries go into the log."""
+"""What the writer thread takes its frames from: a triple buffer, and how its frames go into the log."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from fti.buffers.triple import Entry, TripleBuffer
+from fti.buffers.triple import TripleBuffer
+from fti.burst import Burst, Entry, entries
 
 GAP_TOPIC = "/fti/gap"
 #: Topic, time [ns] and content of a note.
@@ -15,35 +16,39 @@ Tell = Callable[[str, int, dict[str, Any]], None]
 
 @dataclass(slots=True)
 class Source:
-    """A triple buffer and how its entries go into the log.
+    """A triple buffer and how its frames go into the log.
 
     link     : in whose name its gaps are told
-    recorded : of what the buffer hands out, so many are in the log already, and the file has not taken them yet
-    keep     : gets what the file has taken, each entry once
+    channel  : of the log; None when it is not for the log, and goes to ``keep`` alone
+    keep     : gets what the file has taken, each frame once
+    recorded : of the bursts that the buffer hands out, so many are in the log already, and the file has not taken them
     unsynced : what the file has taken since it was last brought onto the medium
     """
 
     link: str
+    channel: int | None
     buffer: TripleBuffer
-    record: Callable[[Sequence[Entry]], None]
-    recorded: int = 0
     keep: Callable[[Sequence[Entry]], None] | None = None
-    unsynced: list[Sequence[Entry]] = field(default_factory=list)
-    _in_flight: list[Sequence[Entry]] = field(default_factory=list)
-    _again: list[Sequence[Entry]] = field(default_factory=list)
+    recorded: int = 0
+    unsynced: list[Burst] = field(default_factory=list)
+    _in_flight: list[Burst] = field(default_factory=list)
+    _again: list[Burst] = field(default_factory=list)
 
-    def record_all(self) -> bool:
-        """Record what the buffer hands out, each entry once, however often it is handed out; False when it is empty."""
-        while self._again:
-            self.record(self._again.pop(0))
+    def pending(self) -> list[Burst]:
+        """What is to be recorded now: what must be once more, and what the buffer hands out."""
         if self.buffer.empty:
-            return False
-        entries = self.buffer.take()[self.recorded :]
-        if entries:
-            self.record(entries)
-            self._in_flight.append(entries)
-            self.recorded += len(entries)
-        return True
+            return self._again
+        handed = self.buffer.take()
+        if self.recorded or self._again:
+            return self._again + handed[self.recorded :]
+        return handed
+
+    def mark_recorded(self, bursts: Sequence[Burst]) -> None:
+        """All that was pending is in the log."""
+        fresh = bursts[len(self._again) :]
+        self._again = []
+        self._in_flight += fresh
+        self.recorded += len(fresh)
 
     def tell_gaps(self, tell: Tell, *, final: bool = False) -> None:
         """A note for each row of frames that the buffer had to drop, when it has ended or nothing follows."""
@@ -53,14 +58,12 @@ class Source:
 
     def mark_written(self) -> None:
         """The file has taken what was recorded."""
-        if self.recorded:
-            if self.keep:
-                for entries in self._in_flight:
-                    self.keep(entries)
-            self.unsynced += self._in_flight
-            self._in_flight = []
-            self.buffer.written(self.recorded)
-            self.recorded = 0
+        if self.keep:
+            self.keep(list(entries(self._in_flight)))
+        self.unsynced += self._in_flight
+        self._in_flight = []
+        self.buffer.written(self.recorded)
+        self.recorded = 0
 
     def mark_synced(self) -> None:
         """What the file has taken is on the medium."""

@@ -1,8 +1,8 @@
 """The writer thread of the recorder: from the triple buffers into the MCAP file, wherever that can be.
 
-It wakes when a buffer passes its threshold or the flush period ends.  What it has taken from a buffer counts as
-written only after the medium has accepted it; while the medium refuses, the buffers fill, and their own rule decides
-what is lost and counts it.
+It is called with every tick of the recorder, and when a buffer passes its threshold.  What it has taken from a buffer
+counts as written only after the medium has accepted it; while the medium refuses, the buffers fill, and their own
+rule decides what is lost and counts it.
 
 A thread that calls into a sick medium may stay there for long.  Therefore a *stint*, the writing at one place, has a
 thread of its own: it opens its file, takes over from the stint before, and what that had not brought home it takes
@@ -62,7 +62,8 @@ class Writer:
         self._min_free_mb = min_free_mb
         self._machine = StorageMachine([str(place.folder) for place in places], time.monotonic())
         self._deciding = threading.Lock()
-        self._wake = threading.Event()
+        self._call = threading.Lock()  # free when the writer is called: waiting for it costs the least
+        self._call.acquire()
         self._stint: Stint | None = None
         self._others: list[Stint] = []  # that try to begin, or have not ended yet
         self._finished = False
@@ -83,8 +84,9 @@ class Writer:
             stint.start()
 
     def wake(self) -> None:
-        """A buffer has passed its threshold."""
-        self._wake.set()
+        """There is something to write."""
+        with contextlib.suppress(RuntimeError):  # it is called already
+            self._call.release()
 
     def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         """Record a JSON message with the next flush."""
@@ -116,7 +118,7 @@ class Writer:
     def stop(self) -> None:
         """Write what the buffers hold and end the thread; the log stays open for last notes."""
         self.stopping.set()
-        self._wake.set()
+        self.wake()
         give_up = time.monotonic() + LAST_CHANCE_S
         while self._stint or time.monotonic() < give_up:
             self.tend()
@@ -145,9 +147,8 @@ class Writer:
     # ------------------------------------------------------------------------------------------------ for the stints
 
     def await_call(self) -> None:
-        """Until a buffer calls or it is time to flush."""
-        self._wake.wait(FLUSH_PERIOD_S)
-        self._wake.clear()
+        """Until somebody calls: the tick, every ``FLUSH_PERIOD_S``, or a buffer; not longer than twice that."""
+        self._call.acquire(timeout=2 * FLUSH_PERIOD_S)
 
     def open(self, attempt: Attempt) -> Part:
         """A first file at a place.  Raises StorageError; may take as long as the medium likes."""
@@ -281,13 +282,18 @@ class Stint(threading.Thread):
 
     def _step(self) -> None:
         """Carry over what the buffers hand out."""
-        with self._writer.turn:
+        writer = self._writer
+        with writer.turn:
             if self.over.is_set():
                 return
-            for source in self._writer.sources:
-                if source.record_all():
-                    source.tell_gaps(self._writer.note)
-            self._writer.notes.record_all(self._writer.log)
+            taken = [(source, bursts) for source in writer.sources if (bursts := source.pending())]
+            writer.log.write_bursts(
+                [(source.channel, bursts) for source, bursts in taken if source.channel is not None]
+            )
+            for source, bursts in taken:
+                source.mark_recorded(bursts)
+                source.tell_gaps(writer.note)
+            writer.notes.record_all(writer.log)
             self.carrying = True
         self._persist()
 
@@ -318,7 +324,8 @@ class Stint(threading.Thread):
         with self._writer.turn:
             if not self.over.is_set():
                 for source in self._writer.sources:
-                    source.mark_written()
+                    if source.recorded:
+                        source.mark_written()
                 self._writer.notes.mark_written()
                 self.carrying = False
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.buffers.triple import TripleBuffer
+from fti.burst import entries
 from fti.config import Buffered
 from fti.study import Progress, Result
 
@@ -91,7 +92,7 @@ def _drain(buffer: TripleBuffer) -> list[int]:
     kept: list[int] = []
     while not buffer.empty:
         taken = buffer.take()
-        kept += [entry[0] for entry in taken]
+        kept += [entry[0] for entry in entries(taken)]
         buffer.written(len(taken))
     return kept
 

@@ -11,15 +11,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from fti.buffers.triple import Entry, TripleBuffer
+from fti.buffers.triple import TripleBuffer
+from fti.burst import Entry, entries
 
 
 def flush(buffer: TripleBuffer) -> list[Entry]:
     found: list[Entry] = []
     while not buffer.empty:
-        found += buffer.take()
+        found += entries(buffer.take())
         buffer.written()
     return found
+
+
+def take(buffer: TripleBuffer) -> list[Entry]:
+    return list(entries(buffer.take()))
 
 
 def test_entries_come_out_as_they_went_in() -> None:
@@ -33,11 +38,11 @@ def test_entries_come_out_as_they_went_in() -> None:
 def test_what_storage_refused_comes_again_first() -> None:
     buffer = TripleBuffer(1000)
     buffer.put(1, 0, b"a")
-    assert [e[0] for e in buffer.take()] == [1]
+    assert [e[0] for e in take(buffer)] == [1]
     buffer.put(2, 0, b"b")
-    assert [e[0] for e in buffer.take()] == [1, 2]
+    assert [e[0] for e in take(buffer)] == [1, 2]
     buffer.written(1)
-    assert [e[0] for e in buffer.take()] == [2]
+    assert [e[0] for e in take(buffer)] == [2]
     buffer.written()
     assert buffer.empty
 
@@ -46,8 +51,8 @@ def test_write_queue_is_bounded_too() -> None:
     buffer = TripleBuffer(100)
     for i in range(9):
         buffer.put(i, 0, bytes(12))
-    assert len(buffer.take()) == 5
-    assert len(buffer.take()) == 5
+    assert len(take(buffer)) == 5
+    assert len(take(buffer)) == 5
     assert buffer.stats.dropped_frames == 0
 
 
@@ -79,7 +84,7 @@ def test_stalled_storage_loses_nothing_for_that_long_and_then_the_oldest() -> No
     rate, first = 200, 1000
     for seq in range(first):
         buffer.put(seq, 0, bytes(33))
-    stuck = buffer.take()  # the call to storage does not return
+    stuck = take(buffer)  # the call to storage does not return
     survived = math.floor(buffer.capacity_s(100, 66, 2) * 100) * 2
     assert survived / rate == pytest.approx(121.48)
     for seq in range(first, first + survived):
@@ -92,7 +97,7 @@ def test_stalled_storage_loses_nothing_for_that_long_and_then_the_oldest() -> No
     assert stats.dropped_frames == extra
     assert stats.global_ == pytest.approx(1.0, abs=1e-4)
     assert stats.receive == pytest.approx(0.9, abs=1e-4)
-    buffer.written(len(stuck))
+    buffer.written()
     kept = [e[0] for e in stuck] + [e[0] for e in flush(buffer)]
     (span,) = stats.drops
     missing = sorted(set(range(first + survived + extra)) - set(kept))
@@ -140,7 +145,7 @@ def test_reader_does_not_wait_for_a_held_global_queue() -> None:
         buffer.put(0, 0, b"x")
         assert buffer.take() == []
     assert buffer.stats.receive > 0
-    assert [e[0] for e in buffer.take()] == [0]  # also when no further put moves it on
+    assert [e[0] for e in take(buffer)] == [0]  # also when no further put moves it on
 
 
 def test_held_global_queue_costs_frames_only_when_receive_is_full() -> None:
@@ -185,7 +190,7 @@ class Account(RuleBasedStateMachine):
     @rule()
     def take(self) -> None:
         before = self.taken
-        self.taken = self.buffer.take()
+        self.taken = take(self.buffer)
         assert self.taken[: len(before)] == before
 
     @rule()
@@ -239,7 +244,7 @@ def test_two_threads_hammer_it() -> None:
             taken = buffer.take()
             if dice.random() < 0.9:  # else storage refuses
                 buffer.written(len(taken))
-                out.extend(e[0] for e in taken)
+                out.extend(e[0] for e in entries(taken))
 
     threads = [threading.Thread(target=read), threading.Thread(target=write)]
     for thread in threads:
@@ -272,7 +277,7 @@ def test_together_is_as_one_by_one(batches: list[tuple[list[int], int]]) -> None
         seq += len(sizes)
         for buffer, kept in zip((together, single), out, strict=True):
             if turn:
-                taken = buffer.take()
+                taken = take(buffer)
                 if turn == 2:  # storage accepts
                     buffer.written()
                     kept.extend(taken)

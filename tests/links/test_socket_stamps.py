@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pytest
 
@@ -34,11 +34,11 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
         yield a, b
 
 
-def read(arrival: Arrival, pair: tuple[socket.socket, socket.socket], stamps: list[int]) -> list[int]:
+def read(arrival: Arrival, pair: tuple[socket.socket, socket.socket], stamps: list[int]) -> Sequence[int]:
     """Times of a batch with these stamps."""
     for _ in stamps:
         pair[0].send(b"x")
-    arrival.batch.stamps = lambda: stamps  # type: ignore[method-assign]
+    arrival.batch.stamps = lambda offset_ns=0: [stamp + offset_ns for stamp in stamps]  # type: ignore[method-assign]
     try:
         return arrival.read(pair[1].fileno())[1]
     finally:

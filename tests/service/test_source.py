@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import pytest
 
-from fti.buffers.triple import Entry, TripleBuffer
+from fti.buffers.triple import TripleBuffer
+from fti.burst import entries
 from fti.service.source import Source
 
 
 class Rig:
-    """A source and what it records."""
+    """A source and what it has recorded."""
 
     def __init__(self) -> None:
         self.buffer = TripleBuffer()
-        self.recorded: list[int] = []
-        self.source = Source("a", self.buffer, self._record)
-
-    def _record(self, entries: Sequence[Entry]) -> None:
-        self.recorded += [entry[0] for entry in entries]
+        self.source = Source("a", 1, self.buffer)
 
     def carry(self, *numbers: int) -> list[int]:
         """Put frames into the buffer and record what there is; returns what was recorded now."""
         for number in numbers:
             self.buffer.put(number, number, b"x")
-        before = len(self.recorded)
-        self.source.record_all()
-        return self.recorded[before:]
+        bursts = self.source.pending()
+        self.source.mark_recorded(bursts)
+        return [entry[0] for entry in entries(bursts)]
 
 
 @pytest.mark.parametrize(("doubtful", "again"), [(True, [0, 1, 2, 3]), (False, [2, 3])])

@@ -8,7 +8,6 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +76,7 @@ class Rig:
         self.log = RawLog(None, links, split_s=1e-7, split_mb=100, numbering=Numbering(), places=self.folders)
         self.buffer = TripleBuffer(capacity)
         self.reports: list[str] = []
-        source = Source("a", self.buffer, partial(self.log.frames, "a"))
+        source = Source("a", self.log.channels("a")[0], self.buffer)
         places = [Place.of(folder) for folder in self.folders]
         self.writer = Writer(self.log, [source], places, 0.0, self._report)
         self.seq = 0

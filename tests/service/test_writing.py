@@ -7,7 +7,6 @@ import json
 import math
 import os
 import threading
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ class Rig:
         self.log = RawLog(None, [RawTopic("a", "udp", {})], split_s=split_s, split_mb=100)
         self.buffer = TripleBuffer()
         self.reports: list[str] = []
-        source = Source("a", self.buffer, partial(self.log.frames, "a"))
+        source = Source("a", self.log.channels("a")[0], self.buffer)
         places = [Place.of(self.folder.path)]
         self.writer = Writer(self.log, [source], places, 0.0, lambda unit, e: self.reports.append(f"{unit}: {e}"))
 
