@@ -12,7 +12,8 @@ and ends with 1 when a link is not good.
 
 The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
 A role without a device is no error: its outputs are invalid, with the reason that is named here.  Neither is a warning
-(what is probably wrong in the configuration) or a hint (what this computer could do better).
+(what is probably wrong in the configuration) or a hint (what this computer could do better).  Every key is explained in
+docs/configuration.md.
 """
 
 from __future__ import annotations

@@ -1,0 +1,88 @@
+"""``docs/configuration.md`` has every key of a configuration, with its default, and no other."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from fti.config import tables
+from tests.helpers import ROOT
+
+PAGE = (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+#: Where the table of a model stands, and the keys that it shares with the table before it.
+LINK = (*tables.Buffered.model_fields, "kind")
+PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
+    "## `[session]`": (tables.Session, ()),
+    "## `[snapshot]`": (tables.Snapshot, ()),
+    '### `kind = "serial"`': (tables.SerialLink, LINK),
+    '### `kind = "udp"`': (tables.UdpLink, LINK),
+    '### `kind = "can"`': (tables.CanLink, LINK),
+    "## `[[device]]`": (tables.Device, ()),
+    "### `[device.altimeter]`": (tables.Altimeter, ()),
+    "## `[nav]`": (tables.Nav, ()),
+    "### `[nav.terrain]`": (tables.TerrainFiles, ()),
+    "### `[nav.approach]`": (tables.Approach, ()),
+    "| key of `[display]`": (tables.Display, ()),
+    "| key of `[bus]`": (tables.Bus, ()),
+    "## `[recorder]`": (tables.RecorderTuning, ()),
+}
+
+
+def told(place: str) -> dict[str, str]:
+    """Key to default as the first table behind a place has them."""
+    assert PAGE.count(f"\n{place}") == 1
+    lines = iter(PAGE.partition(f"\n{place}")[2].splitlines())
+    rows = [line for line in _first_table(lines) if line.startswith("| `")]
+    cells = [[cell.strip() for cell in row.strip("|").split(" |", 2)] for row in rows]
+    return {key.strip("`"): default for key, default, _ in cells}
+
+
+def _first_table(lines: Any) -> list[str]:
+    found: list[str] = []
+    for line in lines:
+        if line.startswith("|"):
+            found.append(line)
+        elif found and not line.startswith("|"):
+            break
+    return found
+
+
+def expected(model: type[BaseModel], shared: tuple[str, ...]) -> dict[str, Any]:
+    """Key to default; "" for a key that must be there, "–" for one that is not there without being said."""
+    found: dict[str, Any] = {}
+    for name, field in model.model_fields.items():
+        default = field.get_default(call_default_factory=True)
+        if name not in shared:
+            found[name] = "" if default is PydanticUndefined else "–" if default is None else default
+    return found
+
+
+def as_value(text: str) -> Any:
+    """A default as TOML has it; "" and "–" as they are."""
+    if not text.startswith("`"):
+        return text
+    value = tomllib.loads(f"value = {text.strip('`')}")["value"]
+    return tuple(value) if isinstance(value, list) else value
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_every_key_is_told_with_its_default(place: str) -> None:
+    assert {key: as_value(text) for key, text in told(place).items()} == expected(*PLACES[place])
+
+
+def test_what_every_link_has_is_told() -> None:
+    found = {key: as_value(text) for key, text in told("## `[[link]]`").items()}
+    assert found == {"kind": "", **expected(tables.Buffered, ())}
+
+
+def test_every_table_is_told() -> None:
+    models = {
+        model
+        for model in vars(tables).values()
+        if isinstance(model, type) and issubclass(model, tables.StrictModel) and model.__module__ == tables.__name__
+    }
+    assert models - {tables.StrictModel, tables.Config, tables.Buffered} == {model for model, _ in PLACES.values()}
