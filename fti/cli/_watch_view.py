@@ -104,9 +104,17 @@ def _links(links: Fields) -> Table:
             _number(link.get("rate_hz"), 1),
             f"{link.get('bytes', 0):,}",
             Text(str(dropped), "bold red" if dropped else ""),
-            Text(link.get("hint") or "", "dim", overflow="ellipsis"),
+            _remarks(link),
         )
     return table
+
+
+def _remarks(link: Fields) -> Text:
+    """What to look for, and what a UART or a CAN controller has counted."""
+    errors = (link.get("ledger") or {}).get("errors") or {}
+    counts = ", ".join(f"{name} {count}" for name, count in errors.items() if count)
+    parts = [(text, style) for text, style in ((link.get("hint") or "", "dim"), (counts, "yellow")) if text]
+    return Text("  ", overflow="ellipsis").join(Text(text, style) for text, style in parts)
 
 
 def _clocks(devices: Fields) -> Iterator[Table]:

@@ -12,6 +12,9 @@ each link must close, made again from the frames themselves:
   storage          held to the end, because the medium took no more
   not_triggered    recorded on a trigger only, and none came
 
+Beside it stands what a UART (uart_...), a CAN controller (can_...) or the controller of an adapter (slcan_...) has told
+of errors on its line: of these no number of frames is known.
+
 Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
 refuted (does not hold).  A single file of a session is proved as far as it goes; a session whose medium was changed is
 proved from all places together.

@@ -107,6 +107,19 @@ def test_values_links_and_origin_are_shown() -> None:
     assert STRUCK not in text
 
 
+def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
+    feed, health = make_feed(), make_health(10.0, 0, 0)
+    health["links"]["airdata_can"]["ledger"] = {"errors": {"slcan_data_overrun": 2, "slcan_bus_error": 0}}
+    health["links"]["gnss_line"]["ledger"] = {"errors": {"uart_overrun": 3}}
+    feed.take("/health", health, 0)
+    console = Console(width=200, file=io.StringIO(), record=True)
+    console.print(render(feed.state(0)))
+    text = console.export_text()
+    assert "slcan_data_overrun 2" in text
+    assert "slcan_bus_error" not in text
+    assert "/dev/ttyUSB3 does not exist; there are ttyUSB0, ttyUSB1  uart_overrun 3" in text
+
+
 STRUCK = "\x1b[9;90m120.0 m"
 
 
