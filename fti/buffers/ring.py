@@ -19,8 +19,7 @@ with it.  Its first page is the header, 64-bit words; the rest holds records, on
 A state is written beside the valid one and becomes valid with its generation, one 64-bit store: a process killed at
 any instruction leaves the old state or the new one.  The writer gives up the oldest records (and publishes that)
 before it overwrites them and publishes a record when it is whole.  A reader that was overrun meanwhile finds the
-oldest position beyond its own, or a wrong crc, and goes on at the oldest whole record; what it missed is the gap in
-``seq``.
+oldest position beyond its own, and goes on behind the newest record; what it missed is the gap in ``seq``.
 """
 
 from __future__ import annotations
@@ -307,7 +306,8 @@ class RingReader:
     """The one reader.  A new reader on the same ring goes on exactly where the last one stopped.
 
     Frames count as consumed with the next ``read`` or with ``commit``: a reader that is killed while it works on what
-    ``read`` returned gets the same frames again.
+    ``read`` returned gets the same frames again.  A reader that was overrun goes on with what comes next, not at the
+    oldest: there it would be overrun again at once, and late by all that the ring holds for ever.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -316,8 +316,13 @@ class RingReader:
 
     @property
     def lost_frames(self) -> int:
-        """Frames that were overwritten before they were read, since the ring began."""
+        """Frames that were overwritten or skipped before they were read, since the ring began."""
         return self._state.lost
+
+    @property
+    def next_seq(self) -> int:
+        """The seq behind the last frame that was read or skipped; 0 before the first."""
+        return self._state.next_seq
 
     @property
     def finished(self) -> bool:
@@ -329,43 +334,43 @@ class RingReader:
         self._ring.publish_reader(self._state)
 
     def read(self, limit: int = 1000) -> list[Record]:
-        """The next frames in order; empty when there is none now.
+        """The next frames in order; empty when there is none now, and when the reader was overrun.
 
         Ends with the record that reaches ``limit``: frames that were put together are read together.
         """
         self.commit()
-        for _ in range(ATTEMPTS):
-            writer = self._ring.writer_state()
-            begin = max(self._state.position, writer.oldest)
-            if begin == writer.end:
-                return []
-            data = self._ring.load(begin, min(writer.end - begin, READ_BYTES))
-            oldest = self._ring.writer_state().oldest  # what lies before it may have been overwritten while we copied
-            found = self._parse(data, begin, max(begin, oldest), limit, writer.first_seq)
-            if found:
-                return found
-        self._skip_to_end(writer)
-        return []
+        writer = self._ring.writer_state()
+        position = self._state.position
+        if position == writer.end:
+            return []
+        data = self._ring.load(position, min(writer.end - position, READ_BYTES))
+        overrun = self._ring.writer_state().oldest > position  # also: while we copied
+        found = [] if overrun else self._parse(data, limit, writer.first_seq)
+        if not found:  # or the memory is damaged
+            self.skip()
+        return found
 
-    def _skip_to_end(self, writer: WriterState) -> None:
-        """Damaged memory: go on with what comes."""
+    def skip(self) -> int:
+        """Give up what waits and go on with what comes next; returns the number of frames given up."""
+        writer = self._ring.writer_state()
         position, expected, lost = self._state
-        expected = expected if position else writer.first_seq
-        self._state = ReaderState(writer.end, writer.next_seq, lost + max(writer.next_seq - expected, 0))
+        skipped = max(writer.next_seq - (expected if position else writer.first_seq), 0)
+        self._state = ReaderState(writer.end, writer.next_seq, lost + skipped)
+        return skipped
 
-    def _parse(self, data: bytes, base: int, begin: int, limit: int, first_seq: int) -> list[Record]:
-        """Records from position ``begin`` on, in data that begins at position ``base``."""
+    def _parse(self, data: bytes, limit: int, first_seq: int) -> list[Record]:
+        """Records in data that begins at our position; first_seq : of the first record of all."""
         found: list[Record] = []
         position, _, lost = self._state
         expected = self._state.next_seq if position else first_seq
-        at = begin - base
+        at = 0
         while len(found) < limit and at + HEAD <= len(data):
             length, crc = RECORD.unpack_from(data, at)
             end = at + HEAD + length
             if end > len(data):
                 break
             covered = memoryview(data)[at + RECORD.size : end]
-            if zlib.crc32(covered, (base + at) & 0xFFFF_FFFF) != crc:
+            if zlib.crc32(covered, (position + at) & 0xFFFF_FFFF) != crc:
                 break
             seq, count = FIELDS.unpack_from(covered)
             lost += max(seq - expected, 0)
@@ -373,5 +378,5 @@ class RingReader:
             found += _unpack(data[at + RECORD.size : end])
             at = end
         if found:
-            self._state = ReaderState(base + at, expected, lost)
+            self._state = ReaderState(position + at, expected, lost)
         return found

@@ -89,10 +89,19 @@ class DerivedLog(Log):
 
     def measurement(self, device: str, measurement: Measurement) -> None:
         """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
+        if self.wants(device, measurement):
+            self.keep(device, measurement)
+
+    def wants(self, device: str, measurement: Measurement) -> bool:
+        """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
+        if isinstance(measurement, Ack):
+            return True
+        return self._decimator.wants((device, type(measurement), _part(measurement)), measurement.stamp.t_rx_ns)
+
+    def keep(self, device: str, measurement: Measurement) -> None:
+        """``measurement`` for one that is wanted."""
         topic = f"/{device}/{snake_case(type(measurement).__name__)}"
         stamp = measurement.stamp
-        if not isinstance(measurement, Ack) and not self._decimator.wants((topic, _part(measurement)), stamp.t_rx_ns):
-            return
         schema = schemas.schema_of(type(measurement))
         self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode(measurement))
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import json
 import tomllib
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -48,12 +50,17 @@ class Segment:
 
     first: int
     last: int | None
-    lost: tuple[tuple[int, int], ...] = ()  # (after, before): everything between was not seen
+    lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: everything between was not seen
 
     def holds(self, seq: int) -> bool:
         """Was this frame seen?"""
         inside = seq >= self.first and (self.last is None or seq <= self.last)
-        return inside and not any(after < seq < before for after, before in self.lost)
+        gaps = self.gaps_before(seq)
+        return inside and (not gaps or seq >= self.lost[gaps - 1][1])
+
+    def gaps_before(self, seq: int) -> int:
+        """How many gaps begin before this frame."""
+        return bisect_left(self.lost, seq, key=itemgetter(0))
 
 
 def recorded_setup(recording: Recording, file: Path) -> Setup:
@@ -124,8 +131,13 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
 
 
 def _feed(frames: Iterator[RawFrame], segment: Segment, chain: Chain, log: DerivedLog) -> Iterator[RawFrame]:
+    passed = 0
     for frame in frames:
         if segment.holds(frame.seq):
+            gaps = segment.gaps_before(frame.seq)
+            if gaps > passed:
+                chain.pass_gap()
+                passed = gaps
             _write(chain.feed(frame), log)
             yield frame
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.config import Config
-from fti.drivers import Decoder
+from fti.drivers import Counters, Decoder
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC
 from fti.nav.device_times import DeviceTimes
 from fti.nav.pipeline import Pipeline
@@ -19,6 +19,9 @@ from fti.nav.reference import Reference
 from fti.service.binding import BoundDevice
 from fti.service.guard import guarded
 from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame
+
+#: Why bytes are no frame that a decoder held when frames went missing.
+GAP = "gap"
 
 
 @dataclass(slots=True)
@@ -55,6 +58,13 @@ class Chain:
             self._on_link.setdefault(listener.bound.device.link, []).append(listener)
         self._times = DeviceTimes(config.device)
         self._pipeline = Pipeline(config, reference)
+
+    def pass_gap(self) -> None:
+        """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
+        for listener in self.listeners:
+            before = listener.decoder.counters
+            listener.decoder = listener.bound.make_decoder()
+            _go_on(listener.decoder.counters, before)
 
     def feed(self, frame: RawFrame) -> Products:
         """Take the next frame; return what follows from it."""
@@ -102,3 +112,12 @@ class Chain:
             products.outputs.append(Event(t_ns=frame.t_rx_ns, level="error", source=unit, text=text))
 
         return guarded(unit, tell)
+
+
+def _go_on(counters: Counters, before: Counters) -> None:
+    """Count on from where another decoder ended; what that one held was skipped."""
+    counters.bytes_in, counters.framed = before.bytes_in, before.framed
+    counters.messages.update(before.messages)
+    counters.skipped.update(before.skipped)
+    if before.held:
+        counters.skipped[GAP] += before.held

@@ -22,8 +22,8 @@ from fti.types import Event, Measurement, Output
 
 FLUSH_PERIOD_S = 0.05
 SYNC_PERIOD_S = 1.0
-#: Outputs and measurements that may wait for the medium: several minutes of them; beyond, the oldest go, counted.
-MOST_WAITING = 200_000
+#: Outputs and measurements that may wait for the medium, a minute or more, 30 MB; beyond, the oldest go, counted.
+MOST_WAITING = 40_000
 #: A medium that refuses for so long is let go [s]; another is looked for at this pace, or the main one again.
 PATIENCE_S = 1.0
 LOOK_S = 5.0
@@ -52,8 +52,9 @@ class DerivedWriter:
         self._thread.start()
 
     def measurement(self, device: str, measurement: Measurement) -> None:
-        """Queue a measurement."""
-        self._put(lambda: self._log.measurement(device, measurement))
+        """Queue a measurement, if the file keeps it: what the file leaves out must not fill the queue."""
+        if self._log.wants(device, measurement):
+            self._put(lambda: self._log.keep(device, measurement))
 
     def output(self, output: Output | Event) -> None:
         """Queue an output or an event."""

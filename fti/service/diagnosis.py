@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from fti import drivers
 from fti.config import Config
 from fti.drivers import Decoder
-from fti.service.chain import Chain, Listener
+from fti.service.chain import GAP, Chain, Listener
 from fti.service.clock_health import clock_health
 from fti.types import LinkState, RawFrame
 
@@ -21,7 +21,7 @@ SILENT_NS = 1_000_000_000
 KEPT_BYTES = 8192
 BAD_SHARE = 0.05
 RATE_TOLERANCE = 0.3
-NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment"})
+NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment", GAP})
 
 
 class Count(NamedTuple):

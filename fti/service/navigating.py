@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 
-from fti.buffers.ring import Ring, RingReader
+from fti.buffers.ring import Record, Ring, RingReader
 from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock
@@ -16,12 +17,14 @@ from fti.service.control import Channel
 from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
 from fti.service.orders import NavigationOrder
+from fti.service.patience import Patience, Skips
 from fti.types import TICK_LINK, Event, HeightAboveGround, Output, RawFrame
 
 #: The order in which a process appears on the bus and in health.
 PROCESS = "navigation"
 IDLE_S = 0.004
-READ_LIMIT = 2000
+#: Few, so that it is soon seen how late they are.
+READ_LIMIT = 200
 HEALTH_PERIOD_S = 0.5
 #: When the supervisor is gone, the recorder ends the ring; so long is waited for that.
 ORPHAN_S = 10.0
@@ -45,6 +48,7 @@ class Navigator:
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(order)
         self._bus = Publisher.connect(order.endpoint, config.session.name) if order.endpoint else None
+        self._patience, self._skips = Patience(), Skips()
         resumed = self._ring.reader_state()
         self._last_seq = resumed.next_seq - 1
         self._resumed = resumed.position > 0
@@ -74,6 +78,7 @@ class Navigator:
             self._consume()
         finally:
             self._derived.close()
+            self._tell_skips(self._skips.rest(self._clock.now_ns()))
             self._tell_health()
             if self._bus:
                 self._bus.close()
@@ -85,6 +90,7 @@ class Navigator:
             frames = self._reader.read(READ_LIMIT)
             for index, seq, t_rx_ns, data in frames:
                 self._take(index, seq, t_rx_ns, data)
+            self._keep_up(frames)
             now = time.monotonic()
             if now >= health_due:
                 health_due = now + HEALTH_PERIOD_S
@@ -98,7 +104,26 @@ class Navigator:
                 orphaned = orphaned or now + ORPHAN_S
                 if now > orphaned:
                     return
+            self._patience.rest()
             time.sleep(IDLE_S)
+
+    def _keep_up(self, frames: Sequence[Record]) -> None:
+        """Skip what waits where it waits in vain; note what was skipped.  frames : those read last.
+
+        What waits is as old as the last tick among them: a tick enters the ring at its time, and nothing else must.
+        """
+        now = self._clock.now_ns()
+        ticks = [t_rx_ns for index, _, t_rx_ns, _ in frames if index == len(self._links) - 1]
+        if ticks and not self._ring.ended and self._patience.ends_at(now - ticks[-1]):
+            self._reader.skip()
+        missed = self._reader.next_seq - 1 - self._last_seq
+        if missed:
+            self._patience.lose()
+            self._skips.note(missed, now - self._last_ns)
+            self._tell_skips(self._skips.news(now))
+            self._note_gap(self._reader.next_seq, now)
+            self._last_seq += missed
+            self._last_ns = now
 
     def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
         if self._resumed or seq != self._last_seq + 1:
@@ -134,14 +159,20 @@ class Navigator:
         """What the ring lost, or where another process had stopped: into the file, so that it can be repeated."""
         kind = "restart" if self._resumed else "ring"
         self._resumed = False
+        self._chain.pass_gap()
         self._derived.gap(t_ns, {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq})
 
     def _listen(self) -> None:
         for message in self._channel.receive():
             self._hurry = self._hurry or "hurry" in message
 
+    def _tell_skips(self, news: Event | None) -> None:
+        if news:
+            self._publish(news)
+
     def _tell_health(self) -> None:
         now = self._clock.now_ns()
+        self._tell_skips(self._skips.news(now))
         fault = self._derived.fault
         if fault != self._fault_told and (fault is None or self._fault_told is None):
             text = f"stopped: {fault}" if fault else "goes on"

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.ring import ALONE, PAGE, Record, Ring, RingReader, ring_size
+from fti.buffers.ring import ALONE, PAGE, ReaderState, Record, Ring, RingReader, ring_size
 from fti.config import CanLink, SerialLink, UdpLink
 from tests.helpers import ROOT, until
 
@@ -43,6 +43,13 @@ def check(records: list[Record]) -> list[int]:
     return [record.seq for record in records]
 
 
+def reader_of_all(ring: Ring) -> RingReader:
+    """A reader that stands at the oldest frame, as one that has just not been overrun."""
+    assert ring.oldest_seq is not None
+    ring.publish_reader(ReaderState(ring.writer_state().oldest, ring.oldest_seq, ring.oldest_seq))
+    return RingReader(ring)
+
+
 def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
     reader = RingReader(ring)
     assert reader.read() == []
@@ -57,19 +64,25 @@ def test_frames_come_out_as_they_went_in(ring: Ring) -> None:
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.integers(0, 300), st.integers(0, 60)), min_size=1, max_size=30))
 def test_every_frame_is_read_or_counted(turns: list[tuple[int, int]]) -> None:
-    """Any rhythm of writing and reading, several times around the ring."""
+    """Any rhythm of writing, reading and skipping (where nothing is read), several times around the ring."""
     ring = Ring.create(2 * PAGE)
-    reader, seq, found = RingReader(ring), 0, list[int]()
+    reader, seq, found, missing = RingReader(ring), 0, list[int](), 0
     for written, read in turns:
         put(ring, *range(seq, seq + written))
         seq += written
-        found += check(reader.read(read)) if read else []
+        waiting, lost = seq - reader.next_seq, reader.lost_frames
+        records = check(reader.read(read)) if read else []
+        skipped = reader.skip() if not read else waiting if not records else 0
+        assert reader.lost_frames == lost + skipped
+        assert skipped in {0, waiting}
+        found += records
+        missing += skipped
     while records := check(reader.read()):
         found += records
     ring.close()
     assert found == sorted(set(found))
-    assert len(found) + reader.lost_frames == seq
-    assert not found or found[-1] == seq - 1
+    assert len(found) + reader.lost_frames == seq == reader.next_seq
+    assert reader.lost_frames >= missing
 
 
 @settings(max_examples=30)
@@ -108,13 +121,60 @@ def test_a_frame_that_is_too_large_is_refused_also_in_company(ring: Ring) -> Non
         ring.put(0, [(0, [0, 1, 2], [b"", bytes(PAGE), b""])])
 
 
-def test_overrun_reader_goes_on_at_the_oldest(ring: Ring) -> None:
+def test_overrun_reader_goes_on_with_what_comes_next(ring: Ring) -> None:
     reader = RingReader(ring)
-    put(ring, *range(2000))
-    oldest = ring.oldest_seq
-    assert oldest
-    assert check(reader.read())[0] == oldest
-    assert reader.lost_frames == oldest
+    put(ring, *range(10))
+    reader.read(4)
+    put(ring, *range(10, 2000))
+    assert ring.oldest_seq
+    assert reader.read() == []
+    assert (reader.lost_frames, reader.next_seq) == (1996, 2000)
+    put(ring, 2000)
+    assert check(reader.read()) == [2000]
+    assert reader.lost_frames == 1996
+
+
+def test_a_reader_that_comes_after_the_ring_was_full_has_lost_all(ring: Ring) -> None:
+    put(ring, *range(7, 2000))
+    reader = RingReader(ring)
+    assert reader.read() == []
+    assert (reader.lost_frames, reader.next_seq) == (1993, 2000)
+
+
+def test_a_full_ring_is_read_whole_while_it_has_not_overrun_its_reader(ring: Ring) -> None:
+    reader, seq = RingReader(ring), 0
+    while ring.writer_state().oldest == 0:
+        put(ring, seq)
+        seq += 1
+    reader = reader_of_all(ring)
+    found = check(reader.read())
+    assert found == list(range(ring.oldest_seq or 0, seq))
+
+
+def test_what_waits_can_be_skipped(ring: Ring) -> None:
+    reader = RingReader(ring)
+    assert reader.skip() == 0
+    put(ring, *range(5, 15))
+    assert reader.skip() == 10
+    put(ring, *range(15, 25))
+    assert check(reader.read(3)) == [15, 16, 17]
+    assert (reader.skip(), reader.skip()) == (7, 0)
+    assert reader.read() == []
+    put(ring, 25)
+    assert check(reader.read()) == [25]
+    assert (reader.lost_frames, reader.next_seq) == (17, 26)
+
+
+def test_what_was_skipped_stays_skipped_for_the_next_reader(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, *range(10))
+    reader.skip()
+    assert check(RingReader(ring).read(2)) == [0, 1]  # nobody has said yet that it was skipped
+    reader.commit()
+    put(ring, 10)
+    follower = RingReader(ring)
+    assert check(follower.read()) == [10]
+    assert follower.lost_frames == 10
 
 
 def test_frames_that_never_came_are_lost_too(ring: Ring) -> None:
@@ -136,8 +196,8 @@ def test_record_overwritten_while_it_is_copied_is_not_believed(ring: Ring, monke
         return data
 
     monkeypatch.setattr(ring, "load", slow_load)
-    found = check(reader.read(5))
-    assert found[0] == ring.oldest_seq == reader.lost_frames
+    assert reader.read(5) == []
+    assert reader.lost_frames == reader.next_seq == ring.next_seq == 2000
 
 
 def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
@@ -214,11 +274,10 @@ def test_writer_killed_while_it_overwrites_leaves_the_rest_readable(
     monkeypatch.setattr(ring, "_store", half)
     with pytest.raises(KilledError):
         put(ring, *range(1000, 2000))
-    last = ring.next_seq - 1
-    reader = RingReader(ring)
+    reader = reader_of_all(ring)
     found = check(reader.read())
-    assert found[-1] == last
-    assert len(found) + reader.lost_frames == last + 1
+    assert found[0] == reader.lost_frames > 0
+    assert found == list(range(found[0], ring.next_seq))
 
 
 class Unpublished:
@@ -291,22 +350,18 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def test_killed_writer_leaves_whole_records_and_its_successor_goes_on(ring: Ring) -> None:
-    reader, found = RingReader(ring), list[int]()
-
-    def pump() -> int:
-        found.extend(check(reader.read()))
-        return len(found)
-
+    last = 0
     for _ in range(6):
         process = start(WRITER, ring, 10**9)
         before = ring.next_seq
-        until(lambda before=before: pump() and ring.next_seq > before + 500)  # type: ignore[misc]
+        until(lambda before=before: ring.next_seq > before + 500)  # type: ignore[misc]
         kill(process)
-        while check_and_keep := check(reader.read()):
-            found.extend(check_and_keep)
-        assert found[-1] == ring.next_seq - 1
-    assert found == sorted(set(found))
-    assert len(found) + reader.lost_frames == ring.next_seq
+        reader, found = reader_of_all(ring), list[int]()
+        while records := check(reader.read()):
+            found += records
+        assert found == list(range(found[0], ring.next_seq))
+        assert len(found) + reader.lost_frames == ring.next_seq > last
+        last = ring.next_seq
 
 
 def test_killed_reader_is_followed_by_one_that_goes_on() -> None:
