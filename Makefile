@@ -1,7 +1,7 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
 #   make demo     fly an emulated approach, record it, show it in the browser
-#   make test     every test: quick ones two at a time beside the flights, then those with real processes one by one
+#   make test     every test: quick ones beside the flights, those with real processes, those that need calm
 #   make check    style, types, layers
 #   make bench    every benchmark
 #   make soak     the tests again, at full scale

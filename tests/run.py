@@ -1,10 +1,11 @@
-"""Every test, as ``make test`` runs it: the flights beside the quick tests, then what needs the machine for itself.
+"""Every test, as ``make test`` runs it on two cores.
 
     python -m tests.run
 
 The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
-quick tests, which wait for conditions and never for a time, and which give way to them (nice).  The end-to-end tests
-come afterwards, one after another.  Only the files that have a marker are collected for it.
+quick tests, which wait for conditions and never for a time, and which give way to them (nice).  Then come the
+end-to-end tests that wait most of the time, two at a time, file by file; then those that judge moments or need both
+cores, one after another.  Only the files that have a marker are collected for it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from tests.helpers import ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
+TWO_AT_A_TIME = ["-n", "2"]
 GIVING_WAY = ["nice", "-n", "10"]
 INTERRUPTED = 130
 
@@ -35,18 +37,20 @@ def run(title: str, *command: str) -> int:
 
 
 def main() -> int:
-    """Both parts happen, unless they are interrupted; the first failure is the exit code."""
+    """Every part happens, unless they are interrupted; the first failure is the exit code."""
     interrupts: list[int] = []  # every process of the group is told; each ends in good order
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
     with tempfile.NamedTemporaryFile(suffix=".txt") as said:
         flights = subprocess.Popen(
             [*PYTEST, "-m", "flight", *marked("flight")], cwd=ROOT, stdout=said, stderr=subprocess.STDOUT
         )
-        codes = [run("quick tests, and flights beside them", *GIVING_WAY, *PYTEST, "-n", "2", "-m", "not e2e")]
+        codes = [run("quick tests, and flights beside them", *GIVING_WAY, *PYTEST, *TWO_AT_A_TIME, "-m", "not e2e")]
         codes.append(flights.wait())
         print("== flights", Path(said.name).read_text(), sep="\n", flush=True)
-    if not interrupts:
-        codes.append(run("end to end", *PYTEST, "-m", "e2e and not flight", *marked("e2e")))
+    together = ["-m", "e2e and not flight and not alone", *TWO_AT_A_TIME, "--dist", "loadfile", *marked("e2e")]
+    for title, arguments in (("end to end", together), ("one after another", ["-m", "alone", *marked("alone")])):
+        if not interrupts:
+            codes.append(run(title, *PYTEST, *arguments))
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 
 

@@ -24,7 +24,7 @@ from tests.e2e.killing import Frames, read_as_it_lies, read_finished
 from tests.helpers import until
 from tests.processes import children_of, command_of
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(600)]
 KILL_TOLERANCE_NS = 50_000_000
 RESTART_NS = 1_000_000_000
 SEED = 20261121

@@ -69,6 +69,7 @@ def _assert_proved(session: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.alone
 def test_a_long_stop_of_navigation_a_flood_and_a_flapping_line(rig: Rig, scale: int) -> None:
     """The recording has everything; the derived file and health say what navigation has not seen."""
     turns, written = 2 if scale == 1 else scale, b""

@@ -8,7 +8,7 @@ import pytest
 
 from tests.e2e.soaking import Soak, Usage, soak
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3600)]
 FACTOR = 10
 QUICK_S, FULL_S = 4.0, 1800.0
 #: What each process may grow in 30 minutes; a run of some seconds says nothing of that.

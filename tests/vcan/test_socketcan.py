@@ -14,7 +14,7 @@ import pytest
 from tests.helpers import ROOT
 from tests.vcan.probe_socketcan import BURST, ERROR_FRAMES, FRAMES, OWN_FRAME
 
-pytestmark = [pytest.mark.e2e, pytest.mark.socketcan]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
 
 RUNNER = ROOT / "tests" / "vcan" / "run"
 NOT_INSTALLED = 77
