@@ -1,14 +1,16 @@
 """A process that sends numbered datagrams at a steady rate, whether somebody listens or not.
 
-    python -m tests.e2e.flood HOST RATE PORT [PORT ...]
+    python -m tests.e2e.flood HOST RATE COUNTER PORT [PORT ...]
 
-The ports take turns.  A datagram is its link (position of the port), its number on that link, and filling; 60 bytes.
-It runs until its standard input ends, and then prints how many each link got, as a JSON list.
+The ports take turns.  COUNTER is the descriptor of a memory file, in which it counts what it has sent.  A datagram is
+its link (position of the port), its number on that link, and filling; 60 bytes.  It runs until its standard input
+ends, and then prints how many each link got, as a JSON list.
 """
 
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import socket
 import struct
@@ -20,6 +22,7 @@ from collections.abc import Sequence
 from tests.helpers import ROOT
 
 NUMBER = struct.Struct("<IQ")
+COUNTER = struct.Struct("=Q")
 FILLING = bytes(range(48))
 SIZE = NUMBER.size + len(FILLING)
 PERIOD_S = 0.001
@@ -47,13 +50,25 @@ class Flood:
     """The process; ``sent`` tells of each link when it has been stopped."""
 
     def __init__(self, host: str, rate_hz: float, ports: Sequence[int]) -> None:
+        self.rate_hz = rate_hz
         self.sent: list[int] = []
+        self._links = len(ports)
+        fd = os.memfd_create("flood")
+        os.ftruncate(fd, COUNTER.size)
+        self._counter = mmap.mmap(fd, COUNTER.size)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.e2e.flood", host, str(rate_hz), *map(str, ports)],
+            [sys.executable, "-m", "tests.e2e.flood", host, str(rate_hz), str(fd), *map(str, ports)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             cwd=ROOT,
+            pass_fds=[fd],
         )
+        os.close(fd)
+
+    def sent_now(self) -> list[int]:
+        """How many each link has got until now."""
+        (total,) = COUNTER.unpack(self._counter)
+        return [len(range(link, total, self._links)) for link in range(self._links)]
 
     def stop(self) -> None:
         """End it; nothing is sent any more."""
@@ -62,7 +77,7 @@ class Flood:
             self.sent = json.loads(said)
 
 
-def _send(host: str, rate_hz: float, ports: Sequence[int]) -> list[int]:
+def _send(host: str, rate_hz: float, counter: mmap.mmap, ports: Sequence[int]) -> list[int]:
     os.set_blocking(0, False)
     sent = [0] * len(ports)
     addresses = [(host, port) for port in ports]
@@ -74,6 +89,7 @@ def _send(host: str, rate_hz: float, ports: Sequence[int]) -> list[int]:
                 link = turn % len(ports)
                 sock.sendto(NUMBER.pack(link, sent[link]) + FILLING, addresses[link])
                 sent[link] += 1
+                COUNTER.pack_into(counter, 0, turn + 1)
             total = due
             time.sleep(PERIOD_S)
     return sent
@@ -88,4 +104,5 @@ def said() -> bytes | None:
 
 
 if __name__ == "__main__":
-    print(json.dumps(_send(sys.argv[1], float(sys.argv[2]), [int(port) for port in sys.argv[3:]])))
+    memory = mmap.mmap(int(sys.argv[3]), COUNTER.size)
+    print(json.dumps(_send(sys.argv[1], float(sys.argv[2]), memory, [int(port) for port in sys.argv[4:]])))

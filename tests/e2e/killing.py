@@ -48,6 +48,7 @@ class Loss:
 
     lost_ns : from the first frame that is missing to the last one received
     began_ns, killed_ns : FTI times between which that happened; frames : so many are missing; received : of so many
+    unsaved_ns : the traffic that had been sent until the kill and is not in the file, also what the kernel still held
     """
 
     lost_ns: int
@@ -55,6 +56,7 @@ class Loss:
     received: int
     began_ns: int
     killed_ns: int
+    unsaved_ns: int
 
 
 class Rig:
@@ -110,17 +112,17 @@ class Rig:
         self.linger(3.0 if self.chance.random() < LONG_RUNS else 0.3)
         copies = {path: path.read_bytes() for path in self.files[finished:]}
         moment(self)
-        killed_ns = time.monotonic_ns() + self.epoch_ns
+        killed_ns, sent = time.monotonic_ns() + self.epoch_ns, self._flood.sent_now()
         self._child.kill()
         until(lambda: self._child.died() is not None, 20, "its end")
         self._child.close()
-        return self._judge(self.files[finished:], copies, killed_ns)
+        return self._judge(self.files[finished:], copies, killed_ns, sent)
 
     def linger(self, most_s: float) -> None:
         """Let a random time go by."""
         time.sleep(self.chance.uniform(0, most_s))
 
-    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int) -> Loss:
+    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int, sent: list[int]) -> Loss:
         received = self._received()
         lying = _merge(read_as_it_lies(path) for path in files)
         _assert_same(lying, received)
@@ -132,7 +134,17 @@ class Rig:
         assert lying.keys() <= closed.keys()
         self._assert_in_order(closed)
         self.recorded += len(closed)
-        return _loss(received, lying, killed_ns)
+        return _loss(received, lying, killed_ns, self._unsaved_ns(lying, sent))
+
+    def _unsaved_ns(self, recorded: Frames, sent: list[int]) -> int:
+        """What was sent behind the last datagram of each link in the file."""
+        newest = [0] * LINKS
+        for topic, _, data in recorded.values():
+            if topic.startswith("/raw/"):
+                link, number = parse(data)
+                newest[link] = max(newest[link], number + 1)
+        behind = sum(max(there - here, 0) for there, here in zip(sent, newest, strict=True))
+        return round(behind / self._flood.rate_hz * 1e9)
 
     def _received(self) -> Frames:
         """What the recorder had received since the last kill."""
@@ -161,11 +173,11 @@ class Rig:
         self._ring.close()
 
 
-def _loss(received: Frames, recorded: Frames, killed_ns: int) -> Loss:
+def _loss(received: Frames, recorded: Frames, killed_ns: int, unsaved_ns: int) -> Loss:
     last_ns = max(t_ns for _, t_ns, _ in received.values())
     missing = [t_ns for seq, (_, t_ns, _) in received.items() if seq not in recorded]
     began_ns = min(missing, default=last_ns)
-    return Loss(last_ns - began_ns, len(missing), len(received), began_ns, killed_ns)
+    return Loss(last_ns - began_ns, len(missing), len(received), began_ns, killed_ns, unsaved_ns)
 
 
 # ---------------------------------------------------------------------------------------------------------- reading
@@ -250,9 +262,10 @@ def _whole_records(data: bytes, at: int) -> int:
 def describe(losses: list[Loss], excused: int) -> str:
     """What the kills have cost."""
     spans = sorted(loss.lost_ns / 1e6 for loss in losses)
-    outage = sorted((loss.killed_ns - loss.began_ns) / 1e6 for loss in losses)
+    unsaved = sorted(loss.unsaved_ns / 1e6 for loss in losses)
     return (
-        f"{len(losses)} kills; lost of what was received: median {spans[len(spans) // 2]:.1f} ms, "
-        f"most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} frames; from the first lost one to "
-        f"the kill: median {outage[len(outage) // 2]:.1f} ms, most {outage[-1]:.1f} ms; over 50 ms: {excused}"
+        f"{len(losses)} kills; of what was sent until then, this is not in the file: median "
+        f"{unsaved[len(unsaved) // 2]:.1f} ms, most {unsaved[-1]:.1f} ms; of what the recorder had received: median "
+        f"{spans[len(spans) // 2]:.1f} ms, most {spans[-1]:.1f} ms, at most {max(loss.frames for loss in losses)} "
+        f"frames; over 50 ms: {excused}"
     )
