@@ -21,6 +21,7 @@ session they are: name, origin, mode, and a note where it is a snapshot, not a c
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     report_remarks(recording)
     with reading(recording, "exporting", passes=2):
         rows = export(recording, args.out, _format(args.format), choice)
+    if not rows:
+        print("note: there is nothing to export", file=sys.stderr)
     for path, count in rows.items():
         print(f"{path}  {count} rows")
     report_faults(recording)

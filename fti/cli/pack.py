@@ -35,9 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Pack or unpack every file; 3 when one had to be left as it is."""
-    from rich.console import Console
-    from rich.progress import Progress
-
+    from fti.cli._reading import progress_bar
     from fti.errors import RecordingError
     from fti.logger.packing.pack import pack, unpack
     from fti.logger.recovery.salvage import session_files
@@ -46,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     done: list[Packed] = []
     refused: list[str] = []
     paths = session_files(Path(args.session))
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         for path in paths:
             task = bar.add_task(path.name, total=path.stat().st_size * (1 if args.undo else 2))
             try:

@@ -69,14 +69,12 @@ def _close(session: str) -> int:
 def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
     import json
 
-    from rich.console import Console
-    from rich.progress import Progress
-
+    from fti.cli._reading import progress_bar
     from fti.logger.recovery.salvage import salvage_session, session_files
 
     total = sum(path.stat().st_size for path in session_files(session))
     place = out or session.absolute().with_name(f"{session.absolute().stem}_recovered")
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("bytes", total=total)
         report = salvage_session(session, place, lambda done: bar.update(task, completed=done))
     if as_json:

@@ -25,16 +25,15 @@ def run(args: argparse.Namespace) -> int:
     """Reprocess with a progress bar on standard error."""
     from pathlib import Path
 
-    from rich.console import Console
-    from rich.progress import Progress
-
+    from fti.cli._reading import progress_bar, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup, reprocess
 
     session = Path(args.session)
     recording = Recording.open(session)
+    report_remarks(recording)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("frames", total=None)
         folder = reprocess(
             recording,

@@ -31,10 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run a study with a progress bar on standard error; 1 when a result does not hold."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     from fti import study
+    from fti.cli._reading import progress_bar
     from fti.errors import MissingError
 
     if args.list:
@@ -45,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     chosen = study.load(args.name)
     runs = args.runs or chosen.RUNS
     seed = chosen.SEED if args.seed is None else args.seed
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task(args.name, total=1.0)
         results = chosen.study(runs, seed, lambda share: bar.update(task, completed=share))
     if args.json:

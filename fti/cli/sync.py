@@ -31,10 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Decode the session with a progress bar on standard error; 3 when a file broke off."""
     from pathlib import Path
 
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from fti.cli._reading import report_faults, report_remarks
+    from fti.cli._reading import progress_bar, report_faults, report_remarks
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
@@ -48,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     recording = Recording.open(session)
     report_remarks(recording)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    with progress_bar() as bar:
         task = bar.add_task("frames", total=None)
         sync = analyse(recording, setup.devices, lambda done: bar.update(task, completed=done))
     if args.out:

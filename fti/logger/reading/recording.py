@@ -13,6 +13,7 @@ from typing import NamedTuple
 from fti.errors import MissingError, RecordingError
 from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
 from fti.logger.reading.mcap_file import Head, Item, McapFile
+from fti.logger.reading.place import check_place
 from fti.logger.session import Kind, SessionFolder, name_parts
 from fti.logger.split_log import FILE_METADATA, PLACE_KEY
 from fti.types import TICK_LINK, RawFrame
@@ -278,14 +279,10 @@ def _role(topic: str) -> _Role | None:
 
 def _find_files(place: Path) -> Iterator[list[Path]]:
     """The files of a folder of each kind, or a single file.  Raises MissingError."""
+    check_place(place)
     if place.is_dir():
         folder = SessionFolder(place)
-        found = [folder.files(kind) for kind in KINDS]
-        if not any(found):
-            raise MissingError(f"{place}: holds no MCAP files")
-        return iter(found)
-    if not place.is_file():
-        raise MissingError(f"{place}: there is no such session folder or file")
+        return iter([folder.files(kind) for kind in KINDS])
     told = _kind_of(place)
     return ([place] if told == kind else [] for kind in KINDS)
 

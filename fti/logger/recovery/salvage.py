@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fti.errors import MissingError, StorageError
+from fti.errors import StorageError
 from fti.logger import records
+from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import record_end
@@ -109,13 +110,9 @@ class Report:
 
 def session_files(session: Path) -> list[Path]:
     """The MCAP files of a session folder, or the one file.  Raises MissingError."""
+    check_place(session)
     if session.is_dir():
-        paths = sorted(session.glob("*.mcap"), key=lambda path: (*name_parts(path), path.name))
-        if not paths:
-            raise MissingError(f"{session}: holds no MCAP files")
-        return paths
-    if not session.is_file():
-        raise MissingError(f"{session}: there is no such session folder or file")
+        return sorted(session.glob("*.mcap"), key=lambda path: (*name_parts(path), path.name))
     return [session]
 
 
@@ -132,7 +129,8 @@ def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
     for path in paths:
         raw = name_parts(path)[0] == "raw"
         start = done
-        found = salvage(path, out / path.name, numbers if raw else NumbersFound(), lambda at: progress(start + at))  # noqa: B023
+        copy = out / path.with_suffix(".mcap").name
+        found = salvage(path, copy, numbers if raw else NumbersFound(), lambda at: progress(start + at))  # noqa: B023
         report.files.append(found)
         done += found.bytes
         progress(done)

@@ -1,0 +1,55 @@
+"""What a person names as a session; when it is none, what may have been meant."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from fti.errors import MissingError
+from fti.logger.records import MAGIC
+
+SHOWN = 5
+
+
+def check_place(place: Path) -> None:
+    """Raises MissingError unless it is a folder with MCAP files, or a file that begins as one or is called so."""
+    if place.is_dir():
+        if not any(place.glob("*.mcap")):
+            raise MissingError(f"{place}: holds no MCAP files{_sessions_in(place)}")
+    elif not place.is_file():
+        raise MissingError(f"{place}: there is no such session folder or file{_like(place)}")
+    elif place.suffix != ".mcap" and not _begins_as_mcap(place):
+        raise MissingError(f"{place}: is no MCAP file")
+
+
+def _sessions_in(folder: Path) -> str:
+    """The sessions in a folder of sessions, the newest first."""
+    try:
+        found = {path.parent for path in folder.glob("*/*.mcap")}
+    except OSError:
+        return ""
+    newest = sorted(found, key=lambda path: path.stat().st_mtime, reverse=True)
+    return f", but sessions: {_listed([str(path) for path in newest])}" if newest else ""
+
+
+def _like(place: Path) -> str:
+    """What beside it is called nearly so."""
+    try:
+        names = [path.name for path in place.parent.iterdir()]
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(place.name, names, n=SHOWN, cutoff=0.7)
+    return f"; there is {_listed([str(place.with_name(name)) for name in near])}" if near else ""
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"{', '.join(names[:SHOWN])}{more}"
+
+
+def _begins_as_mcap(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError as error:
+        raise MissingError(f"{path}: cannot be read: {error.strerror}") from None
