@@ -242,9 +242,7 @@ class BusLink(BaseLink):
         if self._reader is None:
             await super().drain()
             return
-        reader = self._reader
-        await asyncio.to_thread(reader.finish)
-        reader.hand_on()
+        await asyncio.to_thread(self._reader.finish)  # what it has handed to the loop by then is taken first
 
     def _receive(self, frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
         for frame in filter(is_error, frames):

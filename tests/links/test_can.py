@@ -106,6 +106,23 @@ async def test_drain_waits_for_the_thread_that_reads(bus: tuple[CanLink, can.Bus
         assert heard.times == sorted(heard.times)
 
 
+async def test_draining_ends_while_others_talk(bus: tuple[CanLink, can.BusABC]) -> None:
+    """A message every 10 ms, which is sooner than the thread waits: it looks whether something is there, no more."""
+    config, other = bus
+
+    async def talk() -> None:
+        while True:
+            other.send(unpack_message(FRAMES[0]))
+            await asyncio.sleep(0.01)
+
+    async with running(config) as (opened, heard):
+        talking = asyncio.create_task(talk())
+        await until_async(lambda: heard.frames)
+        await opened.drain()
+        assert "fti-can-can1" not in [thread.name for thread in threading.enumerate()]
+        talking.cancel()
+
+
 async def test_what_was_read_before_a_bus_is_lost_is_handed_on(bus: tuple[CanLink, can.BusABC]) -> None:
     """The loop is busy while the thread reads, and finds the bus lost before it has looked at the frames."""
     config, other = bus

@@ -159,6 +159,7 @@ def test_who_never_answers_is_left_alone(answer: bytes) -> None:
         bench.hear(answer)
         bench.second()
     assert bench.asked == PATIENCE
+    assert not bench.watch.has_closed
     assert bench.errors == {}
     assert (bench.frames, bench.parser.noise, bench.parser.refusals) == ([], 0, 17 if answer == b"\a" else 0)
 
@@ -360,6 +361,32 @@ async def test_a_line_that_was_begun_is_ended_before_the_status_is_asked(
         opened._ask()
         rest = b"t12321122\r"[len(said) :] if said else b""
         await peer.expect(rest + b"F\r")
+
+
+async def test_half_a_line_is_not_ended_at_another_adapter(peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with running(link(peer, transmit=True), clock=FakeClock(0)) as (opened, _):
+        await peer.expect(b"C\rO\rF\r")
+        with monkeypatch.context() as choked:
+            choke(choked, [5])
+            with pytest.raises(LinkError, match="could not be sent"):
+                await opened.send(FRAME, 0.05)
+        peer.die()
+        await until_async(lambda: opened.status.state is LinkState.ABSENT)
+        peer.connect()
+        await peer.expect(b"C\rO\rF\r")
+        await until_async(lambda: opened.status.connects == 2)
+        opened._ask()
+        await peer.expect(b"F\r")
+
+
+async def test_a_refusal_before_the_channel_was_open_is_no_hint(peer: Peer) -> None:
+    """The manual has a closed adapter refuse to close."""
+    async with running(link(peer), clock=FakeClock(0)) as (opened, _):
+        await peer.expect(b"C\rO\rF\r")
+        peer.write(b"\a\r")
+        await until_async(lambda: "refused a command" in opened.status.hint)
+        peer.write(b"F00\r")
+        await until_async(lambda: "no frame arrives" in opened.status.hint)
 
 
 async def test_the_status_is_not_asked_inside_a_frame_that_is_being_sent(peer: Peer) -> None:
