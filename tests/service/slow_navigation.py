@@ -1,0 +1,250 @@
+"""A navigation that takes as long as it is told, in a world whose time it makes: frames come while it computes."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import socket
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti import config as configuration
+from fti.buffers.ring import Ring
+from fti.bus.zenoh_bus import Publisher
+from fti.clock import FakeClock
+from fti.drivers import freeflight_ra4500 as ra
+from fti.drivers.imar_ixcom import HEALTHY, INSSOL_ID, encode_frame, encode_inssol, encode_status
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.reading.recording import Recording
+from fti.logger.session import SessionFolder
+from fti.post.reprocess import recorded_setup, reprocess
+from fti.service import navigating
+from fti.service.chain import Chain, Products
+from fti.service.control import Channel
+from fti.service.navigating import Navigator
+from fti.service.orders import NavigationOrder
+from fti.types import TICK_LINK, TICK_PERIOD_NS, Attitude, ImuSample, Position, RawFrame, Stamp, Velocity
+
+START_NS = 1_700_000_000_000_000_000
+GPS_EPOCH_NS = 315_964_800 * 10**9
+SECOND_NS = 10**9
+LINKS = ("line", "eth", TICK_LINK)
+#: Holds three seconds of what comes.
+RING_BYTES = 2**16
+#: Frames that come in a second, and those that navigation reads at once.
+RATE, READ_LIMIT = 250, 50
+LAT_0, SPEED, RADIUS = 0.84, 60.0, 6_366_000.0
+
+CONFIG = """
+[session]
+name = "slow"
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/unused"
+
+[[link]]
+name = "eth"
+kind = "udp"
+bind = "127.0.0.1:0"
+
+[[device]]
+name = "altimeter"
+link = "line"
+driver = "freeflight_ra4500"
+max_age_ms = 500
+
+[device.altimeter]
+kind = "radar"
+range_m = [0.5, 762]
+
+[[device]]
+name = "ins"
+link = "eth"
+driver = "imar_ixcom"
+max_age_ms = 100
+
+[nav]
+attitude = ["ins"]
+position = ["ins"]
+altimeters = ["altimeter"]
+"""
+
+
+def height_at(t_ns: int) -> float:
+    """Height above ground [m]: so wild that a height of another time is wrong."""
+    return 200.0 + 90.0 * math.sin(2 * (t_ns - START_NS) / SECOND_NS)
+
+
+def north_at(t_ns: int) -> float:
+    """Way to the north [m]."""
+    return SPEED * (t_ns - START_NS) / SECOND_NS
+
+
+def _ins(number: int, t_ns: int) -> bytes:
+    at = Stamp(0)
+    solution = encode_inssol(
+        ImuSample(stamp=at, accel_b=(0.0, 0.0, -9.8), gyro_b=(0.0, 0.0, 0.0)),
+        Attitude(stamp=at, roll=0.0, pitch=0.0, heading=0.0),
+        Velocity(stamp=at, north=SPEED, east=0.0, down=0.0),
+        Position(stamp=at, lat=LAT_0 + north_at(t_ns) / RADIUS, lon=0.19, alt=900.0),
+    )
+    return encode_frame(INSSOL_ID, number, t_ns - GPS_EPOCH_NS, encode_status(HEALTHY), solution)
+
+
+def _frames(duration_s: float) -> list[tuple[int, int, bytes]]:
+    """Arrival [ns], link and bytes: ticks, the INS at 100 Hz, the altimeter at 50 Hz, each frame of it cut in two."""
+    found = []
+    for i in range(round(duration_s * 50)):
+        t_ns = START_NS + i * TICK_PERIOD_NS
+        height = ra.encode_height(height_at(t_ns), ("in_air",), ra.Options())
+        found += [(t_ns, 2, b""), (t_ns, 0, height[:4]), (t_ns + 19_000_000, 0, height[4:])]
+        found += [(at_ns, 1, _ins(2 * i + k, at_ns)) for k, at_ns in enumerate((t_ns + 2_000_000, t_ns + 12_000_000))]
+    return sorted(found, key=lambda frame: frame[0])
+
+
+class World:
+    """Time that passes while navigation computes or sleeps; what arrives meanwhile goes into ring and recording.
+
+    cost_s : what navigation needs for a frame [s], by the time since the start [s]
+    ages   : of what was published: (time since the start [s], age [ms], valid)
+    fed    : the numbers of the frames that the chain has seen
+    hurry_at_s : when navigation is told to end at once [s]
+    """
+
+    def __init__(self, folder: Path, duration_s: float, cost_s: Callable[[float], float]) -> None:
+        self.clock = FakeClock(START_NS)
+        self.ring = Ring.create(RING_BYTES)
+        self.session = SessionFolder.create(folder, "slow", START_NS)
+        self.cost_s = cost_s
+        self.ages: list[tuple[float, float, bool]] = []
+        self.fed: list[int] = []
+        self.hurry_at_s: float | None = None
+        self._frames = _frames(duration_s)
+        self._next = 0
+        self._raw = RawLog(
+            self.session,
+            [RawTopic("line", "serial", {}), RawTopic("eth", "udp", {})],
+            split_s=3600,
+            split_mb=100,
+            attachments=[("config.toml", "text/plain", CONFIG.encode())],
+        )
+        self._far, self._near = socket.socketpair()
+
+    @property
+    def now_s(self) -> float:
+        """Since the start."""
+        return (self.clock.time_ns - START_NS) / SECOND_NS
+
+    @property
+    def frames(self) -> int:
+        """How many there are in all."""
+        return len(self._frames)
+
+    def monotonic(self) -> float:
+        """As in ``time``."""
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        """As in ``time``; frames arrive meanwhile."""
+        self.clock.advance(seconds)
+        while self._next < len(self._frames) and self._frames[self._next][0] <= self.clock.time_ns:
+            t_ns, link, data = self._frames[self._next]
+            self.ring.put(self._next, [(link, [t_ns], [data])])
+            if link == LINKS.index(TICK_LINK):
+                self._raw.tick(self._next, t_ns)
+            else:
+                self._raw.frame(LINKS[link], self._next, t_ns, data)
+            self._next += 1
+        if self._next == len(self._frames):
+            self.ring.end()
+
+    def navigator(self) -> Navigator:
+        """A navigation process."""
+        config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
+        order = NavigationOrder(
+            folder=str(self.session.path),
+            config=config,
+            epoch_ns=START_NS,
+            texts={},
+            endpoint="here",
+            attachments={},
+            metadata={},
+        )
+        return Navigator(order, self.clock, Channel(self._near), os.dup(self.ring.fd))  # type: ignore[arg-type]
+
+    def run(self) -> Navigator:
+        """Let a navigation process take all that comes, or until it is interrupted."""
+        feed = Chain.feed
+
+        def slow_feed(chain: Chain, frame: RawFrame) -> Products:
+            self.sleep(self.cost_s(self.now_s))
+            self.fed.append(frame.seq)
+            if self.hurry_at_s and self.now_s >= self.hurry_at_s:
+                self._far.send(b'{"hurry":true}\n')
+                self.hurry_at_s = None
+            return feed(chain, frame)
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(navigating, "time", self)
+            patch.setattr(navigating, "READ_LIMIT", READ_LIMIT)
+            patch.setattr(Chain, "feed", slow_feed)
+            patch.setattr(Publisher, "connect", lambda *_: self)
+            navigator = self.navigator()
+            navigator.run()
+        navigator._ring.close()
+        return navigator
+
+    # --------------------------------------------------------------------------------------- it is its own bus, too
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        """Note the age of a height."""
+        said = json.loads(payload)
+        if topic.startswith("/nav/height"):
+            self.ages.append((self.now_s, said["age_ms"], said["valid"]))
+
+    def alive(self, process: str) -> None:
+        """Somebody is there."""
+
+    def close(self) -> None:
+        """Nobody is there any more."""
+
+    # ---------------------------------------------------------------------------------------------------- afterwards
+
+    def finish(self) -> list[dict[str, Any]]:
+        """Close the recording; the events that navigation has told of itself."""
+        self._raw.close()
+        self.ring.close()
+        self._near.close()
+        told = b""
+        while data := self._far.recv(2**20):
+            told += data
+        self._far.close()
+        messages = [json.loads(line) for line in told.splitlines()]
+        return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
+
+    def rows(self, topic: str) -> list[dict[str, Any]]:
+        """What the derived file has on a topic."""
+        return [json.loads(data) for *_, data in Recording.open(self.session.path).messages(topic)]
+
+    def gaps(self) -> list[range]:
+        """The frames that the derived file says were not seen."""
+        return [range(row["after_seq"] + 1, row["before_seq"]) for row in self.rows("/fti/gap")]
+
+
+def outputs(session: Path) -> list[tuple[str, int, bytes]]:
+    """Topic, time and bytes of all that navigation has put out."""
+    return [(topic, log, data) for topic, log, _, _, data in Recording.open(session).messages("/nav/")]
+
+
+def reprocessed(world: World, out: Path) -> Path:
+    """The session again, as flown."""
+    recording = Recording.open(world.session.path)
+    setup = recorded_setup(recording, world.session.path)
+    return reprocess(recording, setup, out, as_flown=True, progress=lambda seq: None)
