@@ -1,9 +1,8 @@
-"""One look at all sockets of a loop with each beat (every 20 ms, with the tick), while something comes.
+"""One look at all sockets of a loop with each beat: every 20 ms, shortly before the tick.
 
 The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and a process that wakes for
-each finds its memory cold and pays for that many times what the reading costs.  The first datagram wakes the loop as
-ever; from then on the sockets are looked at together, until there is nothing any more.  Where more was waiting than
-one call takes, the next look is soon, so that no receive buffer overflows.
+each finds its memory cold and pays for that many times what the reading costs.  Where more was waiting than one call
+takes, the next look is soon, so that no receive buffer overflows.
 """
 
 from __future__ import annotations
@@ -29,19 +28,13 @@ class SocketPoll:
         self._loop = loop
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
-        self._next: asyncio.TimerHandle | asyncio.Handle | None = None
         self._busy = False  # more was waiting than one call takes
-        loop.add_reader(self._epoll.fileno(), self._wake)
+        self._next: asyncio.Handle = loop.call_soon(self._look)
 
     @property
     def empty(self) -> bool:
         """No socket is left."""
         return not self._reads
-
-    @property
-    def resting(self) -> bool:
-        """Nothing comes; the next datagram wakes it."""
-        return self._next is None
 
     def add(self, fd: int, read: Read) -> None:
         """Look at this socket too."""
@@ -55,15 +48,8 @@ class SocketPoll:
 
     def close(self) -> None:
         """End."""
-        if self._next:
-            self._next.cancel()
-        self._loop.remove_reader(self._epoll.fileno())  # first: the loop knows it by its number
+        self._next.cancel()
         self._epoll.close()
-
-    def _wake(self) -> None:
-        """Something has come."""
-        self._loop.remove_reader(self._epoll.fileno())
-        self._look()
 
     def _look(self) -> None:
         more = [read() for fd, _ in self._epoll.poll(0) if (read := self._reads.get(fd))]
@@ -72,16 +58,10 @@ class SocketPoll:
         if any(more):
             self._busy = True
             self._next = self._loop.call_soon(self._look)
-        elif more or self._busy:
-            self._next = self._loop.call_at(self._next_look(), self._look)
-            self._busy = False
         else:
-            self._next = None
-            self._loop.add_reader(self._epoll.fileno(), self._wake)
-
-    def _next_look(self) -> float:
-        now = self._loop.time()
-        return now + SOON_S if self._busy else next_beat(now, BEAT_S)
+            now, beat = self._loop.time(), next_beat(self._loop.time(), BEAT_S)
+            self._next = self._loop.call_at(min(now + SOON_S, beat) if self._busy else beat, self._look)
+            self._busy = False
 
 
 _polls: dict[asyncio.AbstractEventLoop, SocketPoll] = {}

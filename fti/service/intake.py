@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Sequence
 
 from fti.buffers.ring import Group, Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
 
+#: So many groups do not wait for the beat.
+MOST_GROUPS = 64
+
 
 class Intake:
     """Numbers what arrives and hands it on to ring and buffer.  For the one thread that reads.
 
-    What arrives in the same turn of the loop, on all links, is handed on together at its end.
+    What arrives between two beats of the recorder, on all links, is handed on together.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -32,10 +34,10 @@ class Intake:
         """A function that takes the frames of one link, and their times of arrival [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-            if not self._arrived:
-                asyncio.get_running_loop().call_soon(self.hand_on)
             self._arrived.append((index, times_ns, frames))
             self._buffers.append(buffer)
+            if len(self._arrived) >= MOST_GROUPS:
+                self.hand_on()
 
         return accept
 

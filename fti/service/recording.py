@@ -34,6 +34,8 @@ FIRST_LOOK_S = 0.005
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
 TICK_PERIOD_S = TICK_PERIOD_NS / SECOND_NS
+#: The tick is due so long after the sockets are looked at; the loop wakes once for both.
+AFTER_LOOK_S = 1e-6
 
 
 class Recorder:
@@ -49,6 +51,7 @@ class Recorder:
         self._jobs: set[asyncio.Task[None]] = set()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
+        self._tick = self._intake.sink(self._tick_index, self._ticks)
         self._places = order.places()
         self._log = self._make_log("raw", Numbering(order.first_number))
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
@@ -139,7 +142,8 @@ class Recorder:
         if self._snapshot:
             self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
-        helpers = [self._start("ticks", self._tick), self._start("health", self._watch), *self._start_polls()]
+        self._beat()
+        helpers = [self._start("health", self._watch), *self._start_polls()]
         helpers.append(self._start("storage", self._tend_storage))
         await self._stop.wait()
         await self._finish(readers, helpers)
@@ -163,14 +167,14 @@ class Recorder:
             except LinkError:
                 continue  # the state of the link tells it; the next period asks again
 
-    async def _tick(self) -> None:
-        """A frame every 20 ms, so that silence has a time too; what has come until then is written with it."""
-        accept = self._intake.sink(self._tick_index, self._ticks)
+    def _beat(self) -> None:
+        """Every 20 ms: a tick frame, so that silence has a time too; what has come until then goes on with it."""
         loop = asyncio.get_running_loop()
-        while True:
-            await _beat(TICK_PERIOD_S)
-            accept((b"",), (self._clock.now_ns(),))
-            loop.call_soon(self._wake_writer)  # behind the hand-over
+        self._next_beat = loop.call_at(next_beat(loop.time(), TICK_PERIOD_S) + AFTER_LOOK_S, self._beat)
+        with guarded("ticks", self._report):
+            self._tick((b"",), (self._clock.now_ns(),))
+            self._intake.hand_on()
+            self._wake_writer()
 
     async def _watch(self) -> None:
         """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
@@ -182,7 +186,7 @@ class Recorder:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
                 report_clocks(self._clock, self._writer.note, self._tell)
             turn += 1
-            await _beat(HEALTH_PERIOD_S)
+            await _until_beat(HEALTH_PERIOD_S)
 
     async def _tend_storage(self) -> None:
         """The first file, and every change of what becomes of the files."""
@@ -192,7 +196,7 @@ class Recorder:
             self._storage.tell_changes()
             if self._snapshot:
                 self._snapshot.tell_overflow()
-            await _beat(TEND_PERIOD_S)
+            await _until_beat(TEND_PERIOD_S)
 
     async def _begin_recording(self) -> None:
         """Wait for the first file, or for the reason why there is none yet, and tell it."""
@@ -261,6 +265,7 @@ class Recorder:
     async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
         """Kernel queues drained, readers stopped, buffers written, file closed, ring ended: in this order."""
         await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
+        self._next_beat.cancel()
         for task in (*readers, *helpers, *self._jobs):
             task.cancel()
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
@@ -291,7 +296,7 @@ class Recorder:
         }
 
 
-async def _beat(period_s: float) -> None:
+async def _until_beat(period_s: float) -> None:
     """Until the next multiple of a period."""
     now = asyncio.get_running_loop().time()
     await asyncio.sleep(next_beat(now, period_s) - now)
