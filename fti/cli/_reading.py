@@ -52,11 +52,14 @@ def reading(recording: Recording, what: str, passes: int = 1) -> Iterator[None]:
             recording.on_read = None
 
 
-def report_remarks(recording: Recording) -> None:
-    """Say what whoever uses a recording should know: that it is a snapshot, that more of it lies elsewhere."""
+def report_remarks(recording: Recording, told: str = "") -> None:
+    """Say what whoever uses a recording should know: that it is a snapshot, that more of it lies elsewhere.
+
+    told : what the result says itself
+    """
     from fti.logger.reading.about import remarks
 
-    for text in remarks(recording):
+    for text in (text for text in remarks(recording) if text != told):
         print(f"note: {text}", file=sys.stderr)
 
 

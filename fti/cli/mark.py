@@ -15,6 +15,7 @@ recorder: when the recorder is killed, it is gone, and in a session with mode = 
 from __future__ import annotations
 
 import argparse
+from datetime import UTC, datetime
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,5 +35,7 @@ def run(args: argparse.Namespace) -> int:
     if fault := fault_of_mark(text):
         raise FtiError(fault)
     answer = ask({"mark": text, "trigger": args.trigger}, args.run_dir)
-    print(f"{'triggered' if args.trigger else 'marked'} at {answer['t_ns'] / 1e9:.3f} s")
+    seconds, rest_ns = divmod(answer["t_ns"], 10**9)
+    at = f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 10**6:03d}"
+    print(f"{'triggered' if args.trigger else 'marked'} at {at} (FTI time)")
     return 0

@@ -32,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from fti.cli._reading import progress_bar, report_faults, report_remarks
+    from fti.logger.reading.about import SNAPSHOT_NOTE
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup
     from fti.post.sync import analyse
@@ -43,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         check_place(Path(args.out))
     recording = Recording.open(session)
-    report_remarks(recording)
+    report_remarks(recording, told="" if args.json else SNAPSHOT_NOTE)
     setup = other_setup(args.config) if args.config else recorded_setup(recording, session)
     with progress_bar() as bar:
         task = bar.add_task("frames", total=None)

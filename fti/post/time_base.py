@@ -95,9 +95,11 @@ def _computer_rows(clock: ComputerClock) -> Iterator[TimeBaseRow]:
 
 
 def check_place(path: Path) -> None:
-    """Raises ConfigError when no file of that name can be written, StorageError when it is there already."""
+    """Raises ConfigError when no file of that name can be written, StorageError when it is there, or its folder not."""
     if path.suffix not in SUFFIXES:
         raise ConfigError(f"{path}: the name must end in {' or '.join(SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise StorageError(f"{path}: cannot be written: there is no folder {path.parent}")
     for file in (path, _beside(path)):
         if file.exists():
             raise StorageError(f"{file}: cannot be written: it exists already")

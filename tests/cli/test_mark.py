@@ -34,7 +34,7 @@ def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
 
 def test_a_mark_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert mark(tmp_path, "  begin of\n\x1b approach 3 ") == (0, [{"mark": "begin of approach 3", "trigger": False}])
-    assert capsys.readouterr().out == "marked at 1.500 s\n"
+    assert capsys.readouterr().out == "marked at 00:00:01.500 (FTI time)\n"
     assert mark(tmp_path, "begin", "of", "approach", "3")[1] == [{"mark": "begin of approach 3", "trigger": False}]
 
 

@@ -86,3 +86,11 @@ def test_an_empty_file_gives_no_table_and_says_so(capsys: pytest.CaptureFixture[
     assert main(["export", "killed.mcap", "--out", "tables"]) == 3
     assert capsys.readouterr().err.startswith("note: there is nothing to export")
     assert not Path("tables").exists()
+
+
+def test_an_unknown_option_is_told_with_the_usage_of_its_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["mark", "--triger", "flutter"])
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith("usage: fti mark ") and "unrecognized arguments: --triger" in said

@@ -187,7 +187,8 @@ def test_what_is_made_of_a_snapshot_says_so(tmp_path: Path, capsys: pytest.Captu
     assert note in (tmp_path / "page.html").read_text()
     assert json.loads((tmp_path / "base.json").read_text()) == table["session"]
     assert main(["sync", str(session), "--out", str(tmp_path / "base.mcap")]) == 0
-    assert capsys.readouterr().out.startswith(f"*** {note}")
+    printed = capsys.readouterr()
+    assert printed.out.startswith(f"*** {note}") and printed.err == ""
     with (tmp_path / "base.mcap").open("rb") as file:
         (metadata,) = make_reader(file).iter_metadata()
     assert metadata.metadata == table["session"]
@@ -200,6 +201,8 @@ def test_a_continuous_session_has_no_such_note(
     assert json.loads((tmp_path / "base.json").read_text())["session"] == session.name
     assert main(["sync", str(session), "--out", str(tmp_path / "base.csv")]) == 2  # before anything is decoded
     assert "base.csv: cannot be written: it exists already" in capsys.readouterr().err
+    assert main(["sync", str(session), "--out", str(tmp_path / "none" / "base.csv")]) == 2
+    assert f"there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
     assert main(["sync", str(session)]) == 0
     assert "SNAPSHOT" not in capsys.readouterr().out
 
