@@ -20,7 +20,7 @@ from tests.helpers import ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
 TWO_AT_A_TIME = ["-n", "2"]
-GIVING_WAY = ["nice", "-n", "10"]
+GIVING_WAY = ["nice", "-n", "5"]
 INTERRUPTED = 130
 
 

@@ -9,7 +9,7 @@ import pytest
 from tests.e2e.flights import Flight, fly
 
 #: Seconds of each scenario that the assertions need.
-DURATIONS = {"nominal": 80.0, "altimeter_failure": 54.0, "obstacle": 50.0, "off_track": 66.0, "silence": 50.0}
+DURATIONS = {"nominal": 80.0, "altimeter_failure": 48.0, "obstacle": 46.0, "off_track": 50.0, "silence": 46.0}
 
 
 @pytest.fixture(scope="session")
@@ -18,4 +18,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Flight]:
     folder = tmp_path_factory.mktemp("flights")
     with ThreadPoolExecutor(2) as pool:
         jobs = {name: pool.submit(fly, name, folder / name, s) for name, s in DURATIONS.items()}
-        return {name: job.result() for name, job in jobs.items()}
+        try:
+            return {name: job.result() for name, job in jobs.items()}
+        finally:
+            pool.shutdown(cancel_futures=True)  # after an interrupt no other takes off
