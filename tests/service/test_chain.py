@@ -1,0 +1,52 @@
+"""A gap in front of the chain: decoders start afresh, and every byte is still accounted for."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from fti import config as configuration
+from fti.drivers import freeflight_ra4500 as ra
+from fti.service.binding import bind_devices
+from fti.service.chain import GAP, Chain
+from fti.types import RadioHeight, RawFrame
+from tests.service.slow_navigation import CONFIG
+
+FRAME = ra.encode_height(30.0, (), ra.Options())
+OTHER = ra.encode_height(90.0, (), ra.Options())
+
+
+def _chain() -> Chain:
+    config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
+    return Chain(config, bind_devices(config, {}), None)
+
+
+def _heights(chain: Chain, *reads: bytes) -> list[float | None]:
+    fed = [chain.feed(RawFrame("line", seq, seq, data)) for seq, data in enumerate(reads)]
+    found = [m for products in fed for _, m in products.measurements]
+    return [round(m.height_agl) for m in found if isinstance(m, RadioHeight) and m.height_agl]
+
+
+def test_two_halves_make_a_frame() -> None:
+    assert _heights(_chain(), FRAME[:4], FRAME[4:]) == [30]
+    assert _heights(_chain(), FRAME[:4], OTHER[4:]) == [12]  # this is what must not be
+
+
+def test_halves_on_both_sides_of_a_gap_make_none() -> None:
+    chain = _chain()
+    assert _heights(chain, FRAME, FRAME[:4]) == [30]
+    chain.pass_gap()
+    assert _heights(chain, OTHER[4:], OTHER) == [90]
+
+
+def test_bytes_and_messages_are_counted_on_across_a_gap() -> None:
+    chain = _chain()
+    _heights(chain, b"noise", FRAME, FRAME[:4])
+    before = chain.listeners[0].decoder.counters.messages.copy()
+    chain.pass_gap()
+    chain.pass_gap()
+    counters = chain.listeners[0].decoder.counters
+    assert (counters.messages, counters.skipped[GAP], counters.held) == (before, 4, 0)
+    _heights(chain, OTHER)
+    assert counters.bytes_in == 5 + 2 * len(FRAME) + 4
+    assert counters.bytes_in == counters.framed + counters.held + sum(counters.skipped.values())
