@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fti.drivers import freeflight_ra4500 as ra
 from fti.errors import RecordingError
@@ -112,6 +115,18 @@ def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
     missed = [f.t_rx_ns for f in Recording.open(session.path).frames() if 99 < f.seq < 200]
     assert not [t for _, t, _ in flown if missed[0] <= t <= missed[-1]]
     assert [t for _, t, _ in healed if missed[0] <= t <= missed[-1]]
+
+
+@given(st.lists(st.integers(1, 30), max_size=12), st.integers(0, 20), st.none() | st.integers(0, 300))
+def test_a_segment_holds_what_lies_in_no_gap(widths: list[int], first: int, last: int | None) -> None:
+    """Alternately so many frames seen and so many missed."""
+    edges = list(itertools.accumulate(widths, initial=first))
+    lost = tuple(zip(edges[1::2], edges[2::2], strict=False))
+    segment = Segment(first, last, lost)
+    missed = {seq for after, before in lost for seq in range(after + 1, before)}
+    for seq in range(400):
+        assert segment.holds(seq) == (seq >= first and (last is None or seq <= last) and seq not in missed)
+        assert segment.gaps_before(seq) == sum(after < seq for after, _ in lost)
 
 
 def test_a_session_without_its_configuration_is_refused(tmp_path: Path) -> None:
