@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -203,18 +204,17 @@ def test_a_directory_that_cannot_be_written_is_one_sentence(tmp_path: Path) -> N
 
 
 def test_a_look_at_the_links_says_what_the_daemon_would_say(tmp_path: Path) -> None:
-    links = tmp_path / "links"
+    empty, links = tmp_path / "empty", tmp_path / "links"
     links.mkdir()
     (tmp_path / "bench.toml").write_text(CONFIG)
-    look = ("check", str(tmp_path / "bench.toml"), "--live", "--json", "--links", str(links))
-    without = fti(*look)
-    assert without.returncode == 1
-    assert json.loads(without.stdout)["live"]["line"]["state"] == "absent"
+    look = ("check", str(tmp_path / "bench.toml"), "--live", "--json", "--links")
     line = Line(links / "line")
     frame = freeflight_ra4500.encode_height(100.0, (), freeflight_ra4500.Options())
-    with Chatter(line, frame, 0.04):
-        found = fti(*look)
+    with Chatter(line, frame, 0.04), ThreadPoolExecutor(2) as pool:
+        without, found = pool.map(lambda folder: fti(*look, str(folder)), (empty, links))
     line.close()
+    assert without.returncode == 1
+    assert json.loads(without.stdout)["live"]["line"]["state"] == "absent"
     live = json.loads(found.stdout)["live"]["line"]
     assert live["state"] == "good", live
     assert live["bytes"] > 50 * len(frame)
