@@ -8,6 +8,7 @@ from typing import Any
 from fti.bus.message import encode
 from fti.bus.zenoh_bus import Hub
 from fti.clock import Clock
+from fti.service.link_news import LinkNews
 
 Announce = Callable[[str], None]
 #: Records a JSON message: topic, FTI time [ns], content.
@@ -22,6 +23,7 @@ class Bulletin:
         self._hub = hub
         self._announce = announce
         self._note = note
+        self._links = LinkNews()
 
     def event(self, level: str, source: str, text: str) -> None:
         """Something has happened now.  level : info, warning or error."""
@@ -45,3 +47,5 @@ class Bulletin:
             self._hub.publish("/health", encode(health))
         if record:
             self._note("/fti/health", health["t_ns"], health)
+        for level, source, text in self._links.take(health["links"], health["t_ns"]):
+            self.event(level, source, text)
