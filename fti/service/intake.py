@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
+from itertools import chain
+from operator import itemgetter
 
 from fti.buffers.ring import Group, Ring
 from fti.buffers.triple import TripleBuffer
@@ -10,6 +13,10 @@ from fti.links import Sink
 
 #: So many groups do not wait for the beat.
 MOST_GROUPS = 64
+#: Frames of different links are numbered in order of arrival to so much; closer ones, link by link.
+SLOT_NS = 5_000_000
+#: What one link has brought, with the slot of its first frame, and the buffer that it goes into.
+Share = tuple[int, Group, TripleBuffer]
 
 
 class Intake:
@@ -21,8 +28,7 @@ class Intake:
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
         self._seq = ring.next_seq
-        self._arrived: list[Group] = []
-        self._buffers: list[TripleBuffer] = []
+        self._arrived: list[Share] = []
 
     @property
     def seq(self) -> int:
@@ -34,8 +40,7 @@ class Intake:
         """A function that takes the frames of one link, and their times of arrival [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-            self._arrived.append((index, times_ns, frames))
-            self._buffers.append(buffer)
+            self._arrived.append((times_ns[0] // SLOT_NS, (index, times_ns, frames), buffer))
             if len(self._arrived) >= MOST_GROUPS:
                 self.hand_on()
 
@@ -49,10 +54,25 @@ class Intake:
         """
         if not self._arrived:
             return
-        arrived, buffers, seq = self._arrived, self._buffers, self._seq
-        self._arrived, self._buffers = [], []
-        self._seq += sum(len(frames) for _, _, frames in arrived)
-        self._ring.put(seq, arrived)
-        for buffer, (_, times_ns, frames) in zip(buffers, arrived, strict=True):
+        arrived, self._arrived = self._arrived, []
+        shares = sorted(chain.from_iterable(map(_cut, arrived)), key=itemgetter(0))
+        seq = self._seq
+        self._seq += sum(len(frames) for _, (_, _, frames), _ in shares)
+        self._ring.put(seq, [group for _, group, _ in shares])
+        for _, (_, times_ns, frames), buffer in shares:
             buffer.put_many(seq, times_ns, frames)
             seq += len(frames)
+
+
+def _cut(share: Share) -> Sequence[Share]:
+    """The same frames, those of each slot for themselves."""
+    slot, (index, times_ns, frames), buffer = share
+    if times_ns[-1] // SLOT_NS == slot:
+        return (share,)
+    found, begin = [], 0
+    while begin < len(times_ns):
+        slot = times_ns[begin] // SLOT_NS
+        end = bisect_left(times_ns, (slot + 1) * SLOT_NS, begin)
+        found.append((slot, (index, times_ns[begin:end], frames[begin:end]), buffer))
+        begin = end
+    return found
