@@ -15,11 +15,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fti.errors import StorageError
+from fti.logger.burst_records import Share
 from fti.logger.places import MEGABYTE, Stray, Trace, free_mb
 from fti.logger.schemas import Schema
 from fti.logger.seal import sealed
 from fti.logger.session import Kind, Numbering, SessionFolder
-from fti.logger.stream_writer import Share, StreamWriter
+from fti.logger.stream_writer import StreamWriter
 
 SECOND_NS = 1_000_000_000
 #: Name, media type, content.

@@ -14,29 +14,20 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
-import functools
 import os
 import struct
 import zlib
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from fti.burst import Burst
 from fti.errors import StorageError
 from fti.logger import records
+from fti.logger.burst_records import NO_TIME, Share, forget, pack_shares
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.summary import Summary
 
 _PACK = MESSAGE.pack
-_EQUAL = struct.Struct("<BQH")  # opcode, length, channel
-_NO_TIME = 2**64 - 1
-_SEQUENCE = 0xFFFF_FFFF
-#: What a channel has to write: its id, and bursts; in each of them time does not go back.
-Share = tuple[int, Sequence[Burst]]
-#: Up to so many messages of a burst are packed one by one.
-FEW = 4
 
 
 class StreamWriter:
@@ -72,7 +63,7 @@ class StreamWriter:
         self._size = 0  # bytes of records in the file's open chunk
         self._crc = 0
         self._stale = False  # the head does not cover all that is in the file
-        self._first = _NO_TIME
+        self._first = NO_TIME
         self._last = 0
         self._index: dict[int, array[int]] = {}
 
@@ -96,7 +87,7 @@ class StreamWriter:
     def span_ns(self) -> int:
         """Time between the first and the last message of the file [ns]."""
         first = self._first if self._summary.first_ns is None else min(self._first, self._summary.first_ns)
-        return max(self._last, self._summary.last_ns) - first if first != _NO_TIME else 0
+        return max(self._last, self._summary.last_ns) - first if first != NO_TIME else 0
 
     # ------------------------------------------------------------------------------------------------------ filling
 
@@ -147,10 +138,10 @@ class StreamWriter:
         begin = self._size + len(self._pending)
         parts: list[bytes] = []
         try:
-            first, last = _pack_shares(shares, self._index, begin, parts)
+            first, last = pack_shares(shares, self._index, begin, parts)
         except struct.error as error:
             for channel_id, _ in shares:
-                _forget(self._index[channel_id], begin)
+                forget(self._index[channel_id], begin)
             raise ValueError(f"a message has a position or a time out of range: {error}") from None
         self._pending += b"".join(parts)
         self._first = min(self._first, first)
@@ -280,69 +271,6 @@ class StreamWriter:
             action()
         except OSError as error:
             raise StorageError(f"{self.path}: cannot be written: {error.strerror or error}") from error
-
-
-def _pack_shares(
-    shares: Sequence[Share], index: Mapping[int, array[int]], at: int, parts: list[bytes]
-) -> tuple[int, int]:
-    """Add message records to ``parts``, and where they stand from ``at`` on to the index; first and last time.
-
-    One loop over everything: a calm recorder has two messages of each link, and calls would cost as much again.
-    """
-    first, last, add = _NO_TIME, 0, parts.append
-    for channel_id, bursts in shares:
-        note = index[channel_id].append
-        for position, times, frames, payload in bursts:
-            if times[0] < first:  # noqa: PLR1730  (a call of min costs three times as much)
-                first = times[0]
-            if times[-1] > last:  # noqa: PLR1730
-                last = times[-1]
-            if len(frames) > FEW and payload == len(frames) * len(frames[0]) and _are_equal(frames):
-                records, places = _pack_equal(channel_id, (position, times, frames, payload), at)
-                add(records)
-                index[channel_id].extend(places)
-                at += len(records)
-                continue
-            for time, data in zip(times, frames, strict=True):
-                add(_PACK(5, MESSAGE_BODY + len(data), channel_id, position & _SEQUENCE, time, time))
-                add(data)
-                note(time)
-                note(at)
-                at += MESSAGE.size + len(data)
-                position += 1  # noqa: PLW2901
-    return first, last
-
-
-def _are_equal(frames: Sequence[bytes]) -> bool:
-    """All have the same length."""
-    return list(map(len, frames)).count(len(frames[0])) == len(frames)
-
-
-def _pack_equal(channel_id: int, burst: Burst, at: int) -> tuple[bytes, list[int]]:
-    """Message records of a burst of frames of one length, with one call, and where they stand from ``at`` on."""
-    position, times, frames, _ = burst
-    count, size = len(frames), len(frames[0])
-    positions = range(position & _SEQUENCE, (position & _SEQUENCE) + count)
-    fields: list[Any] = [_EQUAL.pack(5, MESSAGE_BODY + size, channel_id)] * (5 * count)
-    fields[1::5] = positions if positions[-1] <= _SEQUENCE else [n & _SEQUENCE for n in positions]
-    fields[2::5] = fields[3::5] = times
-    fields[4::5] = frames
-    places = [0] * (2 * count)
-    places[::2] = times
-    places[1::2] = range(at, at + count * (MESSAGE.size + size), MESSAGE.size + size)
-    return _records(count, size).pack(*fields), places
-
-
-def _forget(index: array[int], begin: int) -> None:
-    """Take back what was noted from that place on."""
-    while index and index[-1] >= begin:
-        del index[-2:]
-
-
-@functools.lru_cache(maxsize=256)
-def _records(count: int, size: int) -> struct.Struct:
-    """So many message records of that size: what is equal in all, sequence, both times, data."""
-    return struct.Struct("<" + f"{_EQUAL.size}sIQQ{size}s" * count)
 
 
 def _create(path: Path) -> int:

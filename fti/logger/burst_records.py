@@ -1,0 +1,84 @@
+"""MCAP message records of bursts: the inner loop of the recorder's writer."""
+
+from __future__ import annotations
+
+import functools
+import struct
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fti.burst import Burst
+from fti.logger.records import MESSAGE, MESSAGE_BODY
+
+#: What a channel has to write: its id, and bursts; in each of them time does not go back.
+Share = tuple[int, Sequence[Burst]]
+#: Up to so many messages of a burst are packed one by one.
+FEW = 4
+NO_TIME = 2**64 - 1
+_PACK = MESSAGE.pack
+_SEQUENCE = 0xFFFF_FFFF
+_EQUAL = struct.Struct("<BQH")  # opcode, length, channel
+
+
+def pack_shares(
+    shares: Sequence[Share], index: Mapping[int, array[int]], at: int, parts: list[bytes]
+) -> tuple[int, int]:
+    """Add message records to ``parts``, and where they stand from ``at`` on to the index; first and last time.
+
+    One loop over everything: a calm recorder has two messages of each link, and calls would cost as much again.
+    """
+    first, last, add = NO_TIME, 0, parts.append
+    for channel_id, bursts in shares:
+        note = index[channel_id].append
+        for position, times, frames, payload in bursts:
+            if times[0] < first:  # noqa: PLR1730  (a call of min costs three times as much)
+                first = times[0]
+            if times[-1] > last:  # noqa: PLR1730
+                last = times[-1]
+            if len(frames) > FEW and payload == len(frames) * len(frames[0]) and _are_equal(frames):
+                packed, places = _pack_equal(channel_id, (position, times, frames, payload), at)
+                add(packed)
+                index[channel_id].extend(places)
+                at += len(packed)
+                continue
+            for time, data in zip(times, frames, strict=True):
+                add(_PACK(5, MESSAGE_BODY + len(data), channel_id, position & _SEQUENCE, time, time))
+                add(data)
+                note(time)
+                note(at)
+                at += MESSAGE.size + len(data)
+                position += 1  # noqa: PLW2901
+    return first, last
+
+
+def _are_equal(frames: Sequence[bytes]) -> bool:
+    """All have the same length."""
+    return list(map(len, frames)).count(len(frames[0])) == len(frames)
+
+
+def _pack_equal(channel_id: int, burst: Burst, at: int) -> tuple[bytes, list[int]]:
+    """Message records of a burst of frames of one length, with one call, and where they stand from ``at`` on."""
+    position, times, frames, _ = burst
+    count, size = len(frames), len(frames[0])
+    positions = range(position & _SEQUENCE, (position & _SEQUENCE) + count)
+    fields: list[Any] = [_EQUAL.pack(5, MESSAGE_BODY + size, channel_id)] * (5 * count)
+    fields[1::5] = positions if positions[-1] <= _SEQUENCE else [n & _SEQUENCE for n in positions]
+    fields[2::5] = fields[3::5] = times
+    fields[4::5] = frames
+    places = [0] * (2 * count)
+    places[::2] = times
+    places[1::2] = range(at, at + count * (MESSAGE.size + size), MESSAGE.size + size)
+    return _records(count, size).pack(*fields), places
+
+
+def forget(index: array[int], begin: int) -> None:
+    """Take back what was noted from that place on."""
+    while index and index[-1] >= begin:
+        del index[-2:]
+
+
+@functools.lru_cache(maxsize=256)
+def _records(count: int, size: int) -> struct.Struct:
+    """So many message records of that size: what is equal in all, sequence, both times, data."""
+    return struct.Struct("<" + f"{_EQUAL.size}sIQQ{size}s" * count)
