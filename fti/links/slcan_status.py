@@ -81,7 +81,7 @@ class StatusWatch:
     def asked(self) -> None:
         """``ASK`` was written."""
         self._waiting = True
-        self._owed = min(self._owed + 1, PATIENCE)
+        self._owed += 1
 
     def take(self, line: bytes) -> bool:
         """Is this line, without its CR, an answer to ours?  Then it is counted."""
