@@ -3,7 +3,7 @@
 #   make demo     fly an emulated approach, record it, show it in the browser
 #   make test     every test: quick ones beside the flights, those with real processes, those that need calm
 #   make check    style, types, layers
-#   make bench    every benchmark
+#   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
 #   make soak     the tests again, at full scale
 #   make lock     choose the versions anew from pyproject.toml (needs uv)
 
@@ -28,11 +28,7 @@ check: $(READY)
 	exit $$rc
 
 bench: $(READY)
-	@rc=0; \
-	for file in benchmarks/*.py; do \
-		echo "== $$file"; $(BIN)/python "$$file" || rc=1; \
-	done; \
-	exit $$rc
+	$(BIN)/python -m benchmarks
 
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600

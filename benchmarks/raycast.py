@@ -14,14 +14,19 @@ import argparse
 import importlib
 import importlib.util
 import json
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.parts.machine import machine
 from fti.terrain.cast import warm_up
 from fti.terrain.scenes import demo_scene, track_point
 from fti.terrain.terrain import Terrain
@@ -149,6 +154,7 @@ def main() -> None:
     if args.json:
         print(json.dumps({"name": "raycast", "results": rows, "absent": absent}))
         return
+    print(machine())
     print(f"{shape[0]} x {shape[1]} posts of {terrain.cell_m} m, quadtree built in {built:.3f} s, one thread")
     for row in rows:
         print(
