@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from fti.nav.sources import AttitudeState, PositionState, Source
 from fti.types import Event, NavSolution, Reason
 
+#: After a gap in what arrives, so long is waited before a source is said to be another one or gone [ns].
+SETTLE_NS = 300_000_000
+
 
 @dataclass(frozen=True, slots=True)
 class NavState:
@@ -27,6 +30,12 @@ class Navigation:
         self._attitude = attitude
         self._position = position
         self._told: dict[str, str | None] = {"attitude": None, "position": None}
+        self._after_gap = False
+        self._quiet_until_ns = 0
+
+    def pass_gap(self) -> None:
+        """What arrives has a gap here that is not the sources': their silence in it is no news."""
+        self._after_gap = True
 
     def at(self, t_ns: int) -> NavState:
         """The state at t_ns."""
@@ -53,6 +62,10 @@ class Navigation:
 
     def changes(self, state: NavState) -> list[Event]:
         """An event for every role whose source is another one than last time."""
+        if self._after_gap:
+            self._after_gap, self._quiet_until_ns = False, state.t_ns + SETTLE_NS
+        if state.t_ns < self._quiet_until_ns:
+            return []
         now = {"attitude": state.attitude_source, "position": state.position_source}
         events = [
             _event(state.t_ns, role, self._told[role], now[role]) for role in now if now[role] != self._told[role]

@@ -61,6 +61,10 @@ class Pipeline:
         height = channel.take(channel.read(m, t_valid_ns), nav)
         return [height, *self._approach.take(height, nav)]
 
+    def pass_gap(self) -> None:
+        """Measurements are missing before the next one that are not the devices' silence."""
+        self._navigation.pass_gap()
+
     def tick(self, t_ns: int) -> list[Output | Event]:
         """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
         nav = self._navigation.at(t_ns)

@@ -65,6 +65,7 @@ class Chain:
             before = listener.decoder.counters
             listener.decoder = listener.bound.make_decoder()
             _go_on(listener.decoder.counters, before)
+        self._pipeline.pass_gap()
 
     def feed(self, frame: RawFrame) -> Products:
         """Take the next frame; return what follows from it."""

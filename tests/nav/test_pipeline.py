@@ -200,6 +200,18 @@ def test_a_change_of_source_is_an_event() -> None:
     assert [(e.level, e.text) for e in third] == [("warning", "position: no source; gnss went away")]
 
 
+def test_what_falls_silent_in_a_gap_is_told_when_it_stays_so() -> None:
+    pipeline = Pipeline(config(), None)
+    feed_all(pipeline, ("ins", position(T0)))
+    pipeline.tick(T0)
+    pipeline.pass_gap()
+    behind = T0 + 9 * S
+    told = {
+        t: [o.text for o in pipeline.tick(behind + t) if isinstance(o, Event)] for t in (0, 299_000_000, 300_000_000)
+    }
+    assert told == {0: [], 299_000_000: [], 300_000_000: ["position: no source; ins went away"]}
+
+
 def test_stamps_of_two_links_out_of_order_change_nothing() -> None:
     a, b = Pipeline(config(), None), Pipeline(config(), None)
     early, late = attitude(T0, 0.1), attitude(T0 + 10 * MS, 0.2)

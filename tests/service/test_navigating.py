@@ -72,6 +72,12 @@ def test_what_was_skipped_is_told_at_once_and_then_seldom(slow: Flown) -> None:
     assert f"in {len(gaps) - 1} steps" in last
 
 
+def test_a_gap_is_no_silence_of_the_sources(slow: Flown) -> None:
+    """Dozens of gaps, each longer than the age limits: the log is not filled with sources that went and came."""
+    texts = [event["message"] for event in slow.world.rows("/fti/event") if event["name"] == "nav"]
+    assert sorted(texts) == ["attitude: from ins", "position: from ins"]
+
+
 def test_a_gap_is_repeated_as_it_was_flown(slow: Flown, tmp_path: Path) -> None:
     flown = outputs(slow.world.session.path)
     assert len(flown) > 1000
