@@ -3,13 +3,15 @@
     python -m tests.run
 
 The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
-quick tests, which wait for conditions and never for a time, and which give way to them (nice).  Then come the
-end-to-end tests that wait most of the time, two at a time, file by file; then those that judge moments or need both
-cores, one after another.  Only the files that have a marker are collected for it.
+quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other work on
+the machine does, too).  Then come the end-to-end tests that wait most of the time, two at a time, file by file; then
+those that judge moments or need both cores, one after another.  Only the files that have a marker are collected for it.
 """
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -21,6 +23,7 @@ from tests.helpers import ROOT
 PYTEST = [sys.executable, "-m", "pytest"]
 TWO_AT_A_TIME = ["-n", "2"]
 GIVING_WAY = ["nice", "-n", "5"]
+FIRST = -5
 INTERRUPTED = 130
 
 
@@ -44,6 +47,8 @@ def main() -> int:
         flights = subprocess.Popen(
             [*PYTEST, "-m", "flight", *marked("flight")], cwd=ROOT, stdout=said, stderr=subprocess.STDOUT
         )
+        with contextlib.suppress(PermissionError):  # only root may prefer something
+            os.setpriority(os.PRIO_PROCESS, flights.pid, FIRST)
         codes = [run("quick tests, and flights beside them", *GIVING_WAY, *PYTEST, *TWO_AT_A_TIME, "-m", "not e2e")]
         codes.append(flights.wait())
         print("== flights", Path(said.name).read_text(), sep="\n", flush=True)
