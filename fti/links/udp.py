@@ -25,6 +25,7 @@ from fti.links.base import BaseLink, Sink
 from fti.links.ports import ipv4_addresses
 
 Address = tuple[str, int]
+OTHER_SOURCE = "udp_other_source"
 #: Where the host stands in the kernel's form of an address.
 HOSTS = {socket.AF_INET: slice(4, 8), socket.AF_INET6: slice(8, 24)}
 
@@ -129,6 +130,7 @@ class UdpLink(BaseLink):
         if all(own):
             return frames, times
         self.status.refused += own.count(False)
+        self.status.errors[OTHER_SOURCE] = self.status.refused
         return list(compress(frames, own)), list(compress(times, own))
 
     async def _write(self, data: bytes) -> None:

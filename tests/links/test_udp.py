@@ -113,6 +113,7 @@ async def test_only_the_configured_source_is_heard(device: socket.socket) -> Non
             device.sendto(b"device", opened.address)
             await until_async(lambda: heard.frames)
     assert heard.frames == [b"device"]
+    assert opened.status.errors == {"udp_other_source": 3}  # goes into the ledger
 
 
 async def test_answers_go_to_whom_was_heard_last(device: socket.socket) -> None:
