@@ -11,8 +11,9 @@ from fti.buffers.ring import Group, Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
 
-#: So many groups do not wait for the beat.
-MOST_GROUPS = 64
+#: So much does not wait for the beat: a fast line must not come to a buffer all at once [B].
+MOST_BYTES = 2**16
+FRAME_BYTES = 8  # what a frame counts besides its payload
 #: Frames of different links are numbered in order of arrival to so much; closer ones, link by link.
 SLOT_NS = 5_000_000
 #: What one link has brought, with the slot of its first frame, and the buffer that it goes into.
@@ -29,6 +30,7 @@ class Intake:
         self._ring = ring
         self._seq = ring.next_seq
         self._arrived: list[Share] = []
+        self._waiting_bytes = 0
 
     @property
     def seq(self) -> int:
@@ -41,7 +43,8 @@ class Intake:
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             self._arrived.append((times_ns[0] // SLOT_NS, (index, times_ns, frames), buffer))
-            if len(self._arrived) >= MOST_GROUPS:
+            self._waiting_bytes += sum(map(len, frames)) + FRAME_BYTES * len(frames)
+            if self._waiting_bytes >= MOST_BYTES:
                 self.hand_on()
 
         return accept
@@ -54,7 +57,7 @@ class Intake:
         """
         if not self._arrived:
             return
-        arrived, self._arrived = self._arrived, []
+        arrived, self._arrived, self._waiting_bytes = self._arrived, [], 0
         shares = sorted(chain.from_iterable(map(_cut, arrived)), key=itemgetter(0))
         seq = self._seq
         self._seq += sum(len(frames) for _, (_, _, frames), _ in shares)

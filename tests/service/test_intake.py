@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fti.buffers.ring import PAGE, Record, Ring, RingReader
 from fti.buffers.triple import TripleBuffer
 from fti.burst import entries
-from fti.service.intake import MOST_GROUPS, SLOT_NS, Intake
+from fti.service.intake import FRAME_BYTES, MOST_BYTES, SLOT_NS, Intake
 
 MS = 1_000_000
 
@@ -79,12 +79,15 @@ def test_every_frame_is_handed_on_once_and_in_order(arrivals: list[tuple[int, li
     made.close()
 
 
-def test_much_does_not_wait_for_the_beat(ring: Ring) -> None:
+@pytest.mark.parametrize("size", [0, 1000])
+def test_much_does_not_wait_for_the_beat(ring: Ring, size: int) -> None:
+    """Nor do many frames without a byte: each costs memory, too."""
     intake = Intake(ring)
-    sink = intake.sink(0, TripleBuffer())
-    for n in range(MOST_GROUPS + 1):
-        sink([b"x"], [n])
-    assert ring.next_seq == MOST_GROUPS
+    sink, waiting = intake.sink(0, TripleBuffer()), 0
+    while ring.next_seq == 0:
+        sink([bytes(size)], [waiting])
+        waiting += 1
+    assert waiting == -(-MOST_BYTES // (size + FRAME_BYTES))
 
 
 def test_who_asks_for_the_number_finds_all_before_it_in_their_buffers(ring: Ring) -> None:
