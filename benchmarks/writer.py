@@ -20,7 +20,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from io import BytesIO
-from itertools import accumulate, count
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,8 +88,8 @@ def _official(path: Path, flush: Callable[[Any], None]) -> Target:
 
     def put(batch: Batch) -> None:
         for channel, bursts in batch:
-            for first, times, frames, _ in bursts:
-                for seq, time_ns, data in zip(count(first), times, frames, strict=False):
+            for seqs, times, frames, _ in bursts:
+                for seq, time_ns, data in zip(seqs, times, frames, strict=True):
                     add(ids[channel], time_ns, data, time_ns, seq)
         flush(writer)
 

@@ -8,31 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-#: Position of the first in the session (the others follow, one by one), FTI time of arrival of each [ns], the bytes
-#: of each, the bytes of all together [B].  At least one frame.
-Burst = tuple[int, Sequence[int], Sequence[bytes], int]
+#: Position in the session and FTI time of arrival [ns] of each frame, neither of which goes back, the bytes of each,
+#: the bytes of all together [B].  At least one frame.
+Burst = tuple[Sequence[int], Sequence[int], Sequence[bytes], int]
 #: One frame: position in the session, FTI time of arrival [ns], bytes.
 Entry = tuple[int, int, bytes]
 
 
 def together(first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> Burst:
-    """Frames that arrived together, numbered from first_seq on."""
-    return first_seq, times_ns, frames, sum(map(len, frames))
+    """Frames that arrived together, numbered one after another from first_seq on."""
+    return range(first_seq, first_seq + len(frames)), times_ns, frames, sum(map(len, frames))
 
 
 def alone(seq: int, t_ns: int, data: bytes) -> Burst:
     """A frame that arrived alone."""
-    return seq, (t_ns,), (data,), len(data)
+    return (seq,), (t_ns,), (data,), len(data)
 
 
 def entries(bursts: Iterable[Burst]) -> Iterator[Entry]:
     """Each frame for itself."""
-    for first_seq, times_ns, frames, _ in bursts:
-        yield from zip(range(first_seq, first_seq + len(frames)), times_ns, frames, strict=True)
+    for seqs, times_ns, frames, _ in bursts:
+        yield from zip(seqs, times_ns, frames, strict=True)
 
 
 def split(burst: Burst, count: int) -> tuple[Burst, Burst]:
     """The first ``count`` frames, and the others; both have some."""
-    first_seq, times_ns, frames, payload = burst
-    head = together(first_seq, times_ns[:count], frames[:count])
-    return head, (first_seq + count, times_ns[count:], frames[count:], payload - head[3])
+    seqs, times_ns, frames, payload = burst
+    size = sum(map(len, frames[:count]))
+    head = seqs[:count], times_ns[:count], frames[:count], size
+    return head, (seqs[count:], times_ns[count:], frames[count:], payload - size)

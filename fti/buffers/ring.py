@@ -43,7 +43,6 @@ TIME, FRAME_SIZE, LINK = "q", "I", "H"  # what each frame needs besides its data
 FRAME = sum(array(kind).itemsize for kind in (TIME, FRAME_SIZE, LINK))
 ALONE = HEAD + FRAME  # what a frame that arrives alone needs
 _ALONE = struct.Struct(f"{FIELDS.format}{TIME}{FRAME_SIZE}{LINK}")
-_LINK = struct.Struct(f"={LINK}")
 SIZE, ENDED, WRITER, READER = 1, 2, 8, 32
 STATES = {WRITER: struct.Struct("=4Q"), READER: struct.Struct("=3Q")}
 READ_BYTES = 2**18  # copied at once by the reader; no record is larger, and none than a quarter of the ring
@@ -56,9 +55,6 @@ SECONDS = 30
 SERIAL_BITS, SERIAL_READ, CAN_BITS, UDP_RATE = 10, 16, 47, 2000 * (100 + ALONE)
 DEFAULT_BITRATE = 1_000_000
 TICKS = 50 * ALONE
-
-#: What one link has brought: its index, times of arrival [ns], frames.
-Group = tuple[int, Sequence[int], Sequence[bytes]]
 
 
 class Record(NamedTuple):
@@ -107,7 +103,7 @@ def _slot(base: int, generation: int) -> int:
 
 
 class Ring:
-    """The ring and its header; ``put`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
+    """The ring and its header; ``put_many`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
@@ -146,30 +142,30 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------- writer
 
-    def put(self, first_seq: int, groups: Sequence[Group]) -> None:
+    def put_many(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
         """Append frames, numbered from first_seq on; never waits, the oldest frames are overwritten.
 
+        links : index of the link of each frame
         What is too much for one record is divided.  Raises ValueError for a frame that is too large alone.
         """
-        count, content = _pack(first_seq, groups)
+        content = _pack(links, first_seq, times_ns, frames)
         need = RECORD.size + len(content)
         if need > self._largest:
-            self._divide(first_seq, groups)
+            self._divide(links, first_seq, times_ns, frames)
             return
         end, _, oldest, began = self._state
         if end + need - oldest > self._size:
             oldest = self._give_up(end + need - self._size)
         self._store(end, RECORD.pack(need - HEAD, zlib.crc32(content, end & 0xFFFF_FFFF)) + content)
-        self._publish(WriterState(end + need, first_seq + count, oldest, began if end else first_seq))
+        self._publish(WriterState(end + need, first_seq + len(frames), oldest, began if end else first_seq))
 
-    def _divide(self, first_seq: int, groups: Sequence[Group]) -> None:
+    def _divide(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
         """Two records instead of one."""
-        halves = _halves(groups)
-        if halves is None:
-            raise ValueError(f"frame of {len(groups[0][2][0])} B; allowed are {self._largest - ALONE}")
-        for half in halves:
-            self.put(first_seq, half)
-            first_seq += sum(len(frames) for _, _, frames in half)
+        half = len(frames) // 2
+        if not half:
+            raise ValueError(f"frame of {len(frames[0])} B; allowed are {self._largest - ALONE}")
+        self.put_many(links[:half], first_seq, times_ns[:half], frames[:half])
+        self.put_many(links[half:], first_seq + half, times_ns[half:], frames[half:])
 
     def _give_up(self, least: int) -> int:
         """Give up whole records until position ``least`` and some more, so that it need not be done for each put."""
@@ -259,30 +255,13 @@ class Ring:
             self._map[PAGE : PAGE + size - first] = data[first:]
 
 
-def _pack(first_seq: int, groups: Sequence[Group]) -> tuple[int, bytes]:
-    """Number of frames, and the content of a record."""
-    links: list[bytes] = []
-    times: list[int] = []
-    frames: list[bytes] = []
-    for link, group_times, group_frames in groups:
-        links.append(_LINK.pack(link) * len(group_frames))
-        times += group_times
-        frames += group_frames
+def _pack(links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> bytes:
+    """The content of a record."""
     count = len(frames)
     if count == 1:
-        return 1, _ALONE.pack(first_seq, 1, times[0], len(frames[0]), groups[0][0]) + frames[0]
+        return _ALONE.pack(first_seq, 1, times_ns[0], len(frames[0]), links[0]) + frames[0]
     head = FIELDS.pack(first_seq, count)
-    return count, b"".join((head, array(TIME, times), array(FRAME_SIZE, map(len, frames)), *links, *frames))
-
-
-def _halves(groups: Sequence[Group]) -> tuple[Sequence[Group], Sequence[Group]] | None:
-    """The same frames in two parts; None when it is only one."""
-    if half := len(groups) // 2:
-        return groups[:half], groups[half:]
-    link, times_ns, frames = groups[0]
-    if half := len(frames) // 2:
-        return [(link, times_ns[:half], frames[:half])], [(link, times_ns[half:], frames[half:])]
-    return None
+    return b"".join((head, array(TIME, times_ns), array(FRAME_SIZE, map(len, frames)), array(LINK, links), *frames))
 
 
 def _unpack(content: bytes) -> Iterator[Record]:

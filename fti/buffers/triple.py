@@ -75,8 +75,11 @@ class _Queue:
         self.size = 0
 
     def append(self, burst: Burst) -> None:
+        frames, payload = len(burst[2]), burst[3]
         self.bursts.append(burst)
-        self._count(len(burst[2]), burst[3])
+        self.frames += frames
+        self.payload += payload
+        self.size += payload + frames * self.overhead
 
     def popleft(self, count: int | None = None) -> Burst:
         """The first burst, or its first frames."""
@@ -84,13 +87,11 @@ class _Queue:
         if count is not None and count < len(burst[2]):
             burst, rest = split(burst, count)
             self.bursts.appendleft(rest)
-        self._count(-len(burst[2]), -burst[3])
+        frames, payload = len(burst[2]), burst[3]
+        self.frames -= frames
+        self.payload -= payload
+        self.size -= payload + frames * self.overhead
         return burst
-
-    def _count(self, frames: int, payload: int) -> None:
-        self.frames += frames
-        self.payload += payload
-        self.size += payload + frames * self.overhead
 
     def clear(self) -> None:
         self.bursts.clear()
@@ -116,6 +117,7 @@ class _Queue:
         before = self.frames
         if not other.bursts and self.size <= capacity:
             self._swap_into(other)
+            return before > 0
         while self.bursts and (count := other.room(self.bursts[0], capacity)):
             other.append(self.popleft(count))
         return self.frames < before
@@ -191,18 +193,18 @@ class TripleBuffer:
 
     def put_burst(self, burst: Burst) -> None:
         """Keep what arrived together.  Never waits for the writer; the oldest frames go when everything is full."""
-        with self._receive.lock:
+        receive, hand_over = self._receive, self._global
+        with receive.lock:
             self._frames_in += len(burst[2])
             self._bytes_in += burst[3]
-            if self._receive.bursts or not self._pass_on(burst):
+            if receive.bursts or not self._pass_on(burst, hand_over):
                 self._take_in(burst)
-        if self._global.size >= self._enough and self._on_ready and not self._called:
+        if hand_over.size >= self._enough and self._on_ready and not self._called:
             self._called = True
             self._on_ready()
 
-    def _pass_on(self, burst: Burst) -> bool:
+    def _pass_on(self, burst: Burst, hand_over: _Queue) -> bool:
         """Straight to ``global``, as nothing waits in ``receive``; false when it is held or has no room for all."""
-        hand_over = self._global
         if not hand_over.lock.acquire(blocking=False):
             return False
         if fits := hand_over.size + self._size(burst) <= self._capacity:
@@ -258,7 +260,7 @@ class TripleBuffer:
             self._dropping = False  # frames flow again: the next drop is another one
 
     def _drop(self, frame: Burst) -> None:
-        seq, (t_rx_ns,), _, size = frame
+        (seq,), (t_rx_ns,), _, size = frame
         self._dropped_frames += 1
         self._dropped_bytes += size
         if not self._drops or (not self._dropping and len(self._drops) < MAX_SPANS):
@@ -287,7 +289,7 @@ class TripleBuffer:
 
     def _collect(self) -> None:
         """global -> write, with ``write`` held."""
-        if self._global.lock.acquire(blocking=False):
+        if self._global.bursts and self._global.lock.acquire(blocking=False):
             self._global.move_to(self._write, self._capacity)
             self._global.lock.release()
 

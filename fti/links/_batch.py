@@ -58,15 +58,8 @@ class _Slot(ctypes.Structure):
 
 
 SLOT_BYTES = ctypes.sizeof(_Slot)
-
-
-# What the kernel writes into a slot and into the control bytes, in 32-bit and 64-bit words
 _SLOT_WORDS = SLOT_BYTES // 4
-_CONTROL_LENGTH = _Message.control_length.offset // 4
-_FLAGS = _Message.flags.offset // 4
-_LENGTH = _Slot.length.offset // 4
-_CONTROL_WORDS = CONTROL_BYTES // 8
-_SECONDS = socket.CMSG_LEN(0) // 8
+_SECONDS = socket.CMSG_LEN(0)
 _DROPS = STAMP_BYTES + socket.CMSG_LEN(0)
 
 
@@ -85,8 +78,10 @@ class Batch:
         self._arguments = ctypes.byref(slots), ctypes.c_uint(COUNT), ctypes.c_int(socket.MSG_DONTWAIT), None
         self._slots = memoryview(slots).cast("B").cast("I")
         self._fresh = memoryview(bytes(slots)).cast("I")
-        self._times = memoryview(self._control).cast("q")
         self._count = 0
+        self._control_lengths: Sequence[int] = ()
+        self._flags: Sequence[int] = ()
+        self._lengths: Sequence[int] = ()
 
     def _fill(self, slots: ctypes.Array[_Slot]) -> None:
         data, names, control = (_address(part) for part in (self._data, self._names, self._control))
@@ -103,59 +98,63 @@ class Batch:
             self._slots[:used] = self._fresh[:used]
         count = self._call(fd, *self._arguments)
         self._count = max(count, 0)
-        if count < 0 and (number := ctypes.get_errno()) != errno.EAGAIN:
+        if count > 0:
+            found = _slots(count).unpack_from(self._slots)
+            self._control_lengths, self._flags, self._lengths = found[::3], found[1::3], found[2::3]
+        elif (number := ctypes.get_errno()) != errno.EAGAIN:
             raise OSError(number, os.strerror(number))
         return self._count
 
     def frames(self) -> Sequence[bytes]:
         """The datagrams."""
-        if self._count == 1:  # the common case of a calm link
-            return (self._data[: self._slots[_LENGTH]],)
-        lengths = self._column(_LENGTH)
-        if self._count > FEW and lengths.count(lengths[0]) == self._count:
+        lengths = self._lengths
+        if lengths.count(lengths[0]) == self._count:
             return _equal(self._count, lengths[0]).unpack_from(self._data)
         data = self._data
         return [data[at : at + length] for at, length in zip(_PLACES, lengths, strict=False)]
 
     def stamps(self, offset_ns: int = 0) -> list[int]:
         """When they arrived: CLOCK_REALTIME + offset [ns]; UNSTAMPED where the kernel has not said it."""
-        times = self._times
-        if self._count == 1:
-            told = self._slots[_CONTROL_LENGTH] >= STAMP_BYTES
-            return [times[_SECONDS] * SECOND_NS + times[_SECONDS + 1] + offset_ns if told else UNSTAMPED]
-        end = self._count * _CONTROL_WORDS
-        seconds = times[_SECONDS:end:_CONTROL_WORDS].tolist()
-        nanoseconds = times[_SECONDS + 1 : end : _CONTROL_WORDS].tolist()
+        told = _stamps(self._count).unpack_from(self._control)
+        seconds, nanoseconds = told[::2], told[1::2]
         if seconds.count(seconds[0]) == self._count:
             base = seconds[0] * SECOND_NS + offset_ns
             found = [base + ns for ns in nanoseconds]
         else:
             found = [s * SECOND_NS + ns + offset_ns for s, ns in zip(seconds, nanoseconds, strict=True)]
-        lengths = self._column(_CONTROL_LENGTH)
+        lengths = self._control_lengths
         if min(lengths) < STAMP_BYTES:
             return [t if length >= STAMP_BYTES else UNSTAMPED for t, length in zip(found, lengths, strict=True)]
         return found
 
     def drops(self) -> int | None:
         """What the kernel had dropped before the last of them; None when it had not dropped any."""
-        last = self._count - 1
-        if self._slots[last * _SLOT_WORDS + _CONTROL_LENGTH] < DROPS_BYTES:
+        if self._control_lengths[-1] < DROPS_BYTES:
             return None
-        at = last * CONTROL_BYTES + _DROPS
+        at = (self._count - 1) * CONTROL_BYTES + _DROPS
         return int.from_bytes(self._control[at : at + 4], sys.byteorder)
 
-    def flags(self) -> list[int]:
+    def flags(self) -> Sequence[int]:
         """``msg_flags`` of each."""
-        return self._column(_FLAGS)
-
-    def _column(self, word: int) -> list[int]:
-        """That word of each slot in use."""
-        return self._slots[word : self._count * _SLOT_WORDS : _SLOT_WORDS].tolist()
+        return self._flags
 
     def senders(self) -> list[bytes]:
         """The address of each sender as the kernel writes it (``struct sockaddr``)."""
         names = bytes(self._names[: self._count * NAME_BYTES])
         return [names[at : at + NAME_BYTES] for at in range(0, len(names), NAME_BYTES)]
+
+
+@functools.cache
+def _slots(count: int) -> struct.Struct:
+    """What the kernel writes into so many slots: used control bytes, flags, length, of each."""
+    control, flags, length = _Message.control_length.offset, _Message.flags.offset, _Slot.length.offset
+    return struct.Struct("@" + f"{control}xNI{length - flags - 4}xI{SLOT_BYTES - length - 4}x" * count)
+
+
+@functools.cache
+def _stamps(count: int) -> struct.Struct:
+    """The first stamp in the control bytes of so many datagrams: seconds and nanoseconds of each."""
+    return struct.Struct("=" + f"{_SECONDS}xqq{CONTROL_BYTES - _SECONDS - 16}x" * count)
 
 
 @functools.lru_cache(maxsize=1024)

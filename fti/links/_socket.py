@@ -57,18 +57,15 @@ class Arrival:
         batch = self.batch
         if not batch.receive(fd):
             return (), ()
-        drops = batch.drops()
-        if drops is not None:
+        if (drops := batch.drops()) is not None:
             self._count_drops(drops)
         offset, oldest, newest = window = self._clock.stamp_window()
         times = batch.stamps(offset)
-        if not (oldest <= times[0] - offset and times[-1] - offset <= newest and self._in_order(times)):
+        believed = oldest <= times[0] - offset and times[-1] - offset <= newest
+        if not (believed and self._last_ns <= times[0] and times == sorted(times)):
             times = self._mended(times, window)
         self._last_ns = times[-1]
         return batch.frames(), times
-
-    def _in_order(self, times: list[int]) -> bool:
-        return self._last_ns <= times[0] and (len(times) == 1 or times == sorted(times))
 
     def _mended(self, times: list[int], window: StampWindow) -> list[int]:
         """In order: two processors may stamp at once, and two windows are as good as two readings of the clocks.

@@ -25,7 +25,7 @@ Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 NOT_OPENED = "not opened yet"
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 #: How often an open link is looked at; all of them are with the same beat.
-WATCH_S = 0.24
+WATCH_S = 0.5
 #: A link on which nothing came for so long is silent.
 SILENT_NS = 2 * SECOND_NS
 #: Draining ends when nothing came for so long, and at the latest after DRAIN_S.

@@ -31,24 +31,23 @@ def pack_shares(
     first, last, add = NO_TIME, 0, parts.append
     for channel_id, bursts in shares:
         note = index[channel_id].append
-        for position, times, frames, payload in bursts:
+        for positions, times, frames, payload in bursts:
             if times[0] < first:  # noqa: PLR1730  (a call of min costs three times as much)
                 first = times[0]
             if times[-1] > last:  # noqa: PLR1730
                 last = times[-1]
             if len(frames) > FEW and payload == len(frames) * len(frames[0]) and _are_equal(frames):
-                packed, places = _pack_equal(channel_id, (position, times, frames, payload), at)
+                packed, places = _pack_equal(channel_id, (positions, times, frames, payload), at)
                 add(packed)
                 index[channel_id].extend(places)
                 at += len(packed)
                 continue
-            for time, data in zip(times, frames, strict=True):
+            for position, time, data in zip(positions, times, frames, strict=True):
                 add(_PACK(5, MESSAGE_BODY + len(data), channel_id, position & _SEQUENCE, time, time))
                 add(data)
                 note(time)
                 note(at)
                 at += MESSAGE.size + len(data)
-                position += 1  # noqa: PLW2901
     return first, last
 
 
@@ -59,11 +58,10 @@ def _are_equal(frames: Sequence[bytes]) -> bool:
 
 def _pack_equal(channel_id: int, burst: Burst, at: int) -> tuple[bytes, list[int]]:
     """Message records of a burst of frames of one length, with one call, and where they stand from ``at`` on."""
-    position, times, frames, _ = burst
+    positions, times, frames, _ = burst
     count, size = len(frames), len(frames[0])
-    positions = range(position & _SEQUENCE, (position & _SEQUENCE) + count)
     fields: list[Any] = [_EQUAL.pack(5, MESSAGE_BODY + size, channel_id)] * (5 * count)
-    fields[1::5] = positions if positions[-1] <= _SEQUENCE else [n & _SEQUENCE for n in positions]
+    fields[1::5] = positions if positions[-1] <= _SEQUENCE else [position & _SEQUENCE for position in positions]
     fields[2::5] = fields[3::5] = times
     fields[4::5] = frames
     places = [0] * (2 * count)

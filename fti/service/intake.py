@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
-from itertools import chain
-from operator import itemgetter
 
-from fti.buffers.ring import Group, Ring
+from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
 
 #: So much does not wait for the beat: a fast line must not come to a buffer all at once [B].
 MOST_BYTES = 2**16
 FRAME_BYTES = 8  # what a frame counts besides its payload
-#: Frames of different links are numbered in order of arrival to so much; closer ones, link by link.
-SLOT_NS = 5_000_000
-#: What one link has brought, with the slot of its first frame, and the buffer that it goes into.
-Share = tuple[int, Group, TripleBuffer]
+#: Up to so many frames are numbered in order of arrival, however they were read; a flood link by link.
+MOST_SORTED = 256
+#: Index of a link, what it has brought (times of arrival [ns], frames, bytes of all), and the buffer that it goes into.
+Share = tuple[int, Sequence[int], Sequence[bytes], int, TripleBuffer]
 
 
 class Intake:
@@ -42,8 +39,9 @@ class Intake:
         """A function that takes the frames of one link, and their times of arrival [ns]."""
 
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
-            self._arrived.append((times_ns[0] // SLOT_NS, (index, times_ns, frames), buffer))
-            self._waiting_bytes += sum(map(len, frames)) + FRAME_BYTES * len(frames)
+            payload = sum(map(len, frames))
+            self._arrived.append((index, times_ns, frames, payload, buffer))
+            self._waiting_bytes += payload + FRAME_BYTES * len(frames)
             if self._waiting_bytes >= MOST_BYTES:
                 self.hand_on()
 
@@ -58,24 +56,28 @@ class Intake:
         if not self._arrived:
             return
         arrived, self._arrived, self._waiting_bytes = self._arrived, [], 0
-        shares = sorted(chain.from_iterable(map(_cut, arrived)), key=itemgetter(0))
-        seq = self._seq
-        self._seq += sum(len(frames) for _, (_, _, frames), _ in shares)
-        self._ring.put(seq, [group for _, group, _ in shares])
-        for _, (_, times_ns, frames), buffer in shares:
-            buffer.put_many(seq, times_ns, frames)
-            seq += len(frames)
+        links, times, frames = _flat(arrived)
+        first, self._seq = self._seq, self._seq + len(frames)
+        seqs: Sequence[int] = range(first, self._seq)
+        if 1 < len(frames) <= MOST_SORTED:
+            order = sorted(range(len(frames)), key=times.__getitem__)
+            seqs = [first + rank for rank in sorted(range(len(frames)), key=order.__getitem__)]
+            links, times, frames = [links[i] for i in order], [times[i] for i in order], [frames[i] for i in order]
+        self._ring.put_many(links, first, times, frames)
+        at = 0
+        for _, times_ns, group, payload, buffer in arrived:
+            end = at + len(group)
+            buffer.put_burst((seqs[at:end], times_ns, group, payload))
+            at = end
 
 
-def _cut(share: Share) -> Sequence[Share]:
-    """The same frames, those of each slot for themselves."""
-    slot, (index, times_ns, frames), buffer = share
-    if times_ns[-1] // SLOT_NS == slot:
-        return (share,)
-    found, begin = [], 0
-    while begin < len(times_ns):
-        slot = times_ns[begin] // SLOT_NS
-        end = bisect_left(times_ns, (slot + 1) * SLOT_NS, begin)
-        found.append((slot, (index, times_ns[begin:end], frames[begin:end]), buffer))
-        begin = end
-    return found
+def _flat(arrived: Sequence[Share]) -> tuple[list[int], list[int], list[bytes]]:
+    """Link, time of arrival and bytes of every frame, link by link."""
+    links: list[int] = []
+    times: list[int] = []
+    frames: list[bytes] = []
+    for index, times_ns, group, _, _ in arrived:
+        links += [index] * len(group)
+        times += times_ns
+        frames += group
+    return links, times, frames

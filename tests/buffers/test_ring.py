@@ -33,7 +33,7 @@ def payload(seq: int) -> bytes:
 
 def put(ring: Ring, *numbers: int) -> None:
     for seq in numbers:
-        ring.put(seq, [(seq % 7, [seq * 10], [payload(seq)])])
+        ring.put_many([seq % 7], seq, [seq * 10], [payload(seq)])
 
 
 def check(records: list[Record]) -> list[int]:
@@ -92,7 +92,7 @@ def test_frames_that_are_put_together_are_read_one_by_one(turns: list[tuple[int,
     reader, seq, found = RingReader(ring), 0, list[int]()
     for count, read in turns:
         numbers = range(seq, seq + count)
-        ring.put(seq, [(3, [10 * n for n in numbers], [payload(n) for n in numbers])])
+        ring.put_many([3] * count, seq, [10 * n for n in numbers], [payload(n) for n in numbers])
         seq += count
         for record in reader.read(read) if read else []:
             assert record == Record(3, record.seq, 10 * record.seq, payload(record.seq))
@@ -108,7 +108,7 @@ def test_frames_that_are_put_together_are_read_one_by_one(turns: list[tuple[int,
 def test_what_is_too_much_for_one_record_is_divided() -> None:
     ring = Ring.create(16 * PAGE)  # a record has at most 4 pages
     reader, frames = RingReader(ring), [bytes([i]) * 1500 for i in range(20)]
-    ring.put(7, [(i % 3, [i], [frame]) for i, frame in enumerate(frames)])
+    ring.put_many([i % 3 for i in range(20)], 7, list(range(20)), frames)
     found = reader.read()
     assert found == [Record(i % 3, 7 + i, i, frame) for i, frame in enumerate(frames)]
     assert reader.lost_frames == 0
@@ -118,7 +118,7 @@ def test_what_is_too_much_for_one_record_is_divided() -> None:
 
 def test_a_frame_that_is_too_large_is_refused_also_in_company(ring: Ring) -> None:
     with pytest.raises(ValueError, match="allowed are 4"):
-        ring.put(0, [(0, [0, 1, 2], [b"", bytes(PAGE), b""])])
+        ring.put_many([0] * 3, 0, [0, 1, 2], [b"", bytes(PAGE), b""])
 
 
 def test_overrun_reader_goes_on_with_what_comes_next(ring: Ring) -> None:
@@ -212,7 +212,7 @@ def test_damaged_memory_is_skipped_and_counted(ring: Ring) -> None:
 
 def test_what_does_not_fit_is_refused(ring: Ring) -> None:
     with pytest.raises(ValueError, match="allowed are 4"):
-        ring.put(0, [(0, [0], [bytes(PAGE)])])
+        ring.put_many([0], 0, [0], [bytes(PAGE)])
     with pytest.raises(ValueError, match="at least"):
         Ring.create(100)
 
@@ -319,7 +319,7 @@ from fti.buffers.ring import Ring
 ring = Ring.attach(int(sys.argv[1]))
 seq, last = ring.next_seq, int(sys.argv[2])
 while seq < last:
-    ring.put(seq, [(seq % 7, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])])
+    ring.put_many([seq % 7], seq, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])
     seq += 1
 ring.end()
 """

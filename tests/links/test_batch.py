@@ -45,7 +45,7 @@ def test_each_has_its_bytes_and_its_stamp(pair: Pair, count: int, step: int) -> 
     assert len(stamps) == count
     assert stamps == sorted(stamps)
     assert before <= stamps[0] <= stamps[-1] <= after
-    assert batch.flags() == [0] * count
+    assert list(batch.flags()) == [0] * count
     assert batch.drops() is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -22,12 +23,15 @@ SIZES = st.one_of(
 
 @st.composite
 def bursts(draw: st.DrawFn) -> Burst:
-    """Of one size or of several, with numbers about the end of 32 bits, times that do not go back."""
+    """Of one size or of several; numbers about the end of 32 bits, not one after another; times do not go back."""
     sizes = draw(SIZES)
     first = draw(st.sampled_from((0, 7, 2**32 - 3, 2**32 - 1, 2**32, 2**40 + 5)))
     steps = draw(st.lists(st.integers(0, 2**40), min_size=len(sizes), max_size=len(sizes)))
-    times = [10**18 + sum(steps[: n + 1]) for n in range(len(sizes))]
-    return together(first, times, [bytes([n % 256]) * size for n, size in enumerate(sizes)])
+    _, times, frames, payload = together(
+        first, list(accumulate(steps, initial=10**18))[1:], [bytes([n % 256]) * size for n, size in enumerate(sizes)]
+    )
+    leaps = draw(st.lists(st.integers(1, 4), min_size=len(sizes) - 1, max_size=len(sizes) - 1))
+    return list(accumulate(leaps, initial=first)), times, frames, payload
 
 
 Flushes = list[list[tuple[int, list[Burst]]]]

@@ -156,7 +156,7 @@ class World:
         self.clock.advance(seconds)
         while self._next < len(self._frames) and self._frames[self._next][0] <= self.clock.time_ns:
             t_ns, link, data = self._frames[self._next]
-            self.ring.put(self._next, [(link, [t_ns], [data])])
+            self.ring.put_many([link], self._next, [t_ns], [data])
             if link == LINKS.index(TICK_LINK):
                 self._raw.tick(self._next, t_ns)
             else:
