@@ -11,9 +11,10 @@ from typing import Protocol
 
 from fti import config
 from fti.clock import Clock
+from fti.links._poll import with_beat, without_beat
 from fti.links.base import LinkStatus, Sink, one_by_one
 
-__all__ = ["Link", "LinkStatus", "Sink", "one_by_one", "open_link"]
+__all__ = ["Link", "LinkStatus", "Sink", "one_by_one", "open_link", "with_beat", "without_beat"]
 
 
 class Link(Protocol):

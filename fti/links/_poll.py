@@ -1,4 +1,4 @@
-"""One look at all sockets of a loop with each beat: every 20 ms, shortly before the tick.
+"""The beat of a loop: every 20 ms one look at all its sockets, and then whatever else belongs to the beat.
 
 The kernel stamps what it queues, so nothing is gained by reading each datagram at once; and a process that wakes for
 each finds its memory cold and pays for that many times what the reading costs.  Where more was waiting than one call
@@ -22,19 +22,21 @@ Read = Callable[[], bool]
 
 
 class SocketPoll:
-    """The sockets of one loop."""
+    """The sockets of one loop, and what is called with each beat, behind the look at them."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._epoll = select.epoll()
         self._reads: dict[int, Read] = {}
+        self.calls: list[Callable[[], None]] = []
+        self._beat_s = 0.0  # when the next one is due
         self._busy = False  # more was waiting than one call takes
         self._next: asyncio.Handle = loop.call_soon(self._look)
 
     @property
     def empty(self) -> bool:
-        """No socket is left."""
-        return not self._reads
+        """No socket is left, and nobody else wants the beat."""
+        return not (self._reads or self.calls)
 
     def add(self, fd: int, read: Read) -> None:
         """Look at this socket too."""
@@ -52,33 +54,64 @@ class SocketPoll:
         self._epoll.close()
 
     def _look(self) -> None:
-        more = [read() for fd, _ in self._epoll.poll(0) if (read := self._reads.get(fd))]
-        if self._epoll.closed:  # by one of them
-            return
-        if any(more):
-            self._busy = True
+        more = False
+        try:
+            for fd, _ in self._epoll.poll(0):
+                if read := self._reads.get(fd):
+                    more |= read()
+            if self._loop.time() >= self._beat_s:
+                for call in self.calls:
+                    call()
+        finally:  # whatever one of them has done, the others are looked at again
+            if not self._epoll.closed:  # by one of them
+                self._plan(more)
+
+    def _plan(self, more: bool) -> None:
+        now = self._loop.time()
+        if now >= self._beat_s:
+            self._beat_s = next_beat(now, BEAT_S)
+        if more:
             self._next = self._loop.call_soon(self._look)
         else:
-            now, beat = self._loop.time(), next_beat(self._loop.time(), BEAT_S)
-            self._next = self._loop.call_at(min(now + SOON_S, beat) if self._busy else beat, self._look)
-            self._busy = False
+            due = min(now + SOON_S, self._beat_s) if self._busy else self._beat_s
+            self._next = self._loop.call_at(due, self._look)
+        self._busy = more
 
 
 _polls: dict[asyncio.AbstractEventLoop, SocketPoll] = {}
 
 
-def watch(fd: int, read: Read) -> None:
-    """Call ``read`` when the socket has something, from the running loop."""
+def _poll() -> SocketPoll:
+    """That of the running loop."""
     loop = asyncio.get_running_loop()
     if loop not in _polls:
         _polls[loop] = SocketPoll(loop)
-    _polls[loop].add(fd, read)
+    return _polls[loop]
+
+
+def _close_empty() -> None:
+    loop = asyncio.get_running_loop()
+    if _polls[loop].empty:
+        _polls.pop(loop).close()
+
+
+def watch(fd: int, read: Read) -> None:
+    """Call ``read`` with a beat when the socket has something, from the running loop."""
+    _poll().add(fd, read)
 
 
 def forget(fd: int) -> None:
     """No longer, and before the socket is closed."""
-    loop = asyncio.get_running_loop()
-    if poll := _polls.get(loop):
-        poll.remove(fd)
-        if poll.empty:
-            _polls.pop(loop).close()
+    _poll().remove(fd)
+    _close_empty()
+
+
+def with_beat(call: Callable[[], None]) -> None:
+    """Call this with every beat, behind the look at the sockets, from the running loop."""
+    _poll().calls.append(call)
+
+
+def without_beat(call: Callable[[], None]) -> None:
+    """No longer."""
+    _poll().calls.remove(call)
+    _close_empty()

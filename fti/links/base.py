@@ -23,6 +23,7 @@ from fti.types import LinkState
 Sink = Callable[[Sequence[bytes], Sequence[int]], None]
 
 NOT_OPENED = "not opened yet"
+GOOD = LinkState.GOOD
 FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 #: How often an open link is looked at; all of them are with the same beat.
 WATCH_S = 0.5
@@ -200,8 +201,8 @@ class BaseLink(ABC):
         status.frames += len(frames)
         status.bytes += sum(map(len, frames))
         status.last_rx_ns = times_ns[-1]
-        if status.state is not LinkState.GOOD:
-            status.state, status.hint = LinkState.GOOD, ""
+        if status.state is not GOOD:
+            status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
 
     async def drain(self) -> None:

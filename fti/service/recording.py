@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 from collections.abc import Callable, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.clock import SystemClock, next_beat
 from fti.errors import LinkError
-from fti.links import Link, open_link
+from fti.links import Link, open_link, with_beat, without_beat
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.service.accounts import HEALTH_PERIOD_S, Books, Unit, link_health
@@ -25,7 +26,7 @@ from fti.service.snapshot import SnapshotSink
 from fti.service.source import Source
 from fti.service.storage_report import StorageReport
 from fti.service.writing import TEND_PERIOD_S, Writer
-from fti.types import TICK_LINK, TICK_PERIOD_NS
+from fti.types import TICK_LINK
 
 LEDGER_PERIOD_S = 1.0
 #: A medium that has not opened the first file after this time is not waited for any more.
@@ -33,9 +34,6 @@ FIRST_FILE_S = 5.0
 FIRST_LOOK_S = 0.005
 TICK_BUFFER_BYTES = 2**16
 SECOND_NS = 1_000_000_000
-TICK_PERIOD_S = TICK_PERIOD_NS / SECOND_NS
-#: The tick is due so long after the sockets are looked at; the loop wakes once for both.
-AFTER_LOOK_S = 1e-6
 
 
 class Recorder:
@@ -115,19 +113,21 @@ class Recorder:
             self._tell("error", "recorder", text)
 
     def _sources(self) -> list[Source]:
+        """Ticks, and what is received and sent on each link; nothing is ever sent on a link that may not."""
         log = self._log
-        sources = [Source(TICK_LINK, log.tick_channel, self._ticks)]
-        for unit in self._units:
+        sources, used = [Source(TICK_LINK, log.tick_channel, self._ticks)], [True]
+        for unit, described in zip(self._units, self._order.config.link, strict=True):
             received, sent = log.channels(unit.link.name)
             sources.append(Source(unit.link.name, received, unit.received))
             sources.append(Source(unit.link.name, sent, unit.sent))
+            used += True, described.transmit
         if self._snapshot:
             for source, keep in zip(sources, self._snapshot.keepers, strict=True):
                 source.keep = keep
         if self._order.config.session.mode == "snapshot":
             for source in sources[1:]:
                 source.channel = None
-        return sources
+        return list(compress(sources, used))
 
     def _wake_writer(self) -> None:
         self._writer.wake()
@@ -142,7 +142,7 @@ class Recorder:
         if self._snapshot:
             self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
-        self._beat()
+        with_beat(self._beat)
         helpers = [self._start("health", self._watch), *self._start_polls()]
         helpers.append(self._start("storage", self._tend_storage))
         await self._stop.wait()
@@ -169,8 +169,6 @@ class Recorder:
 
     def _beat(self) -> None:
         """Every 20 ms: a tick frame, so that silence has a time too; what has come until then goes on with it."""
-        loop = asyncio.get_running_loop()
-        self._next_beat = loop.call_at(next_beat(loop.time(), TICK_PERIOD_S) + AFTER_LOOK_S, self._beat)
         with guarded("ticks", self._report):
             self._tick((b"",), (self._clock.now_ns(),))
             self._intake.hand_on()
@@ -265,7 +263,7 @@ class Recorder:
     async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
         """Kernel queues drained, readers stopped, buffers written, file closed, ring ended: in this order."""
         await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
-        self._next_beat.cancel()
+        without_beat(self._beat)
         for task in (*readers, *helpers, *self._jobs):
             task.cancel()
         await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)

@@ -88,6 +88,46 @@ async def test_all_are_read_with_one_look(ports: list[Port]) -> None:
     assert not _poll._polls
 
 
+async def test_the_beat_calls_behind_the_look(ports: list[Port]) -> None:
+    """So that what has come until then is numbered before the tick."""
+    port, told = ports[0], list[list[bytes]]()
+    port.watch()
+
+    def beat() -> None:
+        told.append(list(port.heard))
+
+    _poll.with_beat(beat)
+    await until_async(lambda: len(told) > 2)
+    before = len(told)
+    port.far.send(b"x")
+    await until_async(lambda: len(told) > before)
+    assert told[before] == [b"x"]
+    port.forget()
+    _poll.without_beat(beat)
+    assert not _poll._polls
+
+
+async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None:
+    sick, well = ports[:2]
+    errors: list[str] = []
+    asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(str(context["exception"])))
+
+    def fail() -> None:
+        raise RuntimeError("sick")
+
+    sick.then = fail
+    for port in (sick, well):
+        port.watch()
+    for turn in range(3):
+        sick.far.send(b"x")
+        well.far.send(b"y")
+        await until_async(lambda turn=turn: len(well.heard) == turn + 1)  # type: ignore[misc]
+        await until_async(lambda turn=turn: len(sick.heard) == turn + 1)  # type: ignore[misc]
+    assert errors == ["sick"] * 3
+    for port in (sick, well):
+        port.forget()
+
+
 async def test_who_has_more_is_read_again_at_once(ports: list[Port]) -> None:
     port = ports[0]
     port.more = True
