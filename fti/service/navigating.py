@@ -6,7 +6,8 @@ import dataclasses
 import time
 from collections.abc import Sequence
 
-from fti.buffers.ring import Record, Ring, RingReader
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import Record, RingReader
 from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock

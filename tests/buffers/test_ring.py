@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.buffers.ring import ALONE, PAGE, ReaderState, Record, Ring, RingReader, ring_size
+from fti.buffers.ring import ALONE, PAGE, ReaderState, Ring, ring_size
+from fti.buffers.ring_reader import Record, RingReader
 from fti.config import CanLink, SerialLink, UdpLink
 from tests.helpers import ROOT, until
 
@@ -326,7 +327,8 @@ ring.end()
 
 READER = """
 import os, sys
-from fti.buffers.ring import Ring, RingReader
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingReader
 reader = RingReader(Ring.attach(int(sys.argv[1])))
 while not reader.finished:
     lines = ""

@@ -18,7 +18,8 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from fti.buffers.ring import Ring, RingReader
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Config, Session, UdpLink
 from fti.logger import records

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.buffers.ring import PAGE, Record, Ring, RingReader
+from fti.buffers.ring import PAGE, Ring
+from fti.buffers.ring_reader import Record, RingReader
 from fti.buffers.triple import TripleBuffer
 from fti.burst import entries
 from fti.service.intake import FRAME_BYTES, MOST_BYTES, MOST_SORTED, Intake

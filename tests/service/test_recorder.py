@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from fti.buffers.ring import Ring, RingReader
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingReader
 from fti.clock import choose_epoch_ns
 from fti.config import Config, SerialLink, Session, UdpLink
 from fti.logger.reading.recording import Recording

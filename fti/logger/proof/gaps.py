@@ -11,6 +11,7 @@ from fti.logger.proof.wording import clock_text
 
 GAP_TOPIC = "/fti/gap"
 OVERFLOW = "buffer_overflow"
+MOST_TOLD = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,10 +26,15 @@ class Overflow:
 
 @dataclass(slots=True)
 class Gaps:
-    """The notes on ``/fti/gap``.  told : what navigation lost, in words; unreadable : notes that say nothing."""
+    """The notes on ``/fti/gap``.
+
+    told : what navigation lost, in words, of the first of such notes; untold : how many more there are
+    unreadable : notes that say nothing
+    """
 
     overflows: list[Overflow] = field(default_factory=list)
     told: list[str] = field(default_factory=list)
+    untold: int = 0
     unreadable: int = 0
 
     def take(self, t_ns: int, data: bytes, *, raw: bool) -> None:
@@ -39,9 +45,15 @@ class Gaps:
                 numbers = (int(table[key]) for key in ("first_seq", "last_seq", "frames"))
                 self.overflows.append(Overflow(str(table["link"]), *numbers))
             else:
-                self.told.append(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
+                self._tell(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
             self.unreadable += 1
+
+    def _tell(self, text: str) -> None:
+        if len(self.told) < MOST_TOLD:
+            self.told.append(text)
+        else:
+            self.untold += 1
 
     def explains(self, span: Span) -> bool:
         """Does a note tell of these numbers?"""

@@ -255,6 +255,8 @@ class _Session:
             check.add(Verdict.REFUTED, f"{gaps.unreadable} notes of gaps cannot be read")
         for text in gaps.told:
             check.add(Verdict.TOLD, text)
+        if gaps.untold:
+            check.add(Verdict.TOLD, f"and {gaps.untold} more")
         return check
 
     # --------------------------------------------------------------------------------------------------------- accounts
