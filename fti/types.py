@@ -13,7 +13,7 @@ class RawFrame:
     """Exactly one read of a serial line, one datagram or one CAN frame.
 
     link    : name of the link
-    seq     : position in the session, one counter for all links in order of arrival (between links: to 5 ms)
+    seq     : position in the session, one counter for all links in order of arrival
     t_rx_ns : FTI time of arrival [ns]
     data    : the bytes; CAN as a little-endian ``can_frame`` (16 B) or ``canfd_frame`` (72 B)
     """
