@@ -41,7 +41,7 @@ from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
 
 LINKS = 23
-CALM_RATE, ROUNDS, CALM_MOST = 2100.0, 3, 1.5
+CALM_RATE, ROUNDS, CALM_MOST = 2100.0, 7, 1.5
 STAMP_RATE, STAMP_MOST_US = 1000.0, 100.0
 PARTS = ("throughput", "calm", "stamps")
 
@@ -98,11 +98,11 @@ def calm(folder: Path, seconds: float, verdict: Verdict) -> None:
                 _, taken = feed(rig, targets, CALM_RATE, seconds)
                 shares.append(100 * (cpu_s(number) - began) / taken)
     rig.close()
-    ratio = statistics.median(ours) / statistics.median(bare)
+    ratio = statistics.median(a / b for a, b in zip(ours, bare, strict=True))
     print(f"calm: {CALM_RATE:.0f} datagrams/s of {SIZE} B on {LINKS} UDP links, {ROUNDS} rounds of {seconds:.0f} s")
     for name, shares in (("recorder", ours), ("bare reader with file.write", bare)):
         print(f"  {name:30} {statistics.median(shares):5.2f} % of a core   ({', '.join(f'{s:.2f}' for s in shares)})")
-    verdict.judge(f"ratio {ratio:.2f}; at most {CALM_MOST}", ratio <= CALM_MOST)
+    verdict.judge(f"ratio in the same round, median {ratio:.2f}; at most {CALM_MOST}", ratio <= CALM_MOST)
 
 
 # --------------------------------------------------------------------------------------------------------- stamps
