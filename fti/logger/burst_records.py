@@ -16,7 +16,7 @@ Share = tuple[int, Sequence[Burst]]
 #: Up to so many messages of a burst are packed one by one.
 FEW = 4
 NO_TIME = 2**64 - 1
-_PACK = MESSAGE.pack
+MESSAGE_SIZE = MESSAGE.size
 _SEQUENCE = 0xFFFF_FFFF
 _EQUAL = struct.Struct("<BQH")  # opcode, length, channel
 
@@ -28,7 +28,7 @@ def pack_shares(
 
     One loop over everything: a calm recorder has two messages of each link, and calls would cost as much again.
     """
-    first, last, add = NO_TIME, 0, parts.append
+    first, last, add, pack = NO_TIME, 0, parts.append, MESSAGE.pack
     for channel_id, bursts in shares:
         note = index[channel_id].append
         for positions, times, frames, payload in bursts:
@@ -42,12 +42,13 @@ def pack_shares(
                 index[channel_id].extend(places)
                 at += len(packed)
                 continue
-            for position, time, data in zip(positions, times, frames, strict=True):
-                add(_PACK(5, MESSAGE_BODY + len(data), channel_id, position & _SEQUENCE, time, time))
+            for position, time, data in zip(positions, times, frames):  # noqa: B905  (strict takes as long as packing)
+                size = len(data)
+                add(pack(5, MESSAGE_BODY + size, channel_id, position & _SEQUENCE, time, time))
                 add(data)
                 note(time)
                 note(at)
-                at += MESSAGE.size + len(data)
+                at += MESSAGE_SIZE + size
     return first, last
 
 
@@ -66,7 +67,7 @@ def _pack_equal(channel_id: int, burst: Burst, at: int) -> tuple[bytes, list[int
     fields[4::5] = frames
     places = [0] * (2 * count)
     places[::2] = times
-    places[1::2] = range(at, at + count * (MESSAGE.size + size), MESSAGE.size + size)
+    places[1::2] = range(at, at + count * (MESSAGE_SIZE + size), MESSAGE_SIZE + size)
     return _records(count, size).pack(*fields), places
 
 
