@@ -1,10 +1,11 @@
 """A process that sends numbered datagrams at a steady rate, whether somebody listens or not.
 
-    python -m tests.e2e.flood HOST RATE COUNTER PORT [PORT ...]
+    python -m tests.e2e.flood HOST RATE MEMORY PORT [PORT ...]
 
-The ports take turns.  COUNTER is the descriptor of a memory file, in which it counts what it has sent.  A datagram is
-its link (position of the port), its number on that link, and filling; 60 bytes.  It runs until its standard input
-ends, and then prints how many each link got, as a JSON list.
+The ports take turns.  MEMORY is the descriptor of a memory file, in which it counts what it has sent and notes when
+it sent the last ones: a sender that was not let run catches up, so the number alone tells no time.  A datagram is its
+link (position of the port), its number on that link, and filling; 60 bytes.  It runs until its standard input ends,
+and then prints how many each link got, as a JSON list.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from collections.abc import Sequence
 from tests.helpers import ROOT
 
 NUMBER = struct.Struct("<IQ")
-COUNTER = struct.Struct("=Q")
+WORD = struct.Struct("=Q")
+#: Of so many datagrams the memory holds the time, behind the counter.
+TIMES = 2**18
 FILLING = bytes(range(48))
 SIZE = NUMBER.size + len(FILLING)
 PERIOD_S = 0.001
@@ -54,8 +57,8 @@ class Flood:
         self.sent: list[int] = []
         self._links = len(ports)
         fd = os.memfd_create("flood")
-        os.ftruncate(fd, COUNTER.size)
-        self._counter = mmap.mmap(fd, COUNTER.size)
+        os.ftruncate(fd, (1 + TIMES) * WORD.size)
+        self._memory = mmap.mmap(fd, 0)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "tests.e2e.flood", host, str(rate_hz), str(fd), *map(str, ports)],
             stdin=subprocess.PIPE,
@@ -65,19 +68,36 @@ class Flood:
         )
         os.close(fd)
 
-    def sent_now(self) -> list[int]:
-        """How many each link has got until now."""
-        (total,) = COUNTER.unpack(self._counter)
-        return [len(range(link, total, self._links)) for link in range(self._links)]
+    def sent_now(self) -> int:
+        """How many datagrams it has sent until now."""
+        (total,) = WORD.unpack_from(self._memory)
+        return int(total)
+
+    def began_ns(self, recorded: Sequence[int], sent: int) -> int | None:
+        """When it sent the first of ``sent`` datagrams that is not recorded [monotonic clock, ns].
+
+        recorded : how many of each link are, from its first one on.  None when all of them are; the oldest time that
+        is known when the datagram is older than that.
+        """
+        missing = [number * self._links + link for link, number in enumerate(recorded)]
+        oldest = max(min(missing), sent - TIMES)
+        (began_ns,) = WORD.unpack_from(self._memory, _time_at(oldest))
+        return int(began_ns) if oldest < sent else None
 
     def stop(self) -> None:
         """End it; nothing is sent any more."""
         if self._process.returncode is None:
             said, _ = self._process.communicate(timeout=30)
             self.sent = json.loads(said)
+            self._memory.close()
 
 
-def _send(host: str, rate_hz: float, counter: mmap.mmap, ports: Sequence[int]) -> list[int]:
+def _time_at(turn: int) -> int:
+    """Where in the memory the time of a datagram is."""
+    return (1 + turn % TIMES) * WORD.size
+
+
+def _send(host: str, rate_hz: float, memory: mmap.mmap, ports: Sequence[int]) -> list[int]:
     os.set_blocking(0, False)
     sent = [0] * len(ports)
     addresses = [(host, port) for port in ports]
@@ -87,9 +107,10 @@ def _send(host: str, rate_hz: float, counter: mmap.mmap, ports: Sequence[int]) -
             due = int((time.monotonic() - begin) * rate_hz)
             for turn in range(total, due):
                 link = turn % len(ports)
+                WORD.pack_into(memory, _time_at(turn), time.monotonic_ns())
                 sock.sendto(NUMBER.pack(link, sent[link]) + FILLING, addresses[link])
                 sent[link] += 1
-                COUNTER.pack_into(counter, 0, turn + 1)
+                WORD.pack_into(memory, 0, turn + 1)
             total = due
             time.sleep(PERIOD_S)
     return sent
@@ -104,5 +125,5 @@ def said() -> bytes | None:
 
 
 if __name__ == "__main__":
-    memory = mmap.mmap(int(sys.argv[3]), COUNTER.size)
-    print(json.dumps(_send(sys.argv[1], float(sys.argv[2]), memory, [int(port) for port in sys.argv[4:]])))
+    shared = mmap.mmap(int(sys.argv[3]), 0)
+    print(json.dumps(_send(sys.argv[1], float(sys.argv[2]), shared, [int(port) for port in sys.argv[4:]])))

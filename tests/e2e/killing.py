@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
+from typing import NamedTuple
 
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -43,21 +44,30 @@ Frames = dict[int, tuple[str, int, bytes]]
 Moment = Callable[["Rig"], None]
 
 
+class Span(NamedTuple):
+    """A stretch of FTI time [ns]."""
+
+    began_ns: int
+    ended_ns: int
+
+    @property
+    def ns(self) -> int:
+        """How long it is."""
+        return self.ended_ns - self.began_ns
+
+
 @dataclass(frozen=True, slots=True)
 class Loss:
     """What a kill has cost.
 
-    lost_ns : from the first frame that is missing to the last one received
-    began_ns, killed_ns : FTI times between which that happened; frames : so many are missing; received : of so many
-    unsaved_ns : the traffic that had been sent until the kill and is not in the file, also what the kernel still held
+    received : from the first frame that the recorder had received and that is missing, to the last one received
+    frames : so many of them are missing
+    sent : from the first datagram that had been sent and is missing, to the kill; also what the kernel still held
     """
 
-    lost_ns: int
+    received: Span
     frames: int
-    received: int
-    began_ns: int
-    killed_ns: int
-    unsaved_ns: int
+    sent: Span
 
 
 class Rig:
@@ -123,7 +133,7 @@ class Rig:
         """Let a random time go by."""
         time.sleep(self.chance.uniform(0, most_s))
 
-    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int, sent: list[int]) -> Loss:
+    def _judge(self, files: list[Path], copies: dict[Path, bytes], killed_ns: int, sent: int) -> Loss:
         received = self._received()
         lying = _merge(read_as_it_lies(path) for path in files)
         _assert_same(lying, received)
@@ -135,17 +145,20 @@ class Rig:
         assert lying.keys() <= closed.keys()
         self._assert_in_order(closed)
         self.recorded += len(closed)
-        return _loss(received, lying, killed_ns, self._unsaved_ns(lying, sent))
+        missing = [t_ns for seq, (_, t_ns, _) in received.items() if seq not in lying]
+        last_ns = max(t_ns for _, t_ns, _ in received.values())
+        unsaved = Span(self._unsaved_since_ns(lying, sent, killed_ns), killed_ns)
+        return Loss(Span(min(missing, default=last_ns), last_ns), len(missing), unsaved)
 
-    def _unsaved_ns(self, recorded: Frames, sent: list[int]) -> int:
-        """What was sent behind the last datagram of each link in the file."""
+    def _unsaved_since_ns(self, recorded: Frames, sent: int, killed_ns: int) -> int:
+        """When the first datagram was sent that is behind the last one of its link in the file."""
         newest = [0] * LINKS
         for topic, _, data in recorded.values():
             if topic.startswith("/raw/"):
                 link, number = parse(data)
                 newest[link] = max(newest[link], number + 1)
-        behind = sum(max(there - here, 0) for there, here in zip(sent, newest, strict=True))
-        return round(behind / self._flood.rate_hz * 1e9)
+        began_ns = self._flood.began_ns(newest, sent)
+        return killed_ns if began_ns is None else min(began_ns + self.epoch_ns, killed_ns)
 
     def _received(self) -> Frames:
         """What the recorder had received since the last kill."""
@@ -172,13 +185,6 @@ class Rig:
         self._child.dismiss()
         self._flood.stop()
         self._ring.close()
-
-
-def _loss(received: Frames, recorded: Frames, killed_ns: int, unsaved_ns: int) -> Loss:
-    last_ns = max(t_ns for _, t_ns, _ in received.values())
-    missing = [t_ns for seq, (_, t_ns, _) in received.items() if seq not in recorded]
-    began_ns = min(missing, default=last_ns)
-    return Loss(last_ns - began_ns, len(missing), len(received), began_ns, killed_ns, unsaved_ns)
 
 
 # ---------------------------------------------------------------------------------------------------------- reading
@@ -262,8 +268,8 @@ def _whole_records(data: bytes, at: int) -> int:
 
 def describe(losses: list[Loss], excused: int) -> str:
     """What the kills have cost."""
-    spans = sorted(loss.lost_ns / 1e6 for loss in losses)
-    unsaved = sorted(loss.unsaved_ns / 1e6 for loss in losses)
+    spans = sorted(loss.received.ns / 1e6 for loss in losses)
+    unsaved = sorted(loss.sent.ns / 1e6 for loss in losses)
     return (
         f"{len(losses)} kills; of what was sent until then, this is not in the file: median "
         f"{unsaved[len(unsaved) // 2]:.1f} ms, most {unsaved[-1]:.1f} ms; of what the recorder had received: median "

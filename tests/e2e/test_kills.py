@@ -18,7 +18,7 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from tests.e2e.heartbeat import Heartbeats
-from tests.e2e.killing import Loss, Moment, Rig, describe
+from tests.e2e.killing import Loss, Moment, Rig, Span, describe
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3000)]
 SEED = 20261121
@@ -53,22 +53,22 @@ def _at_the_end(rig: Rig) -> None:
 
 
 def _kill_often(
-    rig: Rig, kills: int, moment: Moment, hearts: Heartbeats, lost_ns: Callable[[Loss], int] = attrgetter("unsaved_ns")
+    rig: Rig, kills: int, moment: Moment, hearts: Heartbeats, lost: Callable[[Loss], Span] = attrgetter("sent")
 ) -> None:
     try:
         losses = [rig.kill(moment) for _ in range(kills)]
     finally:
         rig.close()
         hearts.stop()
-    over = [loss for loss in losses if lost_ns(loss) > LOST_NS]
+    over = [lost(loss) for loss in losses if lost(loss).ns > LOST_NS]
     row = describe(losses, len(over))
     print(row)
     assert sum(1 for _ in Recording.open(rig.session.path).frames()) == rig.recorded
-    for loss in over:
-        paused = hearts.paused_ns(loss.began_ns - rig.epoch_ns, loss.killed_ns - rig.epoch_ns)
-        assert lost_ns(loss) - paused <= LOST_NS, row
+    for span in over:
+        paused = hearts.paused_ns(span.began_ns - rig.epoch_ns, span.ended_ns - rig.epoch_ns)
+        assert span.ns - paused <= LOST_NS, row
     if kills >= ENOUGH_FOR_A_MEDIAN:
-        assert median(map(lost_ns, losses)) <= MEDIAN_NS, row
+        assert median(lost(loss).ns for loss in losses) <= MEDIAN_NS, row
 
 
 @pytest.mark.parametrize("rate_hz", [20_000, 2_000])
@@ -84,5 +84,5 @@ def test_a_kill_at_a_split(tmp_path: Path, scale: int, heartbeats: Heartbeats) -
 
 def test_a_kill_at_the_end(tmp_path: Path, scale: int, heartbeats: Heartbeats) -> None:
     kills = 2 if scale == 1 else 5 * scale
-    received = attrgetter("lost_ns")  # what comes after the word to stop is nobody's
+    received = attrgetter("received")  # what comes after the word to stop is nobody's
     _kill_often(Rig(tmp_path, 20_000, Random(SEED)), kills, _at_the_end, heartbeats, received)
