@@ -254,12 +254,66 @@ class Satellites:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Pseudorange:
+    """What a receiver measured on one signal of one satellite.
+
+    pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when it comes
+    nearer; cn0_dbhz [dB-Hz]; lock_time [s]: so long the carrier has been followed without a slip
+    """
+
+    system: str
+    number: int
+    signal: str
+    pseudorange: float | None = None
+    pseudorange_sd: float | None = None
+    carrier_phase: float | None = None
+    carrier_phase_sd: float | None = None
+    doppler: float | None = None
+    cn0_dbhz: float | None = None
+    lock_time: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pseudoranges:
+    """The raw observations of one epoch of a GNSS receiver; the time of the epoch is in the stamp."""
+
+    stamp: Stamp
+    observations: tuple[Pseudorange, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverClock:
+    """Clock of a GNSS receiver: receiver time minus the time of the scale [s], its rate [s/s], and their sigma."""
+
+    stamp: Stamp
+    offset: float | None = None
+    drift: float | None = None
+    offset_sd: float | None = None
+    drift_sd: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
     """Approach deviation as a receiver states it [DDM]: localizer (fly right positive), glide slope (fly down)."""
 
     stamp: Stamp
     localizer_ddm: float | None = None
     glide_slope_ddm: float | None = None
+    valid: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """A value that no other class carries, by the name that the configuration or the document gives it.
+
+    value : in ``unit``, which is SI or the document's own ("" for a count or a discrete: 0 or 1)
+    """
+
+    stamp: Stamp
+    name: str
+    value: float | None
+    unit: str = ""
     valid: bool = True
 
 
@@ -281,7 +335,10 @@ class DeviceTime:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ack:
-    """A device's answer to a command."""
+    """A device's answer to a command.
+
+    command : its name in the driver's ``COMMANDS``; "" when the answer does not say which it answers (the oldest)
+    """
 
     stamp: Stamp
     command: str
@@ -306,7 +363,10 @@ Measurement = (
     | SurfaceDeflection
     | DmeRange
     | Satellites
+    | Pseudoranges
+    | ReceiverClock
     | Deviation
+    | Reading
     | DeviceStatus
     | DeviceTime
     | Ack

@@ -1,11 +1,11 @@
-"""List the drivers, or describe one: document, messages, carriers, options.
+"""List the drivers, or describe one: document, messages, carriers, options, commands.
 
   fti drivers
   fti drivers arinc429
   fti drivers nmea0183 --json
 
 The list has one driver per line: name, carriers, document.  Options are what ``options = { ... }`` of a device in the
-configuration may say, with their defaults.
+configuration may say, with their defaults; commands are what ``fti send`` can ask of the device.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
 
 def describe(name: str) -> dict[str, Any]:
     """What a driver says about itself, in plain JSON types."""
+    import dataclasses
+
     from fti import drivers
 
     driver = drivers.load(name)
@@ -52,6 +54,7 @@ def describe(name: str) -> dict[str, Any]:
         "carriers": sorted(driver.CARRIERS),
         "messages": dict(driver.MESSAGES),
         "options": {key: _option(schema) for key, schema in options.items()},
+        "commands": {key: dataclasses.asdict(command) for key, command in driver.COMMANDS.items()},
     }
 
 
@@ -72,4 +75,8 @@ def _described(driver: dict[str, Any]) -> list[str]:
     for name, option in driver["options"].items():
         allowed = ", ".join(str(value) for value in option["allowed"])
         lines.append(f"  {name} = {json.dumps(option['default'])}   ({allowed})")
+    lines += ["", "commands (fti send)" if driver["commands"] else "no commands"]
+    for name, command in driver["commands"].items():
+        lines.append(f"  {name:24} {command['does']}" + ("" if command["answered"] else " (not acknowledged)"))
+        lines += [f"    {argument}=   {meaning}" for argument, meaning in command["arguments"].items()]
     return lines

@@ -11,11 +11,15 @@ A driver is a module of this package whose name does not begin with ``_``.  In t
     ``make_encoder(options) -> Encoder``    measurements to bytes, for the emulator
     ``on_connect(options) -> [bytes]``      what a device must be told after every connect
     ``poll(options) -> (period_s, bytes) | None``   a question that must be repeated
-    ``command(name, args) -> bytes``        a command for ``fti send``; ValueError when unknown
+    ``COMMANDS``     {command name: ``Command``}: what ``fti send`` can ask of the device
+    ``command(name, args, options) -> bytes``    the bytes of a command; ValueError when it or an argument is unknown,
+                                                 missing or out of range, saying what is allowed
 
 Every byte that is fed is framed, held or counted as skipped:
 ``bytes_in == framed + held + sum(skipped.values())``.
 A message carries the arrival time of its first byte.
+
+A device's answer to a command comes out of the decoder as an ``Ack``.
 """
 
 from __future__ import annotations
@@ -43,6 +47,19 @@ class Counters:
     messages: Counter[str] = field(default_factory=Counter)
 
 
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command that a device takes.
+
+    does : one line for people; arguments : {name: meaning, unit, range; and the default where it has one}
+    answered : the device acknowledges it, so that silence means that it did not take it
+    """
+
+    does: str
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    answered: bool = True
+
+
 class Decoder(Protocol):
     """A stream decoder."""
 
@@ -68,6 +85,7 @@ class Driver(Protocol):
     DOCUMENT: str
     MESSAGES: Mapping[str, str]
     CARRIERS: frozenset[str]
+    COMMANDS: Mapping[str, Command]
     Options: type[StrictModel]
 
     def make_decoder(self, options: StrictModel) -> Decoder: ...
@@ -78,7 +96,7 @@ class Driver(Protocol):
 
     def poll(self, options: StrictModel) -> tuple[float, bytes] | None: ...
 
-    def command(self, name: str, args: Mapping[str, str]) -> bytes: ...
+    def command(self, name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes: ...
 
 
 @cache

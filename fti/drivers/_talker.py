@@ -8,6 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.config import StrictModel
+from fti.drivers import Command
+
+#: No command is taken.
+COMMANDS: Mapping[str, Command] = {}
 
 
 def on_connect(options: StrictModel) -> list[bytes]:
@@ -20,6 +24,6 @@ def poll(options: StrictModel) -> tuple[float, bytes] | None:
     return None
 
 
-def command(name: str, args: Mapping[str, str]) -> bytes:
+def command(name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes:
     """No command is taken."""
     raise ValueError(f"the device takes no commands, and {name!r} is one")

@@ -36,7 +36,7 @@ from fti.drivers._arinc429_word import BcdState, BnrState
 from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import DeviceStatus, Measurement, Stamp
 
 DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels), over four-byte words of a converter"

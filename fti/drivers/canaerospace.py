@@ -35,7 +35,7 @@ from fti.canframe import pack_can, unpack_can
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement, Stamp
 
 DOCUMENT = "CANaerospace interface specification 1.7 (Stock Flight Systems, 2006); other layouts by DBC"

@@ -24,7 +24,7 @@ from typing import Literal
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._units import FOOT
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 

@@ -34,7 +34,7 @@ from pydantic import Field
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import SECOND_NS, device_time_ns, gps_ns, gps_week
 from fti.drivers._units import wrap_heading
 from fti.types import (

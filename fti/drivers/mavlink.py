@@ -40,7 +40,7 @@ from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._mavlink_decode import READERS
 from fti.drivers._mavlink_encode import Encoder
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement
 
 DOCUMENT = "MAVLink 2 serialization and common.xml (mavlink.io)"

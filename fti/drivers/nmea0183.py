@@ -31,7 +31,7 @@ from fti.drivers import Counters
 from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Framer, Skip
 from fti.drivers._nmea_sentences import Sentences
-from fti.drivers._talker import command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import Attitude, DeviceTime, Measurement, Position, TimeScale, Velocity

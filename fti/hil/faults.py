@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fti.hil.scenario import Cut, Fault, Invalid, Stuck
-from fti.types import Ack, DeviceStatus, DeviceTime, ImuSample, Measurement, Satellites
+from fti.types import Ack, DeviceStatus, DeviceTime, ImuSample, Measurement, Pseudoranges, Satellites
 
 OnDevice = Cut | Stuck | Invalid
-WITHOUT_VALIDITY = (ImuSample, Satellites, DeviceTime, Ack)
+WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, DeviceTime, Ack)
 
 
 class DeviceFaults:

@@ -14,7 +14,17 @@ from fti.logger import foxglove, schemas
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
-from fti.types import Ack, DmeRange, Event, HeightAboveGround, Measurement, NavSolution, Output, SurfaceDeflection
+from fti.types import (
+    Ack,
+    DmeRange,
+    Event,
+    HeightAboveGround,
+    Measurement,
+    NavSolution,
+    Output,
+    Reading,
+    SurfaceDeflection,
+)
 
 SECOND_NS = 1_000_000_000
 GAP_TOPIC = "/fti/gap"
@@ -135,7 +145,7 @@ class DerivedLog(Log):
 
 
 def _part(measurement: Measurement) -> tuple[str, ...]:
-    """What tells streams on one topic apart, decimated one by one: surface, station, and what a message carries.
+    """What tells streams on one topic apart, decimated one by one: surface, station, name, and what a message carries.
 
     Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
     """
@@ -143,4 +153,6 @@ def _part(measurement: Measurement) -> tuple[str, ...]:
     carried = tuple(name for name in names if getattr(measurement, name) is not None)
     if isinstance(measurement, SurfaceDeflection):
         return measurement.surface, *carried
+    if isinstance(measurement, Reading):
+        return measurement.name, *carried
     return (measurement.station, *carried) if isinstance(measurement, DmeRange) else carried

@@ -71,7 +71,10 @@ def test_questions_and_commands_have_their_form(name: str) -> None:
     assert asked is None or (asked[0] > 0 and isinstance(asked[1], bytes))
     assert driver.make_encoder(options).respond(b"") == []
     with pytest.raises(ValueError, match="no_such_command"):
-        driver.command("no_such_command", {})
+        driver.command("no_such_command", {}, options)
+    for command in driver.COMMANDS.values():
+        assert command.does
+        assert all(command.arguments.values())
 
 
 @each_driver

@@ -17,7 +17,8 @@ _BY_NAME = {
     "rad": "roll pitch heading roll_sd pitch_sd heading_sd track aoa aos deflection azimuth elevation lat lon "
     "deviation",
     "m": "alt alt_msl alt_press undulation horizontal_sd vertical_sd slant_range height_agl height_error "
-    "height_error_sd shift shift_sd s_begin s_end alert_limit_v alert_limit_s s y dh dh_nav",
+    "height_error_sd shift shift_sd s_begin s_end alert_limit_v alert_limit_s s y dh dh_nav pseudorange "
+    "pseudorange_sd",
     "m/s": "north east down ground_speed cas ias tas vel_north vel_east vel_down",
     "m/s^2": "accel_b",
     "rad/s": "gyro_b",
@@ -25,6 +26,9 @@ _BY_NAME = {
     "T": "field_b",
     "DDM": "localizer_ddm glide_slope_ddm",
     "dB-Hz": "cn0_dbhz",
+    "cycles": "carrier_phase carrier_phase_sd",
+    "Hz": "doppler",
+    "s": "lock_time",
     NONE: "number used hdop vdop pdop t1_ratio t2_ratio t3_ratio t4_ratio observability dots",
 }
 _UNITS = {name: unit for unit, names in _BY_NAME.items() for name in names.split()}
@@ -36,6 +40,8 @@ _BY_CLASS: dict[str, dict[str, str]] = {
     "impact_pressure": {"sd": "Pa"},
     "temperature": {"static": "K", "total": "K"},
     "surface_deflection": {"raw": NONE},
+    "reading": {"value": "unit"},  # as the column of that name says
+    "receiver_clock": {"offset": "s", "offset_sd": "s", "drift": "s/s", "drift_sd": "s/s"},
     "height_above_ground": {"raw": "m", "sd": "m"},
     "glide_slope": {"sd": "rad"},
 }

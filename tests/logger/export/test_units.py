@@ -11,7 +11,25 @@ from fti import types
 from fti.logger.derived_log import snake_case
 from fti.logger.export.units import unit_of, with_unit
 
-UNITS = {"rad", "m", "m/s", "m/s^2", "rad/s", "Pa", "K", "T", "DDM", "dB-Hz", "ns", "1"}
+UNITS = {
+    "rad",
+    "m",
+    "m/s",
+    "m/s^2",
+    "rad/s",
+    "Pa",
+    "K",
+    "T",
+    "DDM",
+    "dB-Hz",
+    "Hz",
+    "cycles",
+    "s",
+    "s/s",
+    "ns",
+    "1",
+    "unit",
+}
 
 
 def topic_of(cls: type) -> str:
