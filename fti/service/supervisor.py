@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +25,10 @@ from fti.service.control import Message
 from fti.service.control_socket import serve_commands
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
+from fti.service.keeping import Keeper, RecorderMail
 from fti.service.preparation import Preparation
 from fti.service.session_places import SessionPlaces
 
-WATCH_PERIOD_S = 0.02
 HEALTH_PERIOD_S = 0.5
 NAVIGATION_END_S = 20.0
 #: The recorder has a stand-in; it is started when the others have had time to start.
@@ -38,8 +37,6 @@ MOST_STARTS = 2
 DISPLAY_END_S = 3.0
 #: States of the storage in which a place may hold whoever looks at it.
 SICK = ("slow", "gone", "fallback", "error")
-#: Notes that wait for a recorder while there is none.
-MOST_UNRECORDED = 1000
 RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
@@ -70,9 +67,11 @@ class Supervisor:
         self._ring = Ring.create(ring_size(config.link))
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
-        self._bulletin = Bulletin(self._clock, self._hub, announce, self._note)
-        self._unrecorded: deque[Message] = deque(maxlen=MOST_UNRECORDED)
-        self._stopping = False
+        self._mail = RecorderMail(recorder)
+        self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
+        self._keeper = Keeper(
+            self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
+        )
 
     def _describe_session(self) -> dict[str, Any]:
         session = self._config.session
@@ -119,8 +118,8 @@ class Supervisor:
             self._ring.close()
 
     async def _record(self, duration_s: float | None) -> None:
-        self._start(self._children[0])
-        watching = asyncio.create_task(self._watch(), name="watch")
+        self._keeper.start(self._children[0])
+        watching = asyncio.create_task(self._keeper.watch(), name="watch")
         telling = asyncio.create_task(self._tell(), name="health")
         closing = asyncio.create_task(self._close_killed_sessions(), name="repair")
         try:
@@ -142,23 +141,17 @@ class Supervisor:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _start(self, child: Child) -> None:
-        channel = child.start()
-        loop = asyncio.get_running_loop()
-        loop.add_reader(channel.fileno(), self._on_message, child)
+    def _on_started(self, child: Child) -> None:
         if child.name == RECORDER:
-            while self._unrecorded and channel.send(self._unrecorded[0]):
-                self._unrecorded.popleft()
+            self._mail.go_on()
 
-    def _on_message(self, child: Child) -> None:
-        channel = child.channel
-        if channel is None:
+    def _on_died(self, child: Child, code: int) -> None:
+        if self._keeper.stopping:
             return
-        for message in channel.receive():
-            with guarded(child.name, self._bulletin.report):
-                self._hear(child, message)
-        if channel.ended:
-            asyncio.get_running_loop().remove_reader(channel.fileno())
+        self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
+        if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
+            self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
+            self.stop()
 
     def _hear(self, child: Child, message: Message) -> None:
         if message.get("file"):
@@ -196,13 +189,13 @@ class Supervisor:
             self._publish_info()
             control.notify_systemd("READY=1")
             for other in self._children[1:]:
-                self._start(other)
+                self._keeper.start(other)
         if child.name == RECORDER:
             asyncio.get_running_loop().call_later(STANDBY_S, self._prepare_recorder)
 
     def _prepare_recorder(self) -> None:
         """Another recorder waits, so that one that is killed is replaced at once."""
-        if not self._stopping:
+        if not self._keeper.stopping:
             self._children[0].prepare()
 
     def _publish_info(self) -> None:
@@ -217,40 +210,6 @@ class Supervisor:
         )
         rundir.publish(self._run_dir.path, info)
 
-    async def _watch(self) -> None:
-        """Start again what has died."""
-        while True:
-            for child in self._children:
-                with guarded(child.name, self._bulletin.report):
-                    self._look_after(child)
-            await asyncio.sleep(WATCH_PERIOD_S)
-
-    def _look_after(self, child: Child) -> None:
-        code = child.died()
-        if code is not None:
-            self._hear_out(child)
-        if self._stopping:
-            return
-        if code is not None:
-            self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
-            self._give_up_on(child)
-        if child.restart_is_due():
-            child.restarts += 1
-            self._start(child)
-
-    def _hear_out(self, child: Child) -> None:
-        """Take the last words of a child that has ended, and close its channel."""
-        self._on_message(child)
-        if child.channel:
-            asyncio.get_running_loop().remove_reader(child.channel.fileno())
-            child.close()
-
-    def _give_up_on(self, child: Child) -> None:
-        """A recorder that never begins is the one thing that cannot be cured by trying on."""
-        if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
-            self.failed = True
-            self.stop()
-
     async def _tell(self) -> None:
         turn = 0
         while True:
@@ -259,12 +218,6 @@ class Supervisor:
                 self._bulletin.health(health, record=turn % 2 == 0)
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
-
-    def _note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
-        channel = self._children[0].channel
-        message = {"note": {"topic": topic, "t_ns": t_ns, "content": content}}
-        if channel is None or not channel.send(message):
-            self._unrecorded.append(message)
 
     def _obey(self, command: dict[str, Any]) -> dict[str, Any]:
         text, now = command.get("mark"), self._clock.now_ns()
@@ -280,15 +233,14 @@ class Supervisor:
         """Have the snapshot written; returns why it cannot be."""
         if self._config.snapshot is None:
             return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
-        channel = self._children[0].channel
-        if channel is None or not channel.send({"trigger": text, "t_ns": t_ns}):
+        if not self._mail.send({"trigger": text, "t_ns": t_ns}):
             return "the recorder is being started again; the snapshot's memory is empty"
         return None
 
     # ------------------------------------------------------------------------------------------------- ending
 
     async def _end(self) -> None:
-        self._stopping = True
+        self._keeper.stopping = True
         self._board.session["state"] = "stopping"
         await self._end_recorder()
         await self._end_child(NAVIGATION, {"hurry": True}, NAVIGATION_END_S)
@@ -314,7 +266,7 @@ class Supervisor:
         child = self._child(name)
         if child:
             await ending.end_child(child, patience_s, self._announce, lambda: shorten if self._hurry.is_set() else None)
-            self._hear_out(child)
+            self._keeper.hear_out(child)
 
     async def _close_killed_sessions(self) -> None:
         """Not before this session records."""
