@@ -55,21 +55,26 @@ class SocketPoll:
 
     def _look(self) -> None:
         more = False
-        try:
-            for fd, _ in self._epoll.poll(0):
-                if read := self._reads.get(fd):
-                    more |= read()
-            if self._loop.time() >= self._beat_s:
-                for call in self.calls:
-                    call()
-        finally:  # whatever one of them has done, the others are looked at again
-            if not self._epoll.closed:  # by one of them
-                self._plan(more)
-
-    def _plan(self, more: bool) -> None:
-        now = self._loop.time()
-        if now >= self._beat_s:
+        for fd, _ in self._epoll.poll(0):
+            if read := self._reads.get(fd):
+                more |= bool(self._safely(read))
+        now = self._loop.time()  # read once: what decides on the beat must plan the next one
+        if now >= self._beat_s and not (more and now < self._beat_s + SOON_S):
             self._beat_s = next_beat(now, BEAT_S)
+            for call in tuple(self.calls):
+                self._safely(call)
+        if not self._epoll.closed:  # by one of them
+            self._plan(more, now)
+
+    def _safely(self, call: Callable[[], bool | None]) -> bool | None:
+        """Whatever one of them does, the others are looked at, and the beat goes on."""
+        try:
+            return call()
+        except Exception as error:  # noqa: BLE001  the loop's handler is told, as it is of any callback
+            self._loop.call_exception_handler({"message": "a look at the sockets", "exception": error})
+            return None
+
+    def _plan(self, more: bool, now: float) -> None:
         if more:
             self._next = self._loop.call_soon(self._look)
         else:

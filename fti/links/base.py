@@ -211,8 +211,8 @@ class BaseLink(ABC):
         end, quiet = loop.time() + DRAIN_S, 0
         while self._lost and not self._lost.done() and quiet < 2 and loop.time() < end:
             before = self.status.frames
-            self._on_readable()
-            quiet = 0 if self.status.frames > before else quiet + 1
+            more = self._on_readable()  # also of what is not ours, and stands before it in the queue
+            quiet = 0 if more or self.status.frames > before else quiet + 1
             await asyncio.sleep(QUIET_S if quiet else 0)
 
     # ------------------------------------------------------------------------------------------------------- sending

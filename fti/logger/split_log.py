@@ -199,8 +199,9 @@ class Part:
             self.fault = None
 
     def sync(self) -> None:
-        """Bring what is in the file onto the medium."""
-        self.writer.sync()
+        """Bring what is in the files onto the medium.  When that fails they take nothing any more."""
+        for writer in (*self._unclosed, self.writer):
+            writer.sync()
 
     def close(self) -> None:
         """Finish all files.  When the medium refuses they are released as they are, and StorageError is raised."""

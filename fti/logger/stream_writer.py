@@ -48,6 +48,7 @@ class StreamWriter:
         self._torn = False
         self._finished = False
         self._entry_synced = False
+        self._given_up = ""  # why nothing is written into it any more
         self._pending = bytearray()
         self._begin_chunk()
         try:
@@ -168,11 +169,19 @@ class StreamWriter:
             self.close_chunk()
 
     def sync(self) -> None:
-        """Bring what is in the file onto the medium, so that it survives a power cut."""
-        self._attempt(lambda: os.fdatasync(self._fd))
-        if not self._entry_synced:
-            self._attempt(lambda: _sync_folder(self.path.parent))
-            self._entry_synced = True
+        """Bring what is in the file onto the medium, so that it survives a power cut.
+
+        When that fails the file takes nothing any more: the kernel tells once that it could not write, forgets what it
+        was, and the next call would find all well (fsync(2)).
+        """
+        try:
+            self._attempt(lambda: os.fdatasync(self._fd))
+            if not self._entry_synced:
+                self._attempt(lambda: _sync_folder(self.path.parent))
+                self._entry_synced = True
+        except StorageError as error:
+            self._given_up = self._given_up or f"{error}, and a part of it may be lost"
+            raise
 
     def close_chunk(self) -> None:
         """Flush; give the open chunk its checksum and its message index.  The next message begins a new chunk."""
@@ -267,6 +276,8 @@ class StreamWriter:
             self._torn = False
 
     def _attempt(self, action: Callable[[], None]) -> None:
+        if self._given_up:
+            raise StorageError(self._given_up)
         try:
             action()
         except OSError as error:

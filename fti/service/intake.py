@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.links import Sink
+from fti.types import TICK_PERIOD_NS
 
 #: So much does not wait for the beat: a fast line must not come to a buffer all at once [B].
 MOST_BYTES = 2**16
 FRAME_BYTES = 8  # what a frame counts besides its payload
-#: Up to so many frames are numbered in order of arrival, however they were read; a flood link by link.
+#: So many frames are numbered in order of arrival; more too when they span more than a beat, but a flood link by link.
 MOST_SORTED = 256
 #: Index of a link, what it has brought (times of arrival [ns], frames, bytes of all), and the buffer that it goes into.
 Share = tuple[int, Sequence[int], Sequence[bytes], int, TripleBuffer]
@@ -21,10 +22,14 @@ class Intake:
     """Numbers what arrives and hands it on to ring and buffer.  For the one thread that reads.
 
     What arrives between two beats of the recorder, on all links, is handed on together.
+
+    soon : calls when all that is there has been read (a loop's ``call_soon``): what is handed on between two sockets
+           would be numbered before what the second has had for longer
     """
 
-    def __init__(self, ring: Ring) -> None:
+    def __init__(self, ring: Ring, soon: Callable[[Callable[[], None]], object]) -> None:
         self._ring = ring
+        self._soon = soon
         self._seq = ring.next_seq
         self._arrived: list[Share] = []
         self._waiting_bytes = 0
@@ -41,9 +46,9 @@ class Intake:
         def accept(frames: Sequence[bytes], times_ns: Sequence[int]) -> None:
             payload = sum(map(len, frames))
             self._arrived.append((index, times_ns, frames, payload, buffer))
-            self._waiting_bytes += payload + FRAME_BYTES * len(frames)
-            if self._waiting_bytes >= MOST_BYTES:
-                self.hand_on()
+            before, self._waiting_bytes = self._waiting_bytes, self._waiting_bytes + payload + FRAME_BYTES * len(frames)
+            if before < MOST_BYTES <= self._waiting_bytes:
+                self._soon(self.hand_on)
 
         return accept
 
@@ -59,7 +64,7 @@ class Intake:
         links, times, frames = _flat(arrived)
         first, self._seq = self._seq, self._seq + len(frames)
         seqs: Sequence[int] = range(first, self._seq)
-        if 1 < len(frames) <= MOST_SORTED:
+        if len(frames) > 1 and (len(frames) <= MOST_SORTED or max(times) - min(times) > TICK_PERIOD_NS):
             order = sorted(range(len(frames)), key=times.__getitem__)
             seqs = [first + rank for rank in sorted(range(len(frames)), key=order.__getitem__)]
             links, times, frames = [links[i] for i in order], [times[i] for i in order], [frames[i] for i in order]

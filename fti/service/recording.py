@@ -44,7 +44,7 @@ class Recorder:
         self._clock = clock
         self._channel = channel
         self._ring = Ring.attach(ring_fd)
-        self._intake = Intake(self._ring)
+        self._intake = Intake(self._ring, lambda call: asyncio.get_running_loop().call_soon(call))
         self._stop = asyncio.Event()
         self._jobs: set[asyncio.Task[None]] = set()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)

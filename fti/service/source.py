@@ -34,6 +34,11 @@ class Source:
     _in_flight: list[Burst] = field(default_factory=list)
     _again: list[Burst] = field(default_factory=list)
 
+    @property
+    def idle(self) -> bool:
+        """Nothing waits to be written, neither in the buffer nor once more."""
+        return self.buffer.empty and not self._again
+
     def pending(self) -> list[Burst]:
         """What is to be recorded now: what must be once more, and what the buffer hands out."""
         if self.buffer.empty:

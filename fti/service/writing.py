@@ -13,6 +13,7 @@ begins where and when, ``fti.logger.storage`` decides.
 from __future__ import annotations
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Sequence
@@ -178,7 +179,7 @@ class Writer:
             if not self._machine.opened(time.monotonic(), stint.attempt.place) or self._finished:
                 return False
         self.log.adopt(part)
-        self._restart(doubtful=before is not None and (before.refused or before.carrying))
+        self._restart(doubtful=before is None or before.refused or before.carrying)
         if before:
             before.over.set()
         self._stint = stint
@@ -344,8 +345,10 @@ class Stint(threading.Thread):
 
     def _drain(self) -> None:
         """Until nothing is left: a buffer that is being looked at hands out nothing for a moment."""
-        while not (self.over.is_set() or all(source.buffer.empty for source in self._writer.sources)):
+        while not (self.over.is_set() or all(source.idle for source in self._writer.sources)):
             self._step()
+        self._synced = -math.inf  # what it has taken must be safe while another place can still have it
+        self._persist()
 
     def _leave(self) -> None:
         """Another stint writes: close what was written here, as far as the medium allows."""

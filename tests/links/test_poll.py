@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -108,24 +109,85 @@ async def test_the_beat_calls_behind_the_look(ports: list[Port]) -> None:
 
 
 async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None:
+    """Not even when it fails with every look, and whatever it raises: the others are read, the beat goes on."""
     sick, well = ports[:2]
     errors: list[str] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: errors.append(str(context["exception"])))
 
-    def fail() -> None:
+    def fail() -> bool:
         raise RuntimeError("sick")
 
-    sick.then = fail
-    for port in (sick, well):
-        port.watch()
+    beats: list[int] = []
+    _poll.watch(sick.near.fileno(), fail)
+    well.watch()
+    beat = functools.partial(beats.append, 1)
+    _poll.with_beat(beat)
     for turn in range(3):
         sick.far.send(b"x")
         well.far.send(b"y")
+        before = len(beats)
         await until_async(lambda turn=turn: len(well.heard) == turn + 1)  # type: ignore[misc]
-        await until_async(lambda turn=turn: len(sick.heard) == turn + 1)  # type: ignore[misc]
-    assert errors == ["sick"] * 3
+        await until_async(lambda before=before: len(beats) > before)  # type: ignore[misc]
+    assert set(errors) == {"sick"}
     for port in (sick, well):
         port.forget()
+    _poll.without_beat(beat)
+
+
+async def test_the_beat_waits_for_who_has_more(ports: list[Port]) -> None:
+    """What came before it is numbered before the tick, however many calls reading it takes."""
+    port, told = ports[0], list[int]()
+    port.more = True
+    port.watch()
+
+    def beat() -> None:
+        told.append(len(port.heard))
+
+    _poll.with_beat(beat)
+    for turn in range(1, 6):
+        seen = len(told)
+        await until_async(lambda seen=seen: len(told) > seen)  # type: ignore[misc]
+        for _ in range(10):  # right behind a beat, and one look takes one
+            port.far.send(b"x")
+        seen = len(told)
+        await until_async(lambda seen=seen: len(told) > seen)  # type: ignore[misc]
+        assert told[-1] == 10 * turn
+    port.forget()
+    _poll.without_beat(beat)
+
+
+class Hands(asyncio.SelectorEventLoop):
+    """A loop whose clock goes on when it is read, or moved."""
+
+    now_s = 0.0
+
+    def time(self) -> float:
+        self.now_s += 0.0002
+        return self.now_s
+
+
+def test_no_beat_is_left_out_in_a_flood() -> None:
+    """One reading of the clock decides on a beat and plans the next, however long a look takes."""
+    loop = Hands()
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    poll, beats = _poll.SocketPoll(loop), list[float]()
+    far.send(b"x")  # and nobody takes it: there is always more
+
+    def read() -> bool:
+        loop.now_s += 0.0007
+        return True
+
+    poll.add(near.fileno(), read)
+    poll.calls.append(lambda: beats.append(loop.now_s))
+    for _ in range(2000):
+        loop.run_until_complete(asyncio.sleep(0))
+    poll.close()
+    loop.close()
+    near.close()
+    far.close()
+    numbers = [round(t // _poll.BEAT_S) for t in beats]
+    assert len(beats) > 50
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 async def test_who_has_more_is_read_again_at_once(ports: list[Port]) -> None:

@@ -24,6 +24,7 @@ from mcap.stream_reader import StreamReader
 from fti.errors import StorageError
 from fti.logger.records import SECTOR
 from fti.logger.recovery.repair import close_unfinished
+from fti.logger.storage import is_full
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import Found, read_closed, read_stream
 
@@ -427,18 +428,28 @@ def test_a_flush_of_nothing_touches_nothing(tmp_path: Path, monkeypatch: pytest.
     writer.close()
 
 
-def test_a_refused_sync_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_could_not_be_synced_takes_nothing_any_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel tells it once, and forgets what it could not write."""
     writer = StreamWriter(tmp_path / "a.mcap")
     writer.sync()
 
     def refuse(fd: int) -> None:
-        raise OSError(errno.EIO, "Input/output error")
+        raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fdatasync", refuse)
-        with pytest.raises(StorageError, match=r"a\.mcap: cannot be written: Input/output error"):
+        with pytest.raises(StorageError, match=r"a\.mcap: cannot be written: No space left on device") as told:
             writer.sync()
-    writer.close()
+        assert is_full(told.value)
+    size = writer.path.stat().st_size
+    for call in (writer.sync, lambda: writer.add_metadata("a", {}), writer.close):
+        with pytest.raises(StorageError, match="a part of it may be lost") as told:
+            call()
+        assert not is_full(told.value)  # another file at this place would do
+    writer.abandon()
+    assert writer.path.stat().st_size == size
 
 
 def test_a_medium_that_takes_nothing_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

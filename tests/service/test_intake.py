@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -23,8 +23,13 @@ def ring() -> Iterator[Ring]:
     made.close()
 
 
+def at_once(call: Callable[[], None]) -> None:
+    """All that there is has been read already."""
+    call()
+
+
 def test_what_arrives_before_a_beat_is_numbered_as_it_arrived_and_goes_on_with_it(ring: Ring) -> None:
-    intake, one, two = Intake(ring), TripleBuffer(), TripleBuffer()
+    intake, one, two = Intake(ring, at_once), TripleBuffer(), TripleBuffer()
     first, second = intake.sink(0, one), intake.sink(5, two)
     first((b"a", b"cc"), (10, 20))
     second([b"b"], [15])
@@ -44,7 +49,7 @@ arrivals = st.lists(st.tuples(st.integers(0, 2), st.lists(st.integers(0, 50), mi
 def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, list[int]]], times_as_much: int) -> None:
     """Of one link always; of different links too, when it is no flood."""
     made = Ring.create(1024 * PAGE)
-    intake, newest = Intake(made), [0, 0, 0]
+    intake, newest = Intake(made, at_once), [0, 0, 0]
     buffers = [TripleBuffer() for _ in newest]
     sinks = [intake.sink(n, buffer) for n, buffer in enumerate(buffers)]
     given_to: list[list[tuple[int, bytes]]] = [[] for _ in newest]
@@ -69,7 +74,7 @@ def test_every_frame_is_handed_on_once_and_in_order(arrived: list[tuple[int, lis
 @pytest.mark.parametrize("size", [0, 1000])
 def test_much_does_not_wait_for_the_beat(ring: Ring, size: int) -> None:
     """Nor do many frames without a byte: each costs memory, too."""
-    intake = Intake(ring)
+    intake = Intake(ring, at_once)
     sink, waiting = intake.sink(0, TripleBuffer()), 0
     while ring.next_seq == 0:
         sink([bytes(size)], [waiting])
@@ -77,8 +82,34 @@ def test_much_does_not_wait_for_the_beat(ring: Ring, size: int) -> None:
     assert waiting == -(-MOST_BYTES // (size + FRAME_BYTES))
 
 
+def test_much_waits_until_every_socket_has_been_read(ring: Ring) -> None:
+    """Else what the second socket has had for longer would get a later number."""
+    later: list[Callable[[], None]] = []
+    intake = Intake(ring, later.append)
+    camera, attitude = intake.sink(0, TripleBuffer()), intake.sink(1, TripleBuffer())
+    for _ in range(2):
+        camera([b""] * (MOST_BYTES // FRAME_BYTES), [100] * (MOST_BYTES // FRAME_BYTES))
+    attitude([b"a"], [1])
+    assert ring.next_seq == 0
+    assert len(later) == 1
+    later[0]()
+    assert intake.seq == ring.next_seq == 2 * (MOST_BYTES // FRAME_BYTES) + 1
+
+
+def test_what_a_stall_has_held_back_is_numbered_as_it_arrived(ring: Ring) -> None:
+    """However much it is: a frame of one link would else stand half a second before what it belongs to."""
+    intake = Intake(ring, at_once)
+    sinks = [intake.sink(n, TripleBuffer()) for n in range(3)]
+    for n, sink in enumerate(sinks):
+        sink([b"x"] * MOST_SORTED, [(10 * i + n) * 1_000_000 for i in range(MOST_SORTED)])
+    intake.hand_on()
+    times = [record.t_rx_ns for record in RingReader(ring).read(10_000)]
+    assert len(times) == 3 * MOST_SORTED
+    assert times == sorted(times)
+
+
 def test_who_asks_for_the_number_finds_all_before_it_in_their_buffers(ring: Ring) -> None:
-    intake, buffer = Intake(ring), TripleBuffer()
+    intake, buffer = Intake(ring, at_once), TripleBuffer()
     sink = intake.sink(0, buffer)
     sink([b"a"], [1])
     assert intake.seq == 1 == ring.next_seq == buffer.stats.frames_in
@@ -88,7 +119,7 @@ def test_who_asks_for_the_number_finds_all_before_it_in_their_buffers(ring: Ring
 
 def test_the_ring_comes_first(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> None:
     """A recorder that is killed in between leaves no number in a file that the next one would give again."""
-    intake, buffer = Intake(ring), TripleBuffer()
+    intake, buffer = Intake(ring, at_once), TripleBuffer()
     sink = intake.sink(0, buffer)
     put, seen = buffer.put_burst, list[int]()
 
@@ -103,10 +134,10 @@ def test_the_ring_comes_first(ring: Ring, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_numbers_go_on_where_the_last_recorder_ended(ring: Ring) -> None:
-    before = Intake(ring)
+    before = Intake(ring, at_once)
     before.sink(0, TripleBuffer())([b"a", b"b"], [1, 2])
     before.hand_on()
-    after = Intake(ring)
+    after = Intake(ring, at_once)
     assert after.seq == 2
     after.hand_on()  # nothing has come: nothing happens
     assert ring.next_seq == 2

@@ -242,6 +242,82 @@ def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
     assert any("was deleted" in report and "written again" in report for report in rig.reports)
 
 
+def numbers_in(*files: Path) -> list[int]:
+    """The numbers of the frames in some of the files."""
+    return [frame.seq for file in files for frame in Recording.open(file).frames()]
+
+
+def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
+    make: Callable[..., Rig], quick: pytest.MonkeyPatch
+) -> None:
+    """It refuses and its path is gone, so its file is let go before there is another."""
+    quick.setattr(writing, "SYNC_PERIOD_S", 1000.0)
+    rig = make(1)
+    rig.settle()
+    rig.feed(20)
+    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    away = rig.folders[0].with_name("away")
+    rig._media.status = {away: "broken", **rig._media.status}
+    rig.folders[0].rename(away)
+    rig.feed(5)
+    until(lambda: rig.buffer.empty and rig.writer.file, 20, "a file in its place")
+    assert rig.finish() == list(range(25))
+
+
+class SickSync:
+    """The medium of the present file fails to sync, as often as ``refusals`` says, and then finds all well."""
+
+    def __init__(self, rig: Rig, monkeypatch: pytest.MonkeyPatch, refusals: int) -> None:
+        self.asked = 0
+        self._left = refusals
+        self._fd = rig.log._log.part.writer.fileno()
+        self._sync = os.fdatasync
+        self.file = rig.log.path
+        monkeypatch.setattr(os, "fdatasync", self._refuse)
+
+    def _refuse(self, fd: int) -> None:
+        if fd == self._fd:
+            self.asked += 1
+            self._left -= 1
+            if self._left >= 0:
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+        self._sync(fd)
+
+
+@pytest.mark.parametrize("places", [1, 2])
+def test_a_sync_that_failed_once_is_never_believed_again(
+    make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
+) -> None:
+    """The kernel tells a failed write-back once, and then finds all well."""
+    rig = make(places)
+    rig.log._log.split_ns = 10**12
+    rig.settle()
+    sick = SickSync(rig, quick, refusals=1)
+    rig.feed(20)
+    until(lambda: sick.asked and rig.buffer.empty and rig.writer.file != sick.file, 20, "another file")
+    others = [file for folder in rig.folders for file in folder.glob("*.mcap") if file != sick.file]
+    rig.feed(5)
+    assert rig.finish() == list(range(25))
+    kept = numbers_in(sick.file)
+    unsynced = [n for n in range(25) if n not in kept] + kept[-1:]
+    assert set(unsynced) <= set(numbers_in(*others))
+
+
+def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
+    make: Callable[..., Rig], quick: pytest.MonkeyPatch
+) -> None:
+    """The buffers are empty then: it is what the file has taken that must be written again."""
+    quick.setattr(writing, "SYNC_PERIOD_S", 1000.0)
+    rig = make()
+    rig.log._log.split_ns = 10**12
+    rig.settle()
+    rig.feed(20)
+    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    SickSync(rig, quick, refusals=10**6)
+    rig.finish()
+    assert numbers_in(*rig.folders[1].glob("*.mcap")) == list(range(20))
+
+
 def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]) -> None:
     rig = make(1)
     elsewhere = Place(rig.folders[0], Path("/proc"))
