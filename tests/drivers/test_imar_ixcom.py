@@ -17,6 +17,9 @@ from ixcom.protocol import GlobalStatusBit
 from scipy.spatial.transform import Rotation
 
 from fti.drivers import imar_ixcom as ix
+from fti.drivers.imar_ixcom.solution import INSSOL_ID
+from fti.drivers.imar_ixcom.status import STATUS_FLAGS, decode_status, encode_status
+from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.types import (
     Attitude,
     DeviceStatus,
@@ -145,19 +148,19 @@ def test_status_decides_what_is_valid(status: int, ok: bool, attitude: bool, pos
 
 def test_status_names_are_those_of_the_maker() -> None:
     for bit, name in enumerate(GlobalStatusBit):
-        assert ix.decode_status(int(name)) == (ix.STATUS_FLAGS[bit], "levelling", "position_bad"), name
-        assert ix.encode_status(ix.decode_status(int(name))) == int(name)
+        assert decode_status(int(name)) == (STATUS_FLAGS[bit], "levelling", "position_bad"), name
+        assert encode_status(decode_status(int(name))) == int(name)
 
 
 def test_crc_is_xmodem() -> None:
     assert crc16xmodem(b"123456789") == 0x31C3
-    data = ix.encode_frame(0x98, 5, 0, 0, struct.pack("<dff", 1.0, 100.0, 0.5))
+    data = encode_frame(0x98, 5, 0, 0, struct.pack("<dff", 1.0, 100.0, 0.5))
     assert crc16xmodem(data[:-2]).to_bytes(2, "little") == data[-2:]
 
 
 def test_an_inssol_of_another_length_is_counted_and_not_decoded() -> None:
     decoder = ix.make_decoder(ix.Options())
-    assert decoder.feed(ix.encode_frame(ix.INSSOL_ID, 0, 0, GOOD, bytes(10)), 1) == []
+    assert decoder.feed(encode_frame(INSSOL_ID, 0, 0, GOOD, bytes(10)), 1) == []
     assert decoder.counters.messages == {"INSSOL of unknown length": 1}
 
 

@@ -1,0 +1,39 @@
+"""Frames of iXCOM: header, footer, checksum; see the package's docstring."""
+
+from __future__ import annotations
+
+import binascii
+import struct
+
+from fti.drivers._framing import Skip, skip_to
+from fti.drivers._times import SECOND_NS, gps_week
+
+SYNC = b"\x7e"
+HEADER = struct.Struct("<BBBBHHII")
+FOOTER = struct.Struct("<HH")
+FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER.size, 4096
+
+
+def measure(buffer: bytearray) -> int | Skip:
+    """Framing; see ``fti.drivers._framing``."""
+    if skip := skip_to(buffer, SYNC):
+        return skip
+    if len(buffer) < 6:
+        return 0
+    length = buffer[4] | buffer[5] << 8
+    if not FRAME_MIN <= length <= FRAME_MAX:
+        return Skip(1, "bad_length")
+    if len(buffer) < length:
+        return 0
+    good = binascii.crc_hqx(buffer[: length - 2], 0) == buffer[length - 2] | buffer[length - 1] << 8
+    return length if good else Skip(1, "bad_checksum")
+
+
+def encode_frame(message_id: int, counter: int, t_gps_ns: int, status: int, payload: bytes) -> bytes:
+    """Any frame of the protocol.  t_gps_ns : GPS time [ns]; status : the footer's word."""
+    week, in_week_ns = gps_week(t_gps_ns + 500)  # to the nearest microsecond
+    seconds, rest_ns = divmod(in_week_ns, SECOND_NS)
+    length = HEADER.size + len(payload) + FOOTER.size
+    body = HEADER.pack(SYNC[0], message_id, counter & 0xFF, 0, length, week & 0xFFFF, seconds, rest_ns // 1000)
+    body += payload + status.to_bytes(2, "little")
+    return body + binascii.crc_hqx(body, 0).to_bytes(2, "little")
