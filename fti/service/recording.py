@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 from collections.abc import Callable, Sequence
 from itertools import compress
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import Any
 from fti.buffers.ring import Ring
 from fti.buffers.triple import TripleBuffer
 from fti.clock import SystemClock, next_beat
-from fti.errors import LinkError
 from fti.links import Link, open_link, with_beat, without_beat
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import Kind, Numbering, SessionFolder
@@ -22,6 +20,7 @@ from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
 from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
+from fti.service.sending import Sender
 from fti.service.snapshot import SnapshotSink
 from fti.service.source import Source
 from fti.service.storage_report import StorageReport
@@ -46,13 +45,14 @@ class Recorder:
         self._ring = Ring.attach(ring_fd)
         self._intake = Intake(self._ring, lambda call: asyncio.get_running_loop().call_soon(call))
         self._stop = asyncio.Event()
-        self._jobs: set[asyncio.Task[None]] = set()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)
         self._tick_index = len(order.config.link)
         self._tick = self._intake.sink(self._tick_index, self._ticks)
         self._places = order.places()
         self._log = self._make_log("raw", Numbering(order.first_number))
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
+        links = {unit.link.name: unit.link for unit in self._units}
+        self._sender = Sender(links, order.sending, clock, tell=channel.send, report=self._report)
         self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
         self._snapshot = self._make_snapshot()
         min_free_mb = order.config.session.min_free_mb
@@ -143,29 +143,14 @@ class Recorder:
             self._snapshot.start()
         readers = [self._start(unit.link.name, unit.link.run) for unit in self._units]
         with_beat(self._beat)
-        helpers = [self._start("health", self._watch), *self._start_polls()]
-        helpers.append(self._start("storage", self._tend_storage))
+        helpers = [self._start("health", self._watch), self._start("storage", self._tend_storage)]
+        self._sender.start()
         await self._stop.wait()
         await self._finish(readers, helpers)
         loop.remove_reader(self._channel.fileno())
 
     def _start(self, name: str, make: Callable[[], Any]) -> asyncio.Task[None]:
         return asyncio.create_task(keep_running(name, make, self._report), name=name)
-
-    def _start_polls(self) -> list[asyncio.Task[None]]:
-        return [
-            self._start(f"poll {unit.link.name}", functools.partial(self._poll, unit.link, period, bytes.fromhex(data)))
-            for unit in self._units
-            for period, data in self._order.sending.get(unit.link.name, LinkOrder()).polls
-        ]
-
-    async def _poll(self, link: Link, period_s: float, data: bytes) -> None:
-        while True:
-            await asyncio.sleep(period_s)
-            try:
-                await link.send(data)
-            except LinkError:
-                continue  # the state of the link tells it; the next period asks again
 
     def _beat(self) -> None:
         """Every 20 ms: a tick frame, so that silence has a time too; what has come until then goes on with it."""
@@ -224,24 +209,7 @@ class Recorder:
         elif "trigger" in message and self._snapshot:
             self._snapshot.trigger(message["trigger"], message["t_ns"])
         elif "send" in message:
-            job = asyncio.create_task(self._send(message["send"]), name="send")
-            self._jobs.add(job)
-            job.add_done_callback(self._jobs.discard)
-
-    async def _send(self, request: Message) -> None:
-        """Send the bytes of a request and say what became of it, exactly once."""
-        fault: str | None = None
-        try:
-            await self._find(request["link"]).send(bytes.fromhex(request["data"]))
-        except (LinkError, ValueError) as error:
-            fault = str(error)
-        self._channel.send({"sent": {"id": request["id"], "fault": fault}})
-
-    def _find(self, name: str) -> Link:
-        for unit in self._units:
-            if unit.link.name == name:
-                return unit.link
-        raise ValueError(f"there is no link {name!r}")
+            self._sender.take(message["send"])
 
     def _dropped(self) -> dict[str, tuple[int, int]]:
         """Frames and bytes of each link that its buffers have dropped."""
@@ -261,12 +229,13 @@ class Recorder:
     # ------------------------------------------------------------------------------------------------- ending
 
     async def _finish(self, readers: list[asyncio.Task[None]], helpers: list[asyncio.Task[None]]) -> None:
-        """Kernel queues drained, readers stopped, buffers written, file closed, ring ended: in this order."""
+        """Sending ended, kernel queues drained, readers stopped, buffers written, file closed, ring ended: in order."""
+        await self._sender.stop()
         await asyncio.gather(*(self._drain(unit.link) for unit in self._units))
         without_beat(self._beat)
-        for task in (*readers, *helpers, *self._jobs):
+        for task in (*readers, *helpers):
             task.cancel()
-        await asyncio.gather(*readers, *helpers, *self._jobs, return_exceptions=True)
+        await asyncio.gather(*readers, *helpers, return_exceptions=True)
         self._intake.hand_on()
         await asyncio.to_thread(self._writer.stop)
         if self._snapshot:
