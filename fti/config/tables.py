@@ -75,7 +75,13 @@ class Buffered(StrictModel):
 
 
 class SerialLink(Buffered):
-    """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter."""
+    """A tty or pty; RS-232, RS-422 or RS-485 behind an adapter.
+
+    half_duplex : one talks at a time: nothing is sent before the line was quiet for quiet_ms (none : 3.5 characters and
+                  20 ms), nor for answer_ms after a question whose answer has not begun
+    echo        : what we send comes back to us, and is no reception
+    rs485       : the kernel's driver switches the direction, with this level of RTS while it sends
+    """
 
     kind: Literal["serial"]
     port: str
@@ -84,6 +90,11 @@ class SerialLink(Buffered):
     parity: Literal["none", "even", "odd", "mark", "space"] = "none"
     stop_bits: Literal[1, 2] = 1
     flow: Literal["none", "rtscts", "xonxoff"] = "none"
+    half_duplex: bool = False
+    quiet_ms: Annotated[float, Field(ge=0, le=10_000)] | None = None
+    answer_ms: Annotated[float, Field(ge=0, le=60_000)] = 250.0
+    echo: bool = False
+    rs485: Literal["none", "rts_high", "rts_low"] = "none"
 
 
 Endpoint = Annotated[str, Field(pattern=r"^(\d{1,3}(\.\d{1,3}){3}|\[[0-9a-fA-F:]+\]):\d{1,5}$")]

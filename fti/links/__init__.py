@@ -43,6 +43,10 @@ def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequen
     """
     # The libraries of a kind of link are loaded when there is such a link: the recorder starts in less time.
     if isinstance(link, config.SerialLink):
+        if link.half_duplex or link.echo:
+            from fti.links.half_duplex import HalfDuplexLink  # noqa: PLC0415
+
+            return HalfDuplexLink(link, clock, sink, on_connect)
         from fti.links.serial import SerialPortLink  # noqa: PLC0415
 
         return SerialPortLink(link, clock, sink, on_connect)

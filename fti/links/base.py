@@ -53,6 +53,7 @@ class LinkStatus:
     noise_bytes    : bytes of an adapter's protocol that are no frame and no answer
     socket_dropped : frames that the kernel dropped because nobody read in time
     stamp_refused  : kernel stamps that were not believed
+    echo_bytes     : our own bytes that came back, which is no reception
     errors         : line errors since the start, by name, of a UART or a CAN controller; only what is really counted
     """
 
@@ -68,6 +69,7 @@ class LinkStatus:
     stamp_refused: int = 0
     tx_frames: int = 0
     tx_bytes: int = 0
+    echo_bytes: int = 0
     errors: dict[str, int] = field(default_factory=dict)
 
 
@@ -227,18 +229,31 @@ class BaseLink(ABC):
             raise ValueError(f"link {self.name}: transmit is false in the configuration")
         try:
             async with asyncio.timeout(timeout_s), self._send_lock:
-                if self._lost is None or self._lost.done():
-                    raise LinkError(f"link {self.name}: is not connected: {self.status.hint}")
+                self._require_connection()
                 await self._write(data)
         except TimeoutError:
-            raise LinkError(f"link {self.name}: {len(data)} bytes could not be sent within {timeout_s:g} s") from None
+            text = f"{len(data)} bytes could not be sent within {timeout_s:g} s{self._why_not_sent()}"
+            raise LinkError(f"link {self.name}: {text}") from None
         except OSError as error:
             raise LinkError(f"link {self.name}: cannot send: {error.strerror or error}") from None
+        self._note_sent(data)
+        return len(data)
+
+    def _require_connection(self) -> None:
+        """Raises LinkError when the link is down."""
+        if self._lost is None or self._lost.done():
+            raise LinkError(f"link {self.name}: is not connected: {self.status.hint}")
+
+    def _why_not_sent(self) -> str:
+        """What may keep this kind of link from sending in time, for the person who waits."""
+        return ""
+
+    def _note_sent(self, data: bytes) -> None:
+        """Count what was sent, and hand it on."""
         self.status.tx_frames += 1
         self.status.tx_bytes += len(data)
         if self.on_sent:
             self.on_sent((data,), (self._clock.now_ns(),))
-        return len(data)
 
     async def _writable(self, fd: int) -> None:
         """Wait until the kernel takes more.  Raises LinkError when the link is lost meanwhile."""

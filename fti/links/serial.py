@@ -2,7 +2,8 @@
 
 Opened exclusively, raw, without discarding what has already arrived.  One read is one frame.  The port is known by
 its path, not by what the path leads to: when a symbolic link changes to another device, that one is opened.
-A pty has no wire, so it has no parity, no data bits other than 8 and no flow control: there these settings are left.
+A pty has no wire, so it has no parity, no data bits other than 8, no flow control and no direction: there these
+settings are left.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import serial as pyserial
+from serial.rs485 import RS485Settings
 
 from fti.clock import Clock
 from fti.config import SerialLink as SerialConfig
@@ -62,6 +64,9 @@ def open_port(config: SerialConfig) -> _Port:
         exclusive=True,
         inter_byte_timeout=0,  # VMIN 1: else a read of nothing looks like a device that went away
     )
+    if config.rs485 != "none" and not is_pty(config.port):
+        high = config.rs485 == "rts_high"
+        port.rs485_mode = RS485Settings(rts_level_for_tx=high, rts_level_for_rx=not high, loopback=config.echo)
     if is_pty(config.port):
         port.bytesize, port.parity, port.rtscts, port.xonxoff = 8, PARITIES["none"], False, False
     port.port = config.port
@@ -88,6 +93,11 @@ def _explained(config: SerialConfig, error: Exception) -> LinkError:
         return PortDenied(f"{port}: permission denied; the user must be in group {group_of(Path(port))}")
     if number in BUSY:
         return PortBusy(f"{port}: in use by another program")
+    if "RS485" in str(error):
+        return LinkError(
+            f'{port}: its driver does not switch the direction of an RS-485 line; leave out rs485 = "{config.rs485}" '
+            "where the adapter does that itself"
+        )
     if number is None and Path(port).exists():
         settings = f"{config.baud} baud, {config.data_bits} bits, parity {config.parity}, {config.stop_bits} stop bits"
         return LinkError(f"{port}: does not take {settings}: {error}")
@@ -140,12 +150,26 @@ class SerialPortLink(BaseLink):
         self._receive((data,), (t_rx_ns,))
 
     async def _write(self, data: bytes) -> None:
-        rest = memoryview(data)
-        while rest:
-            try:
-                rest = rest[os.write(self._fd, rest) :]
-            except BlockingIOError:
-                await self._writable(self._fd)
+        sent = 0
+        try:
+            while sent < len(data):
+                try:
+                    size = os.write(self._fd, memoryview(data)[sent:])
+                except BlockingIOError:
+                    await self._writable(self._fd)
+                else:
+                    self._on_written(data[sent : sent + size])
+                    sent += size
+        finally:
+            if 0 < sent < len(data):
+                self._on_torn(data[:sent])
+
+    def _on_written(self, data: bytes) -> None:
+        """The kernel has taken these bytes."""
+
+    def _on_torn(self, data: bytes) -> None:
+        """Sending was given up halfway: what is on the line already stands in the file, too."""
+        self._note_sent(data)
 
     def _judge(self) -> None:
         super()._judge()

@@ -233,6 +233,9 @@ class SlcanLink(SerialPortLink):
 
     # ------------------------------------------------------------------------------------------------------- writing
 
+    def _on_torn(self, data: bytes) -> None:
+        """Half a line of the adapter's protocol is no frame."""
+
     async def _write(self, data: bytes) -> None:
         line = format_frame(data)
         while not self._begin_line(line):

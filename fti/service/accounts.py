@@ -144,6 +144,7 @@ def link_health(unit: Unit, now: int) -> dict[str, Any]:
         "dropped_frames": stats.dropped_frames + status.socket_dropped,
         "dropped_bytes": stats.dropped_bytes,
         "tx_frames": status.tx_frames,
+        "echo_bytes": status.echo_bytes,
         "load": {"receive": stats.receive, "global": stats.global_, "write": stats.write},
         "ledger": link_account(unit),
     }

@@ -19,7 +19,7 @@ from fti.errors import LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links.serial import open_port
 from fti.types import LinkState
 from tests.helpers import until_async
-from tests.links.bench import Peer, running
+from tests.links.bench import Heard, Peer, running
 
 
 @pytest.fixture
@@ -134,9 +134,13 @@ async def test_link_that_may_not_send_never_does(peer: Peer) -> None:
 
 async def test_send_to_a_device_that_takes_nothing_ends_with_an_error(peer: Peer) -> None:
     async with running(link(peer, transmit=True)) as (opened, _):
+        sent = Heard()
+        opened.on_sent = sent
         with pytest.raises(LinkError, match="could not be sent within"):
             await opened.send(bytes(200_000), timeout_s=0.1)
-        assert opened.status.tx_frames == 0
+        assert 0 < len(sent.bytes) < 200_000  # what went out stands in the file, though it was given up
+        await peer.expect(sent.bytes)
+        assert opened.status.tx_bytes == len(sent.bytes)
 
 
 async def test_send_waits_for_a_slow_device(peer: Peer) -> None:

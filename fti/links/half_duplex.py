@@ -1,0 +1,185 @@
+"""RS-485 with two wires: one talks at a time, and a transceiver may hear itself.
+
+Whoever talks into an answer destroys both.  So on such a line there is one question at a time, whatever it is (a poll,
+a command, what is sent at each connect): nothing is sent before the line was quiet for a moment, nor before the answer
+to the last question has come, or has had its time to begin.  Nothing here knows what the bytes mean: an answer is what
+comes after a question, and it is over when the line is quiet.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import Sequence
+
+from fti.clock import Clock
+from fti.config import SerialLink as SerialConfig
+from fti.links.base import Sink
+from fti.links.serial import SerialPortLink
+
+#: A pause of 3.5 characters ends a message (Modbus over Serial Line V1.02, 2.5.1.1); a USB adapter hands on what it has
+#: up to 16 ms late, and the kernel takes its moment.
+QUIET_CHARACTERS, ADAPTER_S = 3.5, 0.020
+#: An echo that has not come back so long after it was sent does not come [s].
+ECHO_S = 0.5
+GARBLED, MISSING = "echo_garbled", "echo_missing"
+
+#: Bytes and the time of their arrival [ns].
+Read = tuple[bytes, int]
+
+
+def character_s(config: SerialConfig) -> float:
+    """How long one character is on the line [s]: start, data, parity and stop bits."""
+    return (1 + config.data_bits + (config.parity != "none") + config.stop_bits) / config.baud
+
+
+def quiet_s(config: SerialConfig) -> float:
+    """How long the line must be quiet before something is sent [s]."""
+    if config.quiet_ms is not None:
+        return config.quiet_ms / 1000
+    return QUIET_CHARACTERS * character_s(config) + ADAPTER_S
+
+
+class Turn:
+    """When may we talk?  now_s, sizes [B] and all times [s]: those of the loop."""
+
+    def __init__(self, quiet_s: float, answer_s: float, character_s: float) -> None:
+        self._quiet_s, self._answer_s, self._character_s = quiet_s, answer_s, character_s
+        self._busy_until_s = float("-inf")
+        self._answer_until_s = float("-inf")
+        self._changed = asyncio.Event()
+
+    def asked(self, size: int, now_s: float) -> None:
+        """We have begun to send."""
+        self._busy_until_s = max(now_s, self._busy_until_s) + size * self._character_s
+        self._answer_until_s = self._busy_until_s + self._answer_s
+
+    def heard(self, now_s: float) -> None:
+        """Somebody else talks: to us, when we have asked."""
+        self._busy_until_s = max(now_s, self._busy_until_s)
+        self._answer_until_s = float("-inf")
+        self._changed.set()
+
+    def left_s(self, now_s: float) -> float:
+        """How long we must be silent yet, as it looks now; 0 or less: not any more."""
+        return max(self._busy_until_s + self._quiet_s, self._answer_until_s) - now_s
+
+    async def comes(self) -> None:
+        """Wait for it."""
+        now = asyncio.get_running_loop().time
+        while (left := self.left_s(now())) > 0:
+            self._changed.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await self._changed.wait()
+
+
+class Echo:
+    """Takes what we have sent ourselves out of what comes in.
+
+    An echo that is damaged, or does not come, is given up: what was taken for its beginning was received all the same.
+    garbled, missing : how many echoes were; size : bytes of those that came
+    """
+
+    def __init__(self) -> None:
+        self._expected: deque[tuple[bytes, float]] = deque()  # and until when [s]
+        self._held = bytearray()
+        self._held_ns = 0
+        self.size = self.garbled = self.missing = 0
+
+    def expect(self, data: bytes, until_s: float) -> None:
+        """This was sent; its echo comes until then."""
+        self._expected.append((data, until_s))
+
+    def take(self, data: bytes, t_rx_ns: int) -> list[Read]:
+        """What of a read is not ours."""
+        at = 0
+        while self._expected and at < len(data):
+            message = self._expected[0][0]
+            part = data[at : at + len(message) - len(self._held)]
+            if not message.startswith(self._held + part):
+                self.garbled += 1
+                return [*self._give_up(), (data[at:], t_rx_ns)]
+            self._held_ns = self._held_ns if self._held else t_rx_ns
+            self._held += part
+            at += len(part)
+            if len(self._held) == len(message):
+                self.size += len(message)
+                self._held.clear()
+                self._expected.popleft()
+        return [(data[at:], t_rx_ns)] if at < len(data) else []
+
+    def expire(self, now_s: float) -> list[Read]:
+        """What was taken for the beginning of an echo that does not come any more."""
+        if not self._expected or now_s < self._expected[0][1]:
+            return []
+        self.missing += 1
+        return self._give_up()
+
+    def _give_up(self) -> list[Read]:
+        held, self._held = bytes(self._held), bytearray()
+        self._expected.clear()
+        return [(held, self._held_ns)] if held else []
+
+
+class HalfDuplexLink(SerialPortLink):
+    """A serial line on which only one may talk (``half_duplex``), or that hears itself (``echo``), or both."""
+
+    def __init__(self, config: SerialConfig, clock: Clock, sink: Sink, on_connect: Sequence[bytes] = ()) -> None:
+        super().__init__(config, clock, sink, on_connect)
+        self._character_s, self._quiet_s = character_s(config), quiet_s(config)
+        self._turn = Turn(self._quiet_s, config.answer_ms / 1000, self._character_s)
+        self._echo = Echo() if config.echo else None
+        if self._echo:
+            self.status.errors |= {GARBLED: 0, MISSING: 0}
+
+    async def _open(self) -> None:
+        await super()._open()
+        self._turn.heard(asyncio.get_running_loop().time())  # somebody may be talking
+
+    async def _write(self, data: bytes) -> None:
+        if self._config.half_duplex:
+            await self._turn.comes()
+            self._require_connection()
+        await super()._write(data)
+
+    def _on_written(self, data: bytes) -> None:
+        now = asyncio.get_running_loop().time()
+        self._turn.asked(len(data), now)
+        if self._echo:
+            self._echo.expect(data, now + self._turn.left_s(now) + ECHO_S)
+
+    def _deliver(self, data: bytes, t_rx_ns: int) -> None:
+        if self._echo is None:
+            self._hear([(data, t_rx_ns)])
+        else:
+            self._hear([*self._echo.expire(asyncio.get_running_loop().time()), *self._echo.take(data, t_rx_ns)])
+            self._count(self._echo)
+
+    def _hear(self, reads: Sequence[Read]) -> None:
+        if reads:
+            self._turn.heard(asyncio.get_running_loop().time())
+            self._receive([data for data, _ in reads], [t_rx_ns for _, t_rx_ns in reads])
+
+    def _count(self, echo: Echo) -> None:
+        self.status.echo_bytes = echo.size
+        self.status.errors |= {GARBLED: echo.garbled, MISSING: echo.missing}
+
+    def _judge(self) -> None:
+        self._expire(asyncio.get_running_loop().time())
+        super()._judge()
+
+    def _close(self) -> None:
+        self._expire(float("inf"))
+        super()._close()
+
+    def _expire(self, now_s: float) -> None:
+        if self._echo:
+            self._hear(self._echo.expire(now_s))
+            self._count(self._echo)
+
+    def _why_not_sent(self) -> str:
+        if not self._config.half_duplex:
+            return ""
+        return f"; half_duplex: the line must be quiet for {self._quiet_s * 1000:.0f} ms before"
