@@ -12,11 +12,14 @@ from fti.service.rundir import find_daemon
 ANSWER_S = 5.0
 
 
-def ask(command: dict[str, Any], run_dir: str | None = None) -> dict[str, Any]:
-    """Send a command and return the answer.  Raises MissingError (no daemon) or FtiError (it refuses)."""
+def ask(command: dict[str, Any], run_dir: str | None = None, answer_s: float = ANSWER_S) -> dict[str, Any]:
+    """Send a command and return the answer, which comes within answer_s [s].
+
+    Raises MissingError (no daemon) or FtiError (it refuses).
+    """
     info = find_daemon(run_dir)
     with socket.socket(socket.AF_UNIX) as sock:
-        sock.settimeout(ANSWER_S)
+        sock.settimeout(answer_s)
         try:
             sock.connect(info.sock)
             sock.sendall(json.dumps(command).encode() + b"\n")

@@ -11,6 +11,8 @@ from fti.types import LinkState
 
 #: Recorder and navigation report twice a second; what they said longer ago is not true any more.
 LATE_NS = 3_000_000_000
+#: A navigation that is later than that hears an answer late [ms].
+BEHIND_MS = 500.0
 #: Order in which the state of a link's devices becomes the state of the link: the best one counts.
 BEST_FIRST = (LinkState.GOOD, LinkState.WRONG_RATE, LinkState.INVALID, LinkState.NOISE, LinkState.SILENT)
 
@@ -43,6 +45,13 @@ class HealthBoard:
             "snapshot": self.recorder.get("snapshot"),
             "navigation": navigation,
         }
+
+    def hinder_answers(self) -> str:
+        """Why a device's answer may not have come out of navigation yet; "" when it should have."""
+        lag_ms = self.navigation.get("navigation", {}).get("lag_ms")
+        if lag_ms is None:
+            return "navigation, which reads the answers, is not ready yet"
+        return f"navigation, which reads the answers, is {lag_ms / 1000:.1f} s behind" if lag_ms > BEHIND_MS else ""
 
     def _navigation_silence(self, now_ns: int) -> int:
         """Time since navigation said something new [ns]."""

@@ -19,7 +19,7 @@ from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
 from fti.service.orders import NavigationOrder
 from fti.service.patience import Patience, Skips
-from fti.types import TICK_LINK, Event, HeightAboveGround, Output, RawFrame
+from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, Output, RawFrame
 
 #: The order in which a process appears on the bus and in health.
 PROCESS = "navigation"
@@ -140,11 +140,18 @@ class Navigator:
     def _deliver(self, products: Products) -> None:
         for device, measurement in products.measurements:
             self._derived.measurement(device, measurement)
+            if isinstance(measurement, Ack):
+                self._tell_ack(device, measurement)
         for note in products.notes:
             self._derived.note(*note)
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
+
+    def _tell_ack(self, device: str, ack: Ack) -> None:
+        """A device has answered: the supervisor knows what it was asked."""
+        said = {"command": ack.command, "accepted": ack.accepted, "detail": ack.detail}
+        self._channel.send({"ack": {"device": device, "t_ns": ack.stamp.t_rx_ns, **said}})
 
     def _publish(self, output: Output | Event) -> None:
         if isinstance(output, Event):

@@ -20,14 +20,17 @@ from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
 
 
 class Preparation:
-    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError."""
+    """The configuration, validated with everything that it names.  Raises ConfigError or MissingError.
+
+    devices : with their drivers and checked options
+    """
 
     def __init__(self, config: Config, epoch_ns: int) -> None:
         self._config = config
         self._epoch_ns = epoch_ns
         hygiene.check(config)
         self._texts = read_texts(config)
-        self._devices = bind_devices(config, self._texts)
+        self.devices = bind_devices(config, self._texts)
         parse_reference(config, self._texts)
         for link in config.link:
             _check_link(config, link)
@@ -59,7 +62,7 @@ class Preparation:
         return order.model_dump_json().encode()
 
     def _link_order(self, link: str) -> LinkOrder:
-        sending = sending_on(link, self._devices)
+        sending = sending_on(link, self.devices)
         return LinkOrder(
             on_connect=tuple(data.hex() for data in sending.on_connect),
             polls=tuple((period, data.hex()) for period, data in sending.polls),

@@ -20,9 +20,12 @@ from fti.config import Config
 from fti.logger.session import name_parts
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
+from fti.service.catalogue import Catalogue
 from fti.service.children import Child, ProcessState
+from fti.service.commands import Commander
 from fti.service.control import Message
 from fti.service.control_socket import serve_commands
+from fti.service.desk import Desk
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.keeping import Keeper, RecorderMail
@@ -69,6 +72,10 @@ class Supervisor:
         self._board = HealthBoard(self._describe_session())
         self._mail = RecorderMail(recorder)
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
+        self._commander = self._make_commander()
+        self._desk = Desk(
+            config, self._clock, commander=self._commander, mail=self._mail, bulletin=self._bulletin, show=self._show
+        )
         self._keeper = Keeper(
             self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
         )
@@ -83,6 +90,16 @@ class Supervisor:
             "started_ns": self._clock.now_ns(),
             "state": "recording",
         }
+
+    def _make_commander(self) -> Commander:
+        return Commander(
+            Catalogue(self._config, self._preparation.devices),
+            self._clock,
+            send=self._mail.send,
+            tell=lambda level, text: self._bulletin.event(level, "command", text),
+            changed=lambda command: self._show({"command": command}),
+            hinder=self._board.hinder_answers,
+        )
 
     def _make_children(self, recorder: Child) -> list[Child]:
         places, endpoint = self._places.all, self._hub.endpoint if self._hub else None
@@ -108,7 +125,7 @@ class Supervisor:
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
         try:
-            with contextlib.closing(await serve_commands(self._run_dir.socket, self._obey, self._bulletin.report)):
+            with contextlib.closing(await serve_commands(self._run_dir.socket, self._desk.obey, self._bulletin.report)):
                 await self._record(duration_s)
         finally:
             self._run_dir.withdraw()
@@ -148,6 +165,7 @@ class Supervisor:
     def _on_died(self, child: Child, code: int) -> None:
         if self._keeper.stopping:
             return
+        self._commander.on_child_ended(child.name)
         self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
@@ -170,10 +188,19 @@ class Supervisor:
             self._publish_info()
         if "event" in message:
             self._bulletin.pass_on(message["event"])
-        if "mark" in message and child.name == DISPLAY and (fault := self._obey(message).get("fault")):
-            self._bulletin.event("warning", "mark", fault)
+        if "sent" in message:
+            self._commander.on_sent(message["sent"])
+        if "ack" in message:
+            self._commander.on_ack(message["ack"])
+        if child.name == DISPLAY:
+            self._desk.hear_page(message)
         if "stopped" in message:
             self._recorded.set()
+
+    def _show(self, message: Message) -> None:
+        display = self._child(DISPLAY)
+        if display and display.channel:
+            display.channel.send(message)
 
     def _on_ready(self, child: Child, fault: str | None) -> None:
         child.state = ProcessState.RUNNING
@@ -219,28 +246,11 @@ class Supervisor:
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
 
-    def _obey(self, command: dict[str, Any]) -> dict[str, Any]:
-        text, now = command.get("mark"), self._clock.now_ns()
-        if not isinstance(text, str):
-            return {"fault": "there is no such command"}
-        if command.get("trigger") and (fault := self._trigger(text, now)):
-            return {"fault": fault}
-        source = "trigger" if command.get("trigger") else "mark"
-        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": source, "text": text})
-        return {"t_ns": now}
-
-    def _trigger(self, text: str, t_ns: int) -> str | None:
-        """Have the snapshot written; returns why it cannot be."""
-        if self._config.snapshot is None:
-            return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
-        if not self._mail.send({"trigger": text, "t_ns": t_ns}):
-            return "the recorder is being started again; the snapshot's memory is empty"
-        return None
-
     # ------------------------------------------------------------------------------------------------- ending
 
     async def _end(self) -> None:
         self._keeper.stopping = True
+        self._commander.close()
         self._board.session["state"] = "stopping"
         await self._end_recorder()
         await self._end_child(NAVIGATION, {"hurry": True}, NAVIGATION_END_S)

@@ -18,7 +18,7 @@ def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
     """Exit code of the command beside a daemon, and what the daemon was asked."""
     asked: list[dict[str, Any]] = []
 
-    def obey(command: dict[str, Any]) -> dict[str, Any]:
+    async def obey(command: dict[str, Any], who: str) -> dict[str, Any]:
         asked.append(command)
         return {"t_ns": 1_500_000_000}
 

@@ -1,0 +1,245 @@
+"""Commands to devices: each is authorised, sent exactly once, and followed until it is known what became of it.
+
+A wish comes from ``fti send`` or from the page.  The recorder sends the bytes and says so; the device's answer comes
+out of its decoder in the navigation process as an ``Ack`` and is matched to the oldest open command of that device.
+Whatever happens is an event, so that it stands in the file: who, what, the bytes, and the end.
+
+A client numbers its wishes (``id``, any text).  The same ``id`` again is the same wish: it is not sent again, and is
+answered as the first one.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fti.clock import SECOND_NS, Clock
+from fti.service.catalogue import Catalogue, Denied
+from fti.service.control import Message
+from fti.service.requests import Request, State, Wish, read_wish
+
+RECORDER = "recorder"
+#: The recorder's word that a command was sent, or not, comes so much later than the last moment for sending [s].
+WORD_S = 1.0
+#: A stamp of sending is taken when the write has returned; the answer's by the kernel, when its first byte came [ns].
+MARGIN_NS = 20_000_000
+#: Commands of one device that wait for their end.
+MOST_OPEN = 32
+#: Wishes that are known again by their ``id``, and those among them that the page shows.
+MOST_KNOWN = 4096
+RECENT = 20
+#: An answer that comes so long after it was given up belongs to nothing [ns].
+LATE_NS = 60 * SECOND_NS
+#: Answers that nobody waits for are told one by one, up to so many in so long a time.
+MOST_UNASKED, UNASKED_NS = 20, 10 * SECOND_NS
+
+#: Level and text of an event.
+Tell = Callable[[str, str], None]
+
+
+class Commander:
+    """Follows the commands of a session.
+
+    send    : hands a message to the recorder; False when there is none
+    tell    : makes an event
+    changed : told of each command whenever its state changes, as ``Request.describe`` has it
+    hinder  : why an answer may be late (navigation is behind, say); "" when nothing is known
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        clock: Clock,
+        *,
+        send: Callable[[Message], bool],
+        tell: Tell,
+        changed: Callable[[dict[str, Any]], None],
+        hinder: Callable[[], str],
+    ) -> None:
+        self.catalogue = catalogue
+        self._clock = clock
+        self._send, self._tell, self._changed, self._hinder = send, tell, changed, hinder
+        self._known: dict[str, Request] = {}
+        self._open: dict[int, Request] = {}
+        self._given_up: deque[Request] = deque(maxlen=MOST_OPEN)
+        self._unasked = Unasked(clock, tell)
+        self._number = 0
+        self._closed = ""
+
+    # -------------------------------------------------------------------------------------------------------- wishes
+
+    async def obey(self, message: Mapping[str, Any], who: str) -> dict[str, Any]:
+        """Do what a client wishes, and answer when it is known what became of it; ``{"fault"}`` when it is denied."""
+        request = self.begin(message, who)
+        await request.ended.wait()
+        found = request.describe()
+        return {"fault": request.detail} if request.state is State.DENIED else found
+
+    def begin(self, message: Mapping[str, Any], who: str) -> Request:
+        """The request of a wish: the one that its ``id`` has already, or a new one that is on its way."""
+        wish = read_wish(message)
+        if isinstance(wish, str):
+            return self._deny(Wish("", "", "", {}, 0.0), who, wish)
+        first = self._known.get(wish.key)
+        if first and not first.wish.is_same(wish):
+            return self._deny(wish, who, f"id {wish.key!r} is that of another command")
+        return first or self._start(wish, who)
+
+    def recent(self) -> list[dict[str, Any]]:
+        """The last requests, oldest first, as ``Request.describe`` has them."""
+        return [request.describe() for request in list(self._known.values())[-RECENT:]]
+
+    def _start(self, wish: Wish, who: str) -> Request:
+        try:
+            if self._closed:
+                raise Denied(self._closed)
+            if sum(request.wish.device == wish.device for request in self._open.values()) >= MOST_OPEN:
+                raise Denied(f"{wish.device}: {MOST_OPEN} commands wait for their end")
+            plan = self.catalogue.plan(wish.device, wish.command, wish.args)
+        except Denied as error:
+            return self._remember(self._deny(wish, who, str(error)))
+        self._number += 1
+        request = Request(wish, self._number, who, self._clock.now_ns(), plan.data, plan.answered)
+        self._open[request.number] = self._remember(request)
+        self._tell("info", f"{request.title()} for {who}: {plan.data.hex()}")
+        self._hand_over(request, plan.link)
+        return request
+
+    def _hand_over(self, request: Request, link: str) -> None:
+        until_ns = request.t_ns + round(request.wish.timeout_s * SECOND_NS)
+        order = {"id": request.number, "link": link, "data": request.data.hex(), "until_ns": until_ns}
+        if self._send({"send": order}):
+            self._arm(request, request.wish.timeout_s + WORD_S)
+            self._changed(request.describe())
+        else:
+            self._end(request, State.NOT_SENT, "the recorder is being started again")
+
+    def _deny(self, wish: Wish, who: str, why: str) -> Request:
+        """A request that has ended before it began; it has no number."""
+        request = Request(wish, 0, who, self._clock.now_ns(), b"", answered=False)
+        request.end(State.DENIED, why)
+        self._tell("warning", f"not sent for {who}: {why}")
+        self._changed(request.describe())
+        return request
+
+    def _remember(self, request: Request) -> Request:
+        self._known[request.wish.key] = request
+        if len(self._known) > MOST_KNOWN:
+            del self._known[next(key for key, old in self._known.items() if old.ended.is_set())]
+        return request
+
+    # -------------------------------------------------------------------------------------------- what became of it
+
+    def on_sent(self, message: Mapping[str, Any]) -> None:
+        """The recorder says that it has sent a command, or why not.  message : id, fault, t_ns"""
+        request = self._open.get(message["id"])
+        if request is None:
+            return
+        if message["fault"]:
+            self._end(request, State.NOT_SENT, message["fault"])
+        elif not request.answered:
+            request.sent_ns = message["t_ns"]
+            self._end(request, State.SENT, "the device does not acknowledge it")
+        else:
+            request.state, request.sent_ns = State.WAITING, message["t_ns"]
+            self._arm(request, request.wish.timeout_s)
+            self._changed(request.describe())
+            self._hear_early(request)
+
+    def on_ack(self, ack: Mapping[str, Any]) -> None:
+        """A device has answered.  ack : device, command ("" when it does not say which), accepted, detail, t_ns"""
+        for request in self._open.values():
+            if request.answered and request.may_be_answered_by(ack, MARGIN_NS):
+                if request.state is State.SENDING:
+                    request.early.append(ack)
+                else:
+                    self._settle(request, ack)
+                return
+        late = next((r for r in self._lately_given_up() if r.may_be_answered_by(ack, MARGIN_NS)), None)
+        if late:
+            self._given_up.remove(late)
+            self._tell("warning", f"{late.title()}: answered late, {late.describe_answer(ack)}")
+        else:
+            self._unasked.tell(ack)
+
+    def _settle(self, request: Request, ack: Mapping[str, Any]) -> None:
+        request.answered_ns = ack["t_ns"]
+        detail = str(ack["detail"])
+        doubted = [r.number for r in self._lately_given_up() if r.wish.device == request.wish.device]
+        if doubted and not ack["command"]:
+            doubt = f"it may be the late answer to {doubted[0]}"
+            detail = f"{detail}; {doubt}" if detail else doubt
+        self._end(request, State.ACKNOWLEDGED if ack["accepted"] else State.REFUSED, detail)
+
+    def _lately_given_up(self) -> list[Request]:
+        now = self._clock.now_ns()
+        return [r for r in self._given_up if now - r.t_ns < LATE_NS + round(r.wish.timeout_s * SECOND_NS)]
+
+    def on_child_ended(self, name: str) -> None:
+        """The recorder or navigation has ended, and is started again: what it had not said yet is not known."""
+        for request in list(self._open.values()):
+            request.troubles.append(f"the {name} was started again meanwhile")
+            if name == RECORDER and request.early:
+                self._settle(request, request.early.pop())
+            elif name == RECORDER and request.state is State.SENDING:
+                self._end(request, State.UNKNOWN, "the recorder ended before it had said whether it was sent")
+
+    def close(self) -> None:
+        """The session ends: nothing is sent any more, and no answer is waited for."""
+        self._closed = "the session is ending; nothing is sent any more"
+        for request in list(self._open.values()):
+            said = "sent, but" if request.state is State.WAITING else "handed to the recorder, but"
+            self._end(request, State.UNKNOWN, f"{said} the session ended before an answer came")
+
+    def _arm(self, request: Request, seconds: float) -> None:
+        request.disarm()
+        request.timer = asyncio.get_running_loop().call_later(seconds, self._expire, request)
+
+    def _expire(self, request: Request) -> None:
+        reasons = [*dict.fromkeys(request.troubles), self._hinder()]
+        excuse = "".join(f"; {reason}" for reason in reasons if reason)
+        patience = f"within {request.wish.timeout_s:g} s"
+        if request.early:
+            self._settle(request, request.early.pop())
+        elif request.state is State.WAITING:
+            self._end(request, State.TIMED_OUT, f"no answer {patience}{excuse}")
+        else:
+            self._end(request, State.UNKNOWN, f"the recorder has not said {patience} that it was sent{excuse}")
+
+    def _end(self, request: Request, state: State, detail: str) -> None:
+        request.end(state, detail)
+        self._open.pop(request.number, None)
+        if request.answered and state in (State.TIMED_OUT, State.UNKNOWN):
+            self._given_up.append(request)
+        self._tell(state.level, f"{request.title()}: {request.outcome()}")
+        self._changed(request.describe())
+        self._hear_early(request)
+
+    def _hear_early(self, request: Request) -> None:
+        """The answers that came before it was known that it was sent: to it, or to something else."""
+        for early in request.take_early():
+            self.on_ack(early)
+
+
+class Unasked:
+    """Answers that nobody waits for: to what is sent at each connect, or what another program has asked."""
+
+    def __init__(self, clock: Clock, tell: Tell) -> None:
+        self._clock, self._tell = clock, tell
+        self._told: deque[int] = deque(maxlen=MOST_UNASKED)
+        self._quiet = 0
+
+    def tell(self, ack: Mapping[str, Any]) -> None:
+        """Make an event of it, unless there were too many; those are counted with the next one."""
+        now = self._clock.now_ns()
+        if len(self._told) == MOST_UNASKED and now - self._told[0] < UNASKED_NS:
+            self._quiet += 1
+            return
+        self._told.append(now)
+        what = f"{ack['device']}: {'acknowledged' if ack['accepted'] else 'refused'} {ack['command'] or 'something'}"
+        detail = f" ({ack['detail']})" if ack["detail"] else ""
+        others = f"; so did {self._quiet} answers before it" if self._quiet else ""
+        self._quiet = 0
+        self._tell("info" if ack["accepted"] else "warning", f"{what}{detail}, which no command waits for{others}")

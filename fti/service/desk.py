@@ -1,0 +1,70 @@
+"""What people ask of the daemon, at the control socket and on the page: marks, snapshots, commands to devices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fti.clock import Clock
+from fti.config import Config
+from fti.service.bulletin import Bulletin
+from fti.service.commands import Commander
+from fti.service.control import Message
+from fti.service.control_socket import Answer
+from fti.service.keeping import RecorderMail
+
+PAGE = "the page"
+
+
+class Desk:
+    """Answers people.  show : hands a message to the display process, which may not be there"""
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        *,
+        commander: Commander,
+        mail: RecorderMail,
+        bulletin: Bulletin,
+        show: Callable[[Message], None],
+    ) -> None:
+        self._config, self._clock = config, clock
+        self._commander, self._mail, self._bulletin, self._show = commander, mail, bulletin, show
+
+    async def obey(self, command: dict[str, Any], who: str) -> Answer:
+        """Do what came over the control socket, and say what became of it."""
+        if isinstance(command.get("send"), dict):
+            return await self._commander.obey(command["send"], who)
+        if "commands" in command:
+            return {"devices": self._commander.catalogue.describe()}
+        return self._mark(command)
+
+    def hear_page(self, message: Message) -> None:
+        """Do what the display process hands up; one that has just started is told what it shows of commands."""
+        if "ready" in message:
+            self._show({"catalogue": self._commander.catalogue.usable()})
+            for command in self._commander.recent():
+                self._show({"command": command})
+        if "mark" in message and (fault := self._mark(message).get("fault")):
+            self._bulletin.event("warning", "mark", fault)
+        if "send" in message:
+            self._commander.begin(message["send"], PAGE)
+
+    def _mark(self, command: dict[str, Any]) -> Answer:
+        text, now = command.get("mark"), self._clock.now_ns()
+        if not isinstance(text, str):
+            return {"fault": "there is no such command"}
+        if command.get("trigger") and (fault := self._trigger(text, now)):
+            return {"fault": fault}
+        source = "trigger" if command.get("trigger") else "mark"
+        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": source, "text": text})
+        return {"t_ns": now}
+
+    def _trigger(self, text: str, t_ns: int) -> str | None:
+        """Have the snapshot written; returns why it cannot be."""
+        if self._config.snapshot is None:
+            return f"{self._config.path} has no [snapshot] table, so there is nothing to trigger"
+        if not self._mail.send({"trigger": text, "t_ns": t_ns}):
+            return "the recorder is being started again; the snapshot's memory is empty"
+        return None

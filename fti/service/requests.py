@@ -1,0 +1,149 @@
+"""One command on its way: what was wished, by whom, and what has become of it."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+DEFAULT_TIMEOUT_S, LONGEST_TIMEOUT_S = 3.0, 600.0
+LONGEST_KEY = 100
+MS = 1_000_000
+
+
+class State(StrEnum):
+    """What has become of a command; the first two go on, the others are its end."""
+
+    SENDING = "sending"
+    WAITING = "waiting"  # sent, and not answered yet
+    ACKNOWLEDGED = "acknowledged"
+    REFUSED = "refused"  # by the device
+    SENT = "sent"  # and not acknowledged, by design
+    TIMED_OUT = "timed out"
+    NOT_SENT = "not sent"
+    UNKNOWN = "unknown"  # whether it was sent, or what the device answered
+    DENIED = "denied"  # by the daemon: nothing was sent
+
+    @property
+    def level(self) -> str:
+        """Level of its event."""
+        return "info" if self in (State.ACKNOWLEDGED, State.SENT) else "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a client wants.  key : its own number of it; timeout_s : how long it waits for an answer [s]"""
+
+    key: str
+    device: str
+    command: str
+    args: Mapping[str, str]
+    timeout_s: float
+
+    def is_same(self, other: Wish) -> bool:
+        """The same command, however long somebody waits for it."""
+        return (self.device, self.command, self.args) == (other.device, other.command, other.args)
+
+
+def read_wish(message: Mapping[str, Any]) -> Wish | str:
+    """The wish in a message ``{id, device, command, args, timeout_s}``, or what is wrong with it."""
+    key, args = message.get("id"), message.get("args", {})
+    timeout_s = message.get("timeout_s", DEFAULT_TIMEOUT_S)
+    if not isinstance(key, str) or not 1 <= len(key) <= LONGEST_KEY:
+        return f"a command has an id of 1 to {LONGEST_KEY} characters"
+    device, command = message.get("device"), message.get("command")
+    if not isinstance(device, str) or not isinstance(command, str):
+        return "device and command are texts"
+    if not isinstance(args, dict) or not all(isinstance(value, str) for value in args.values()):
+        return "args are texts by name"
+    if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= LONGEST_TIMEOUT_S:
+        return f"timeout_s is more than 0 and at most {LONGEST_TIMEOUT_S:g} seconds"
+    return Wish(key, device, command, args, float(timeout_s))
+
+
+@dataclass(slots=True, eq=False)
+class Request:
+    """A command that was asked for.
+
+    number      : of the session, from 1; 0 when it was denied
+    t_ns        : FTI time at which it was asked for; sent_ns, answered_ns : when it was sent and answered
+    troubles    : what may have cost an answer; early : answers that came before the word that it was sent
+    """
+
+    wish: Wish
+    number: int
+    who: str
+    t_ns: int
+    data: bytes
+    answered: bool
+    state: State = State.SENDING
+    detail: str = ""
+    sent_ns: int | None = None
+    answered_ns: int | None = None
+    troubles: list[str] = field(default_factory=list)
+    early: list[Mapping[str, Any]] = field(default_factory=list)
+    ended: asyncio.Event = field(default_factory=asyncio.Event)
+    timer: asyncio.TimerHandle | None = None
+
+    def title(self) -> str:
+        """Number, device, command and arguments, for people."""
+        args = "".join(f" {name}={value}" for name, value in self.wish.args.items())
+        return f"{self.number}: {self.wish.device} {self.wish.command}{args}"
+
+    def outcome(self) -> str:
+        """What became of it, for people."""
+        after = ""
+        if self.answered_ns is not None and self.sent_ns is not None:
+            after = f" after {max(0, self.answered_ns - self.sent_ns) / MS:.0f} ms"
+        return f"{self.state}{after}" + (f": {self.detail}" if self.detail else "")
+
+    def describe(self) -> dict[str, Any]:
+        """Everything, in plain JSON types."""
+        return {
+            "id": self.wish.key,
+            "number": self.number,
+            "device": self.wish.device,
+            "command": self.wish.command,
+            "args": dict(self.wish.args),
+            "who": self.who,
+            "data": self.data.hex(),
+            "title": self.title(),
+            "outcome": self.outcome(),
+            "state": self.state.value,
+            "detail": self.detail,
+            "ended": self.ended.is_set(),
+            "t_ns": self.t_ns,
+            "sent_ns": self.sent_ns,
+            "answered_ns": self.answered_ns,
+        }
+
+    def may_be_answered_by(self, ack: Mapping[str, Any], margin_ns: int) -> bool:
+        """The answer is of that device, names this command or none, and did not come before it was sent."""
+        since = self.t_ns if self.sent_ns is None else self.sent_ns - margin_ns
+        named = ack["command"] in ("", self.wish.command)
+        return bool(ack["device"] == self.wish.device and named and ack["t_ns"] >= since)
+
+    def describe_answer(self, ack: Mapping[str, Any]) -> str:
+        """An answer that came when nobody waited for it any more."""
+        said = "acknowledged" if ack["accepted"] else "refused"
+        after = (ack["t_ns"] - (self.sent_ns or self.t_ns)) / 1e9
+        return f"{said} after {after:.1f} s" + (f": {ack['detail']}" if ack["detail"] else "")
+
+    def take_early(self) -> list[Mapping[str, Any]]:
+        """The answers that came before the word that it was sent; once."""
+        early, self.early = self.early, []
+        return early
+
+    def end(self, state: State, detail: str) -> None:
+        """It is known what became of it."""
+        self.state, self.detail = state, detail
+        self.disarm()
+        self.ended.set()
+
+    def disarm(self) -> None:
+        """Nobody waits any more."""
+        if self.timer:
+            self.timer.cancel()
+            self.timer = None

@@ -1,0 +1,364 @@
+"""Commands: authorised, sent exactly once, matched to the answer of the device, and told whatever becomes of them."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from fti.clock import FakeClock
+from fti.config import Config, Device, SerialLink, Session, StrictModel
+from fti.drivers import Command, Driver
+from fti.service.binding import BoundDevice
+from fti.service.catalogue import Catalogue, Denied
+from fti.service.commands import LATE_NS, MOST_OPEN, MOST_UNASKED, Commander
+from fti.service.control import Message
+from fti.service.requests import State
+from tests.helpers import until_async
+
+Asked = asyncio.Task[dict[str, Any]]
+SECOND_NS = 1_000_000_000
+COMMANDS = {
+    "rate": Command("set the output rate", {"rate": "Hz, 1 to 20"}),
+    "reset": Command("start again", answered=False),
+}
+
+
+def command(name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes:
+    """A driver's command: ``rate`` takes 1 to 20."""
+    if name == "rate" and args.get("rate", "") not in map(str, range(1, 21)):
+        raise ValueError(f"rate = {args.get('rate')}: must be 1 to 20 Hz")
+    return f"*{name}{args.get('rate', '')}\r".encode()
+
+
+def make_catalogue() -> Catalogue:
+    links = tuple(SerialLink(name=n, kind="serial", port="x", transmit=n != "mute") for n in ("line", "mute"))
+    speaking = cast(Driver, SimpleNamespace(COMMANDS=COMMANDS, command=command))
+    deaf = cast(Driver, SimpleNamespace(COMMANDS={}))
+    devices = [
+        BoundDevice(Device(name=name, link=link, driver="d"), driver, StrictModel())
+        for name, link, driver in (
+            ("mag", "line", speaking),
+            ("other", "line", speaking),
+            ("shut", "mute", speaking),
+            ("gnss", "line", deaf),
+        )
+    ]
+    return Catalogue(Config(session=Session(name="s"), link=links, path="a.toml"), devices)
+
+
+class Bench:
+    """A commander whose recorder and devices are played by the test."""
+
+    def __init__(self) -> None:
+        self.clock = FakeClock(10 * SECOND_NS)
+        self.sent: list[dict[str, Any]] = []
+        self.events: list[tuple[str, str]] = []
+        self.shown: list[dict[str, Any]] = []
+        self.there = True
+        self.hint = ""
+        self.commander = Commander(
+            make_catalogue(),
+            self.clock,
+            send=self._send,
+            tell=lambda level, text: self.events.append((level, text)),
+            changed=self.shown.append,
+            hinder=lambda: self.hint,
+        )
+
+    def _send(self, message: Message) -> bool:
+        if self.there:
+            self.sent.append(message["send"])
+        return self.there
+
+    def ask(
+        self, key: str = "k1", name: str = "rate", device: str = "mag", **more: Any
+    ) -> asyncio.Task[dict[str, Any]]:
+        args = {"rate": "10"} if name == "rate" else {}
+        wish = {"id": key, "device": device, "command": name, "args": args, "timeout_s": 30.0, **more}
+        return asyncio.create_task(self.commander.obey(wish, "an engineer"))
+
+    async def ask_and_send(self, *words: str, **more: Any) -> Asked:
+        """Ask, and let the recorder send it."""
+        asked = self.ask(*words, **more)
+        before = len(self.sent)
+        await until_async(lambda: len(self.sent) > before)
+        self.recorder_says()
+        return asked
+
+    def recorder_says(self, number: int | None = None, fault: str | None = None) -> None:
+        number = number or self.sent[-1]["id"]
+        self.commander.on_sent({"id": number, "fault": fault, "t_ns": self.clock.now_ns()})
+
+    def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
+        said = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
+        self.commander.on_ack({"device": device, **said})
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+# -------------------------------------------------------------------------------------------------------- authorised
+
+
+@pytest.mark.parametrize(
+    ("wish", "why"),
+    [
+        ({"device": "none"}, "there is no device 'none'; there are mag, other, shut, gnss"),
+        ({"name": "halt"}, "mag (d): there is no command 'halt'; there are rate, reset"),
+        ({"device": "gnss"}, "gnss (d): there is no command 'rate'; its driver has none"),
+        (
+            {"device": "shut"},
+            'shut: nothing may be sent on its link; set transmit = true at [[link]] name = "mute" of a.toml',
+        ),
+        ({"args": {"rate": "21"}}, "mag: rate: rate = 21: must be 1 to 20 Hz"),
+        ({"args": {"rate": 10}}, "args are texts by name"),
+        ({"args": ["rate"]}, "args are texts by name"),
+        ({"device": 7}, "device and command are texts"),
+        ({"key": ""}, "a command has an id of 1 to 100 characters"),
+        ({"key": "x" * 101}, "a command has an id of 1 to 100 characters"),
+        ({"timeout_s": 0}, "timeout_s is more than 0 and at most 600 seconds"),
+        ({"timeout_s": float("nan")}, "timeout_s is more than 0 and at most 600 seconds"),
+        ({"timeout_s": "3"}, "timeout_s is more than 0 and at most 600 seconds"),
+    ],
+)
+async def test_what_may_not_be_sent_is_not_sent_and_said(bench: Bench, wish: dict[str, Any], why: str) -> None:
+    assert await bench.ask(**wish) == {"fault": why}
+    assert bench.sent == []
+    assert bench.events == [("warning", f"not sent for an engineer: {why}")]
+    assert [shown["state"] for shown in bench.shown] == ["denied"]
+
+
+def test_the_catalogue_teaches() -> None:
+    catalogue = make_catalogue()
+    known = {device["name"]: device for device in catalogue.describe()}
+    assert list(known) == ["mag", "other", "shut", "gnss"]
+    assert known["mag"]["commands"]["rate"]["arguments"] == {"rate": "Hz, 1 to 20"}
+    assert [known[name]["transmit"] for name in known] == [True, True, False, True]
+    assert [device["name"] for device in catalogue.usable()] == ["mag", "other"]
+    with pytest.raises(Denied):
+        catalogue.plan("shut", "reset", {})
+
+
+# ----------------------------------------------------------------------------------------------------- the good way
+
+
+async def test_a_command_is_sent_acknowledged_and_told(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    until_ns = 40 * SECOND_NS
+    assert bench.sent == [{"id": 1, "link": "line", "data": b"*rate10\r".hex(), "until_ns": until_ns}]
+    bench.recorder_says()
+    bench.clock.advance(0.034)
+    bench.answer()
+    found = await asked
+    assert (found["state"], found["number"], found["id"], found["who"]) == ("acknowledged", 1, "k1", "an engineer")
+    assert bench.events == [
+        ("info", "1: mag rate rate=10 for an engineer: 2a7261746531300d"),
+        ("info", "1: mag rate rate=10: acknowledged after 34 ms"),
+    ]
+    assert [shown["state"] for shown in bench.shown] == ["sending", "waiting", "acknowledged"]
+
+
+async def test_a_device_may_refuse(bench: Bench) -> None:
+    asked = await bench.ask_and_send()
+    bench.answer(accepted=False, detail="write protected")
+    assert (await asked)["state"] == "refused"
+    assert bench.events[-1] == ("warning", "1: mag rate rate=10: refused after 0 ms: write protected")
+
+
+async def test_what_is_never_acknowledged_ends_when_it_is_sent(bench: Bench) -> None:
+    found = await (await bench.ask_and_send("k1", "reset"))
+    assert (found["state"], found["detail"]) == ("sent", "the device does not acknowledge it")
+    assert bench.events[-1][0] == "info"
+
+
+async def test_what_cannot_be_sent_is_told(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.recorder_says(fault="link line: is not connected")
+    assert (await asked)["state"] == "not sent"
+    assert bench.events[-1] == ("warning", "1: mag rate rate=10: not sent: link line: is not connected")
+
+
+# ----------------------------------------------------------------------------------------------------- exactly once
+
+
+async def test_the_same_id_is_sent_once_and_answered_as_the_first(bench: Bench) -> None:
+    first, second = bench.ask(), bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.recorder_says()
+    bench.answer()
+    third = bench.ask(timeout_s=5.0)
+    answers = [await first, await second, await third]
+    assert answers[0] == answers[1] == answers[2]
+    assert len(bench.sent) == 1
+    assert await bench.ask(name="reset") == {"fault": "id 'k1' is that of another command"}
+    assert len(bench.sent) == 1
+
+
+async def test_what_was_denied_stays_denied(bench: Bench) -> None:
+    bench.commander.close()
+    assert await bench.ask() == await bench.ask() == {"fault": "the session is ending; nothing is sent any more"}
+
+
+async def test_a_client_that_goes_takes_nothing_with_it(bench: Bench) -> None:
+    asked = await bench.ask_and_send()
+    asked.cancel()
+    again = bench.ask()
+    bench.answer()
+    assert (await again)["state"] == "acknowledged"
+    assert len(bench.sent) == 1
+
+
+# ---------------------------------------------------------------------------------------------------------- matching
+
+
+async def test_an_answer_goes_to_the_oldest_of_its_device_and_name(bench: Bench) -> None:
+    first = await bench.ask_and_send("a")
+    other = await bench.ask_and_send("b", device="other")
+    second = await bench.ask_and_send("c")
+    bench.answer("", device="other", accepted=False)
+    bench.answer("reset")  # is none of those that wait
+    assert bench.events[-1] == ("info", "mag: acknowledged reset, which no command waits for")
+    bench.answer("")
+    bench.answer("rate", accepted=False)
+    states = [(await asked)["state"] for asked in (first, other, second)]
+    assert states == ["acknowledged", "refused", "refused"]
+
+
+async def test_an_answer_from_before_is_none(bench: Bench) -> None:
+    bench.answer("")
+    bench.clock.advance(1.0)
+    asked = await bench.ask_and_send()
+    early = {"device": "mag", "command": "", "accepted": False, "detail": "", "t_ns": bench.clock.now_ns() - SECOND_NS}
+    bench.commander.on_ack(early)
+    bench.answer("")
+    assert (await asked)["state"] == "acknowledged"
+    assert [text for _, text in bench.events if "no command waits" in text] == [
+        "mag: acknowledged something, which no command waits for",
+        "mag: refused something, which no command waits for",
+    ]
+
+
+async def test_an_answer_may_come_before_the_word_that_it_was_sent(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.answer("", accepted=False)  # to a question of before: our command was sent later
+    bench.clock.advance(1.0)
+    bench.answer("")
+    bench.recorder_says()
+    assert (await asked)["state"] == "acknowledged"
+    assert bench.events[-2] == ("warning", "mag: refused something, which no command waits for")
+
+
+async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) -> None:
+    for _ in range(100):
+        bench.answer("", detail="OK")
+    assert len(bench.events) == MOST_UNASKED
+    bench.clock.advance(11.0)
+    bench.answer("")
+    assert bench.events[-1][1].endswith("which no command waits for; so did 80 answers before it")
+
+
+# ---------------------------------------------------------------------------------------------------------- no answer
+
+
+async def test_silence_is_timed_out_and_a_late_answer_told(bench: Bench) -> None:
+    bench.hint = "navigation is 7.0 s behind"
+    asked = await bench.ask_and_send(timeout_s=0.02)
+    found = await asked
+    assert (found["state"], found["detail"]) == ("timed out", "no answer within 0.02 s; navigation is 7.0 s behind")
+    bench.clock.advance(5.0)
+    bench.answer("", detail="OK")
+    assert bench.events[-1] == ("warning", "1: mag rate rate=10: answered late, acknowledged after 5.0 s: OK")
+    bench.answer("")
+    assert "no command waits for" in bench.events[-1][1]
+    assert (await bench.ask())["state"] == "timed out"  # the first answer stays
+
+
+async def test_an_answer_without_a_name_after_a_time_out_is_doubted(bench: Bench) -> None:
+    await (await bench.ask_and_send(timeout_s=0.02))
+    asked = await bench.ask_and_send("k2")
+    bench.answer("", detail="OK")
+    assert (await asked)["detail"] == "OK; it may be the late answer to 1"
+    bench.clock.advance(LATE_NS / SECOND_NS + 1.0)
+    asked = await bench.ask_and_send("k3")
+    bench.answer("")
+    assert (await asked)["detail"] == ""
+
+
+async def test_a_recorder_that_says_nothing_leaves_it_unknown(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fti.service.commands.WORD_S", 0.02)
+    asked = bench.ask(timeout_s=0.02)
+    found = await asked
+    assert (found["state"], found["detail"]) == ("unknown", "the recorder has not said within 0.02 s that it was sent")
+
+
+async def test_without_a_recorder_nothing_is_sent(bench: Bench) -> None:
+    bench.there = False
+    found = await bench.ask()
+    assert (found["state"], found["detail"]) == ("not sent", "the recorder is being started again")
+    bench.there = True
+    assert (await bench.ask())["state"] == "not sent"  # the same wish
+    assert bench.sent == []
+
+
+async def test_a_recorder_that_dies_before_its_word_leaves_it_unknown(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.commander.on_child_ended("recorder")
+    found = await asked
+    assert found["state"] == "unknown"
+    assert found["detail"] == "the recorder ended before it had said whether it was sent"
+    bench.answer()
+    assert "answered late, acknowledged" in bench.events[-1][1]
+
+
+async def test_the_answer_says_that_it_was_sent_where_the_recorder_cannot(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.answer()
+    bench.commander.on_child_ended("recorder")
+    assert (await asked)["state"] == "acknowledged"
+
+
+@pytest.mark.parametrize("child", ["recorder", "navigation"])
+async def test_a_restart_between_sending_and_answer_is_told(bench: Bench, child: str) -> None:
+    asked = await bench.ask_and_send(timeout_s=0.05)
+    bench.commander.on_child_ended(child)
+    assert (await asked)["detail"] == f"no answer within 0.05 s; the {child} was started again meanwhile"
+    again = await bench.ask_and_send("k2")
+    bench.commander.on_child_ended(child)
+    bench.answer()
+    assert (await again)["state"] == "acknowledged"
+
+
+async def test_the_end_of_the_session_ends_every_command(bench: Bench) -> None:
+    waiting = await bench.ask_and_send()
+    sending = bench.ask("k2")
+    await until_async(lambda: len(bench.sent) == 2)
+    bench.commander.close()
+    assert (await waiting)["detail"] == "sent, but the session ended before an answer came"
+    assert (await sending)["detail"] == "handed to the recorder, but the session ended before an answer came"
+    assert (await bench.ask("k3"))["fault"] == "the session is ending; nothing is sent any more"
+    assert len(bench.sent) == 2
+
+
+async def test_commands_that_wait_are_bounded(bench: Bench) -> None:
+    asked = [bench.ask(f"k{n}") for n in range(MOST_OPEN + 1)]
+    assert (await asked[-1])["fault"] == f"mag: {MOST_OPEN} commands wait for their end"
+    assert len(bench.sent) == MOST_OPEN
+    bench.commander.close()
+    assert [(await one)["state"] for one in asked[:-1]] == [State.UNKNOWN] * MOST_OPEN
+
+
+async def test_the_page_gets_the_last_ones(bench: Bench) -> None:
+    for n in range(30):
+        await (await bench.ask_and_send(f"k{n}", "reset"))
+    assert [request["number"] for request in bench.commander.recent()] == list(range(11, 31))
