@@ -8,7 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from fti.drivers._units import DEGREE, FOOT, FOOT_PER_MINUTE, HECTOPASCAL, INCH_HG, KELVIN_AT_0_C, KNOT, wrap_heading
+from fti.drivers._units import (
+    DEGREE,
+    FOOT,
+    FOOT_PER_MINUTE,
+    HECTOPASCAL,
+    INCH_HG,
+    KELVIN_AT_0_C,
+    KNOT,
+    NAUTICAL_MILE,
+    STANDARD_GRAVITY,
+    wrap_heading,
+)
 from fti.types import (
     Airspeed,
     Attitude,
@@ -31,12 +42,17 @@ from fti.types import (
 UNITS = {
     "m": (1.0, 0.0),
     "ft": (FOOT, 0.0),
+    "NM": (NAUTICAL_MILE, 0.0),
     "m/s": (1.0, 0.0),
     "kt": (KNOT, 0.0),
     "km/h": (1 / 3.6, 0.0),
     "ft/min": (FOOT_PER_MINUTE, 0.0),
     "rad": (1.0, 0.0),
     "deg": (DEGREE, 0.0),
+    "rad/s": (1.0, 0.0),
+    "deg/s": (DEGREE, 0.0),
+    "m/s2": (1.0, 0.0),
+    "g": (STANDARD_GRAVITY, 0.0),
     "Pa": (1.0, 0.0),
     "hPa": (HECTOPASCAL, 0.0),
     "mbar": (HECTOPASCAL, 0.0),
@@ -46,9 +62,11 @@ UNITS = {
     "ddm": (1.0, 0.0),
 }
 DIMENSIONS = (
-    ("m", "ft"),
+    ("m", "ft", "NM"),
     ("m/s", "kt", "km/h", "ft/min"),
     ("rad", "deg"),
+    ("rad/s", "deg/s"),
+    ("m/s2", "g"),
     ("Pa", "hPa", "mbar", "inHg"),
     ("K", "degC"),
     ("ddm",),
@@ -91,6 +109,7 @@ class Quantity:
         return (
             type(measurement) is self.measurement
             and not getattr(measurement, "valid", True)
+            and all(getattr(measurement, name) == value for name, value in self.constant)
             and all(getattr(measurement, f.name) is None for f in fields(measurement) if f.name in _VALUES)
         )
 

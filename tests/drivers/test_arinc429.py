@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.config import bind
-from fti.drivers import _arinc429_word as wire
 from fti.drivers import arinc429
-from fti.drivers._arinc429_word import BcdState, BnrState
+from fti.drivers.arinc429 import word as wire
+from fti.drivers.arinc429.word import BcdState, BnrState
 from fti.errors import ConfigError
 from fti.types import Attitude, DeviceStatus, Measurement, PressureAltitude, RadioHeight, Stamp, StaticPressure
 
@@ -61,7 +61,7 @@ def test_the_five_words(printed: int, label: str, value: float, full: float, bit
         assert made == printed
         assert wire.decode_bnr(printed, full, bits) == value
     assert wire.label_octal(printed) == label
-    assert wire.has_odd_parity(printed)
+    assert wire.is_intact(printed)
     assert wire.ssm(printed) == BnrState.NORMAL
 
 
@@ -81,7 +81,7 @@ def test_every_step_of_the_scale_comes_back_with_its_sign(bits: int, data: st.Da
     raw = data.draw(st.integers(-(2**bits), 2**bits - 1))
     word = wire.encode_bnr("310", raw * 180.0 / 2**bits, 180.0, bits, state=BnrState.NORMAL)
     assert wire.decode_bnr(word, 180.0, bits) == raw * 180.0 / 2**bits
-    assert wire.has_odd_parity(word)
+    assert wire.is_intact(word)
 
 
 def test_a_twenty_bit_word_reaches_into_the_sdi() -> None:
@@ -112,7 +112,7 @@ def test_a_bcd_digit_above_nine_is_no_number() -> None:
     word = wire.with_parity(wire.label_byte("165") | 0xA << 10)
     assert wire.decode_bcd(word, 0.1) is None
     chosen = options(set="radio_altimeter_bcd")
-    found = feed(words(word, word), chosen)
+    found = feed(words(word, word, word), chosen)
     assert found[0] == RadioHeight(stamp=Stamp(1), height_agl=None, valid=False)
     assert found[1] == DeviceStatus(stamp=Stamp(1), ok=False, flags=("radio_height_bad_digit",))
 
@@ -129,14 +129,14 @@ def test_a_bcd_digit_above_nine_is_no_number() -> None:
     ],
 )
 def test_only_normal_is_valid(state: BnrState, height: float | None, flag: str) -> None:
-    (measured, status, *_) = feed(words(height_word(100.0, state), HEIGHT_100))
+    (measured, status, *_) = feed(words(height_word(100.0, state), HEIGHT_100, HEIGHT_100))
     assert measured == RadioHeight(stamp=Stamp(1), height_agl=height, valid=False)
     assert status == DeviceStatus(stamp=Stamp(1), ok=False, flags=(flag,))
 
 
 def test_a_failed_pressure_is_a_status_and_no_pressure() -> None:
     word = wire.encode_bnr("217", 28.0, 64.0, 16, state=BnrState.FAILURE)
-    found = feed(words(word, word), options(set="air_data"))
+    found = feed(words(word, word, word), options(set="air_data"))
     assert {type(m) for m in found} == {DeviceStatus}
 
 
@@ -158,21 +158,7 @@ def test_byte_order_and_turned_labels_go_there_and_back(order: str, turned: bool
     data = arinc429.make_encoder(chosen).encode(RadioHeight(stamp=S, height_agl=1234.5 * FOOT))
     label = data[0][3 if order == "big" else 0]
     assert label == (0x2E if turned else 0o164)
-    assert feed(data[0] * 2, chosen) == [RadioHeight(stamp=Stamp(1), height_agl=1234.5 * FOOT)] * 2
-
-
-def test_the_same_label_is_another_quantity_on_other_equipment() -> None:
-    word = wire.encode_bnr("174", 100.0, 4096.0, 15, state=BnrState.NORMAL)
-    on_gps, on_ils = feed(words(word, word), options(set="gps")), feed(words(word, word), options(set="ils"))
-    assert type(on_gps[0]).__name__ == "Velocity"
-    assert type(on_ils[0]).__name__ == "Deviation"
-
-
-@pytest.mark.parametrize("name", arinc429.SETS)
-def test_every_built_in_set_is_complete_and_has_no_label_twice(name: str) -> None:
-    labels = [item.label for item in arinc429.label_set(name)]
-    assert labels
-    assert len(labels) == len(set(labels))
+    assert feed(data[0] * 3, chosen) == [RadioHeight(stamp=Stamp(1), height_agl=1234.5 * FOOT)] * 3
 
 
 def test_own_labels_go_before_the_set_and_take_sdi_and_sign() -> None:
@@ -215,59 +201,7 @@ def test_altitudes_with_and_without_standard_setting_are_two_labels() -> None:
     assert [wire.label_octal(int.from_bytes(w, "big")) for w in (standard, corrected)] == ["203", "204"]
 
 
-# ------------------------------------------------------------------------------------------------ finding words
-
-
-def test_nothing_is_released_before_the_words_are_found() -> None:
-    decoder = arinc429.make_decoder(arinc429.Options())
-    assert decoder.feed(words(HEIGHT_100), 1) == []
-    assert decoder.counters.held == 4
-    assert [m.stamp.t_rx_ns for m in decoder.feed(words(HEIGHT_100), 2)] == [1, 2]
-    assert [m.stamp.t_rx_ns for m in decoder.feed(words(HEIGHT_100), 3)] == [3]
-
-
-def test_a_lost_byte_costs_its_word_and_nothing_false() -> None:
-    stream = [words(height_word(h)) for h in (100.0, 101.0, 102.0, 103.0, 104.0, 105.0)]
-    for lost in range(4):
-        broken = [*stream[:2], stream[2][:lost] + stream[2][lost + 1 :], *stream[3:]]
-        found = [m.height_agl for m in feed(b"".join(broken)) if isinstance(m, RadioHeight)]
-        assert found == pytest.approx([h * FOOT for h in (100.0, 101.0, 103.0, 104.0, 105.0)])
-
-
-def test_a_flipped_bit_costs_its_word_and_nothing_false() -> None:
-    for bit in range(32):
-        stream = words(HEIGHT_100, HEIGHT_100, HEIGHT_100 ^ 1 << bit, height_word(50.0), HEIGHT_100)
-        found = [m.height_agl for m in feed(stream) if isinstance(m, RadioHeight)]
-        assert found == pytest.approx([h * FOOT for h in (100.0, 100.0, 50.0, 100.0)])
-
-
-def test_a_constant_word_is_not_found_at_the_wrong_place() -> None:
-    """Turned by a byte it keeps its parity; only the label tells."""
-    for start in range(1, 4):
-        decoder = arinc429.make_decoder(arinc429.Options())
-        found = decoder.feed((words(HEIGHT_100) * 20)[start:], 1)
-        assert {m.height_agl for m in found if isinstance(m, RadioHeight)} == {100.0 * FOOT}
-        assert decoder.counters.skipped == {"no_sync": 4 - start}
-
-
-def test_words_that_are_not_enabled_are_framed_and_counted() -> None:
-    other = wire.encode_bnr("101", 5.0, 180.0, 12, state=BnrState.NORMAL)
-    decoder = arinc429.make_decoder(arinc429.Options())
-    assert decoder.feed(words(HEIGHT_100, HEIGHT_100, other), 1)
-    assert decoder.counters.held == 4
-    decoder = arinc429.make_decoder(arinc429.Options())
-    found = decoder.feed(words(HEIGHT_100, other, other, HEIGHT_100, other, HEIGHT_100), 1)
-    assert len(found) == 3
-    assert decoder.counters.messages == {"radio_height": 3, "other": 3}
-
-
-def test_rare_labels_are_found_among_many_others() -> None:
-    other = wire.encode_bnr("101", 5.0, 180.0, 12, state=BnrState.NORMAL)
-    decoder = arinc429.make_decoder(arinc429.Options())
-    found = decoder.feed((words(HEIGHT_100) + words(other) * 100) * 4, 1)
-    assert len(found) == 4
-    assert decoder.counters.messages["other"] >= 400 - 64
-    assert decoder.counters.held <= arinc429.SEARCH_BYTES
+# --------------------------------------------------------------------------------------------------------- units
 
 
 def test_units_of_the_wire_become_si() -> None:

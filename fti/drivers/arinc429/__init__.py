@@ -1,0 +1,182 @@
+"""ARINC 429 words, as a converter or recorder hands them over: bare words, Alta APMP, or IRIG 106 chapter 10.
+
+Document: ARINC 429 part 1 (word, in ``word``) and part 2 (labels).  The label sets of equipment are data:
+``labels.toml`` and a file of the user's own (``labels``), for the same label means different things on different
+equipment: 165 is a radio height in BCD on a radio altimeter and a vertical velocity on GPS equipment.
+
+    packets "none"        four bytes a word and nothing else: serial or UDP; where words begin: ``stream``
+            "apmp"        Alta ENET-A429 over UDP: ``apmp``
+            "chapter10"   IRIG 106 chapter 10 type 0x38: ``chapter10``
+
+    byte_order "big"      bits 32-25 | 24-17 | 16-9 | 8-1 (label); packets have an order of their own
+    byte_order "little"   bits 8-1 (label) | 16-9 | 24-17 | 32-25
+    label_reversed        the label's most significant bit is bit 1, as on the bus; false: the card has turned it
+    parity                of the 32 bits: odd as the standard says, even, or none: bit 32 is something else
+    bus                   only this bus (channel) of the packets; the words of others are counted as "other_bus"
+
+There is no common standard for words over a serial line, hence the options.  In packets each word has the time of
+their maker, 20 ns or 100 ns fine, since it was switched on; a word that it or the parity calls wrong is counted
+("bus_error", "bad_parity") and nothing more.
+
+Kinds of words: BNR, BCD, and discrete (single bits as flags of a DeviceStatus, small numbers as Reading).  What no
+measurement has a place for is a Reading by name.  Label 377 says who sends: another equipment than the set's is a
+status that is not ok.  Sign/status and what follows from it: ``entry``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fti.config import StrictModel
+from fti.drivers import Counters
+from fti.drivers._framing import Framer
+from fti.drivers._quantities import QUANTITIES
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers.arinc429 import word as wire
+from fti.drivers.arinc429.apmp import Apmp
+from fti.drivers.arinc429.chapter10 import Chapter10
+from fti.drivers.arinc429.entry import Handler, make_entries
+from fti.drivers.arinc429.labels import Label, LabelSet, choose
+from fti.drivers.arinc429.packets import Packets, boot_ns
+from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, words_wanted
+from fti.types import Measurement, Stamp, TimeScale
+
+DOCUMENT = "ARINC 429 part 1 (word) and part 2 (labels); bare words, Alta APMP, IRIG 106-22 chapter 11 type 0x38"
+MESSAGES = dict.fromkeys(QUANTITIES, "BNR or BCD word of this quantity") | {
+    "equipment_id": "label 377: who sends",
+    "other": "a word not enabled",
+    "other_bus": "a word of a bus that is not the configured one",
+    "bad_parity": "a word of a packet in bad parity",
+    "bus_error": "a word that the maker of the packet calls wrong",
+    "bad_status": "an APMP packet whose status is not good",
+    "(other)": "readings, discrete words and fine words by the names of the label set; packet_0x11: of another type",
+}
+CARRIERS = frozenset({"serial", "udp"})
+PACKETS: dict[str, type[Apmp | Chapter10]] = {"apmp": Apmp, "chapter10": Chapter10}
+
+
+class Options(StrictModel):
+    """See above.  ``set``: labels of the equipment, or "none"; ``labels``: further ones, which go before those of the
+    set; ``labels_file``: a file with label sets of your own, whose text then stands in ``labels``."""
+
+    packets: Literal["none", "apmp", "chapter10"] = "none"
+    byte_order: Literal["big", "little"] = "big"
+    label_reversed: bool = True
+    parity: Literal["odd", "even", "none"] = "odd"
+    bus: Annotated[int, Field(ge=0, le=255)] | None = None
+    set: str = "radio_altimeter"
+    labels_file: str | None = None
+    labels: tuple[Label, ...] | str = ()
+
+
+def chosen_labels(options: Options) -> LabelSet:
+    """The labels that are enabled.  Raises ValueError or ConfigError when the set is not there or not right."""
+    if isinstance(options.labels, str):
+        return choose(options.set, options.labels)
+    found = choose(options.set, "")
+    own = {(item.label, item.sdi) for item in options.labels}
+    others = tuple(item for item in found.labels if (item.label, item.sdi) not in own)
+    return found.model_copy(update={"labels": options.labels + others})
+
+
+class Decoder:
+    """Words to measurements."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._options = options
+        self._turned = not options.label_reversed
+        self._handlers: dict[int, list[Handler]] = {}
+        for entry in make_entries(chosen_labels(options)):
+            for handler in entry.handlers():
+                self._handlers.setdefault(wire.label_byte(handler.label), []).append(handler)
+        self._packets: Packets | None = None
+        if options.packets == "none":
+            enabled = sum(1.0 if h.sdi is None else 0.25 for found in self._handlers.values() for h in found)
+            wanted = words_wanted(enabled, options.parity)
+            stream = WordStream(self._word, lambda word: self._handler(word) is not None, options.parity, wanted)
+            self._framer = Framer(stream.measure, self.counters, limit=SEARCH_BYTES)
+        else:
+            self._packets = PACKETS[options.packets]()
+            self._framer = Framer(self._packets.measure, self.counters, limit=self._packets.LIMIT)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for t_rx, frame in self._framer.feed(data, t_rx_ns):
+            if self._packets is None:
+                found += self._take(self._word(frame), Stamp(t_rx))
+            else:
+                found += self._take_packet(self._packets, frame, t_rx)
+        return found
+
+    def _word(self, data: bytes | bytearray) -> int:
+        word = int.from_bytes(data, self._options.byte_order)
+        return wire.turn_label(word) if self._turned else word
+
+    def _take(self, word: int, stamp: Stamp) -> list[Measurement]:
+        handler = self._handler(word)
+        if handler is None:
+            self.counters.messages["other"] += 1
+            return []
+        self.counters.messages[handler.name] += 1
+        return handler.decode(word, stamp)
+
+    def _take_packet(self, packets: Packets, packet: bytes, t_rx_ns: int) -> list[Measurement]:
+        name, words = packets.unpack(packet)
+        if name:
+            self.counters.messages[name] += 1
+        found: list[Measurement] = []
+        for heard in words:
+            word = wire.turn_label(heard.word) if self._turned else heard.word
+            if self._options.bus is not None and heard.bus != self._options.bus:
+                self.counters.messages["other_bus"] += 1
+            elif heard.error:
+                self.counters.messages["bus_error"] += 1
+            elif not wire.is_intact(word, self._options.parity):
+                self.counters.messages["bad_parity"] += 1
+            else:
+                found += self._take(word, Stamp(t_rx_ns, heard.t_dev_ns, TimeScale.BOOT))
+        return found
+
+    def _handler(self, word: int) -> Handler | None:
+        for handler in self._handlers.get(word & 0xFF, ()):
+            if handler.sdi is None or handler.sdi == wire.sdi(word):
+                return handler
+        return None
+
+
+class Encoder:
+    """The equipment's end of the line: for each measurement the words of the enabled labels that carry it.
+
+    Bare words come one by one, packets with all words of the measurement.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._entries = make_entries(chosen_labels(options))
+        self._packets: Packets | None = None if options.packets == "none" else PACKETS[options.packets]()
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        words = [self._ready(word) for entry in self._entries for word in entry.encode(measurement)]
+        if self._packets is None:
+            return [word.to_bytes(WORD_BYTES, self._options.byte_order) for word in words]
+        return [self._packets.pack(words, self._options.bus or 0, boot_ns(measurement.stamp))] if words else []
+
+    def respond(self, data: bytes) -> list[bytes]:
+        return []
+
+    def _ready(self, word: int) -> int:
+        word = word if self._options.parity == "odd" else wire.with_parity(word, self._options.parity)
+        return word if self._options.label_reversed else wire.turn_label(word)
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder.  Raises ValueError when no label is enabled or a set is not there."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder.  Raises ValueError when no label is enabled or a set is not there."""
+    return Encoder(options)

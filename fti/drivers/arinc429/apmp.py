@@ -1,0 +1,75 @@
+"""Alta Passive Monitor packets (APMP) of an Alta Data Technologies ENET-A429, UDP.
+
+Document: AltaCore-ARINC manual, section APMP, which is not public; the layout is that of NCAR NIDAS
+(``raf/AltaEnet.h``, ``raf/UDPArincSensor.cc``), which records it in flight.  Big-endian 32-bit words:
+
+    0  mode, 1 | 4 sequence number | 8 status, low half 0 is good | 12 "ALTA" | 16 3 reserved | 28 payload bytes
+    payload, 32  time of the packet, high and low | 40 IRIG day | 44 IRIG 0 h m s in BCD
+            48   n times 16 bytes:  control | time high | time low | ARINC word
+
+    control bit 31 error, bits 24-27 channel, 16-23 sequence number of the channel; times in steps of 20 ns
+
+A packet has at most 1376 bytes of payload (85 words).  It has no checksum: each word is judged by its own parity.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from fti.drivers._framing import Skip
+from fti.drivers.arinc429.packets import Heard
+
+MAGIC = b"ALTA"
+MAGIC_AT = 12
+MODE = 1
+HEADER = struct.Struct(">3I4s12xI")
+TIMES = struct.Struct(">QII")
+RECORD = struct.Struct(">IQI")
+MAX_PAYLOAD = 1376
+TICK_NS = 20
+ERROR = 1 << 31
+
+
+class Apmp:
+    """Packets of the converter.  Stateful when packing: it counts packets, and words of each channel."""
+
+    LIMIT = HEADER.size + MAX_PAYLOAD
+
+    def __init__(self) -> None:
+        self._packet, self._words = 0, [0] * 16
+
+    def measure(self, buffer: bytearray) -> int | Skip:
+        """See ``_framing``."""
+        at = buffer.find(MAGIC, MAGIC_AT)
+        begin = at - MAGIC_AT if at >= 0 else len(buffer) - MAGIC_AT - len(MAGIC) + 1
+        if begin > 0:
+            return Skip(begin, "no_sync")
+        if at < 0 or len(buffer) < HEADER.size:
+            return 0
+        mode, _, _, _, payload = HEADER.unpack_from(buffer)
+        if mode != MODE:
+            return Skip(1, "bad_mode")
+        if not TIMES.size <= payload <= MAX_PAYLOAD or (payload - TIMES.size) % RECORD.size:
+            return Skip(1, "bad_length")
+        return HEADER.size + payload if len(buffer) >= HEADER.size + payload else 0
+
+    def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
+        """The words; none of a packet whose status is not good."""
+        _, _, status, _, _ = HEADER.unpack_from(packet)
+        if status & 0xFFFF:
+            return "bad_status", []
+        records = RECORD.iter_unpack(packet[HEADER.size + TIMES.size :])
+        return "", [Heard(word, c >> 24 & 0xF, ticks * TICK_NS, bool(c & ERROR)) for c, ticks, word in records]
+
+    def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
+        """A packet with these words, all heard at once."""
+        ticks = t_dev_ns // TICK_NS
+        records = []
+        for word in words:
+            records.append(RECORD.pack((bus & 0xF) << 24 | self._words[bus & 0xF] << 16, ticks, word))
+            self._words[bus & 0xF] = (self._words[bus & 0xF] + 1) & 0xFF
+        payload = TIMES.pack(ticks, 0, 0) + b"".join(records)
+        header = HEADER.pack(MODE, self._packet, 0, MAGIC, len(payload))
+        self._packet = (self._packet + 1) & 0xFFFFFFFF
+        return header + payload

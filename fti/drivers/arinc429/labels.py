@@ -1,0 +1,141 @@
+"""Label sets: which labels an equipment sends and what they mean, as data.
+
+A set is a table of TOML.  Those of ``labels.toml`` are built in; a user's own file (option ``labels_file``) has the
+same form, and its sets go before built-in ones of the same name:
+
+    [my_altimeter]
+    equipment = "007"        # hexadecimal identifier of ARINC 429 part 1, as label 377 carries it; may be left out
+    source = "maker's document, revision, table"
+    labels = [
+        { label = "164", quantity = "radio_height", unit = "ft", range = 8192.0, bits = 16 },
+        { label = "165", quantity = "radio_height", unit = "ft", kind = "bcd", resolution = 0.1 },
+        { label = "270", kind = "discrete", name = "discretes", flags = { self_test = 11, gear_down = 12 },
+          not_ok = ["self_test"], fields = { mode = [13, 15] } },
+    ]
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+import tomllib
+from functools import cache
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from fti.config import StrictModel, bind
+from fti.drivers._quantities import QUANTITIES, to_si
+from fti.drivers.arinc429.word import BNR_BITS_BESIDE_SDI, DISCRETE_HIGH, DISCRETE_LOW
+
+Bit = Annotated[int, Field(ge=DISCRETE_LOW, le=DISCRETE_HIGH)]
+Octal = Annotated[str, Field(pattern=r"^[0-3][0-7]{2}$")]
+Positive = Annotated[float, Field(gt=0)]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+EQUIPMENT_LABEL = "377"
+
+
+class Label(StrictModel):
+    """One enabled label.
+
+    label      : octal digits; sdi : only this source; without it, any
+    quantity   : what it measures, see ``_quantities``; or reading : the name of a ``Reading`` of your own
+    unit       : of the wire; range [unit] and bits of a BNR word; resolution [unit] of a BCD word's last digit
+    sign       : -1 where this equipment counts the other way
+    fine_label : this label carries the top of the number and that one the next ``fine_bits`` bits of it
+    steps      : the instrument quantises; its step at the value gives the sigma
+    name       : of a discrete word; flags : {condition: bit}; not_ok : conditions that make the equipment not ok;
+                 fields : {name of a Reading: [lowest bit, highest bit]}
+    """
+
+    label: Octal
+    kind: Literal["bnr", "bcd", "discrete"] = "bnr"
+    sdi: Annotated[int, Field(ge=0, le=3)] | None = None
+    quantity: str = ""
+    reading: Name | Literal[""] = ""
+    unit: str = ""
+    range: Positive | None = None
+    bits: Annotated[int, Field(ge=1, le=20)] | None = None
+    resolution: Positive | None = None
+    sign: Literal[1, -1] = 1
+    fine_label: Octal | None = None
+    fine_bits: Annotated[int, Field(ge=1, le=18)] = 11
+    steps: Literal["freeflight_ra4500"] | None = None
+    name: Name | Literal[""] = ""
+    flags: dict[Name, Bit] = Field(default_factory=dict)
+    not_ok: tuple[str, ...] = ()
+    fields: dict[Name, tuple[Bit, Bit]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        wrong = self._wrong_discrete() if self.kind == "discrete" else self._wrong_name() or self._wrong_number()
+        if wrong:
+            raise ValueError(f"label {self.label}: {wrong}")
+        return self
+
+    def _wrong_discrete(self) -> str:
+        if not self.name or not (self.flags or self.fields):
+            return "a discrete word needs a name, and flags or fields"
+        if unknown := set(self.not_ok) - set(self.flags):
+            return f"not_ok names {', '.join(sorted(unknown))}; flags are {', '.join(self.flags) or 'none'}"
+        if backward := [name for name, (low, high) in self.fields.items() if low > high]:
+            return f"field {backward[0]}: the lowest bit comes first"
+        return ""
+
+    def _wrong_name(self) -> str:
+        if bool(self.quantity) == bool(self.reading):
+            return "give either quantity or reading"
+        if self.quantity and self.quantity not in QUANTITIES:
+            return f"no quantity {self.quantity!r}; there are {', '.join(QUANTITIES)}; or give a reading"
+        if self.quantity:
+            to_si(self.quantity, self.unit)
+        if self.steps and self.quantity != "radio_height":
+            return "steps are those of a radio_height"
+        return ""
+
+    def _wrong_number(self) -> str:
+        if self.kind == "bcd":
+            return "" if self.resolution is not None else "a BCD word needs resolution"
+        if self.range is None or self.bits is None:
+            return "a BNR word needs range and bits"
+        if self.sdi is not None and self.bits > BNR_BITS_BESIDE_SDI:
+            return f"a word of {self.bits} bits has no room for an sdi"
+        return ""
+
+
+class LabelSet(StrictModel):
+    """The labels of one equipment.  equipment : hexadecimal identifier; source : where the table is from."""
+
+    equipment: Annotated[str, Field(pattern=r"^[0-9A-F]{3}$")] | None = None
+    source: str = ""
+    labels: tuple[Label, ...]
+
+
+def read_sets(text: str, file: str) -> dict[str, LabelSet]:
+    """The sets of a TOML text by name.  Raises ValueError or ConfigError naming file, key and what is allowed."""
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{file}: is no TOML: {error}") from None
+    for name, table in tables.items():
+        if not isinstance(table, dict):
+            raise ValueError(f"{file}: {name}: must be a table with labels, [{name}]")
+    return {name: bind(LabelSet, table, file, name) for name, table in tables.items()}
+
+
+@cache
+def built_in() -> dict[str, LabelSet]:
+    """The sets that come with the program, by name."""
+    text = importlib.resources.files(__package__).joinpath("labels.toml").read_text(encoding="utf-8")
+    return read_sets(text, "arinc429/labels.toml")
+
+
+def choose(name: str, own_text: str) -> LabelSet:
+    """A set by name, of the user's text or built in; "none" is empty.  Raises ValueError naming those that exist."""
+    if name == "none":
+        return LabelSet(labels=())
+    own = read_sets(own_text, "labels_file") if own_text else {}
+    if found := own.get(name) or built_in().get(name):
+        return found
+    mine = f"; in labels_file: {', '.join(own)}" if own else ""
+    raise ValueError(f"set {name!r}: there is no such set; built in: {', '.join(built_in())}, none{mine}")
