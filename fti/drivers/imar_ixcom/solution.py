@@ -1,151 +1,212 @@
-"""INSSOL: the navigation solution."""
+"""INSSOL and the messages that carry a part of it.
+
+INSSOL 0x03, 72 B    0 accel_b 3f [m/s^2] | 12 gyro_b 3f [rad/s] | 24 roll pitch yaw 3f [rad] | 36 velocity 3f [m/s]
+                     48 longitude d [rad] | 56 latitude d [rad]  | 64 altitude f [m] | 68 undulation i16 [cm]
+                     70 data selection u16
+INSRPY 0x04, 12 B    0 roll pitch yaw 3f [rad]
+INSVELNED 0x07, INSVELENU 0x23, 12 B    0 velocity 3f [m/s]
+INSPOSLLH 0x0A, 20 B    0 longitude d [rad] | 8 latitude d [rad] | 16 height f [m] above WGS84
+INSGNDSPEED 0x13, 12 B    0 ground speed f [m/s] | 4 course f [rad] | 8 velocity down f [m/s]
+
+data selection  bit 0 raw, 1 corrected, 2 gravity-free IMU data; velocity 3 NED, 4 ENU, 5 ECEF, 6 body;
+                altitude 7 WGS84, 8 MSL, 9 barometric; 10 longitude and latitude; 15 angles after DIN 70000
+"""
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 
-from fti.drivers._times import SECOND_NS, gps_ns
 from fti.drivers._units import wrap_heading
-from fti.drivers.imar_ixcom.status import ALIGNED, ERRORS, POSITION_GOOD, decode_status
-from fti.drivers.imar_ixcom.wire import FOOTER, HEADER
-from fti.types import (
-    Attitude,
-    DeviceStatus,
-    ImuSample,
-    Measurement,
-    Position,
-    PressureAltitude,
-    Stamp,
-    TimeScale,
-    Velocity,
+from fti.drivers.imar_ixcom.deviations import Deviations
+from fti.drivers.imar_ixcom.heard import Heard
+from fti.drivers.imar_ixcom.inertial import decode_imu, encode_imu
+from fti.drivers.imar_ixcom.readings import finite, or_nan
+from fti.drivers.imar_ixcom.selection import (
+    ALT_BARO,
+    ALT_MSL,
+    ALT_WGS84,
+    LON_LAT,
+    RPY_DIN70000,
+    USUAL,
+    VEL_BODY,
+    VEL_ECEF,
 )
+from fti.drivers.imar_ixcom.turning import VELOCITY_FRAMES, Triple
+from fti.drivers.imar_ixcom.wire import Frame
+from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
-INSSOL_ID = 0x03
-
-IMU_RAW, IMU_CORRECTED, IMU_GRAVITY_FREE = 1 << 0, 1 << 1, 1 << 2
-VEL_NED, VEL_ENU, VEL_ECEF, VEL_BODY = 1 << 3, 1 << 4, 1 << 5, 1 << 6
-ALT_WGS84, ALT_MSL, ALT_BARO = 1 << 7, 1 << 8, 1 << 9
-LON_LAT = 1 << 10
-RPY_DIN70000 = 1 << 15
-
-Triple = tuple[float, float, float]
+THREE = struct.Struct("<3f")
+POSITION = struct.Struct("<ddf")
+Place = tuple[float | None, float | None, float | None]  # lat, lon, alt
+LOST = THREE.pack(math.nan, math.nan, math.nan)
 
 
-def _from_ned(vel: Triple, rpy: Triple, lat: float, lon: float) -> Triple:
-    return vel
+# ------------------------------------------------------------------------------------------------------ decoding
 
 
-def _from_enu(vel: Triple, rpy: Triple, lat: float, lon: float) -> Triple:
-    east, north, up = vel
-    return north, east, -up
+def decode_inssol(frame: Frame, heard: Heard) -> list[Measurement]:
+    """Inertial sample, attitude, velocity, position."""
+    v = INSSOL.unpack(frame.payload)
+    selection, sd = v[16] or heard.options.data_selection, heard.deviations(frame.stamp)
+    angles_known = not selection & RPY_DIN70000 and finite(*v[6:9])
+    found: list[Measurement] = [*decode_imu(frame.stamp, v[0:3], v[3:6], selection)]
+    if angles_known:
+        found.append(_attitude(frame, v[6:9], sd))
+    if ned := _north_east_down(v, selection, angles_known):
+        found.append(_velocity(frame, ned, sd))
+    return found + _places(frame, v, selection, sd)
 
 
-def _from_ecef(vel: Triple, rpy: Triple, lat: float, lon: float) -> Triple:
-    x, y, z = vel
-    outward = math.cos(lon) * x + math.sin(lon) * y  # away from the axis of the Earth
-    north = -math.sin(lat) * outward + math.cos(lat) * z
-    down = -math.cos(lat) * outward - math.sin(lat) * z
-    return north, -math.sin(lon) * x + math.cos(lon) * y, down
+def _attitude(frame: Frame, rpy: Triple, sd: Deviations) -> Attitude:
+    roll, pitch, yaw = rpy
+    return Attitude(
+        stamp=frame.stamp,
+        roll=roll,
+        pitch=pitch,
+        heading=wrap_heading(yaw),
+        roll_sd=sd.roll(pitch, yaw),
+        pitch_sd=sd.pitch(yaw),
+        heading_sd=sd.heading,
+        valid=frame.footer.aligned,
+    )
 
 
-def _from_body(vel: Triple, rpy: Triple, lat: float, lon: float) -> Triple:
-    """mat_nb of roll, pitch, heading times vel_b."""
-    (forward, right, below), (roll, pitch, heading) = vel, rpy
-    side = math.cos(roll) * right - math.sin(roll) * below
-    under = math.sin(roll) * right + math.cos(roll) * below
-    ahead = math.cos(pitch) * forward + math.sin(pitch) * under
-    down = -math.sin(pitch) * forward + math.cos(pitch) * under
-    north = math.cos(heading) * ahead - math.sin(heading) * side
-    return north, math.sin(heading) * ahead + math.cos(heading) * side, down
+def _velocity(frame: Frame, ned: Triple, sd: Deviations) -> Velocity:
+    return Velocity(
+        stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.aligned
+    )
 
 
-VELOCITY_FRAMES: tuple[tuple[int, Callable[[Triple, Triple, float, float], Triple]], ...] = (
-    (VEL_NED, _from_ned),
-    (VEL_ENU, _from_enu),
-    (VEL_ECEF, _from_ecef),
-    (VEL_BODY, _from_body),
-)
-
-
-def decode_inssol(frame: bytes, t_rx_ns: int, if_zero: int) -> list[Measurement]:
-    """The measurements of one INSSOL frame; if_zero : the data selection meant by 0."""
-    week, seconds, micros = HEADER.unpack_from(frame)[5:]
-    v = INSSOL.unpack_from(frame, HEADER.size)
-    flags = decode_status(FOOTER.unpack_from(frame, len(frame) - FOOTER.size)[0])
-    stamp = Stamp(t_rx_ns, gps_ns(week, seconds * SECOND_NS + micros * 1000), TimeScale.GPS)
-    selection, ok = v[16] or if_zero, ERRORS.isdisjoint(flags)
-    aligned = ok and not ALIGNED.isdisjoint(flags)
-    found: list[Measurement | None] = [
-        DeviceStatus(stamp=stamp, ok=ok, flags=flags),
-        _imu(stamp, v[0:3], v[3:6], selection),
-        _attitude(stamp, v[6:9], selection, aligned),
-        _velocity(stamp, v, selection, aligned),
-        *_position(stamp, v[12:16], selection, ok and not POSITION_GOOD.isdisjoint(flags)),
-    ]
-    return [m for m in found if m is not None]
-
-
-def _finite(*values: float) -> bool:
-    return all(map(math.isfinite, values))
-
-
-def _imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> ImuSample | None:
-    if selection & IMU_GRAVITY_FREE or not _finite(*accel, *gyro):
+def _north_east_down(v: tuple[float, ...], selection: int, angles_known: bool) -> Triple | None:
+    """The velocity of INSSOL; None where there is none, or what turns it is not known."""
+    lon, lat = v[12:14]
+    if not finite(*v[9:12]):
         return None
-    return ImuSample(stamp=stamp, accel_b=accel, gyro_b=gyro)
+    for bit, turn in VELOCITY_FRAMES:
+        if selection & bit:
+            known = finite(lon, lat) if bit == VEL_ECEF else bit != VEL_BODY or angles_known
+            return turn((v[9], v[10], v[11]), (v[6], v[7], v[8]), lat, lon) if known else None
+    return None
 
 
-def _attitude(stamp: Stamp, rpy: Triple, selection: int, valid: bool) -> Attitude | None:
-    if selection & RPY_DIN70000 or not _finite(*rpy):
-        return None
-    return Attitude(stamp=stamp, roll=rpy[0], pitch=rpy[1], heading=wrap_heading(rpy[2]), valid=valid)
-
-
-def _velocity(stamp: Stamp, v: tuple[float, ...], selection: int, valid: bool) -> Velocity | None:
-    rpy, vel, lon, lat = (v[6], v[7], v[8]), (v[9], v[10], v[11]), v[12], v[13]
-    to_ned = next((turn for bit, turn in VELOCITY_FRAMES if selection & bit), None)
-    if to_ned is None or not _finite(*vel):
-        return None
-    if to_ned is _from_ecef and not _finite(lon, lat):
-        return None
-    if to_ned is _from_body and (selection & RPY_DIN70000 or not _finite(*rpy)):
-        return None
-    north, east, down = to_ned(vel, rpy, lat, lon)
-    return Velocity(stamp=stamp, north=north, east=east, down=down, valid=valid)
-
-
-def _position(stamp: Stamp, v: tuple[float, ...], selection: int, valid: bool) -> list[Measurement]:
-    lon, lat, altitude, centimetres = v
-    height = altitude if _finite(altitude) else None
-    undulation = centimetres / 100 if centimetres else None
-    known = selection & LON_LAT and _finite(lon, lat)
-    here = {"lat": lat, "lon": lon} if known else {}
-    if selection & ALT_WGS84 and height is not None:
-        here |= {"alt": height} | ({"alt_msl": height - undulation} if undulation is not None else {})
-    elif selection & ALT_MSL and height is not None:
-        here |= {"alt_msl": height} | ({"alt": height + undulation} if undulation is not None else {})
+def _places(frame: Frame, v: tuple[float, ...], selection: int, sd: Deviations) -> list[Measurement]:
+    """The position of INSSOL, and its altitude where that is barometric."""
+    height, undulation = v[14] if finite(v[14]) else None, v[15] / 100 if v[15] else None
+    alt = alt_msl = None
+    if selection & ALT_WGS84:
+        alt, alt_msl = height, None if height is None or undulation is None else height - undulation
+    elif selection & ALT_MSL:
+        alt, alt_msl = None if height is None or undulation is None else height + undulation, height
     found: list[Measurement] = []
-    if here:
-        found.append(Position(stamp=stamp, undulation=undulation, valid=valid, **here))
+    placed = selection & LON_LAT and finite(*v[12:14])
+    if placed or alt is not None or alt_msl is not None:
+        lon, lat = v[12:14] if placed else (None, None)
+        found.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
     if selection & ALT_BARO and height is not None:
-        found.append(PressureAltitude(stamp=stamp, alt_press=height, valid=valid))
+        found.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.placed))
     return found
+
+
+def _position(
+    frame: Frame, place: Place, sd: Deviations, alt_msl: float | None = None, undulation: float | None = None
+) -> Position:
+    return Position(
+        stamp=frame.stamp,
+        lat=place[0],
+        lon=place[1],
+        alt=place[2],
+        alt_msl=alt_msl,
+        undulation=undulation,
+        horizontal_sd=sd.horizontal,
+        vertical_sd=sd.vertical,
+        valid=frame.footer.placed,
+    )
+
+
+def decode_insrpy(frame: Frame, heard: Heard) -> list[Measurement]:
+    """The attitude."""
+    rpy = THREE.unpack(frame.payload)
+    return [_attitude(frame, rpy, heard.deviations(frame.stamp))] if finite(*rpy) else []
+
+
+def decode_insvelned(frame: Frame, heard: Heard) -> list[Measurement]:
+    """The velocity, sent in north, east, down."""
+    ned = THREE.unpack(frame.payload)
+    return [_velocity(frame, ned, heard.deviations(frame.stamp))] if finite(*ned) else []
+
+
+def decode_insvelenu(frame: Frame, heard: Heard) -> list[Measurement]:
+    """The velocity, sent in east, north, up."""
+    east, north, up = THREE.unpack(frame.payload)
+    return [_velocity(frame, (north, east, -up), heard.deviations(frame.stamp))] if finite(north, east, up) else []
+
+
+def decode_insgndspeed(frame: Frame, heard: Heard) -> list[Measurement]:
+    """The velocity as ground speed and track."""
+    speed, course, down = THREE.unpack(frame.payload)
+    if not finite(speed, course, down):
+        return []
+    sd = heard.deviations(frame.stamp).velocity
+    track = wrap_heading(course)
+    valid = frame.footer.aligned
+    return [Velocity(stamp=frame.stamp, ground_speed=speed, track=track, down=down, sd=sd, valid=valid)]
+
+
+def decode_insposllh(frame: Frame, heard: Heard) -> list[Measurement]:
+    """The position."""
+    lon, lat, height = POSITION.unpack(frame.payload)
+    if not finite(lon, lat):
+        return []
+    alt = height if math.isfinite(height) else None
+    return [_position(frame, (lat, lon, alt), heard.deviations(frame.stamp))]
+
+
+# ------------------------------------------------------------------------------------------------------ encoding
 
 
 def encode_inssol(
     imu: ImuSample | None, attitude: Attitude | None, velocity: Velocity | None, position: Position
 ) -> bytes:
-    """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED."""
-    lost = (math.nan, math.nan, math.nan)
-    accel = (imu and imu.accel_b) or lost
-    gyro = (imu and imu.gyro_b) or lost
-    rpy = (attitude.roll, attitude.pitch, attitude.heading) if attitude else lost
-    vel = (velocity.north, velocity.east, velocity.down) if velocity else lost
+    """Payload of INSSOL; the altitude is WGS84 where it is known, else MSL; the velocity NED; NaN what is missing."""
     altitude = position.alt_msl if position.alt is None else position.alt
-    height_bit = ALT_MSL if position.alt is None and position.alt_msl is not None else ALT_WGS84
+    by_msl = position.alt is None and position.alt_msl is not None
+    selection = USUAL & ~ALT_WGS84 | ALT_MSL if by_msl else USUAL
     undulation = max(-32768, min(32767, round((position.undulation or 0.0) * 100)))
-    reals = [math.nan if x is None else x for x in (*accel, *gyro, *rpy, *vel, position.lon, position.lat, altitude)]
-    return INSSOL.pack(*reals, undulation, IMU_CORRECTED | VEL_NED | height_bit | LON_LAT)
+    return b"".join((
+        encode_imu(imu) if imu else LOST * 2,
+        encode_rpy(attitude) if attitude else LOST,
+        encode_ned(velocity) if velocity else LOST,
+        POSITION.pack(or_nan(position.lon), or_nan(position.lat), or_nan(altitude)),
+        struct.pack("<hH", undulation, selection),
+    ))  # fmt: skip
+
+
+def encode_rpy(attitude: Attitude) -> bytes:
+    """Payload of INSRPY."""
+    return THREE.pack(or_nan(attitude.roll), or_nan(attitude.pitch), or_nan(attitude.heading))
+
+
+def encode_ned(velocity: Velocity) -> bytes:
+    """Payload of INSVELNED."""
+    return THREE.pack(or_nan(velocity.north), or_nan(velocity.east), or_nan(velocity.down))
+
+
+def encode_enu(velocity: Velocity) -> bytes:
+    """Payload of INSVELENU."""
+    return THREE.pack(or_nan(velocity.east), or_nan(velocity.north), -or_nan(velocity.down))
+
+
+def encode_llh(position: Position) -> bytes:
+    """Payload of INSPOSLLH."""
+    return POSITION.pack(or_nan(position.lon), or_nan(position.lat), or_nan(position.alt))
+
+
+def encode_gndspeed(velocity: Velocity) -> bytes:
+    """Payload of INSGNDSPEED; ground speed and track from north and east where only these are known."""
+    speed, track = velocity.ground_speed, velocity.track
+    if speed is None and velocity.north is not None and velocity.east is not None:
+        speed = math.hypot(velocity.north, velocity.east)
+        track = wrap_heading(math.atan2(velocity.east, velocity.north))
+    return THREE.pack(or_nan(speed), or_nan(track), or_nan(velocity.down))

@@ -1,17 +1,30 @@
-"""Frames of iXCOM: header, footer, checksum; see the package's docstring."""
+"""Frames of iXCOM: header, footer, checksum; the table is in the package's docstring."""
 
 from __future__ import annotations
 
 import binascii
 import struct
+from typing import NamedTuple
 
 from fti.drivers._framing import Skip, skip_to
-from fti.drivers._times import SECOND_NS, gps_week
+from fti.drivers._times import SECOND_NS, gps_ns, gps_week
+from fti.drivers.imar_ixcom.status import Footer, decode_footer
+from fti.types import Stamp, TimeScale
 
 SYNC = b"\x7e"
 HEADER = struct.Struct("<BBBBHHII")
 FOOTER = struct.Struct("<HH")
 FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER.size, 4096
+
+
+class Frame(NamedTuple):
+    """A whole, checked frame."""
+
+    number: int
+    counter: int
+    stamp: Stamp
+    payload: bytes
+    footer: Footer
 
 
 def measure(buffer: bytearray) -> int | Skip:
@@ -29,11 +42,20 @@ def measure(buffer: bytearray) -> int | Skip:
     return length if good else Skip(1, "bad_checksum")
 
 
-def encode_frame(message_id: int, counter: int, t_gps_ns: int, status: int, payload: bytes) -> bytes:
+def read_frame(data: bytes, t_rx_ns: int) -> Frame:
+    """The parts of a frame that ``measure`` let pass; without a device time while GNSS has not set the clock."""
+    _, number, counter, _, _, week, seconds, micros = HEADER.unpack_from(data)
+    footer = decode_footer(FOOTER.unpack_from(data, len(data) - FOOTER.size)[0])
+    t_gps_ns = gps_ns(week, seconds * SECOND_NS + micros * 1000)
+    stamp = Stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.timed else Stamp(t_rx_ns)
+    return Frame(number, counter, stamp, data[HEADER.size : -FOOTER.size], footer)
+
+
+def encode_frame(number: int, counter: int, t_gps_ns: int, status: int, payload: bytes) -> bytes:
     """Any frame of the protocol.  t_gps_ns : GPS time [ns]; status : the footer's word."""
     week, in_week_ns = gps_week(t_gps_ns + 500)  # to the nearest microsecond
     seconds, rest_ns = divmod(in_week_ns, SECOND_NS)
     length = HEADER.size + len(payload) + FOOTER.size
-    body = HEADER.pack(SYNC[0], message_id, counter & 0xFF, 0, length, week & 0xFFFF, seconds, rest_ns // 1000)
+    body = HEADER.pack(SYNC[0], number, counter & 0xFF, 0, length, week & 0xFFFF, seconds, rest_ns // 1000)
     body += payload + status.to_bytes(2, "little")
     return body + binascii.crc_hqx(body, 0).to_bytes(2, "little")

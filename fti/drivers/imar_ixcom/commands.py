@@ -1,0 +1,257 @@
+"""What the system is told, and how it answers.
+
+    COMMAND 0xFD    0 command u16 | 2 specific u16, 0 | 4 its arguments
+    0 LOG      message u8 | trigger u8: 0 synchronous, 1 event, 2 polled | 0 add, 3 clear, 4 clear all u16 | divider u16
+    3 CONF     0 save u32
+    4 EKF      0 align, 1 save position, 2 save heading, 5 alignment complete u16 | number of arguments u16
+    5 XCOM     0 close, 1 open, 2 reboot u16 | channel u16
+    7 EXTAID   time d [s] | time mode u16: 0 GPS second of the week, 1 latency | 6 height u16 | height d | sd d [m]
+
+    PARAMETER 0xFF  0 parameter u16 | 2 reserved u8 | 3 action u8: 0 change | 4 its value
+    803 PARDAT_SYSSTAT    mode of SYSSTAT u32
+
+    RESPONSE 0xFE   0 response u16, 0 is OK | 2 length u16 | 4 text
+
+The system answers every command and parameter with a RESPONSE that repeats the frame counter of the question; so each
+command has a counter of its own, and the answer says to which it belongs.  EXTHEIGHT is a message, not a command:
+nobody answers it.  The way of the maker's package to aid with a height is ``aid_height``, which is answered.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+from fti.drivers import Command
+from fti.drivers.imar_ixcom.options import CHANNELS, NUMBERS, REQUESTABLE, Options, check_name
+from fti.drivers.imar_ixcom.surroundings import encode_extheight
+from fti.drivers.imar_ixcom.wire import Frame, encode_frame
+from fti.types import Ack
+
+LOG, CONF, EKF, XCOM, EXTAID = 0, 3, 4, 5, 7
+ADD, CLEAR, CLEAR_ALL = 0, 3, 4
+SYNCHRONOUS, EVENT, POLLED = 0, 1, 2
+CLOSE, OPEN, REBOOT = 0, 1, 2
+EVENT_DIVIDER = 500  # some messages refuse 1, says the maker's package, although it means nothing here
+PARDAT_SYSSTAT = 803
+HEIGHT_AIDING, ABSOLUTE, LATENCY = 6, 0, 1
+WEEK_S = 604_800.0
+RESPONSES = (
+    "ok", "invalid parameter", "invalid checksum", "invalid log", "invalid rate", "invalid port", "invalid command",
+    "invalid id", "invalid channel", "out of range", "log exists", "invalid trigger", "internal error",
+    "path exists", "uart buffer overflow", "stored value has not been set", "magnetometer error in alignment",
+    "configuration error", "parameter cannot be changed", "gnss port already in use", "user-defined message",
+    "recorder not running", "invalid length", "not implemented", "deprecated", "invalid plugin", "command rejected",
+    "too many logs",
+)  # fmt: skip
+RESPONSE = struct.Struct("<HH")
+FIRST_COUNTER = 0x80
+
+Payload = tuple[int, bytes]  # number of the message, payload
+
+
+def log(message: int, trigger: int, action: int, divider: int) -> Payload:
+    """The LOG command."""
+    return NUMBERS["COMMAND"], struct.pack("<HHBBHH", LOG, 0, message, trigger, action, divider)
+
+
+def request(name: str, divider: int) -> Payload:
+    """Ask for a message: each ``divider``-th sample of navigation, or whenever there is something new (0)."""
+    if divider:
+        return log(REQUESTABLE[name], SYNCHRONOUS, ADD, divider)
+    return log(REQUESTABLE[name], EVENT, ADD, EVENT_DIVIDER)
+
+
+def xcom(mode: int, channel: int) -> Payload:
+    """The XCOM command."""
+    return NUMBERS["COMMAND"], struct.pack("<HHHH", XCOM, 0, mode, channel)
+
+
+def ekf(subcommand: int) -> Payload:
+    """The EKF command."""
+    return NUMBERS["COMMAND"], struct.pack("<HHHH", EKF, 0, subcommand, 0)
+
+
+# ----------------------------------------------------------------------------------------------------- arguments
+
+
+class Arguments:
+    """The arguments of a command, each to be asked for by name.  Raises ValueError."""
+
+    def __init__(self, command: str, given: Mapping[str, str], allowed: Mapping[str, str]) -> None:
+        self._command, self._given, self._allowed = command, given, allowed
+        for name in given:
+            if name not in allowed:
+                raise ValueError(f"{command}: there is no argument {name!r}; it takes {', '.join(allowed) or 'none'}")
+
+    def text(self, name: str) -> str:
+        """An argument as it stands."""
+        if name not in self._given:
+            raise ValueError(f"{self._command}: {name} is missing; it is {self._allowed[name]}")
+        return self._given[name]
+
+    def real(self, name: str, low: float, high: float, default: float | None = None) -> float:
+        """A number in [low, high]."""
+        if default is not None and name not in self._given:
+            return default
+        text = self.text(name)
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise ValueError(f"{self._command}: {name} = {text!r}: must be a number from {low:g} to {high:g}")
+        return value
+
+    def whole(self, name: str, low: int, high: int, default: int | None = None) -> int:
+        """A whole number in [low, high]."""
+        value = self.real(name, low, high, default)
+        if not value.is_integer():
+            raise ValueError(f"{self._command}: {name} = {value:g}: must be a whole number from {low} to {high}")
+        return int(value)
+
+    def message(self) -> int:
+        """The number of the message that is named."""
+        try:
+            return REQUESTABLE[check_name(self.text("message"))]
+        except ValueError as error:
+            raise ValueError(f"{self._command}: {error}") from None
+
+    def optional(self, name: str, low: float, high: float) -> float | None:
+        """A number in [low, high], or None when it is not given."""
+        return self.real(name, low, high) if name in self._given else None
+
+
+def _request(arguments: Arguments) -> Payload:
+    arguments.message()
+    return request(arguments.text("message"), arguments.whole("divider", 0, 0xFFFF, 1))
+
+
+def _external_height(arguments: Arguments) -> Payload:
+    height, sd = arguments.real("height", -1000.0, 100_000.0), arguments.real("sd", 1e-3, 10_000.0)
+    return NUMBERS["EXTHEIGHT"], encode_extheight(height, sd, arguments.real("time", 0.0, WEEK_S, 0.0))
+
+
+def _aid_height(arguments: Arguments) -> Payload:
+    height, sd = arguments.real("height", -1000.0, 100_000.0), arguments.real("sd", 1e-3, 10_000.0)
+    time = arguments.optional("time", 0.0, WEEK_S)
+    mode, seconds = (LATENCY, 0.0) if time is None else (ABSOLUTE, time)
+    return NUMBERS["COMMAND"], struct.pack("<HHdHHdd", EXTAID, 0, seconds, mode, HEIGHT_AIDING, height, sd)
+
+
+def _status_words(arguments: Arguments) -> Payload:
+    mode = arguments.whole("mode", 0, 0x3FF)
+    return NUMBERS["PARAMETER"], struct.pack("<HBBI", PARDAT_SYSSTAT, 0, 0, mode)
+
+
+# ------------------------------------------------------------------------------------------------------ the table
+
+
+class Order(NamedTuple):
+    """A command and how its frame is made."""
+
+    command: Command
+    make: Callable[[Arguments], Payload]
+
+
+MESSAGE = {"message": "name of the message, like INSSOL"}
+CHANNEL = {"channel": "logical channel, 0 to 31; default 0"}
+HEIGHT = {"height": "above the WGS84 ellipsoid [m], -1000 to 100000", "sd": "one sigma of it [m], 0.001 to 10000"}
+
+ORDERS = {
+    "external_height": Order(
+        Command(
+            "aid the navigation with a height, as the message EXTHEIGHT",
+            HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default 0: not said"},
+            answered=False,
+        ),
+        _external_height,
+    ),
+    "aid_height": Order(
+        Command(
+            "aid the navigation with a height, as the command EXTAID",
+            HEIGHT | {"time": "when it was true, GPS second of the week [s], 0 to 604800; default: now"},
+        ),
+        _aid_height,
+    ),
+    "open_channel": Order(
+        Command("open a logical channel, without which nothing is sent", CHANNEL),
+        lambda a: xcom(OPEN, a.whole("channel", 0, CHANNELS - 1, 0)),
+    ),
+    "close_channel": Order(
+        Command("close a logical channel", CHANNEL), lambda a: xcom(CLOSE, a.whole("channel", 0, CHANNELS - 1, 0))
+    ),
+    "request_message": Order(
+        Command(
+            "ask for a message from now on",
+            MESSAGE | {"divider": "of the rate of navigation, 1 to 65535; 0: when there is something new; default 1"},
+        ),
+        _request,
+    ),
+    "poll_message": Order(
+        Command("ask for a message once", MESSAGE), lambda a: log(a.message(), POLLED, ADD, EVENT_DIVIDER)
+    ),
+    "stop_message": Order(
+        Command("ask for a message no longer", MESSAGE), lambda a: log(a.message(), SYNCHRONOUS, CLEAR, 1)
+    ),
+    "stop_all_messages": Order(
+        Command("ask for no message any longer"), lambda a: log(NUMBERS["INSSOL"], SYNCHRONOUS, CLEAR_ALL, 1)
+    ),
+    "status_words": Order(
+        Command(
+            "choose what SYSSTAT carries",
+            {
+                "mode": "sum of 1 IMU, 2 GNSS, 4 magnetometer, 8 air data, 16 filter, 32 filter general, "
+                "64 additional, 128 service, 256 remaining alignment time, 512 second system word; 0 to 1023"
+            },
+        ),
+        _status_words,
+    ),
+    "align": Order(Command("begin a new alignment; not in flight"), lambda a: ekf(0)),
+    "complete_alignment": Order(Command("end the stationary alignment: motion is allowed then"), lambda a: ekf(5)),
+    "save_position": Order(Command("store the position for the next start"), lambda a: ekf(1)),
+    "save_heading": Order(Command("store the heading for the next start"), lambda a: ekf(2)),
+    "save_configuration": Order(
+        Command("store the configuration for the next start"),
+        lambda a: (NUMBERS["COMMAND"], struct.pack("<HHI", CONF, 0, 0)),
+    ),
+    "reboot": Order(Command("restart the system; not in flight"), lambda a: xcom(REBOOT, 0)),
+}
+COMMANDS: Mapping[str, Command] = {name: order.command for name, order in ORDERS.items()}
+NAMES_OF_COUNTERS = {FIRST_COUNTER + i: name for i, name in enumerate(ORDERS)}
+COUNTERS = {name: counter for counter, name in NAMES_OF_COUNTERS.items()}
+
+
+def order_frame(name: str, payload: Payload) -> bytes:
+    """The frame of a command."""
+    return encode_frame(payload[0], COUNTERS[name], 0, 0, payload[1])
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The bytes of a command.  Raises ValueError naming what is allowed."""
+    if name not in ORDERS:
+        raise ValueError(f"there is no command {name!r}; there are {', '.join(ORDERS)}")
+    order = ORDERS[name]
+    return order_frame(name, order.make(Arguments(name, args, order.command.arguments)))
+
+
+def on_connect(options: Options) -> Sequence[bytes]:
+    """Open the channel, forget what was asked for before, ask for the logs; nothing unless ``ask`` is set."""
+    if not options.ask:
+        return []
+    asked = [("request_message", request(name, divider)) for name, divider in options.logs.items()]
+    begun = [("open_channel", xcom(OPEN, options.channel)), ("stop_all_messages", log(3, SYNCHRONOUS, CLEAR_ALL, 1))]
+    return [order_frame(name, payload) for name, payload in begun + asked]
+
+
+def decode_response(frame: Frame) -> Ack | None:
+    """The answer to a command; None when the frame is too short for one."""
+    if len(frame.payload) < RESPONSE.size:
+        return None
+    number = RESPONSE.unpack_from(frame.payload)[0]
+    meaning = RESPONSES[number] if number < len(RESPONSES) else f"response {number}"
+    text = frame.payload[RESPONSE.size :].decode("ascii", "replace").strip("\0 \r\n")
+    detail = f"{meaning}: {text}" if text else meaning
+    return Ack(stamp=frame.stamp, command=NAMES_OF_COUNTERS.get(frame.counter, ""), accepted=number == 0, detail=detail)

@@ -1,0 +1,196 @@
+"""The emulated device: measurements to frames, commands to responses."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from fti.drivers import Counters
+from fti.drivers._framing import Framer
+from fti.drivers._times import device_time_ns
+from fti.drivers.imar_ixcom import commands, inertial, satellites, solution, surroundings, sysstat
+from fti.drivers.imar_ixcom.commands import RESPONSE, RESPONSES
+from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS
+from fti.drivers.imar_ixcom.latest import Latest
+from fti.drivers.imar_ixcom.options import CHANNELS, NAMES, NUMBERS, Options
+from fti.drivers.imar_ixcom.readings import encode_items
+from fti.drivers.imar_ixcom.status import ALIGNMENT, QUALITY, encode_status
+from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, encode_frame, measure, read_frame
+from fti.types import (
+    Airspeed,
+    Attitude,
+    DeviceStatus,
+    ImuSample,
+    MagneticField,
+    Measurement,
+    Position,
+    Reading,
+    Satellites,
+    Stamp,
+    TimeScale,
+    Velocity,
+)
+
+Make = Callable[[Any, Latest], bytes]
+
+
+def _inssol(position: Position, latest: Latest) -> bytes:
+    now = position.stamp
+    return solution.encode_inssol(
+        latest.of(ImuSample, now), latest.of(Attitude, now), latest.of(Velocity, now), position
+    )
+
+
+def _ekfstddev(reading: Reading, latest: Latest) -> bytes:
+    return EKFSTDDEV.pack(*encode_items(ITEMS, latest.readings))
+
+
+def _imucomp(reading: Reading, latest: Latest) -> bytes:
+    return inertial.IMU.pack(*encode_items(inertial.GRAVITY_FREE, latest.readings))
+
+
+def _wheeldata(reading: Reading, latest: Latest) -> bytes:
+    speed, pulses = encode_items(surroundings.WHEEL, latest.readings)
+    return surroundings.WHEELDATA.pack(speed, round(pulses))
+
+
+def _extheight(reading: Reading, latest: Latest) -> bytes:
+    time, sd, height = encode_items(surroundings.HEIGHT, latest.readings)
+    return surroundings.encode_extheight(height, sd, time)
+
+
+#: What makes a message complete: a measurement, or the last of its Readings; and its payload.
+BY_MEASUREMENT: dict[type, tuple[tuple[str, Make], ...]] = {
+    ImuSample: (("IMURAW", lambda m, _: inertial.encode_imu(m)), ("IMUCORR", lambda m, _: inertial.encode_imu(m))),
+    Attitude: (("INSRPY", lambda m, _: solution.encode_rpy(m)),),
+    Velocity: (
+        ("INSVELNED", lambda m, _: solution.encode_ned(m)),
+        ("INSVELENU", lambda m, _: solution.encode_enu(m)),
+        ("INSGNDSPEED", lambda m, _: solution.encode_gndspeed(m)),
+    ),
+    Position: (("INSSOL", _inssol), ("INSPOSLLH", lambda m, _: solution.encode_llh(m))),
+    Airspeed: (("AIRDATA", surroundings.encode_airdata),),
+    MagneticField: (("MAGDATA", surroundings.encode_magdata),),
+    DeviceStatus: (("SYSSTAT", lambda _, latest: sysstat.encode_sysstat(latest)),),
+}
+BY_READING: dict[str, tuple[str, Make]] = {
+    ITEMS[-1].name: ("EKFSTDDEV", _ekfstddev),
+    inertial.GRAVITY_FREE[-1].name: ("IMUCOMP", _imucomp),
+    surroundings.WHEEL[-1].name: ("WHEELDATA", _wheeldata),
+    surroundings.HEIGHT[-1].name: ("EXTHEIGHT", _extheight),
+}
+#: Can be asked of the emulated device even when the configuration does not name them.
+ALWAYS = frozenset({
+    "IMURAW", "IMUCORR", "INSSOL", "INSRPY", "INSVELNED", "INSVELENU", "INSGNDSPEED", "INSPOSLLH",
+})  # fmt: skip
+
+
+class Encoder:
+    """The system's end of the line.
+
+    A message leaves with the measurement that completes it, at most each ``divider``-th epoch; an epoch is a stamp.
+    A Position and Velocity that come after Satellites of the same stamp are the receiver's, not the system's.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self._options = options
+        self._latest = Latest(options.magnetometer_unit)
+        self._counter = 0
+        self._epoch = 0
+        self._now: Stamp | None = None
+        self._sent_at: dict[str, int] = {}
+        self._open = not options.ask
+        self._logs: dict[str, int] = {} if options.ask or options.only else dict(options.logs)
+        self._framer = Framer(measure, Counters(), limit=FRAME_MAX)
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        """See the contract."""
+        if measurement.stamp != self._now:
+            self._now, self._epoch = measurement.stamp, self._epoch + 1
+        self._latest.keep(measurement)
+        return [
+            self._frame(name, measurement, make(measurement, self._latest))
+            for name, make in self._completed(measurement)
+            if self._is_due(name)
+        ]
+
+    def _completed(self, m: Measurement) -> tuple[tuple[str, Make], ...]:
+        if isinstance(m, Reading):
+            return (BY_READING[m.name],) if m.name in BY_READING else ()
+        if isinstance(m, Position | Velocity) and self._latest.of(Satellites, m.stamp):
+            return (("GNSSSOL", satellites.encode_gnsssol),) if isinstance(m, Position) else ()
+        return BY_MEASUREMENT.get(type(m), ())
+
+    def _is_due(self, name: str) -> bool:
+        divider = self._logs.get(name)
+        if divider is None or not self._open:
+            return False
+        if divider > 1 and name in self._sent_at and self._epoch - self._sent_at[name] < divider:
+            return False
+        self._sent_at[name] = self._epoch
+        return True
+
+    def _frame(self, name: str, cause: Measurement, payload: bytes) -> bytes:
+        t_gps_ns = device_time_ns(cause.stamp, TimeScale.GPS)
+        frame = encode_frame(NUMBERS[name], self._counter, t_gps_ns, encode_status(self._flags(cause)), payload)
+        self._counter = (self._counter + 1) & 0xFF
+        return frame
+
+    def _flags(self, cause: Measurement) -> tuple[str, ...]:
+        """The footer says what is not valid."""
+        flags = self._latest.flags
+        of_receiver = self._latest.of(Satellites, cause.stamp) is not None
+        attitude = cause if isinstance(cause, Attitude) else self._latest.of(Attitude, cause.stamp)
+        if attitude and not attitude.valid:
+            flags = (*(f for f in flags if f not in ALIGNMENT), "aligning")
+        if isinstance(cause, Position) and not cause.valid and not of_receiver:
+            flags = (*(f for f in flags if f not in QUALITY), "position_undefined")
+        return flags
+
+    # ------------------------------------------------------------------------------------------------- commands
+
+    def respond(self, data: bytes) -> list[bytes]:
+        """Answer every command and parameter, as the system does."""
+        if self._options.only:
+            return []
+        frames = [read_frame(whole, 0) for _, whole in self._framer.feed(data, 0)]
+        return [self._answer(f) for f in frames if f.number in (NUMBERS["COMMAND"], NUMBERS["PARAMETER"])]
+
+    def _answer(self, frame: Frame) -> bytes:
+        number = self._obey(frame.payload) if frame.number == NUMBERS["COMMAND"] else 0
+        text = RESPONSES[number].encode()
+        payload = RESPONSE.pack(number, len(text)) + text
+        return encode_frame(NUMBERS["RESPONSE"], frame.counter, 0, encode_status(self._latest.flags), payload)
+
+    def _obey(self, payload: bytes) -> int:
+        """The number of the response to a command."""
+        try:
+            number, _ = struct.unpack_from("<HH", payload)
+            if number == commands.LOG:
+                return self._obey_log(*struct.unpack_from("<BBHH", payload, 4))
+            if number == commands.XCOM:
+                return self._obey_xcom(*struct.unpack_from("<HH", payload, 4))
+        except struct.error:
+            return RESPONSES.index("invalid parameter")
+        known = (commands.CONF, commands.EKF, commands.EXTAID)
+        return 0 if number in known else RESPONSES.index("invalid command")
+
+    def _obey_xcom(self, mode: int, channel: int) -> int:
+        if channel >= CHANNELS:
+            return RESPONSES.index("invalid channel")
+        if mode in (commands.OPEN, commands.CLOSE):
+            self._open = mode == commands.OPEN
+        return 0
+
+    def _obey_log(self, message: int, trigger: int, action: int, divider: int) -> int:
+        name = NAMES.get(message, "")
+        if action == commands.CLEAR_ALL:
+            self._logs.clear()
+        elif name not in ALWAYS and name not in self._options.logs:
+            return RESPONSES.index("invalid log")
+        elif action == commands.CLEAR:
+            self._logs.pop(name, None)
+        elif trigger != commands.POLLED:
+            self._logs[name] = divider if trigger == commands.SYNCHRONOUS else 0
+        return 0

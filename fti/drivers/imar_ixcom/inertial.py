@@ -1,0 +1,62 @@
+"""IMURAW, IMUCORR, IMUCOMP: the inertial sensors themselves.
+
+    0x00, 0x01, 0x02, 24 B    0 acceleration 3f [m/s^2] | 12 angular rate 3f [rad/s]      forward, right, down
+
+    IMURAW   calibrated; feels gravity and the turn of the Earth: specific force and inertial rate, an ImuSample
+    IMUCORR  the same less the errors that the filter has estimated: an ImuSample
+    IMUCOMP  IMUCORR less gravity and the rate of the Earth: neither specific force nor inertial rate.  A strapdown
+             algorithm would take gravity away twice, so it is never an ImuSample but six Readings.
+
+Of one and the same content in INSSOL the data selection says which of the three it is; where it says none of them
+there is no telling, and nothing comes out.  (The header's text on PARDAT_IMU has IMUCORR less the rate of the Earth as
+well; its text on the messages says that only IMUCOMP is.  The difference is 7.3e-5 rad/s.)
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from fti.drivers.imar_ixcom.heard import Heard
+from fti.drivers.imar_ixcom.readings import decode_items, finite, xyz
+from fti.drivers.imar_ixcom.selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
+from fti.drivers.imar_ixcom.turning import Triple
+from fti.drivers.imar_ixcom.wire import Frame
+from fti.types import ImuSample, Measurement, Stamp
+
+IMU = struct.Struct("<3f3f")
+LOST = (math.nan, math.nan, math.nan)
+#: Readings of IMUCOMP.
+GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free", "rad/s"))
+
+
+def decode_imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> list[Measurement]:
+    """The inertial sample of a message; selection : bits of the data selection."""
+    if selection & IMU_GRAVITY_FREE:
+        return [*decode_items(stamp, GRAVITY_FREE, (*accel, *gyro))]
+    if not selection & (IMU_RAW | IMU_CORRECTED) or not finite(*accel, *gyro):
+        return []
+    return [ImuSample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
+
+
+def decode_imuraw(frame: Frame, heard: Heard) -> list[Measurement]:
+    """Specific force and inertial rate, as measured."""
+    v = IMU.unpack(frame.payload)
+    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_RAW)
+
+
+def decode_imucorr(frame: Frame, heard: Heard) -> list[Measurement]:
+    """Specific force and inertial rate, corrected by the filter."""
+    v = IMU.unpack(frame.payload)
+    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_CORRECTED)
+
+
+def decode_imucomp(frame: Frame, heard: Heard) -> list[Measurement]:
+    """Acceleration without gravity and rate without the Earth's: Readings."""
+    v = IMU.unpack(frame.payload)
+    return decode_imu(frame.stamp, v[0:3], v[3:6], IMU_GRAVITY_FREE)
+
+
+def encode_imu(imu: ImuSample) -> bytes:
+    """Payload of IMURAW or IMUCORR; NaN what is missing."""
+    return IMU.pack(*imu.accel_b or LOST, *imu.gyro_b or LOST)

@@ -1,0 +1,66 @@
+"""What the configuration may say, and the names of all messages."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from fti.config import StrictModel
+from fti.drivers.imar_ixcom.selection import USUAL
+
+NAMES = {
+    0x00: "IMURAW", 0x01: "IMUCORR", 0x02: "IMUCOMP", 0x03: "INSSOL", 0x04: "INSRPY", 0x05: "INSDCM", 0x06: "INSQUAT",
+    0x07: "INSVELNED", 0x08: "INSVELECEF", 0x09: "INSVELBODY", 0x0A: "INSPOSLLH", 0x0B: "INSPOSECEF", 0x0C: "INSPOSUTM",
+    0x0E: "INSTRACKACC", 0x0F: "EKFSTDDEV", 0x10: "EKFERROR", 0x12: "GNSSSOL", 0x13: "INSGNDSPEED", 0x14: "GNSSTIME",
+    0x16: "WHEELDATA", 0x17: "AIRDATA", 0x18: "MAGDATA", 0x19: "SYSSTAT", 0x1A: "INSMAGHDG", 0x1B: "GNSSLEVERARM",
+    0x1C: "GNSSVOTER", 0x1D: "ARINC429STAT", 0x1E: "GNSSHWMON", 0x1F: "HEAVE", 0x21: "POWER", 0x22: "TEMPERATURE",
+    0x23: "INSVELENU", 0x24: "CANSTAT", 0x25: "GNSSSATINFO", 0x26: "TIME", 0x27: "EKFERROR2", 0x28: "EKFSTDDEV2",
+    0x29: "EKFPOSCOVAR", 0x33: "GNSSHDG", 0x34: "EVENTTIME", 0x35: "OMGINT", 0x40: "POSTPROC", 0x42: "CSACDATA",
+    0x43: "PORTSTATS", 0x45: "NTRIPSTATUS", 0x46: "INSMGRS", 0x47: "INSSOLECEF", 0x48: "EKFSTDDEVECEF",
+    0x49: "LOADFACTOR", 0x50: "OMGDOT", 0x51: "GNSSSATINF", 0x56: "IMUFILTERED", 0x58: "GNSSSTREAM",
+    0x59: "GNSSOBSSTREAM", 0x60: "GNSSDOP", 0x61: "GNSSPOSECEF", 0x62: "GNSSVELECEF", 0x64: "PLUGIN", 0x65: "MAGDATA2",
+    0x67: "RAWDATA", 0x85: "EKFSTATEXT", 0x91: "CANGATEWAY", 0x92: "CANSTATUS2", 0x93: "EXTPOSLLH", 0x94: "EXTVELNED",
+    0x95: "EXTVELBODY", 0x96: "ODOLEVERARM", 0x97: "EXTSTREAM", 0x98: "EXTHEIGHT", 0x99: "SYNCCOUNTER",
+    0x9A: "EKFSTDDEV3", 0x9B: "EXTHEADING", 0x9C: "EXTMAGNETOMETER", 0xA0: "INSRPYRATE", 0xA1: "ACCNED",
+    0xA2: "UNIXTIME", 0xA3: "INSWANDERAZIMUTH", 0xA4: "JERKNED", 0xA5: "INSRPYACCEL", 0xA6: "DISCRETE_STATE",
+    0xD2: "IPVAS", 0xFD: "COMMAND", 0xFE: "RESPONSE", 0xFF: "PARAMETER",
+}  # fmt: skip
+NUMBERS = {name: number for number, name in NAMES.items()}
+#: What can be asked for: everything below the numbers that are no measurements.
+REQUESTABLE = {name: number for name, number in NUMBERS.items() if number < 0xF0}
+TESLA = {"nT": 1e-9, "uT": 1e-6, "mG": 1e-7, "G": 1e-4}
+CHANNELS = 32
+
+
+def check_name(name: str) -> str:
+    """A message that can be asked for.  Raises ValueError."""
+    if name not in REQUESTABLE:
+        raise ValueError(f"message {name!r}; there are {', '.join(sorted(REQUESTABLE))}")
+    return name
+
+
+MessageName = Annotated[str, AfterValidator(check_name)]
+Divider = Annotated[int, Field(ge=0, le=0xFFFF)]
+
+
+class Options(StrictModel):
+    """All may be left out.
+
+    data_selection    : what is meant where INSSOL has a data-selection word of 0
+    magnetometer_unit : of the field in MAGDATA; the document says nT, the maker's own ROS driver reckons with mG
+    only              : the messages that become measurements; empty: all.  So that two devices can share a line, one
+                        the INS and one its GNSS receiver; the second one's emulated end says nothing
+    logs              : {message: divider of the navigation rate, 0: whenever there is something new}: what is asked
+                        for after a connect, and what the emulated device sends
+    ask               : open the channel and ask for the logs after every connect; else nothing is sent, and the
+                        device does by itself what it was configured to do
+    channel           : the logical channel that is opened
+    """
+
+    data_selection: Annotated[int, Field(ge=0, le=0xFFFF)] = USUAL
+    magnetometer_unit: Literal["nT", "uT", "mG", "G"] = "nT"
+    only: tuple[MessageName, ...] = ()
+    logs: dict[MessageName, Divider] = Field(default_factory=lambda: {"INSSOL": 1})
+    ask: bool = False
+    channel: Annotated[int, Field(ge=0, lt=CHANNELS)] = 0
