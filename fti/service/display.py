@@ -1,4 +1,4 @@
-"""The display process: hears the bus, serves the page, hands marks up to the supervisor.
+"""The display process: hears the bus, serves the page, hands marks and commands up to the supervisor.
 
 It can be killed at any time without harm to the others.
 """
@@ -9,11 +9,11 @@ import argparse
 import asyncio
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from fti.clock import SystemClock
 from fti.errors import FtiError
-from fti.service.control import Channel, adopt_channel
+from fti.service.control import Channel, Message, adopt_channel
 from fti.service.listening import listen
 from fti.web.feed import Feed
 from fti.web.server import PageServer
@@ -21,13 +21,15 @@ from fti.web.server import PageServer
 EXIT_WRONG = 2
 
 
-async def wait_for_end(channel: Channel) -> None:
-    """Until the supervisor says stop or has gone, or SIGTERM."""
+async def wait_for_end(channel: Channel, take: Callable[[Message], None]) -> None:
+    """Until the supervisor says stop or has gone, or SIGTERM.  take : gets what it says besides"""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
 
     def on_control() -> None:
         messages = channel.receive()
+        for message in messages:
+            take(message)
         if channel.ended or any(message.get("stop") for message in messages):
             ended.set()
 
@@ -47,7 +49,7 @@ async def serve(endpoint: str, session: str, port: int, channel: Channel) -> Non
     subscriber = await asyncio.to_thread(listen, feed, endpoint, session, clock)
     channel.send({"ready": True, "port": chosen})
     try:
-        await wait_for_end(channel)
+        await wait_for_end(channel, server.board.take)
     finally:
         await server.stop()
         subscriber.close()

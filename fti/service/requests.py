@@ -90,7 +90,8 @@ class Request:
     def title(self) -> str:
         """Number, device, command and arguments, for people."""
         args = "".join(f" {name}={value}" for name, value in self.wish.args.items())
-        return f"{self.number}: {self.wish.device} {self.wish.command}{args}"
+        what = f"{self.wish.device} {self.wish.command}{args}"
+        return f"{self.number}: {what}" if self.number else what
 
     def outcome(self) -> str:
         """What became of it, for people."""

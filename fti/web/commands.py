@@ -1,4 +1,4 @@
-"""What a page may ask for: a mark, or a snapshot, which is a mark that triggers.
+"""What a page may ask for: a mark, a snapshot, which is a mark that triggers, or a command to a device.
 
 Bounded in size and rate, and only with the token that the page was served with.
 
@@ -17,8 +17,9 @@ from typing import Any
 LONGEST_TEXT = 200
 MOST_PER_SECOND = 5
 NS_PER_S = 1_000_000_000
-#: Command of the page to what the daemon is told beside the text.
-COMMANDS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
+#: Command of the page to what the daemon is told beside the text of a mark.
+MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
+NO_SUCH = "there is no such command"
 #: Hands a command to the daemon; False when it cannot be reached.
 Send = Callable[[Mapping[str, Any]], bool]
 
@@ -46,14 +47,12 @@ class CommandGate:
         """Why a command is refused; None when it was handed on."""
         if not self._knows_token(command.get("token")):
             return "the page is older than the display; load it again"
-        text, name = clean(command.get("text")), command["command"]
-        if not isinstance(name, str) or name not in COMMANDS or text is None:
-            return "there is no such command"
-        if fault := fault_of_mark(text):
-            return fault
+        found = read_wish(command) if command["command"] == "send" else read_mark(command)
+        if isinstance(found, str):
+            return found
         if not self._has_room():
-            return f"more than {MOST_PER_SECOND} marks in a second"
-        return None if self._send({"mark": text, **COMMANDS[name]}) else "the daemon does not listen"
+            return f"more than {MOST_PER_SECOND} marks or commands in a second"
+        return None if self._send(found) else "the daemon does not listen"
 
     def _knows_token(self, token: object) -> bool:
         return isinstance(token, str) and secrets.compare_digest(token.encode(errors="replace"), self.token.encode())
@@ -65,6 +64,26 @@ class CommandGate:
             return False
         self._taken.append(now)
         return True
+
+
+def read_mark(command: Mapping[str, Any]) -> dict[str, Any] | str:
+    """A mark as the daemon takes it, or why it is none."""
+    text, name = clean(command.get("text")), command["command"]
+    if not isinstance(name, str) or name not in MARKS or text is None:
+        return NO_SUCH
+    return fault_of_mark(text) or {"mark": text, **MARKS[name]}
+
+
+def read_wish(command: Mapping[str, Any]) -> dict[str, Any] | str:
+    """A command to a device, ``{device, name, args, request}``, as the daemon takes it, or why it is none.
+
+    request : the page's number of it, made once for each click; the daemon sends the same one once
+    """
+    texts = {key: command.get(source) for key, source in (("id", "request"), ("device", "device"), ("command", "name"))}
+    args = command.get("args")
+    if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
+        return NO_SUCH
+    return {"send": {**texts, "args": args}}
 
 
 def clean(text: object) -> str | None:

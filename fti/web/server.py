@@ -1,8 +1,9 @@
 """The page's server: HTTP and one WebSocket on loopback, for its own origin alone.
 
 ``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
-``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz.  A client may only set a mark
-or trigger a snapshot: ``{"command": "mark" | "snapshot", "text", "token", "id"}``; the token stands in the page (see
+``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; where commands may be sent to devices, also
+``{"type": "commands"}`` at first and after each change.  A client may only set a mark, trigger a snapshot, or send such
+a command: ``{"command": "mark" | "snapshot" | "send", ..., "token", "id"}``; the token stands in the page (see
 ``fti.web.commands``).
 
 A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
@@ -22,6 +23,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from aiohttp.typedefs import Handler
 
 from fti.errors import MissingError
+from fti.web.command_board import CommandBoard
 from fti.web.commands import CommandGate, Send
 from fti.web.feed import Feed
 
@@ -88,11 +90,15 @@ async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResp
 
 
 class PageServer:
-    """Serves the page of one feed.  now_ns : the monotonic clock of the feed; send : hands a command to the daemon."""
+    """Serves the page of one feed.
+
+    now_ns : the monotonic clock of the feed; send : hands a command to the daemon; board : what it says of commands
+    """
 
     def __init__(self, feed: Feed, now_ns: Callable[[], int], send: Send) -> None:
         self._feed = feed
         self._now_ns = now_ns
+        self.board = CommandBoard()
         self._gate = CommandGate(send, now_ns)
         self._files = static_files(self._gate.token)
         self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
@@ -137,7 +143,11 @@ class PageServer:
         self._sockets.add(socket)
         try:
             await socket.send_str(json.dumps(self._feed.history()))
+            shown = 0
             while not socket.closed:
+                if shown != self.board.version:
+                    shown = self.board.version
+                    await socket.send_str(json.dumps(self.board.message()))
                 await socket.send_str(json.dumps(self._feed.state(self._now_ns())))
                 await self._pause(socket)
         except ConnectionResetError:

@@ -340,6 +340,10 @@ class DisplayProcess:
             found: dict[str, Any] = json.loads(lines.readline() or "{}")
         return found
 
+    def say(self, message: dict[str, Any]) -> None:
+        """Tell it something, as its supervisor does."""
+        self.control.sendall(json.dumps(message).encode() + b"\n")
+
     def close(self) -> int:
         """Let it see the end of its supervisor; returns its exit code."""
         self.control.close()

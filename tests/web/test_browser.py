@@ -189,7 +189,7 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     await page.eval(f"{by_testid('mark-button')}.click()")
     assert await asyncio.to_thread(display.read_message) == {"mark": "mark"}  # there may be no time for words
     await page.eval(f"for (let i = 0; i < 20; i += 1) {by_testid('mark-button')}.click()")
-    await page.wait_for(shows("mark-answer", "more than 5 marks in a second"))
+    await page.wait_for(shows("mark-answer", "more than 5 marks or commands in a second"))
 
 
 async def test_a_fallback_medium_and_a_snapshot_session_are_said(
@@ -259,6 +259,110 @@ def make_clocks(health: dict[str, Any]) -> None:
     }
     for name, known in clocks.items():
         health["devices"][name]["clocks"] = known
+
+
+CATALOGUE = [
+    {
+        "name": "magnetometer",
+        "driver": "hmr2300",
+        "link": "mag_line",
+        "transmit": True,
+        "commands": {
+            "set_rate": {
+                "does": "set the rate of continuous output",
+                "arguments": {
+                    "rate": "messages a second: 10, 20, 25, 30, 40, 50, 60, 100, 123 or 154",
+                    "format": "binary or ascii (default: binary)",
+                },
+                "answered": True,
+            },
+            "degauss": {"does": "set and reset the sensor's strap once", "arguments": {}, "answered": False},
+        },
+    },
+    {
+        "name": "deflection_pickups",
+        "driver": "deflection_pickups",
+        "link": "pickups_can",
+        "transmit": True,
+        "commands": {"store": {"does": "store the table", "arguments": {"surface": "its name"}, "answered": True}},
+    },
+]
+
+
+def make_request(key: str, number: int, state: str, outcome: str, **more: Any) -> dict[str, Any]:
+    ended = state not in ("sending", "waiting")
+    what = f"{number}: magnetometer set_rate rate=50" if number else "magnetometer set_rate rate=7"
+    said = {"id": key, "number": number, "title": what, "outcome": outcome, "state": state, "ended": ended}
+    return said | {"t_ns": 1_775_986_267_000_000_000 + number, "who": "the page", "data": "2a303157450d"} | more
+
+
+async def test_a_command_goes_down_once_and_its_end_comes_back(
+    page: Page, display: DisplayProcess, tmp_path: Path
+) -> None:
+    assert await page.eval(f"{by_testid('commands-open')}.hidden")
+    display.say({"catalogue": CATALOGUE})
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
+    await page.eval(f"{by_testid('commands-open')}.click()")
+    assert await page.eval("document.getElementById('links').hidden && !document.getElementById('commands').hidden")
+    assert await page.text("commands-does") == "set the rate of continuous output"
+    await page.eval(f"{by_testid('commands-argument-rate')}.focus()")
+    await page.type_text("50")
+    await page.eval(f"for (let i = 0; i < 5; i += 1) {by_testid('commands-send')}.click()")
+    asked = await asyncio.to_thread(display.read_message)
+    wish = {"device": "magnetometer", "command": "set_rate", "args": {"rate": "50"}}
+    assert asked["send"] == wish | {"id": asked["send"]["id"]}
+    assert await page.eval(f"{by_testid('commands-send')}.disabled")
+    key = asked["send"]["id"]
+    for number, (state, outcome) in enumerate(EARLIER, 1):
+        display.say({"command": make_request(f"k{number}", number, state, outcome)})
+    display.say({"command": make_request(key, 7, "waiting", "waiting")})
+    await page.wait_for(shows("commands-word", "waiting"))
+    assert await page.eval(f"{by_testid('commands-send')}.disabled")
+    display.say({"command": make_request(key, 7, "acknowledged", "acknowledged after 34 ms")})
+    await page.wait_for(f"!{by_testid('commands-send')}.disabled")
+    assert await page.text("commands-word") == "acknowledged after 34 ms"
+    states = "[...document.querySelectorAll('#commands li')].map((item) => item.dataset.state)"
+    assert await page.eval(states) == ["acknowledged", *(state for state, _ in reversed(EARLIER))]
+    for width, height in ((1440, 900), (1920, 1080)):
+        await page.resize(width, height)
+        assert await page.eval(CUT_OFF) == []
+        await page.screenshot(tmp_path / f"commands_{width}.png")
+    await page.eval(f"{by_testid('commands-close')}.click()")
+    assert await page.text("link-gnss_line-state") == "absent"
+    assert page.problems == []
+    display.control.setblocking(False)
+    with pytest.raises(BlockingIOError):  # however often it was clicked
+        display.control.recv(1)
+
+
+EARLIER = [
+    ("denied", "denied: magnetometer: set_rate: rate = 7: must be one of 10, 20, 25, 30, 40, 50, 60, 100, 123, 154"),
+    ("timed out", "timed out: no answer within 3 s; the recorder was started again meanwhile"),
+    ("refused", "refused after 12 ms: WE OFF"),
+    ("sent", "sent: the device does not acknowledge it"),
+]
+
+
+async def test_the_panel_shows_what_the_chosen_command_takes(page: Page, display: DisplayProcess) -> None:
+    display.say({"catalogue": CATALOGUE})
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
+    await page.eval(f"{by_testid('commands-open')}.click()")
+    await page.eval(choose("commands-name", "degauss"))
+    assert await page.text("commands-does") == "set and reset the sensor's strap once (not acknowledged)"
+    assert await page.eval("document.querySelectorAll('.arguments input').length") == 0
+    await page.eval(choose("commands-device", "deflection_pickups"))
+    assert await page.text("commands-does") == "store the table"
+    await page.eval(f"{by_testid('commands-argument-surface')}.focus()")
+    await page.press("m")
+    assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"  # and no mark
+    display.say({"catalogue": CATALOGUE})  # the display may be told again; what was typed stays
+    display.say({"command": make_request("k", 1, "waiting", "waiting")})
+    await page.wait_for(shows("commands-answers", "waiting"))
+    assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"
+
+
+def choose(testid: str, value: str) -> str:
+    return f"{by_testid(testid)}.value = '{value}', {by_testid(testid)}.dispatchEvent(new Event('change'))"
 
 
 SHARED_HISTORY = """

@@ -3,6 +3,7 @@
 import { Alarms } from "./alarms.js";
 import { Attitude } from "./attitude.js";
 import { Banner } from "./banner.js";
+import { Commands } from "./commands.js";
 import { Connection } from "./connection.js";
 import { Events } from "./events.js";
 import { Glide } from "./glide.js";
@@ -16,6 +17,7 @@ const place = (id) => document.getElementById(id);
 let connection = null;
 const command = (fields) => connection?.command(fields) ?? Promise.resolve("no connection");
 
+const links = new Links(place("links"));
 const panels = [
   new Banner(place("banner")),
   new Alarms(place("alarms")),
@@ -23,7 +25,8 @@ const panels = [
   new Integrity(place("integrity")),
   new Glide(place("glide")),
   new Attitude(place("attitude")),
-  new Links(place("links")),
+  links,
+  new Commands(place("commands"), links, command),
   new Devices(place("devices")),
   new Events(place("events"), command),
 ];
@@ -33,9 +36,13 @@ function onMessage(message) {
     for (const panel of panels) panel.load?.(message);
     return;
   }
+  if (message.type === "commands") {
+    for (const panel of panels) panel.take?.(message);
+    return;
+  }
   const stopped = message.alarms.some((alarm) => alarm.id === "daemon_stopped");
   document.body.classList.toggle("daemon-stopped", stopped);
-  for (const panel of panels) panel.show(message);
+  for (const panel of panels) panel.show?.(message);
 }
 
 document.fonts.load("12px B612").finally(() => {

@@ -29,7 +29,7 @@ export class MarkField {
   }
 
   #onKey(event) {
-    const typing = event.target.closest?.("input, textarea");
+    const typing = event.target.closest?.("input, textarea, select");
     if (event.key !== "m" || typing || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.input.focus();

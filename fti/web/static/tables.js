@@ -11,6 +11,7 @@ const LEFT = ["link", "device", "state", "R G W"];
 
 class Table {
   constructor(root, heading, columns, make) {
+    this.root = root;
     this.heading = panelTitle(heading);
     const head = h("tr", {}, ...columns.map((text) => h("th", { class: LEFT.includes(text) ? "" : "number" }, text)));
     const table = h("table", {}, h("thead", {}, head));

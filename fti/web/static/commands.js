@@ -1,0 +1,131 @@
+// Commands to devices, where a link may transmit: what each takes, the button, and what became of the last ones.
+// The panel stands in the place of the links while it is open.
+
+import { clock, title } from "./format.js";
+import { h, panelTitle, setAttribute, setText } from "./dom.js";
+
+const PATIENCE_MS = 15000; // longer than the daemon waits for a device
+
+export class Commands {
+  // links : the panel whose place this one takes; command : gives a command to the daemon, resolves to a fault or null
+  constructor(root, links, command) {
+    this.root = root;
+    this.links = links;
+    this.command = command;
+    this.devices = [];
+    this.pending = null; // number of the request that the button waits for
+    this.opener = h("button", { type: "button", class: "switch", "data-testid": "commands-open" }, "COMMANDS");
+    this.opener.hidden = true;
+    const closer = h("button", { type: "button", class: "switch", "data-testid": "commands-close" }, "LINKS");
+    links.heading.root.append(this.opener);
+    this.opener.addEventListener("click", () => this.#open(true));
+    closer.addEventListener("click", () => this.#open(false));
+    const heading = panelTitle("Commands", "each is sent once, and recorded").root;
+    heading.append(closer);
+    this.answers = h("ol", { class: "scroll", "data-testid": "commands-answers" });
+    root.append(heading, h("div", { class: "commands" }, this.#makeForm(), this.answers));
+  }
+
+  #makeForm() {
+    this.device = h("select", { "aria-label": "device", "data-testid": "commands-device" });
+    this.name = h("select", { "aria-label": "command", "data-testid": "commands-name" });
+    this.does = h("p", { class: "does", "data-testid": "commands-does" });
+    this.args = h("div", { class: "arguments" });
+    this.button = h("button", { type: "submit", "data-testid": "commands-send" }, "SEND");
+    this.word = h("output", { "data-testid": "commands-word" });
+    this.device.addEventListener("change", () => this.#showNames());
+    this.name.addEventListener("change", () => this.#showArguments());
+    const choice = h("div", { class: "choice" }, this.device, this.name);
+    const form = h("form", {}, choice, h("div", { class: "scroll" }, this.does, this.args), h("div", { class: "go" }, this.button, this.word));
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#send();
+    });
+    return form;
+  }
+
+  #open(open) {
+    this.root.hidden = !open;
+    this.links.root.hidden = open;
+  }
+
+  take({ devices, requests }) {
+    if (JSON.stringify(devices) !== JSON.stringify(this.devices)) {
+      this.devices = devices;
+      fillSelect(this.device, devices.map(({ name }) => name));
+      this.#showNames();
+    }
+    this.opener.hidden = devices.length === 0;
+    this.answers.replaceChildren(...requests.map(makeAnswer));
+    const mine = requests.find(({ id }) => id === this.pending);
+    if (mine) this.#say(mine.ended ? mine.outcome : `${mine.state} …`, mine.state);
+    if (mine?.ended) this.#ready();
+  }
+
+  #chosen() {
+    return this.devices.find(({ name }) => name === this.device.value);
+  }
+
+  #showNames() {
+    fillSelect(this.name, Object.keys(this.#chosen()?.commands ?? {}));
+    this.#showArguments();
+  }
+
+  #showArguments() {
+    const command = this.#chosen()?.commands[this.name.value];
+    setText(this.does, command ? `${command.does}${command.answered ? "" : " (not acknowledged)"}` : "");
+    this.args.replaceChildren(...Object.entries(command?.arguments ?? {}).map(makeArgument));
+  }
+
+  // One request for each click, however often the button is pressed: it is dead until it is known what became of it.
+  async #send() {
+    if (this.pending !== null) return;
+    const request = makeNumber();
+    this.pending = request;
+    this.button.disabled = true;
+    this.timer = setTimeout(() => this.#giveUp(), PATIENCE_MS);
+    this.#say("asked …", "sending");
+    const filled = [...this.args.querySelectorAll("input")].filter(({ value }) => value.trim());
+    const args = Object.fromEntries(filled.map(({ name, value }) => [name, value.trim()]));
+    const fault = await this.command({ command: "send", device: this.device.value, name: this.name.value, args, request });
+    if (fault && this.pending === request) {
+      this.#say(fault, "not sent");
+      this.#ready();
+    }
+  }
+
+  #giveUp() {
+    this.#say("the daemon has not said what became of it: see the events", "unknown");
+    this.#ready();
+  }
+
+  #ready() {
+    clearTimeout(this.timer);
+    this.pending = null;
+    this.button.disabled = false;
+  }
+
+  #say(text, state) {
+    setAttribute(this.word, "data-state", state);
+    setAttribute(this.word, "title", text);
+    setText(this.word, text);
+  }
+}
+
+function fillSelect(select, names) {
+  const before = select.value;
+  select.replaceChildren(...names.map((name) => h("option", { value: name }, title(name))));
+  if (names.includes(before)) select.value = before;
+}
+
+function makeArgument([name, meaning]) {
+  const input = h("input", { type: "text", name, autocomplete: "off", "data-testid": `commands-argument-${name}` });
+  return h("label", {}, h("span", {}, title(name)), input, h("small", {}, meaning));
+}
+
+function makeAnswer({ t_ns: tNs, title: what, outcome, state, who, data }) {
+  const text = h("span", {}, h("b", {}, what), outcome);
+  return h("li", { "data-state": state, title: `${who}: ${data}` }, h("time", {}, clock(tNs)), text);
+}
+
+const makeNumber = () => [...crypto.getRandomValues(new Uint32Array(4))].map((part) => part.toString(16)).join("-");
