@@ -308,6 +308,7 @@ class Reading:
     """A value that no other class carries, by the name that the configuration or the document gives it.
 
     value : in ``unit``, which is SI or the document's own ("" for a count or a discrete: 0 or 1)
+    text  : the name that the document gives to this value, or the characters that are the value; "" for none
     """
 
     stamp: Stamp
@@ -315,6 +316,7 @@ class Reading:
     value: float | None
     unit: str = ""
     valid: bool = True
+    text: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

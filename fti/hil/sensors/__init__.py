@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 from fti.config import Config
 from fti.errors import ConfigError
-from fti.hil.sensors.altimeters import RadarAltimeter
+from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
 from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
+from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import Receiver
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.world import World
@@ -18,9 +19,13 @@ from fti.service.binding import bind_devices
 #: Driver name -> what stands at the other end of its line.
 MODELS: dict[str, ModelType] = {
     "arinc429": Avionics,
+    "ascii_line": DescribedDevice,
+    "binary_struct": DescribedDevice,
     "canaerospace": Avionics,
     "freeflight_ra4500": RadarAltimeter,
     "imar_ixcom": InertialNavigation,
+    "lightware_ascii": LaserAltimeter,
+    "lightware_binary": LaserAltimeter,
     "mavlink": Autopilot,
     "nmea0183": Receiver,
 }

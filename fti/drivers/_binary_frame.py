@@ -1,0 +1,241 @@
+"""Binary frames that the configuration describes: where each number stands, and what makes a frame whole."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pydantic
+
+from fti.config import StrictModel
+from fti.drivers._checksums import CHECKSUMS, Kind
+from fti.drivers._fields import Field, Wire, decode_fields, meanings
+from fti.drivers._framing import Skip, skip_to
+from fti.types import Measurement, Stamp
+
+LONGEST = 2048
+CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "u64": "Q", "i64": "q", "f32": "f",
+         "f64": "d"}  # fmt: skip
+At = Annotated[int, pydantic.Field(ge=0, lt=LONGEST)]
+Bits = tuple[Annotated[int, pydantic.Field(ge=0, le=63)], Annotated[int, pydantic.Field(ge=1, le=64)]]
+Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
+
+
+class Place(StrictModel):
+    """Where a number stands: ``at`` [bytes from the first of the frame], its type and, of a whole number, its bits."""
+
+    at: At
+    type: Literal["u8", "i8", "u16", "i16", "u32", "i32", "u64", "i64", "f32", "f64"]
+    bits: Bits | None = None
+
+
+class BinaryField(Field, Place):
+    """A field and its place."""
+
+
+class LengthIn(Place):
+    """Where the frame says how long it is."""
+
+    plus: Annotated[int, pydantic.Field(ge=-LONGEST, le=LONGEST)] = 0
+
+
+class Where(Place):
+    """What must stand at a place."""
+
+    value: int
+
+
+class FrameChecksum(StrictModel):
+    """``kind``; where it stands (from the end when negative; default: the last bytes); ``start`` of what it covers."""
+
+    kind: Kind
+    at: Annotated[int, pydantic.Field(ge=-LONGEST, lt=LONGEST)] | None = None
+    start: At = 0
+
+    def place(self, length: int) -> int:
+        """Where it stands in a frame of this length."""
+        at = -CHECKSUMS[self.kind].size if self.at is None else self.at
+        return at + length if at < 0 else at
+
+
+class FrameOptions(StrictModel):
+    """What a frame looks like, as in the docstring of ``binary_struct``.
+
+    longest : most bytes of a frame that says its length
+    """
+
+    sync: Hex = ""
+    length: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] | None = None
+    length_in: LengthIn | None = None
+    longest: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] = 256
+    byte_order: Literal["little", "big"] = "little"
+    trailer: Hex = ""
+    checksum: FrameChecksum | None = None
+    where: tuple[Where, ...] = ()
+    fields: tuple[BinaryField, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A place, ready for use."""
+
+    at: int
+    form: struct.Struct
+    whole: bool
+    low: int  # lowest bit
+    mask: int  # of the bits that count, without the shift
+
+    @classmethod
+    def of(cls, place: Place, byte_order: str, where: str) -> Number:
+        """The number of a place.  Raises ValueError naming ``where``."""
+        form = struct.Struct(("<" if byte_order == "little" else ">") + CODES[place.type])
+        whole, size = not place.type.startswith("f"), 8 * form.size
+        low, count = place.bits or (0, size)
+        if place.bits and (not whole or place.type.startswith("i") or low + count > size):
+            raise ValueError(f"{where}: bits = {list(place.bits)}: must lie in a u8, u16, u32 or u64")
+        return cls(place.at, form, whole, low, (1 << count) - 1)
+
+    @property
+    def end(self) -> int:
+        """The first byte behind it."""
+        return self.at + self.form.size
+
+    @property
+    def is_part(self) -> bool:
+        """Only some bits of the number count."""
+        return self.mask.bit_length() < 8 * self.form.size
+
+    def read(self, frame: bytes | bytearray) -> int | float:
+        """The number in a frame that reaches to ``end``."""
+        value: int | float = self.form.unpack_from(frame, self.at)[0]
+        return int(value) >> self.low & self.mask if self.is_part else value
+
+    def write(self, frame: bytearray, value: float) -> None:
+        """Put the number into a frame; what does not fit becomes the nearest that does."""
+        if not self.whole:
+            self.form.pack_into(frame, self.at, value)
+            return
+        number = min(max(round(value), self._least), self._least + self.mask)
+        if self.is_part:
+            others = self.form.unpack_from(frame, self.at)[0] & ~(self.mask << self.low)
+            number = others | number << self.low
+        self.form.pack_into(frame, self.at, number)
+
+    @property
+    def _least(self) -> int:
+        return -(self.mask + 1 >> 1) if self.form.format[-1].islower() else 0
+
+
+class Frame:
+    """The frame of the options, checked.  Raises ValueError that says what is wrong."""
+
+    def __init__(self, options: FrameOptions) -> None:
+        order = options.byte_order
+        self.sync, self.trailer = bytes.fromhex(options.sync), bytes.fromhex(options.trailer)
+        self.checksum, self._order = options.checksum, order
+        self.length, self.longest = options.length, options.longest
+        told = options.length_in
+        self.told = None if told is None else Number.of(told, order, "length_in")
+        self.plus = told.plus if told else 0
+        self.where = [(Number.of(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
+        self.numbers = {f.name: Number.of(f, order, f"fields: {f.name}") for f in options.fields}
+        self.known = meanings([f.name for f in options.fields], options.fields)
+        self._check()
+        self._check_itself()
+
+    def _check(self) -> None:
+        if not self.sync:
+            raise ValueError("sync: must be given, at least one byte in hexadecimal")
+        if (self.length is None) == (self.told is None):
+            raise ValueError("length: one of length and length_in must be given")
+        tail = self._checksum_size + len(self.trailer)
+        if self.length is None:
+            return
+        for name, number in self.numbers.items():
+            if number.end > self.length:
+                raise ValueError(f"fields: {name}: ends at byte {number.end}, the frame at {self.length}")
+        for number, _ in self.where:
+            if number.end > self.length:
+                raise ValueError(f"where: ends at byte {number.end}, the frame at {self.length}")
+        if len(self.sync) + tail > self.length:
+            raise ValueError(f"length = {self.length}: shorter than sync, checksum and trailer")
+
+    def _check_itself(self) -> None:
+        """What is written as described must be read back."""
+        try:
+            frame = self.encode({})
+        except (struct.error, OverflowError, IndexError):
+            frame = b""
+        if not frame or self.measure(bytearray(frame)) != len(frame):
+            raise ValueError(
+                "a frame written as described is not whole when it is read; "
+                "look at length_in (plus), longest, checksum (at, start) and the places of fields"
+            )
+
+    @property
+    def _checksum_size(self) -> int:
+        return CHECKSUMS[self.checksum.kind].size if self.checksum else 0
+
+    def measure(self, buffer: bytearray) -> int | Skip:
+        """What stands at the beginning of the bytes, as ``_framing`` asks."""
+        if skip := skip_to(buffer, self.sync):
+            return skip
+        length = self._length(buffer)
+        if isinstance(length, Skip) or len(buffer) < length or length == 0:
+            return length if isinstance(length, Skip) else 0
+        if self.trailer and buffer[length - len(self.trailer) : length] != self.trailer:
+            return Skip(1, "bad_trailer")
+        return length if self._holds(buffer, length) else Skip(1, "bad_checksum")
+
+    def _length(self, buffer: bytearray) -> int | Skip:
+        """Length of the frame that begins here; 0 while it has not been told."""
+        if self.told is None:
+            return self.length or 0
+        if len(buffer) < self.told.end:
+            return 0
+        length = int(self.told.read(buffer)) + self.plus
+        least = max(len(self.sync), self.told.end) + self._checksum_size + len(self.trailer)
+        return length if least <= length <= self.longest else Skip(1, "bad_length")
+
+    def _holds(self, frame: bytearray, length: int) -> bool:
+        if self.checksum is None:
+            return True
+        at = self.checksum.place(length)
+        size = self._checksum_size
+        if not self.checksum.start <= at <= length - size:
+            return False
+        told = int.from_bytes(frame[at : at + size], self._order)
+        return told == CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
+
+    def decode(self, frame: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
+        """Name and measurements of a whole frame."""
+        for number, value in self.where:
+            if number.end > len(frame) or number.read(frame) != value:
+                return "(other)", []
+        wires: dict[str, Wire] = {
+            name: float(number.read(frame)) for name, number in self.numbers.items() if number.end <= len(frame)
+        }
+        return "frame", decode_fields(self.known, wires, stamp)
+
+    def encode(self, values: Mapping[str, Wire]) -> bytes:
+        """The frame of these values; bytes that nothing describes are 0."""
+        tail = self._checksum_size + len(self.trailer)
+        places = [*self.numbers.values(), *(number for number, _ in self.where), *([self.told] if self.told else [])]
+        length = self.length or max(number.end for number in places) + tail
+        frame = bytearray(length)
+        frame[: len(self.sync)] = self.sync
+        frame[length - len(self.trailer) :] = self.trailer
+        if self.told:
+            self.told.write(frame, length - self.plus)
+        for number, value in self.where:
+            number.write(frame, value)
+        for name, number in self.numbers.items():
+            wire = values.get(name)
+            number.write(frame, wire if isinstance(wire, float) else 0.0)
+        if self.checksum:
+            at = self.checksum.place(length)
+            value = CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
+            frame[at : at + self._checksum_size] = value.to_bytes(self._checksum_size, self._order)
+        return bytes(frame)

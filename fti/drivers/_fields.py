@@ -1,0 +1,182 @@
+"""Fields that the configuration describes: from what stands on the wire to measurements, and back.
+
+    value = number * scale + offset        [unit]
+
+A field is named after a quantity of ``_quantities`` (or names one in ``quantity``) and becomes the measurement that
+carries it, in SI; any other name becomes a ``Reading`` in its unit.  A name that begins with "_" becomes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import pydantic
+
+from fti.config import StrictModel
+from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.types import Measurement, Reading, Stamp
+
+Wire = float | str | None  # what a field says: a number, characters, or nothing
+FieldName = Annotated[str, pydantic.Field(pattern=r"^_?[a-z][a-z0-9_]*$", max_length=64)]
+
+
+class Field(StrictModel):
+    """What a field of the wire means.
+
+    quantity : of ``_quantities``, where the name is none; unit : of the value; SI when empty
+    lost     : what it says when it has no measurement: numbers as on the wire, or characters
+    limits   : least and largest value that is believed [unit]
+    good     : what it must say; anything else is not valid
+    needs    : other fields that must be valid for this one to be
+    """
+
+    name: FieldName
+    quantity: str = ""
+    unit: str = ""
+    scale: float = 1.0
+    offset: float = 0.0
+    lost: tuple[float | str, ...] = ()
+    limits: tuple[float, float] | None = None
+    good: tuple[float | str, ...] = ()
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """A field, ready for use: value [unit] = number * scale + offset, SI = value * factor + shift."""
+
+    field: Field
+    quantity: Quantity | None
+    factor: float
+    shift: float
+
+    @property
+    def is_silent(self) -> bool:
+        """It becomes no measurement."""
+        return self.field.name.startswith("_")
+
+    def is_good(self, wire: Wire) -> bool:
+        """Does the field, looked at alone, say something that is believed?"""
+        f = self.field
+        if wire is None or wire in f.lost or (f.good and wire not in f.good):
+            return False
+        if isinstance(wire, str):
+            return self.quantity is None
+        value = wire * f.scale + f.offset
+        return math.isfinite(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
+
+    def measurement(self, wire: Wire, valid: bool, stamp: Stamp) -> Measurement | None:
+        """What the field becomes; None where nothing can be said without a value."""
+        value = wire * self.field.scale + self.field.offset if valid and isinstance(wire, float) else None
+        if self.quantity is not None:
+            si = None if value is None else value * self.factor + self.shift
+            return self.quantity.make(stamp, si, valid)
+        text = wire if valid and isinstance(wire, str) else ""
+        return Reading(stamp=stamp, name=self.field.name, value=value, unit=self.field.unit, valid=valid, text=text)
+
+    def wire(self, measurement: Measurement) -> tuple[bool, Wire]:
+        """Whether a measurement tells this field, and what the wire says then; None: it has no word for that."""
+        said = self._said(measurement)
+        if said is None:
+            return False, None
+        valid, value = said
+        if not valid or value is None:
+            return True, self.field.lost[0] if self.field.lost else None
+        if isinstance(value, str):
+            return True, value
+        if not math.isfinite(value):
+            return True, None
+        unit = (value - self.shift) / self.factor
+        return True, (unit - self.field.offset) / self.field.scale
+
+    def _said(self, measurement: Measurement) -> tuple[bool, float | str | None] | None:
+        valid = getattr(measurement, "valid", True)
+        if self.quantity is not None:
+            value = self.quantity.pick(measurement)
+            return (valid, value) if value is not None or self.quantity.is_empty(measurement) else None
+        if isinstance(measurement, Reading) and measurement.name == self.field.name:
+            return valid, measurement.text or measurement.value
+        return None
+
+    def default(self) -> Wire:
+        """What the wire says when nobody tells it: something good."""
+        return self.field.good[0] if self.field.good else None
+
+
+def meanings(names: Sequence[str], described: Sequence[Field]) -> dict[str, Meaning]:
+    """The fields of a message by name, in its order.  Raises ValueError saying which is wrong, and what is allowed."""
+    by_name = {f.name: f for f in described}
+    for f in described:
+        if f.name not in names:
+            raise ValueError(f"fields: {f.name!r} is not in the message; there are {', '.join(names)}")
+        for needed in f.needs:
+            if needed not in names:
+                raise ValueError(f"fields: {f.name}: needs {needed!r}, which is not in the message")
+        if sum(other.name == f.name for other in described) > 1:
+            raise ValueError(f"fields: {f.name!r} is described twice")
+    found = {name: _meaning(by_name.get(name) or _plain(name)) for name in names}
+    if all(m.is_silent for m in found.values()):
+        raise ValueError("fields: none becomes a measurement; a name without '_' at its beginning does")
+    return found
+
+
+def _plain(name: str) -> Field:
+    return Field(name=name)
+
+
+def _meaning(described: Field) -> Meaning:
+    name = described.quantity or described.name
+    if described.quantity and described.quantity not in QUANTITIES:
+        known = ", ".join(QUANTITIES)
+        raise ValueError(f"fields: {described.name}: quantity {described.quantity!r}; there are {known}")
+    if described.scale == 0.0:
+        raise ValueError(f"fields: {described.name}: scale = 0; must not be 0")
+    if described.limits and not described.limits[0] < described.limits[1]:
+        raise ValueError(f"fields: {described.name}: limits = {list(described.limits)}; the first must be below")
+    if name not in QUANTITIES:
+        return Meaning(described, None, 1.0, 0.0)
+    try:
+        factor, shift = to_si(name, described.unit or QUANTITIES[name].unit)
+    except ValueError as error:
+        raise ValueError(f"fields: {described.name}: {error}") from None
+    return Meaning(described, QUANTITIES[name], factor, shift)
+
+
+def decode_fields(known: Mapping[str, Meaning], wires: Mapping[str, Wire], stamp: Stamp) -> list[Measurement]:
+    """The measurements of one message.  wires : what each field says; one that is not there says nothing."""
+    good = {name: meaning.is_good(wires.get(name)) for name, meaning in known.items()}
+    found = []
+    for name, meaning in known.items():
+        if meaning.is_silent:
+            continue
+        valid = good[name] and all(good[needed] for needed in meaning.field.needs)
+        measurement = meaning.measurement(wires.get(name), valid, stamp)
+        if measurement is not None:
+            found.append(measurement)
+    return found
+
+
+@dataclass(slots=True)
+class Teller:
+    """The emulator's side: gathers what measurements say until every field of a message has been told anew."""
+
+    known: Mapping[str, Meaning]
+    _told: dict[str, Wire] = field(default_factory=dict)
+    _texts: dict[str, Wire] = field(default_factory=dict)
+
+    def take(self, measurement: Measurement, is_text: Mapping[str, bool]) -> dict[str, Wire] | None:
+        """The whole message when this completes it; None when it does not, or has no words for what was told."""
+        for name, meaning in self.known.items():
+            tells, wire = (False, None) if meaning.is_silent else meaning.wire(measurement)
+            if tells:
+                (self._texts if is_text[name] else self._told)[name] = wire
+        wanted = [n for n, m in self.known.items() if not m.is_silent and not is_text[n]]
+        if any(name not in self._told for name in wanted):
+            return None
+        told, self._told = self._told, {}
+        if any(wire is None for wire in told.values()):
+            return None
+        return {n: told.get(n, self._texts.get(n, m.default())) for n, m in self.known.items()}

@@ -1,0 +1,201 @@
+r"""Any device that sends lines of text: what they look like, and what they mean, stands in the configuration.
+
+Document: none; the options are the description (docs/add-a-sensor.md).  The template of a line is explained in
+``_template``, the fields in ``_fields``.
+
+    line         "$WIMTA,{static_air_temperature:.1f},C*{checksum:02X}"       fields: name, unit, scale, lost, ...
+    terminator   each of its characters ends a line; written, all of them
+    checksum     over the bytes between ``after`` (its first place) and ``before`` (its last) the field {checksum:..}
+
+A line that is not like the template is skipped (``other_line``; ``no_match`` where it has other than printable
+characters), one whose checksum does not hold, too.  A line whose beginning was not seen is not taken.
+
+The default is what is assumed of the ILM 500 laser altimeter, whose format is not public: metres as a decimal number,
+CR LF, 0 or a line "E<number>" when there is no return, and at most 500 m.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated
+
+import pydantic
+
+from fti.config import Positive, StrictModel
+from fti.drivers import Command, Counters
+from fti.drivers._asked import Asked
+from fti.drivers._checksums import CHECKSUMS, Kind
+from fti.drivers._fields import Field, Meaning, Teller, decode_fields, meanings
+from fti.drivers._lines import FirstLine, LineFramer
+from fti.drivers._template import CHECKSUM, Template
+from fti.types import Measurement, Stamp
+
+DOCUMENT = "none: the configuration describes the line; the default is assumed of the ILM 500 laser altimeter"
+MESSAGES = {"line": "a line like the template", "lost_line": 'a line that means "no measurement"'}
+CARRIERS = frozenset({"serial", "udp"})
+COMMANDS: Mapping[str, Command] = {
+    "send": Command("send a line; the terminator is added", {"text": "the line, 1 to 256 characters"}, answered=False)
+}
+LONGEST_COMMAND = 256
+PRINTABLE = re.compile(rb"[\x20-\x7e\t]*")
+
+
+class LineChecksum(StrictModel):
+    """``kind``: the rule; ``after``, ``before``: the text between which it is taken, "" for the ends."""
+
+    kind: Kind
+    after: str = ""
+    before: str = ""
+
+    def of(self, line: bytes) -> int:
+        """The checksum of what stands before {checksum} in a line."""
+        data = line.partition(self.after.encode("latin-1"))[2] if self.after else line
+        data = data.rpartition(self.before.encode("latin-1"))[0] if self.before else data
+        return CHECKSUMS[self.kind].of(data)
+
+
+class Poll(StrictModel):
+    """``send``: the question, with its terminator; ``every_s`` [s]."""
+
+    every_s: Positive
+    send: Annotated[str, pydantic.Field(min_length=1, max_length=LONGEST_COMMAND)]
+
+
+class Options(StrictModel):
+    r"""``line``: the template; ``lost_lines``: templates of lines that mean "no measurement".
+
+    ``longest``: most characters of a line; ``first_line``: "take" where the first bytes after a connect begin a line;
+    ``on_connect``: what the device is told after every connect, with terminators.
+    """
+
+    line: str = "{slant_range:f}"
+    fields: tuple[Field, ...] = (Field(name="slant_range", lost=(0.0,), limits=(0.0, 500.0)),)
+    lost_lines: tuple[str, ...] = ("E{_code:d}",)
+    terminator: Annotated[str, pydantic.Field(min_length=1, max_length=4)] = "\r\n"
+    checksum: LineChecksum | None = None
+    longest: Annotated[int, pydantic.Field(ge=8, le=2048)] = 256
+    first_line: FirstLine = "skip"
+    on_connect: tuple[str, ...] = ()
+    poll: Poll | None = None
+
+
+class Line:
+    """The templates and fields of the options, checked.  Raises ValueError that says what is wrong."""
+
+    def __init__(self, options: Options) -> None:
+        lost = {f.name: tuple(word for word in f.lost if isinstance(word, str)) for f in options.fields}
+        self.template = Template(options.line, lost)
+        self.lost = [_lost_template(text) for text in options.lost_lines]
+        self.checksum = options.checksum
+        names = [name for name in self.template.names if name != CHECKSUM]
+        self.known: dict[str, Meaning] = meanings(names, options.fields)
+        if (CHECKSUM in self.template.names) != (options.checksum is not None):
+            raise ValueError("checksum: must be described where {checksum} stands in the line, and only there")
+        for text in (options.line, *options.lost_lines):
+            if any(end in text for end in options.terminator):
+                raise ValueError(f"line: {text!r} has a character of the terminator {options.terminator!r} in it")
+
+    def refuse(self, line: bytes) -> str:
+        """Why a line is no message; "" when it is one."""
+        found = self.template.match(line)
+        if found is None:
+            if any(lost.match(line) for lost in self.lost):
+                return ""
+            return "other_line" if PRINTABLE.fullmatch(line) else "no_match"
+        if self.checksum is None:
+            return ""
+        told = int(found[CHECKSUM], 16)
+        return "" if told == self.checksum.of(line[: found.start(CHECKSUM)]) else "bad_checksum"
+
+    def decode(self, line: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
+        """Name and measurements of a line that is not refused."""
+        found = self.template.match(line)
+        if found is None:
+            return "lost_line", decode_fields(self.known, {}, stamp)
+        return "line", decode_fields(self.known, self.template.read(found), stamp)
+
+
+def _lost_template(text: str) -> Template:
+    """A line that means "no measurement" need not have a field."""
+    return Template(text if "{" in text else f"{text}{{_nothing:s}}")
+
+
+class Decoder:
+    """Lines to measurements."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._line = Line(options)
+        self._framer = LineFramer(
+            self._line.refuse,
+            self.counters,
+            longest=options.longest,
+            begun=options.first_line == "take",
+            ends=options.terminator.encode("latin-1"),
+        )
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for t_ns, frame in self._framer.feed(data, t_rx_ns):
+            if len(frame) > 1:
+                name, measurements = self._line.decode(frame[:-1], Stamp(t_ns))
+                self.counters.messages[name] += 1
+                found += measurements
+        return found
+
+
+class Encoder:
+    """The device's end: a line when every field has been told anew, at once or when it is asked.
+
+    What the device knows to be wrong, and has no word for, is not sent.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self._line = Line(options)
+        self.known: Mapping[str, Meaning] = self._line.known
+        self._end = options.terminator.encode("latin-1")
+        self._teller = Teller(self.known)
+        self._asked = Asked(options.poll.send.encode("latin-1") if options.poll else b"")
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        values = self._teller.take(measurement, self._line.template.is_text)
+        if values is None:
+            return []
+        checksum = self._line.checksum.of if self._line.checksum else None
+        return self._asked.offer([self._line.template.write(values, checksum) + self._end])
+
+    def respond(self, data: bytes) -> list[bytes]:
+        return self._asked.respond(data)
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder.  Raises ValueError when the description is wrong."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder.  Raises ValueError when the description is wrong."""
+    return Encoder(options)
+
+
+def on_connect(options: Options) -> list[bytes]:
+    """What the options say."""
+    return [text.encode("latin-1", errors="replace") for text in options.on_connect]
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """What the options say."""
+    return (options.poll.every_s, options.poll.send.encode("latin-1", errors="replace")) if options.poll else None
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The bytes of a line.  Raises ValueError."""
+    if name not in COMMANDS:
+        raise ValueError(f"no command {name!r}; there is send")
+    if set(args) != {"text"}:
+        raise ValueError(f"send: takes text and nothing else, was given {', '.join(args) or 'nothing'}")
+    text, end = args["text"], (options or Options()).terminator
+    if not 1 <= len(text) <= LONGEST_COMMAND or not text.isascii() or any(c in text for c in end):
+        raise ValueError(f"send: text = {text[:60]!r}: must be 1 to 256 ASCII characters without the terminator")
+    return (text + end).encode("latin-1")
