@@ -9,17 +9,22 @@ airborne logger decodes (third party):
     status bit 0 ascending, 1 self test, 2 failure, 3 unlocked or invalid, 4 in air
 
 Open, therefore options: the rule of byte 6 (default: not checked) and DLE stuffing (default: none).  The baud rate is
-the link's.  0x10 may stand inside the data; the trailer decides what is a frame.
+the link's.  0x10 may stand inside the data; the trailer decides what is a frame.  Its ARINC 429 output is label 164,
+which is the driver ``arinc429``'s.
 
-Quantisation [ft]: to 119: 1; to 199: 2; to 499: 5; to 999: 20; to 2099: 50; above: 100 (Spiegel 2018, table 7.9,
-first column as corrected in docs/errata.md).  Sigma is step / sqrt(12).
+Quantisation [ft]: to 119: 1; to 199: 2; to 499: 5; to 999: 20; to 2099: 50; above: 100 (84629, as Spiegel 2018 prints
+it in table 7.9, first column as corrected in docs/errata.md).  Sigma is the root of the sum of squares of step /
+sqrt(12) and of what the instrument's own accuracy is taken to be: ``sd_ft`` and ``sd_percent`` of the height.  How the
+maker states it is not public: both are 0 by default, so that sigma is that of the step alone.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from fti.config import StrictModel
 from fti.drivers import Counters
@@ -38,14 +43,20 @@ DLE = 0x10
 BODY = 4  # altitude, status, checksum
 STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: "in_air"}
 INVALIDATING = ("self_test", "failure", "unlocked")
+NotNegative = Annotated[float, Field(ge=0)]
 QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
 
 
 class Options(StrictModel):
-    """``checksum``: the rule of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice."""
+    """``checksum``: the rule of byte 6 over bytes 3-5; ``dle_stuffing``: 0x10 in the data is sent twice.
+
+    ``sd_ft``, ``sd_percent``: one sigma of the instrument itself, in feet and in percent of the height.
+    """
 
     checksum: Literal["none", "xor", "sum"] = "none"
     dle_stuffing: bool = False
+    sd_ft: NotNegative = 0.0
+    sd_percent: NotNegative = 0.0
 
 
 def quantisation_step_ft(height_ft: float) -> int:
@@ -65,13 +76,19 @@ def _checksum(rule: str, data: bytes) -> int:
     return sum(data) & 0xFF if rule == "sum" else 0
 
 
-def decode_height(body: bytes, t_rx_ns: int) -> list[Measurement]:
+def sigma_ft(height_ft: float, options: Options) -> float:
+    """One sigma [ft] of an altitude [ft]: of the step and of the instrument."""
+    step = quantisation_step_ft(height_ft) / math.sqrt(12)
+    return math.hypot(step, options.sd_ft, options.sd_percent / 100.0 * height_ft)
+
+
+def decode_height(body: bytes, t_rx_ns: int, options: Options) -> list[Measurement]:
     """Altitude and status of the four body bytes, in metres and flags."""
     height_ft = int.from_bytes(body[:2], "big")
     flags = tuple(name for bit, name in STATUS_FLAGS.items() if body[2] >> bit & 1)
     ok = not any(flag in INVALIDATING for flag in flags)
     stamp = Stamp(t_rx_ns)
-    sd = quantisation_step_ft(height_ft) * FOOT / math.sqrt(12)
+    sd = sigma_ft(height_ft, options) * FOOT
     return [
         DeviceStatus(stamp=stamp, ok=ok, flags=flags),
         RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok),
@@ -100,7 +117,7 @@ class Decoder:
         found: list[Measurement] = []
         for stamp, frame in self._framer.feed(data, t_rx_ns):
             self.counters.messages["height"] += 1
-            found += decode_height(self._body(frame)[:BODY], stamp)
+            found += decode_height(self._body(frame)[:BODY], stamp, self._options)
         return found
 
     def _body(self, buffer: bytes | bytearray) -> bytes:

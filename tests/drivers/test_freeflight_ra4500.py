@@ -48,6 +48,14 @@ def test_sigma_is_that_of_the_step() -> None:
     assert found.sd == pytest.approx(100 * FOOT / 12**0.5, abs=1e-9)
 
 
+def test_the_instruments_own_accuracy_is_added_as_variance() -> None:
+    """1000 ft: a step of 50 ft is 14.434 ft, and 1 ft and 2 % (20 ft) with it sqrt(208.33 + 1 + 400) = 24.685 ft."""
+    (found,) = heights(frame(1000), ra.Options(sd_ft=1.0, sd_percent=2.0))
+    assert found.sd == pytest.approx(24.685 * 0.3048, abs=1e-3)
+    with pytest.raises(ValueError, match="greater than or equal to 0"):
+        ra.Options(sd_ft=-1.0)
+
+
 @pytest.mark.parametrize("altitude", [0x0010, 0x1003, 0x10DF, 0x1010, 0xDF03])
 def test_sync_and_trailer_bytes_inside_the_data_do_no_harm(altitude: int) -> None:
     found = heights(frame(altitude) * 3)
