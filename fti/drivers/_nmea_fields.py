@@ -6,11 +6,14 @@ import functools
 import math
 import operator
 import re
+from datetime import date
 
 _DAY_NS = 86_400 * 1_000_000_000
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
-_TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{1,9})\d*)?")
-_ANGLE = re.compile(r"(\d{1,3})(\d\d(?:\.\d*)?)")
+_INTEGER = re.compile(r"[+-]?\d+")
+_TIME = re.compile(r"(\d\d)(\d\d)(\d\d)(?:\.(\d{0,9})\d*)?")
+_ANGLE = re.compile(r"(\d{0,3}?)(\d{1,2}(?:\.\d*)?)")
+_DATE = re.compile(r"(\d\d)(\d\d)(\d\d)")
 
 
 def checksum(body: bytes | bytearray) -> int:
@@ -35,21 +38,40 @@ def number(text: str) -> float | None:
 
 def integer(text: str) -> int | None:
     """A whole number."""
-    return int(text) if text else None
+    if not text:
+        return None
+    if not _INTEGER.fullmatch(text):
+        raise ValueError(f"{text!r} is no whole number")
+    return int(text)
 
 
 def time_of_day(text: str) -> int | None:
-    """hhmmss.sss as time of the day [ns]; a leap second is allowed."""
+    """hhmmss.sss as time of the day [ns]; a leap second is allowed, and 24:00:00 for the end of the day."""
     if not text:
         return None
     found = _TIME.fullmatch(text)
     if not found:
         raise ValueError(f"{text!r} is no time")
     hour, minute, second = (int(found[i]) for i in (1, 2, 3))
-    if hour > 23 or minute > 59 or second > 60:
+    if minute > 59 or second > 60 or (hour, minute, second) > (24, 0, 0):
         raise ValueError(f"{text!r} is no time")
     fraction = int(f"{found[4] or '':0<9}")
     return ((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction
+
+
+def day(text: str) -> date | None:
+    """ddmmyy; years below 80 are of this century.  None when there is none, or zeros for it."""
+    if not text or text == "000000":
+        return None
+    found = _DATE.fullmatch(text)
+    if not found:
+        raise ValueError(f"{text!r} is no date")
+    return date(full_year(int(found[3])), int(found[2]), int(found[1]))
+
+
+def full_year(year: int) -> int:
+    """A year of two digits in full."""
+    return year if year > 99 else year + (1900 if year >= 80 else 2000)
 
 
 def angle(text: str, side: str, sides: str, limit_deg: float) -> float | None:
@@ -60,7 +82,7 @@ def angle(text: str, side: str, sides: str, limit_deg: float) -> float | None:
     if not found or len(side) != 1 or side not in sides:
         raise ValueError(f"{text!r} {side!r} is no angle")
     minutes = float(found[2])
-    degrees = int(found[1]) + minutes / 60
+    degrees = int(found[1] or 0) + minutes / 60
     if minutes >= 60 or degrees > limit_deg:
         raise ValueError(f"{text!r} is out of range")
     return math.radians(degrees if side == sides[0] else -degrees)

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from datetime import date, timedelta
 
 from fti.drivers import _nmea_fields as fields
+from fti.drivers._nmea_framing import split
+from fti.drivers._nmea_sky import Sky
 from fti.drivers._times import utc_ns
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import (
@@ -15,20 +17,28 @@ from fti.types import (
     DeviceTime,
     Measurement,
     Position,
-    Satellite,
+    ReceiverClock,
     Satellites,
     Stamp,
     TimeScale,
     Velocity,
 )
 
-HALF_DAY_NS = 43_200 * 1_000_000_000
+SECOND_NS = 1_000_000_000
+DAY_NS = 86_400 * SECOND_NS
+HALF_DAY_NS = DAY_NS // 2
 FIXES = ("no_fix", "gps", "dgps", "pps", "rtk_fixed", "rtk_float", "estimated", "manual", "simulator")
 MEASURED_FIXES = frozenset(FIXES[1:6])
 MEASURED_MODES = frozenset("ADPRF")
-TALKERS = {"GP": "gps", "GL": "glonass", "GA": "galileo", "GB": "beidou", "BD": "beidou", "GQ": "qzss", "GI": "navic"}
-SYSTEM_IDS = {"1": "gps", "2": "glonass", "3": "galileo", "4": "beidou", "5": "qzss", "6": "navic"}
-NUMBER_RANGES = ((1, 32, "gps"), (33, 64, "sbas"), (65, 99, "glonass"), (193, 202, "qzss"))
+#: Kinds of fix of PUBX,00.
+PUBX_FIXES = {
+    "NF": "no_fix", "DR": "dead_reckoning", "G2": "fix_2d", "G3": "fix_3d", "D2": "dgps_2d", "D3": "dgps_3d",
+    "RK": "gnss_dead_reckoning", "TT": "time_only",
+}  # fmt: skip
+PUBX_MEASURED = frozenset({"G2", "G3", "D2", "D3", "RK"})
+#: So long the sigma of a GST holds.
+SIGMA_NS = 10 * SECOND_NS
+KM_PER_HOUR = 1 / 3.6
 
 
 class Calendar:
@@ -55,101 +65,101 @@ class Calendar:
         return Stamp(t_rx_ns, utc_ns(self._day, of_day_ns), TimeScale.UTC)
 
 
-class Sky:
-    """Satellites over several sentences."""
-
-    def __init__(self) -> None:
-        self._used: dict[str, frozenset[int]] = {}
-        self._views: dict[str, tuple[int, int, list[Satellite]]] = {}  # talker: arrival, sentences so far, satellites
-
-    def used(self, f: list[str]) -> tuple[Satellite, ...]:
-        """GSA: the satellites used of one system."""
-        given = SYSTEM_IDS.get(f[18]) if len(f) > 18 else TALKERS.get(f[0][:2])
-        numbers = [int(text) for text in f[3:15] if text]
-        found = tuple(Satellite(system=system_of(given, n), number=n, used=True) for n in numbers)
-        for system in {s.system for s in found} | ({given} if given else set()):
-            self._used[system] = frozenset(s.number for s in found if s.system == system)
-        return found
-
-    def view(self, f: list[str], t_rx_ns: int) -> Satellites | None:
-        """GSV: all satellites in view of a talker, with its last sentence."""
-        count, index = int(f[1]), int(f[2])
-        groups, signal = divmod(len(f) - 4, 4)
-        key = f[0] + (f[-1] if signal else "")
-        begun = self._views.pop(key, None)
-        if index != 1 and (begun is None or begun[1] != index - 1):
-            return None  # a sentence of the group is lost
-        t_first, _, seen = (t_rx_ns, 0, []) if index == 1 or begun is None else begun
-        seen = seen + [s for i in range(groups) if (s := self._satellite(f[0][:2], f[4 + 4 * i : 8 + 4 * i]))]
-        if index < count:
-            self._views[key] = (t_first, index, seen)
-            return None
-        return Satellites(stamp=Stamp(t_first), satellites=tuple(seen))
-
-    def _satellite(self, talker: str, group: list[str]) -> Satellite | None:
-        number = fields.integer(group[0])
-        if number is None:
-            return None
-        system = system_of(TALKERS.get(talker), number)
-        elevation, azimuth, cn0 = (fields.number(text) for text in group[1:])
-        used = number in self._used[system] if system in self._used else None
-        return Satellite(
-            system=system,
-            number=number,
-            azimuth=None if azimuth is None else math.radians(azimuth),
-            elevation=None if elevation is None else math.radians(elevation),
-            cn0_dbhz=cn0,
-            used=used,
-        )
-
-
-def system_of(given: str | None, number: int) -> str:
-    """The system of a satellite: as given, except for augmentation satellites; or by its number."""
-    by_number = next((name for low, high, name in NUMBER_RANGES if low <= number <= high), "unknown")
-    if given is None or (given == "gps" and by_number == "sbas"):
-        return by_number
-    return given
-
-
 class Sentences:
     """What the sentences of one receiver say."""
 
     def __init__(self) -> None:
         self._calendar = Calendar()
         self._sky = Sky()
-        self.readers: dict[str, Callable[[list[str], int], list[Measurement]]] = {
-            "GGA": self._gga, "GNS": self._gns, "RMC": self._rmc, "VTG": self._vtg,
-            "GSA": self._gsa, "GSV": self._gsv, "ZDA": self._zda, "HDT": self._hdt,
+        self._sigma: tuple[int, float | None, float | None] | None = None  # time of the day, horizontal, vertical
+        self._readers: dict[str, Callable[[list[str], int], list[Measurement]]] = {
+            "GGA": self._gga, "GNS": self._gns, "RMC": self._rmc, "GLL": self._gll, "VTG": self._vtg,
+            "GSA": self._gsa, "GSV": self._gsv, "GST": self._gst, "ZDA": self._zda, "HDT": _hdt, "THS": _ths,
+            "PASHR": self._pashr, "PUBX,00": self._pubx_position, "PUBX,04": self._pubx_time,
         }  # fmt: skip
 
+    def read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        """The name of a sentence, and what it says; "... malformed" when its fields make no sense."""
+        f = split(frame)
+        name = _name(f)
+        reader = self._readers.get(name)
+        if name != "GSA":
+            self._sky.other()
+        try:
+            return name, reader(f, t_rx_ns) if reader else []
+        except (ValueError, IndexError, OverflowError):
+            return f"{name} malformed", []
+
+    # --------------------------------------------------------------------------------------------------- positions
+
     def _gga(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[1]))
+        of_day_ns = fields.time_of_day(f[1])
+        stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
         quality = fields.integer(f[6]) or 0
         fix = FIXES[quality] if 0 <= quality < len(FIXES) else f"fix_{quality}"
         ok = fix in MEASURED_FIXES
         used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.number(f[8]))
-        position = _position(stamp, f[2:6], fields.number(f[9]), fields.number(f[11]), ok)
+        position = self._position((stamp, of_day_ns), f[2:6], ok, fields.number(f[9]), fields.number(f[11]))
         return [position, used, DeviceStatus(stamp=stamp, ok=ok, flags=(fix,))]
 
     def _gns(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[1]))
+        of_day_ns = fields.time_of_day(f[1])
+        stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
         used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.number(f[8]))
         ok = not MEASURED_MODES.isdisjoint(f[6])
-        return [_position(stamp, f[2:6], fields.number(f[9]), fields.number(f[10]), ok), used]
+        return [self._position((stamp, of_day_ns), f[2:6], ok, fields.number(f[9]), fields.number(f[10])), used]
 
     def _rmc(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        of_day_ns = fields.time_of_day(f[1])
-        if f[9] and of_day_ns is not None:
-            day, month, year = int(f[9][0:2]), int(f[9][2:4]), int(f[9][4:6])
-            self._calendar.set(date(year + (1900 if year >= 80 else 2000), month, day), of_day_ns)
+        of_day_ns, day = fields.time_of_day(f[1]), fields.day(f[9])
+        if day is not None and of_day_ns is not None:
+            self._calendar.set(day, of_day_ns)
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
-        ok = f[2] == "A" and (len(f) < 13 or f[12] in MEASURED_MODES)
-        velocity = _velocity(stamp, f[7], f[8], ok)
-        return [_position(stamp, f[3:7], None, None, ok), *velocity]
+        ok = f[2] == "A" and _measured(f, 12)
+        velocity = _velocity(stamp, _knots(f[7]), f[8], ok)
+        return [self._position((stamp, of_day_ns), f[3:7], ok), *velocity]
+
+    def _gll(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        of_day_ns = fields.time_of_day(f[5]) if len(f) > 5 else None
+        ok = len(f) > 6 and f[6] == "A" and _measured(f, 7)
+        return [self._position((self._calendar.stamp(t_rx_ns, of_day_ns), of_day_ns), f[1:5], ok)]
+
+    def _gst(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        of_day_ns = fields.time_of_day(f[1])
+        north, east, up = (fields.number(text) for text in f[6:9])
+        horizontal = None if north is None or east is None else math.hypot(north, east)
+        self._sigma = None if of_day_ns is None else (of_day_ns, horizontal, up)
+        return []
+
+    def _position(
+        self, times: tuple[Stamp, int | None], f: list[str], ok: bool, alt_msl: float | None = None,
+        undulation: float | None = None,
+    ) -> Position:  # fmt: skip
+        """times : the stamp and the time of the day; f : latitude, its side, longitude, its side."""
+        lat, lon = fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)
+        alt = None if alt_msl is None or undulation is None else alt_msl + undulation
+        horizontal_sd, vertical_sd = self._sigma_at(times[1])
+        return Position(
+            stamp=times[0], lat=lat, lon=lon, alt=alt, alt_msl=alt_msl, undulation=undulation,
+            horizontal_sd=horizontal_sd, vertical_sd=None if alt_msl is None else vertical_sd,
+            valid=ok and lat is not None and lon is not None,
+        )  # fmt: skip
+
+    def _sigma_at(self, of_day_ns: int | None) -> tuple[float | None, float | None]:
+        """Horizontal and vertical sigma of the newest GST, if it is not too old."""
+        if self._sigma is None or of_day_ns is None or (of_day_ns - self._sigma[0]) % DAY_NS > SIGMA_NS:
+            return None, None
+        return self._sigma[1:]
+
+    # ---------------------------------------------------------------------------------- velocity, satellites, time
 
     def _vtg(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        ok = len(f) < 10 or f[9] in MEASURED_MODES
-        return _velocity(Stamp(t_rx_ns), f[5], f[1], ok)
+        if len(f) <= 6 or f[2] not in ("T", ""):  # before 2.0: without the units
+            return _velocity(Stamp(t_rx_ns), _knots(f[3]), f[1], ok=True)
+        speed = _knots(f[5])
+        if speed is None and len(f) > 7:
+            kilometres = fields.number(f[7])
+            speed = None if kilometres is None else kilometres * KM_PER_HOUR
+        return _velocity(Stamp(t_rx_ns), speed, f[1], _measured(f, 9))
 
     def _gsa(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         pdop, hdop, vdop = (fields.number(text) for text in f[15:18])
@@ -162,29 +172,96 @@ class Sentences:
 
     def _zda(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         of_day_ns = fields.time_of_day(f[1])
-        if of_day_ns is None or not f[4]:
+        if of_day_ns is None or not all(f[2:5]):
             return []
-        self._calendar.set(date(int(f[4]), int(f[3]), int(f[2])), of_day_ns)
+        day, month, year = (int(text) for text in f[2:5])
+        self._calendar.set(date(fields.full_year(year), month, day), of_day_ns)
         return [DeviceTime(stamp=self._calendar.stamp(t_rx_ns, of_day_ns))]
 
-    def _hdt(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        heading = fields.number(f[1])
-        if heading is None:
+    def _pashr(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        """Attitude, with sigma where it is given; other sentences of that name say other things."""
+        if len(f) < 10 or f[3] != "T":
             return []
-        return [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(math.radians(heading)))]
+        heading, roll, pitch = (_radians(f[i]) for i in (2, 4, 5))
+        roll_sd, pitch_sd, heading_sd = (_radians(f[i]) for i in (7, 8, 9))
+        ok = len(f) < 11 or f[10] != "0"
+        return [
+            Attitude(
+                stamp=self._calendar.stamp(t_rx_ns, fields.time_of_day(f[1])), roll=roll, pitch=pitch,
+                heading=None if heading is None else wrap_heading(heading),
+                roll_sd=roll_sd, pitch_sd=pitch_sd, heading_sd=heading_sd, valid=ok and None not in (roll, pitch),
+            )
+        ]  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------- u-blox proprietary
+
+    def _pubx_position(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        """PUBX,00: the height is above the ellipsoid."""
+        stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[2]))
+        fix, ok = PUBX_FIXES.get(f[8], f[8]), f[8] in PUBX_MEASURED
+        lat, lon = fields.angle(f[3], f[4], "NS", 90.0), fields.angle(f[5], f[6], "EW", 180.0)
+        speed, track, down = fields.number(f[11]), _radians(f[12]), fields.number(f[13])
+        return [
+            Velocity(
+                stamp=stamp, down=down, ground_speed=None if speed is None else speed * KM_PER_HOUR,
+                track=None if track is None else wrap_heading(track), valid=ok and speed is not None,
+            ),
+            Satellites(stamp=stamp, used=fields.integer(f[18]), hdop=fields.number(f[15]), vdop=fields.number(f[16])),
+            DeviceStatus(stamp=stamp, ok=ok, flags=(fix,)),
+            Position(
+                stamp=stamp, lat=lat, lon=lon, alt=fields.number(f[7]), horizontal_sd=fields.number(f[9]),
+                vertical_sd=fields.number(f[10]), valid=ok and lat is not None and lon is not None,
+            ),
+        ]  # fmt: skip
+
+    def _pubx_time(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        """PUBX,04: date and time, the receiver's clock [ns], [ns/s]."""
+        of_day_ns, day = fields.time_of_day(f[2]), fields.day(f[3])
+        if day is None or of_day_ns is None:
+            return []
+        self._calendar.set(day, of_day_ns)
+        stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
+        offset, drift = (None if (v := fields.number(text)) is None else v * 1e-9 for text in f[7:9])
+        return [DeviceTime(stamp=stamp), ReceiverClock(stamp=stamp, offset=offset, drift=drift)]
 
 
-def _position(stamp: Stamp, f: list[str], alt_msl: float | None, undulation: float | None, ok: bool) -> Position:
-    lat, lon = fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)
-    alt = None if alt_msl is None or undulation is None else alt_msl + undulation
-    valid = ok and lat is not None and lon is not None
-    return Position(stamp=stamp, lat=lat, lon=lon, alt=alt, alt_msl=alt_msl, undulation=undulation, valid=valid)
+def _name(f: list[str]) -> str:
+    """The formatter, or the whole name of a proprietary sentence; a proprietary talker of GSV and GSA is one."""
+    if f[0] == "PUBX" and len(f) > 1:
+        return f"PUBX,{f[1]}"
+    return f[0] if f[0].startswith("P") and f[0][2:] not in ("GSV", "GSA") else f[0][2:]
 
 
-def _velocity(stamp: Stamp, speed_kt: str, course_deg: str, ok: bool) -> list[Measurement]:
-    speed, course = fields.number(speed_kt), fields.number(course_deg)
-    if speed is None and course is None and ok:
+def _measured(f: list[str], at: int) -> bool:
+    """Whether the mode indicator in that field, if there is one, says that something was measured."""
+    return len(f) <= at or not f[at] or f[at] in MEASURED_MODES
+
+
+def _hdt(f: list[str], t_rx_ns: int) -> list[Measurement]:
+    heading = _radians(f[1])
+    return [] if heading is None else [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(heading))]
+
+
+def _ths(f: list[str], t_rx_ns: int) -> list[Measurement]:
+    heading = _radians(f[1])
+    if heading is None:
         return []
-    ground_speed = None if speed is None else speed * KNOT
-    track = None if course is None else wrap_heading(math.radians(course))
-    return [Velocity(stamp=stamp, ground_speed=ground_speed, track=track, valid=ok and speed is not None)]
+    return [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(heading), valid=f[2] == "A")]
+
+
+def _radians(degrees: str) -> float | None:
+    value = fields.number(degrees)
+    return None if value is None else math.radians(value)
+
+
+def _knots(text: str) -> float | None:
+    speed = fields.number(text)
+    return None if speed is None else speed * KNOT
+
+
+def _velocity(stamp: Stamp, ground_speed: float | None, course_deg: str, ok: bool) -> list[Measurement]:
+    course = _radians(course_deg)
+    if ground_speed is None and course is None and ok:
+        return []
+    track = None if course is None else wrap_heading(course)
+    return [Velocity(stamp=stamp, ground_speed=ground_speed, track=track, valid=ok and ground_speed is not None)]

@@ -7,14 +7,24 @@ Document: NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed", E. S. Ra
     GGA  time lat N lon E quality used hdop altMSL M undulation M age station
     GNS  time lat N lon E modes used hdop altMSL undulation age station [status]
     RMC  time status lat N lon E speed[kt] course[deg] ddmmyy variation E [mode [status]]
-    VTG  course T course M speed N speed K [mode]         ZDA  time dd mm yyyy zone
-    GSA  mode fix 12 x satellite pdop hdop vdop [system]  HDT  heading T
+    GLL  lat N lon E time status [mode]                   GST  time rms major minor angle sdLat sdLon sdAlt
+    VTG  course T course M speed N speed K [mode]         VTG  course course speed[kt] speed[km/h]   before 2.0
+    ZDA  time dd mm yyyy zone                             HDT  heading T
+    GSA  mode fix 12 x satellite pdop hdop vdop [system]  THS  heading mode
     GSV  sentences index in_view 4 x (satellite elevation azimuth cn0) [signal]
+    PASHR  time heading T roll pitch heave sdRoll sdPitch sdHeading quality
+    PUBX,00  time lat N lon E altHAE fix hAcc vAcc speed[km/h] course down age hdop vdop tdop used    (u-blox)
+    PUBX,04  time ddmmyy tow week leap clockBias[ns] clockDrift[ns/s] granularity                     (u-blox)
 
-Checksum: exclusive or of the bytes between start and asterisk; a sentence without one is not taken.  Lines that
-begin with # are comments of capture files.  Other sentences are framed and counted by name; those whose fields do
-not make sense are counted as malformed.  Fields are taken apart here, and not by a package, so that independent
-parsers can judge all of them.
+Checksum: exclusive or of the bytes between start and asterisk; a sentence without one is not taken, unless the
+option says that the device sends none.  Lines that begin with # are comments of capture files.  Other sentences are
+framed and counted by name; those whose fields do not make sense are counted as malformed.  Fields are taken apart
+here, and not by a package, so that independent parsers can judge all of them.
+
+Talkers GP GL GA GB BD GQ QZ GI name the system of satellites, GN and others leave it to the number or to the system
+identifier of 4.11.  Satellites are numbered within their system, as in RINEX: GLONASS 65 is 1, SBAS 33 is 120, QZSS 193
+is 1.  Each list of satellites has all systems, each satellite once with the strongest of its signals, and whether the
+GSA before it says that it is used.  The sigma of a GST holds for the positions of the next 10 s.
 
 alt = altMSL + undulation of the same sentence.  The device time is UTC as soon as RMC or ZDA have told the date; a
 sentence soon after midnight belongs to the new day.  The emulated receiver sends RMC (with the Velocity of the same
@@ -25,11 +35,13 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Literal
 
 from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers import _nmea_fields as fields
 from fti.drivers._framing import Framer, Skip
+from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
@@ -41,41 +53,49 @@ MESSAGES = {
     "GGA": "position, kind of fix, satellites used",
     "GNS": "position, satellites used",
     "RMC": "position, ground speed and track, date",
+    "GLL": "position",
+    "GST": "sigma of the position",
     "VTG": "ground speed and track",
     "GSA": "satellites used, dilution of precision",
     "GSV": "satellites in view",
     "ZDA": "date and time",
     "HDT": "true heading",
+    "THS": "true heading",
+    "PASHR": "roll, pitch, true heading",
+    "PUBX,00": "position above the ellipsoid, velocity, accuracy, satellites used",
+    "PUBX,04": "date and time, the receiver's clock",
     "(other)": "framed and counted by name",
 }
 CARRIERS = frozenset({"serial", "udp"})
 
-#: The standard says 82; receivers with more digits send up to about 100.
-MAX_SENTENCE = 160
-
-_BODY = re.compile(rb"[\x20\x22-\x23\x25-\x7e]*")
 _NO_START = re.compile(rb"[^$!#]+")
 _COMMENT = re.compile(rb"[^$!\n]*\n?")
 
 
 class Options(StrictModel):
-    """Nothing is to be chosen."""
+    """checksum : "required", or "optional" for a device that sends none; one that is there must hold all the same."""
+
+    checksum: Literal["required", "optional"] = "required"
 
 
 # ------------------------------------------------------------------------------------------------------- framing
 
 
 class Lines:
-    """Framing; see ``fti.drivers._framing``.  It remembers whether a comment goes on."""
+    """Framing; see ``fti.drivers._framing``.  It remembers whether a comment goes on.
 
-    def __init__(self) -> None:
+    bare : sentences without a checksum are taken
+    """
+
+    def __init__(self, bare: bool) -> None:
+        self._bare = bare
         self._comment = False
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """What stands at the beginning."""
         if buffer[0] in b"$!":
             self._comment = False
-            return measure_sentence(buffer)
+            return measure_sentence(buffer, self._bare)
         if buffer[0] == ord("#"):
             self._comment = True
         found = (_COMMENT if self._comment else _NO_START).match(buffer)
@@ -86,24 +106,6 @@ class Lines:
         return Skip(found.end(), "comment")
 
 
-def measure_sentence(buffer: bytearray) -> int | Skip:
-    """A sentence that begins here; nothing up to its first strange byte can be the start of another."""
-    found = _BODY.match(buffer, 1)
-    assert found is not None
-    end = found.end()
-    if end >= MAX_SENTENCE:
-        return Skip(end, "too_long")
-    if end == len(buffer) or (buffer[end] == ord("\r") and end + 1 == len(buffer)):
-        return 0
-    if buffer[end] not in b"\r\n" or (buffer[end] == ord("\r") and buffer[end + 1] != ord("\n")):
-        return Skip(end, "bad_character")
-    if end < 7 or buffer[end - 3] != ord("*"):
-        return Skip(end, "no_checksum")
-    if b"%02X" % fields.checksum(buffer[1 : end - 3]) != buffer[end - 2 : end].upper():
-        return Skip(end, "bad_checksum")
-    return end + (2 if buffer[end] == ord("\r") else 1)
-
-
 # ------------------------------------------------------------------------------------------------------- streams
 
 
@@ -112,23 +114,15 @@ class Decoder:
 
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
-        self._readers = Sentences().readers
-        self._framer = Framer(Lines().measure, self.counters, limit=MAX_SENTENCE)
+        self._sentences = Sentences()
+        self._framer = Framer(Lines(options.checksum == "optional").measure, self.counters, limit=MAX_SENTENCE)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
         for stamp, frame in self._framer.feed(data, t_rx_ns):
-            found += self._read(frame[1 : frame.rindex(b"*")].decode("ascii").split(","), stamp)
-        return found
-
-    def _read(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        name = f[0] if f[0].startswith("P") else f[0][2:]
-        reader = self._readers.get(name)
-        try:
-            found = reader(f, t_rx_ns) if reader else []
-        except (ValueError, IndexError, OverflowError):
-            name, found = f"{name} malformed", []
-        self.counters.messages[name] += 1
+            name, read = self._sentences.read(frame, stamp)
+            self.counters.messages[name] += 1
+            found += read
         return found
 
 

@@ -33,6 +33,8 @@ CAPTURES = ("nmea-rtk.log", "nmea-fuzzy-cases.log", "ublox-8.log", "ublox-neo-m9
 SENTENCES = {"nmea-rtk.log": 244, "nmea-fuzzy-cases.log": 28, "ublox-8.log": 1008, "ublox-neo-m9n-nmea.log": 1403}
 each_capture = pytest.mark.parametrize("name", CAPTURES)
 KNOT = 1852 / 3600
+#: Sentences with a position, and the field of its latitude.
+PLACES = {"GGA": 2, "RMC": 3, "GLL": 1}
 
 
 def read(name: str) -> bytes:
@@ -81,9 +83,9 @@ def test_fields_are_those_of_a_split_by_comma(name: str) -> None:
     data = read(name)
     found = iter([m for m in decode(data) if isinstance(m, Position)])
     for f in sentences(data):
-        if f[0][2:] not in ("GGA", "RMC"):
+        if f[0][2:] not in PLACES:
             continue
-        position, at = next(found), 2 if f[0][2:] == "GGA" else 3
+        position, at = next(found), PLACES[f[0][2:]]
         assert math.degrees(position.lat or 0.0) == pytest.approx(degrees(f[at], f[at + 1]), abs=1e-10)
         assert math.degrees(position.lon or 0.0) == pytest.approx(degrees(f[at + 2], f[at + 3]), abs=1e-10)
         if f[0][2:] == "GGA":
@@ -168,7 +170,7 @@ def test_a_second_parser_sees_the_same_positions(name: str) -> None:
     data = read(name)
     found = iter([m for m in decode(data) if isinstance(m, Position)])
     for f in sentences(data):
-        if f[0][2:] in ("GGA", "RMC"):
+        if f[0][2:] in PLACES:
             parsed = pynmeagps.NMEAReader.parse(sentence(",".join(f)))
             position = next(found)
             assert math.degrees(position.lat or 0.0) == pytest.approx(parsed.lat, abs=1e-8)
@@ -300,8 +302,8 @@ def test_a_sentence_inside_garbage_and_comments_is_found() -> None:
 
 def test_encapsulated_data_and_proprietary_sentences_are_framed_by_name() -> None:
     decoder = nmea.make_decoder(nmea.Options())
-    decoder.feed(sentence("AIVDM,1,1,,A,13aG?P0P00PD,0").replace(b"$", b"!", 1) + sentence("PUBX,00,1"), 1)
-    assert decoder.counters.messages == {"VDM": 1, "PUBX": 1}
+    decoder.feed(sentence("AIVDM,1,1,,A,13aG?P0P00PD,0").replace(b"$", b"!", 1) + sentence("PUBX,41,1"), 1)
+    assert decoder.counters.messages == {"VDM": 1, "PUBX,41": 1}
 
 
 def test_the_emulated_receiver_speaks_as_other_parsers_expect() -> None:

@@ -11,7 +11,7 @@ from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
 from fti.hil.sensors.described import DescribedDevice
-from fti.hil.sensors.gnss import Receiver
+from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.world import World
 from fti.service.binding import bind_devices
@@ -28,6 +28,7 @@ MODELS: dict[str, ModelType] = {
     "lightware_binary": LaserAltimeter,
     "mavlink": Autopilot,
     "nmea0183": Receiver,
+    "ublox_ubx": RawReceiver,
 }
 
 

@@ -1,14 +1,32 @@
-"""A satellite receiver without augmentation."""
+"""Satellite receivers without augmentation: one that says its solution, one that says also what it made it of."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.sensors.avionics import Reference
+from fti.hil.sensors.base import position_at
+from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Constellation, Seen, dilution
+from fti.hil.sensors.errors import slow
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import Measurement, Stamp, TimeScale
+from fti.types import (
+    DeviceStatus,
+    Measurement,
+    Pseudorange,
+    Pseudoranges,
+    ReceiverClock,
+    Satellite,
+    Satellites,
+    Stamp,
+    TimeScale,
+)
+
+Array = NDArray[np.float64]
 
 
 class Receiver:
@@ -17,9 +35,111 @@ class Receiver:
     rate_hz = 5.0
     time_scale = TimeScale.UTC
 
-    def __init__(self, bound: BoundDevice, world: World, t: NDArray[np.float64], rng: np.random.Generator) -> None:
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         self._reference = Reference(bound, world.state(t), world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Velocity before position: a receiver's sentences carry both, and the position completes them."""
         return [self._reference.velocity(k, stamp), self._reference.position(k, stamp)]
+
+
+class RawReceiver:
+    """The same, and once a second the satellites, the receiver's clock and the pseudoranges.
+
+    Errors of a pseudorange: troposphere 2.3 m and ionosphere 4 m at the zenith, growing with the path through them;
+    code noise 0.3 m at the zenith; of the phase 0.02 cycles (Kaplan and Hegarty, 3rd edition, tables 9.3 and 10.2).
+    The clock is an uncompensated crystal that the receiver sets back by a millisecond when it is off by half of one.
+    """
+
+    rate_hz = 5.0
+    time_scale = TimeScale.UTC
+
+    MASK, USED_ABOVE = np.deg2rad(5.0), np.deg2rad(10.0)
+    TROPOSPHERE, IONOSPHERE, CODE_SD, PHASE_SD, DOPPLER_SD = 2.3, 4.0, 0.3, 0.02, 0.1
+    CN0_ZENITH, CN0_HORIZON, CN0_SD = 50.0, 35.0, 1.0
+    DRIFT_SD, DRIFT_PERIOD_S, OFFSET_SD, STEP_S = 2e-7, 300.0, 20e-9, 1e-3
+
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+        state = world.state(t)
+        self._reference = Reference(bound, state, world, t, rng)
+        self._place = np.stack(position_at(state, bound.device.lever_arm_b), axis=1)
+        self._vel_n = state.vel_n
+        self._drift = rng.normal(0.0, self.DRIFT_SD) + slow(t, 0.05 * self.DRIFT_SD, self.DRIFT_PERIOD_S, rng)
+        self._offset = rng.uniform(-0.5, 0.5) * self.STEP_S + np.cumsum(self._drift * np.gradient(t))
+        self._sky = Constellation()
+        self._cycles = rng.integers(-1_000_000, 1_000_000, len(self._sky.keys))
+        self._rng = rng
+        self._every = max(round(bound.device.rate_hz or self.rate_hz), 1)
+        self._quality = Satellites(stamp=Stamp(0))
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """The solution, and what is due beside it."""
+        beside = self._raw(k, stamp) if k % self._every == 0 else []
+        quality = self._quality
+        return [
+            self._reference.velocity(k, stamp),
+            Satellites(stamp=stamp, used=quality.used, pdop=quality.pdop),
+            DeviceStatus(stamp=stamp, ok=True, flags=("fix_3d",)),
+            self._reference.position(k, stamp),
+            *beside,
+        ]
+
+    def _raw(self, k: int, stamp: Stamp) -> list[Measurement]:
+        gps_ns = (stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS
+        seen = self._look(k, gps_ns % (WEEK_S * SECOND_NS) / SECOND_NS)
+        used = seen.elevation > self.USED_ABOVE
+        cn0 = self._cn0(seen)
+        hdop, vdop, pdop = dilution(seen.azimuth[used], seen.elevation[used])
+        self._quality = Satellites(stamp=stamp, used=int(used.sum()), hdop=hdop, vdop=vdop, pdop=pdop)
+        offset = float((self._offset[k] + 0.5 * self.STEP_S) % self.STEP_S - 0.5 * self.STEP_S)
+        own = Stamp(stamp.t_rx_ns, gps_ns + round(offset * SECOND_NS), TimeScale.GPS)
+        clock = ReceiverClock(
+            stamp=stamp, offset=offset, drift=float(self._drift[k]), offset_sd=self.OFFSET_SD, drift_sd=1e-9
+        )
+        return [
+            Satellites(stamp=stamp, satellites=self._satellites(seen, cn0, used)),
+            clock,
+            Pseudoranges(stamp=own, observations=self._observations(seen, cn0, offset, clock.drift or 0.0)),
+        ]
+
+    def _look(self, k: int, t: float) -> Seen:
+        lat, lon, alt = self._place[k]
+        mat = mat_en(np.asarray(lat), np.asarray(lon))
+        return self._sky.seen(t, ecef_from_geodetic(lat, lon, alt), mat @ self._vel_n[k], mat, self.MASK)
+
+    def _cn0(self, seen: Seen) -> Array:
+        share = np.sin(seen.elevation)
+        return self.CN0_HORIZON + (self.CN0_ZENITH - self.CN0_HORIZON) * share + self._noise(seen, self.CN0_SD)
+
+    def _noise(self, seen: Seen, sd: float) -> Array:
+        return self._rng.normal(0.0, sd, len(seen.which))
+
+    def _satellites(self, seen: Seen, cn0: Array, used: NDArray[np.bool_]) -> tuple[Satellite, ...]:
+        return tuple(
+            Satellite(
+                system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
+                elevation=float(elevation), cn0_dbhz=float(strength), used=bool(is_used),
+            )
+            for i, azimuth, elevation, strength, is_used in zip(
+                seen.which, seen.azimuth, seen.elevation, cn0, used, strict=True
+            )
+        )  # fmt: skip
+
+    def _observations(self, seen: Seen, cn0: Array, offset: float, drift: float) -> tuple[Pseudorange, ...]:
+        """Pseudorange, phase and doppler of what is in view; the clock is in all of them."""
+        carrier = self._sky.carriers[seen.which]
+        path = 1.0 / np.sin(seen.elevation)
+        geometric = seen.distance + SPEED_OF_LIGHT * offset + self.TROPOSPHERE * path
+        code_sd = self.CODE_SD * path
+        code = geometric + self.IONOSPHERE * np.minimum(path, 3.0) + self._rng.normal(0.0, code_sd)
+        phase = (geometric - self.IONOSPHERE * np.minimum(path, 3.0)) * carrier / SPEED_OF_LIGHT
+        phase = phase + self._cycles[seen.which] + self._noise(seen, self.PHASE_SD)
+        doppler = -(seen.rate / SPEED_OF_LIGHT + drift) * carrier + self._noise(seen, self.DOPPLER_SD)
+        return tuple(
+            Pseudorange(
+                system=self._sky.keys[i][0], number=self._sky.keys[i][1], signal=self._sky.signals[i],
+                pseudorange=float(code[n]), pseudorange_sd=float(code_sd[n]), carrier_phase=float(phase[n]),
+                carrier_phase_sd=self.PHASE_SD, doppler=float(doppler[n]), cn0_dbhz=float(cn0[n]), lock_time=60.0,
+            )
+            for n, i in enumerate(seen.which)
+        )  # fmt: skip

@@ -1,0 +1,143 @@
+"""u-blox receivers: UBX, and the NMEA 0183 and RTCM 3 that the same port carries.
+
+Document: u-blox 8 / M8 Receiver Description including Protocol Specification, UBX-13003221 R28 (2022); u-blox F9 HPG
+1.32 Interface Description, UBX-22008968; for the older messages u-blox 6, GPS.G6-SW-10018.  Everything is
+little-endian:
+
+    0xB5 0x62 | class u8 | id u8 | length u16 of the payload | payload | CK_A CK_B: Fletcher-8 from class to payload
+
+    01 07 NAV-PVT   92 B  0 iTOW u32 [ms] | 4 year u16, month, day, hour, minute, second u8 | 11 valid | 12 tAcc u32
+                          16 nano i32 [ns] | 20 fixType | 21 flags | 22 flags2 | 23 numSV | 24 lon, lat i32 [1e-7 deg]
+                          32 height, hMSL i32 [mm] | 40 hAcc, vAcc u32 [mm] | 48 velN, velE, velD, gSpeed i32 [mm/s]
+                          64 headMot i32 [1e-5 deg] | 68 sAcc u32 [mm/s] | 72 headAcc u32 | 76 pDOP u16 [0.01]
+                          78 flags3 (bit 0 invalidLlh) | 84 headVeh i32 | 88 magDec i16 | 90 magAcc u16
+    01 35 NAV-SAT         0 iTOW | 4 version | 5 n | 8 n x: gnssId, svId, cno [dB-Hz] u8, elev i8, azim i16 [deg],
+                          prRes i16 [0.1 m], flags u32 (bit 3 used)
+    01 22 NAV-CLOCK 20 B  0 iTOW | 4 clkB i32 [ns] | 8 clkD i32 [ns/s] | 12 tAcc u32 [ns] | 16 fAcc u32 [ps/s]
+    01 04 NAV-DOP   18 B  0 iTOW | 4 g, p, t, v, h, n, e u16 [0.01]
+    02 15 RXM-RAWX        0 rcvTow f64 [s] | 8 week u16 | 10 leapS i8 | 11 n | 12 recStat | 16 n x: prMes f64 [m],
+                          cpMes f64 [cycles], doMes f32 [Hz], gnssId, svId, sigId, freqId, locktime u16 [ms], cno,
+                          prStdev [0.01 m x 2^n], cpStdev [0.004 cycles], doStdev, trkStat (0 range, 1 phase valid)
+    05 01 ACK-ACK, 05 00 ACK-NAK   class, id of what was asked
+    older: NAV-SOL 01 06, NAV-POSLLH 01 02, NAV-VELNED 01 12, NAV-STATUS 01 03, NAV-SVINFO 01 30, RXM-RAW 02 10
+
+What is valid: a fix of 2D, 3D or GNSS with dead reckoning whose gnssFixOK is set; dead reckoning alone and "time
+only" (a surveyed antenna) are no measured position.  In a 2D fix the height is the receiver's last one, and its
+stated accuracy counts.  NAV-POSLLH, NAV-HPPOSLLH and NAV-VELNED do not say: the newest fix stated by NAV-PVT, -SOL or
+-STATUS counts, and 100 m (m/s) of accuracy at most.  The accuracies are taken as one sigma, horizontal as of the
+distance; NAV-SOL's is of the whole vector and bounds both parts.
+
+Time: NAV-PVT and -TIMEUTC say UTC (validDate and validTime), others the GPS week with the second, or only iTOW; the
+week comes from the others.  RXM-RAWX has the receiver's own clock.  Satellites are numbered within their system, as
+in RINEX.  Messages of class NAV2 (the second solution), and all others, are framed and counted by name.
+
+The decoder is ours and not ``pyubx2``, which takes more than a whole core for a full line (docs/decisions/0011).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import NamedTuple
+
+from fti.drivers import Counters
+from fti.drivers._framing import Framer
+from fti.drivers._nmea_sentences import Sentences
+from fti.drivers.ublox_ubx import answers, navigation, raw, sky, times
+from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect
+from fti.drivers.ublox_ubx.device import Encoder
+from fti.drivers.ublox_ubx.frames import HEADER, LIMIT, RTCM_START, SYNC, Line, Shape, rtcm_name
+from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.types import Measurement
+
+DOCUMENT = "u-blox 8 / M8 protocol specification UBX-13003221 R28; u-blox F9 HPG 1.32 interface UBX-22008968"
+CARRIERS = frozenset({"serial", "udp"})
+
+
+class Message(NamedTuple):
+    """A message that is decoded."""
+
+    name: str
+    carries: str
+    read: Callable[[bytes, Receiver, int], list[Measurement]]
+    shape: Shape | None
+
+
+READ = {
+    (0x01, 0x02): Message("NAV-POSLLH", "position", navigation.read_posllh, Shape(28)),
+    (0x01, 0x03): Message("NAV-STATUS", "kind of fix", navigation.read_status, Shape(16)),
+    (0x01, 0x04): Message("NAV-DOP", "dilution of precision", sky.read_dop, Shape(18)),
+    (0x01, 0x05): Message("NAV-ATT", "attitude", navigation.read_att, Shape(32)),
+    (0x01, 0x06): Message("NAV-SOL", "position, velocity, fix, satellites used", navigation.read_sol, Shape(52)),
+    (0x01, 0x07): Message("NAV-PVT", "position, velocity, fix, satellites used, UTC", navigation.read_pvt, Shape(84)),
+    (0x01, 0x12): Message("NAV-VELNED", "velocity", navigation.read_velned, Shape(36)),
+    (0x01, 0x14): Message("NAV-HPPOSLLH", "position with more digits", navigation.read_hpposllh, Shape(36)),
+    (0x01, 0x20): Message("NAV-TIMEGPS", "GPS time", times.read_timegps, Shape(16)),
+    (0x01, 0x21): Message("NAV-TIMEUTC", "UTC", times.read_timeutc, Shape(20)),
+    (0x01, 0x22): Message("NAV-CLOCK", "offset and drift of the receiver's clock", times.read_clock, Shape(20)),
+    (0x01, 0x30): Message("NAV-SVINFO", "satellites in view", sky.read_svinfo, sky.SVINFO_SHAPE),
+    (0x01, 0x35): Message("NAV-SAT", "satellites in view", sky.read_sat, sky.SAT_SHAPE),
+    (0x02, 0x10): Message("RXM-RAW", "pseudoranges", raw.read_raw, raw.RAW_SHAPE),
+    (0x02, 0x15): Message("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
+    (0x05, 0x00): Message("ACK-NAK", "a command was refused", answers.read_nak, Shape(2)),
+    (0x05, 0x01): Message("ACK-ACK", "a command was taken", answers.read_ack, Shape(2)),
+    (0x0A, 0x04): Message("MON-VER", "versions of hardware and software", answers.read_version, None),
+}
+MESSAGES = {
+    **{message.name: message.carries for message in READ.values()},
+    "GGA, RMC, ...": "NMEA 0183: as nmea0183 reads them",
+    "RTCM n": "RTCM 3 corrections: framed and counted by number",
+    "(other)": "framed and counted by name or number",
+}
+SHAPES = {ids: message.shape for ids, message in READ.items() if message.shape}
+
+
+class Decoder:
+    """UBX, NMEA 0183 and RTCM 3 to measurements."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._receiver = Receiver()
+        self._sentences = Sentences()
+        self._framer = Framer(Line(SHAPES).measure, self.counters, limit=LIMIT)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for stamp, frame in self._framer.feed(data, t_rx_ns):
+            name, read = self._read(frame, stamp)
+            self.counters.messages[name] += 1
+            found += read
+        return found
+
+    def _read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
+        if frame[0] == RTCM_START:
+            return rtcm_name(frame), []
+        if frame[0] != SYNC[0]:
+            return self._sentences.read(frame, t_rx_ns)
+        message = READ.get((frame[2], frame[3]))
+        if message is None:
+            return answers.name_of(frame[2], frame[3]), []
+        try:
+            return message.name, message.read(frame[HEADER:-2], self._receiver, t_rx_ns)
+        except (struct.error, ValueError, IndexError, OverflowError):
+            return f"{message.name} malformed", []
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder."""
+    return Encoder(options)
+
+
+def poll(options: Options) -> None:
+    """Nothing is asked again and again: what was asked for comes by itself."""
+
+
+__all__ = [
+    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
+    "poll",
+]  # fmt: skip

@@ -1,0 +1,201 @@
+"""Position, velocity, attitude and status: NAV-PVT and the older messages that say parts of it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from datetime import date
+
+from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S, gps_ns, utc_ns
+from fti.drivers._units import wrap_heading
+from fti.drivers.ublox_ubx.receiver import UNKNOWN_U32, WEEK_MS, Receiver, metres
+from fti.types import Attitude, DeviceStatus, Measurement, Position, Satellites, Stamp, TimeScale, Velocity
+
+#                     iTOW year.. tAcc nano fix.. lon lat h hMSL  acc  NED,g,hd  acc pDOP
+PVT = struct.Struct("<I H5BB      I    i    4B    i   i   i i     2I   5i        2I  H")
+STATUS = struct.Struct("<I4B2I")
+SOL = struct.Struct("<IihBB3iI3iIHBB")
+POSLLH = struct.Struct("<I4i2I")
+HPPOSLLH = struct.Struct("<BHBI4i4b2I")
+VELNED = struct.Struct("<I3iIIiII")
+ATT = struct.Struct("<IB3x3i3I")
+
+VALID_DATE, VALID_TIME = 1 << 0, 1 << 1
+FIX_OK, DIFFERENTIAL = 1 << 0, 1 << 1
+INVALID_LLH = 1 << 0
+WEEK_SET, TOW_SET = 1 << 2, 1 << 3
+FIXES = ("no_fix", "dead_reckoning", "fix_2d", "fix_3d", "gnss_dead_reckoning", "time_only")
+MEASURED = frozenset(FIXES[2:5])
+CARRIER = ("", "rtk_float", "rtk_fixed")
+#: The receiver's own limit of accuracy for a fix, as it comes from the factory [m].
+ACCURACY_MASK = 100.0
+
+#: WGS84 (NIMA TR 8350.2); one number at a time costs numpy 20 times as much as this.
+_A, _B, _E2, _E2_PRIME = 6378137.0, 6356752.314245179, 0.0066943799901413165, 0.006739496742276434
+
+
+def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-PVT: everything of one epoch; UTC, whose nanoseconds may be negative."""
+    (itow, year, month, day, hour, minute, second, valid, _, nano, kind, flags, _, used, lon, lat, height, h_msl,
+     h_acc, v_acc, north, east, down, speed, track, s_acc, _, pdop) = PVT.unpack_from(p)  # fmt: skip
+    stamp = Stamp(t_rx_ns)
+    if valid & VALID_DATE and valid & VALID_TIME:
+        of_day_ns = ((hour * 60 + minute) * 60 + second) * SECOND_NS + nano
+        stamp = Stamp(t_rx_ns, utc_ns(date(year, month, day), of_day_ns), TimeScale.UTC)
+        _learn_week(receiver, stamp, itow)
+    status = _status(stamp, kind, flags, CARRIER[flags >> 6] if flags >> 6 < len(CARRIER) else "")
+    receiver.fix = status.ok
+    lost = len(p) > PVT.size and bool(p[PVT.size] & INVALID_LLH)
+    return [
+        Velocity(
+            stamp=stamp, north=north / 1000, east=east / 1000, down=down / 1000, ground_speed=speed / 1000,
+            track=wrap_heading(math.radians(track * 1e-5)), sd=metres(s_acc), valid=status.ok,
+        ),
+        Satellites(stamp=stamp, used=used, pdop=dop(pdop)),
+        status,
+        Position(stamp=stamp, valid=False) if lost else Position(
+            stamp=stamp, lat=math.radians(lat * 1e-7), lon=math.radians(lon * 1e-7), alt=height / 1000,
+            alt_msl=h_msl / 1000, undulation=(height - h_msl) / 1000, horizontal_sd=metres(h_acc),
+            vertical_sd=metres(v_acc), valid=status.ok,
+        ),
+    ]  # fmt: skip
+
+
+def _learn_week(receiver: Receiver, stamp: Stamp, itow_ms: int) -> None:
+    """The GPS week in which iTOW is this UTC; leap seconds are few beside it."""
+    if itow_ms < WEEK_MS and stamp.t_dev_ns is not None:
+        gps_s = (stamp.t_dev_ns - GPS_EPOCH_UTC_NS + LEAP_NS) / SECOND_NS
+        receiver.tell_week(round((gps_s - itow_ms / 1000) / WEEK_S), itow_ms)
+
+
+def _status(stamp: Stamp, kind: int, flags: int, carrier: str = "") -> DeviceStatus:
+    """Kind of fix and its flags: good when it is measured by satellites and within the receiver's own limits."""
+    fix = FIXES[kind] if kind < len(FIXES) else f"fix_{kind}"
+    within = bool(flags & FIX_OK)
+    said = (fix, "" if within else "beyond_limits", "dgps" if flags & DIFFERENTIAL else "", carrier)
+    return DeviceStatus(stamp=stamp, ok=within and fix in MEASURED, flags=tuple(flag for flag in said if flag))
+
+
+def dop(hundredths: int) -> float | None:
+    """A dilution of precision; the largest that a receiver states means unknown."""
+    return hundredths / 100 if hundredths < 9999 else None
+
+
+def read_status(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-STATUS."""
+    itow, kind, flags, *_ = STATUS.unpack_from(p)
+    status = _status(receiver.stamp(t_rx_ns, itow), kind, flags)
+    receiver.fix = status.ok
+    return [status]
+
+
+def read_sol(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-SOL: earth-centred; its accuracy is that of the whole vector, so it bounds each part."""
+    itow, fraction, week, kind, flags, x, y, z, p_acc, vx, vy, vz, s_acc, pdop, _, used = SOL.unpack_from(p)
+    stamp = Stamp(t_rx_ns)
+    if flags & WEEK_SET and flags & TOW_SET and week > 0 and itow < WEEK_MS:
+        receiver.tell_week(week, itow)
+        stamp = Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS)
+    status = _status(stamp, kind, flags)
+    receiver.fix = status.ok
+    lat, lon, alt = geodetic(x / 100, y / 100, z / 100)
+    north, east, down = to_ned(lat, lon, vx / 100, vy / 100, vz / 100)
+    sd = None if p_acc == UNKNOWN_U32 else p_acc / 100
+    speed_sd = None if s_acc == UNKNOWN_U32 else s_acc / 100
+    return [
+        Velocity(stamp=stamp, north=north, east=east, down=down, sd=speed_sd, valid=status.ok),
+        Satellites(stamp=stamp, used=used, pdop=dop(pdop)),
+        status,
+        Position(
+            stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=sd, vertical_sd=sd, valid=status.ok
+        ),
+    ]  # fmt: skip
+
+
+def geodetic(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """lat, lon [rad], alt [m] of an earth-centred position [m]: ``fti.geodesy.wgs84`` for one point."""
+    p = math.hypot(x, y)
+    up, across = z, _B / _A * p
+    for _ in range(3):
+        norm = math.hypot(up, across) or 1.0
+        sin_lat = z + _E2_PRIME * _B * (up / norm) ** 3
+        cos_lat = p - _E2 * _A * (across / norm) ** 3
+        up, across = _B / _A * sin_lat, cos_lat
+    lat = math.atan2(sin_lat, cos_lat)
+    alt = p * math.cos(lat) + z * math.sin(lat) - _A * math.sqrt(1.0 - _E2 * math.sin(lat) ** 2)
+    return lat, math.atan2(y, x), alt
+
+
+def to_ned(lat: float, lon: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+    """An earth-centred velocity as north, east, down."""
+    level = vx * math.cos(lon) + vy * math.sin(lon)
+    east = vy * math.cos(lon) - vx * math.sin(lon)
+    north = vz * math.cos(lat) - level * math.sin(lat)
+    return north, east, -level * math.cos(lat) - vz * math.sin(lat)
+
+
+def _trusted(receiver: Receiver, sd: float | None, limit: float) -> bool:
+    """Messages without a flag: as good as the newest fix stated and, always, within the limit."""
+    return receiver.fix is not False and sd is not None and sd <= limit
+
+
+def read_posllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-POSLLH: does not say whether it is valid."""
+    itow, lon, lat, height, h_msl, h_acc, v_acc = POSLLH.unpack_from(p)
+    horizontal_sd = metres(h_acc)
+    return [
+        Position(
+            stamp=receiver.stamp(t_rx_ns, itow), lat=math.radians(lat * 1e-7), lon=math.radians(lon * 1e-7),
+            alt=height / 1000, alt_msl=h_msl / 1000, undulation=(height - h_msl) / 1000,
+            horizontal_sd=horizontal_sd, vertical_sd=metres(v_acc),
+            valid=_trusted(receiver, horizontal_sd, ACCURACY_MASK),
+        )
+    ]  # fmt: skip
+
+
+def read_hpposllh(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-HPPOSLLH: degrees to 1e-9, lengths to 0.1 mm."""
+    _, _, flags, itow, lon, lat, height, h_msl, lon_hp, lat_hp, height_hp, h_msl_hp, h_acc, v_acc = (
+        HPPOSLLH.unpack_from(p)
+    )
+    stamp = receiver.stamp(t_rx_ns, itow)
+    if flags & INVALID_LLH:
+        return [Position(stamp=stamp, valid=False)]
+    horizontal_sd = None if h_acc == UNKNOWN_U32 else h_acc / 10_000
+    alt, alt_msl = (height * 10 + height_hp) / 10_000, (h_msl * 10 + h_msl_hp) / 10_000
+    return [
+        Position(
+            stamp=stamp, lat=math.radians((lat * 100 + lat_hp) * 1e-9), lon=math.radians((lon * 100 + lon_hp) * 1e-9),
+            alt=alt, alt_msl=alt_msl, undulation=alt - alt_msl, horizontal_sd=horizontal_sd,
+            vertical_sd=None if v_acc == UNKNOWN_U32 else v_acc / 10_000,
+            valid=_trusted(receiver, horizontal_sd, ACCURACY_MASK),
+        )
+    ]  # fmt: skip
+
+
+def read_velned(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-VELNED: cm/s; does not say whether it is valid."""
+    itow, north, east, down, _, ground_speed, heading, s_acc, _ = VELNED.unpack_from(p)
+    sd = None if s_acc == UNKNOWN_U32 else s_acc / 100
+    return [
+        Velocity(
+            stamp=receiver.stamp(t_rx_ns, itow), north=north / 100, east=east / 100, down=down / 100,
+            ground_speed=ground_speed / 100, track=wrap_heading(math.radians(heading * 1e-5)), sd=sd,
+            valid=_trusted(receiver, sd, ACCURACY_MASK),
+        )
+    ]  # fmt: skip
+
+
+def read_att(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """NAV-ATT: the attitude of a receiver with inertial sensors; an accuracy of 0 means that there is none."""
+    itow, _, roll, pitch, heading, *accuracies = ATT.unpack_from(p)
+    roll_sd, pitch_sd, heading_sd = (math.radians(a * 1e-5) if 0 < a < UNKNOWN_U32 else None for a in accuracies)
+    known = roll_sd is not None and pitch_sd is not None
+    return [
+        Attitude(
+            stamp=receiver.stamp(t_rx_ns, itow),
+            roll=math.radians(roll * 1e-5), pitch=math.radians(pitch * 1e-5),
+            heading=None if heading_sd is None else wrap_heading(math.radians(heading * 1e-5)),
+            roll_sd=roll_sd, pitch_sd=pitch_sd, heading_sd=heading_sd, valid=known,
+        )
+    ]  # fmt: skip
