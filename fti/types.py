@@ -258,7 +258,8 @@ class Pseudorange:
     """What a receiver measured on one signal of one satellite.
 
     pseudorange, pseudorange_sd [m]; carrier_phase, carrier_phase_sd [cycles]; doppler [Hz], positive when it comes
-    nearer; cn0_dbhz [dB-Hz]; lock_time [s]: so long the carrier has been followed without a slip
+    nearer; cn0_dbhz [dB-Hz]; lock_time [s]: so long the carrier has been followed without a slip; carrier_hz [Hz]:
+    nominal frequency of the carrier, where the message says which it is
     """
 
     system: str
@@ -271,6 +272,7 @@ class Pseudorange:
     doppler: float | None = None
     cn0_dbhz: float | None = None
     lock_time: float | None = None
+    carrier_hz: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

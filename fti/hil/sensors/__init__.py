@@ -13,6 +13,7 @@ from fti.hil.sensors.base import ModelType, Sensor
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
+from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 
@@ -28,6 +29,7 @@ MODELS: dict[str, ModelType] = {
     "lightware_binary": LaserAltimeter,
     "mavlink": Autopilot,
     "nmea0183": Receiver,
+    "novatel_oem6": SurveyReceiver,
     "ublox_ubx": RawReceiver,
 }
 

@@ -1,0 +1,167 @@
+"""NovAtel OEM6 receivers (ProPak6, OEM638), binary messages; RS-232 10 Hz, or UDP.
+
+Document: NovAtel OEM6 Family Firmware Reference Manual, OM-20000129 (messages, commands, logs); sizes and enumerations
+as in the maker's message database (package ``novatel_edie`` 2.10).  Everything is little-endian; a frame is header,
+body, CRC-32 (reflected 0xEDB88320, begun at 0, not inverted at the end) over header and body:
+
+    long header   AA 44 12 | length of the header u8 (28) | message u16 | type u8 (bit 7: answer) | port u8 | body u16
+                  10 sequence u16 | 12 idle u8 | time status u8 | 14 week u16 | 16 ms u32 | 20 receiver status u32
+                  24 reserved u16 | 26 version u16
+    short header  AA 44 13 | body u8 | message u16 | week u16 | ms u32          framed and counted by name
+    ASCII         #NAME,...;...*crc32 CR LF (% for the short form)              framed, checked, counted by name
+    answers       binary, #NAMER,...;OK*crc32, <OK, <ERROR:text                 Ack; a prompt [COM1] is counted
+
+The bodies are taken apart by tables of our own, and not by the maker's package, so that the package can judge them
+(docs/decisions/0010-novatel.md).  One file per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
+SATVIS2), ``observations`` (RANGE, RANGECMP), ``clock`` (TIME, CLOCKMODEL), ``status`` (RXSTATUS), ``commands``.  The
+header of OEM4 and OEMV receivers is the same; its length is taken as it says.
+
+t_dev_ns is the GPS time of the header where the receiver knows it (FREEWHEELING, FINE, FINEBACKUPSTEERING,
+FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84.
+
+The receiver is silent until it is asked: ``logs`` are asked for after every connect and again every ``ask_again_s``,
+because a receiver that was switched off and on has forgotten them and its serial line does not tell.  Asking for what
+is being sent already replaces the request.  Its baud rate is 9600 until it is told otherwise, and the link's matter.
+The emulated receiver sends RXSTATUS, BESTVEL, BESTPOS, CLOCKMODEL, TIME, PSRDOP, SATVIS2 and RANGE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field
+
+from fti.config import StrictModel
+from fti.drivers import Counters
+from fti.drivers._framing import Framer
+from fti.drivers.novatel_oem6 import commands
+from fti.drivers.novatel_oem6.clock import stamp_of
+from fti.drivers.novatel_oem6.framing import (
+    ASCII_FORMATS,
+    COUNTED_MAX,
+    RESPONSE_BIT,
+    SHORT_HEADER,
+    SHORT_SYNC,
+    SYNC,
+    measure,
+    split,
+)
+from fti.drivers.novatel_oem6.messages import READERS, name_of, number_of
+from fti.drivers.novatel_oem6.receiver import Encoder
+from fti.types import Measurement, Stamp
+
+DOCUMENT = "NovAtel OEM6 Family Firmware Reference Manual, OM-20000129; binary messages and commands"
+MESSAGES = {
+    "BESTPOS": "position, heights, sigma, kind of solution",
+    "BESTVEL": "ground speed, track and vertical speed",
+    "TIME": "time, offset of the receiver's clock, UTC - GPS",
+    "CLOCKMODEL": "offset and drift of the receiver's clock, with sigma",
+    "RANGE": "pseudorange, carrier phase, Doppler and C/N0 of every signal",
+    "RANGECMP": "the same, compressed",
+    "PSRDOP": "dilution of precision and the satellites used",
+    "SATVIS": "azimuth and elevation of the satellites above the horizon",
+    "SATVIS2": "the same, a message for each system",
+    "RXSTATUS": "error and status words, every bit by name",
+    "response": "answer to a command",
+    "prompt": "a port is ready for commands",
+    "(other)": "framed and counted by name or number",
+}
+CARRIERS = frozenset({"serial", "udp"})
+COMMANDS = commands.COMMANDS
+
+#: What the aircraft records: position and velocity at 10 Hz, the rest as often as it changes something.
+AIRCRAFT_LOGS = {
+    "bestpos": 0.1,
+    "bestvel": 0.1,
+    "time": 1.0,
+    "clockmodel": 1.0,
+    "psrdop": 1.0,
+    "range": 1.0,
+    "rxstatus": 1.0,
+    "satvis2": 10.0,
+}
+
+
+def _checked_logs(logs: dict[str, float]) -> dict[str, float]:
+    for message, period in logs.items():
+        number_of(message)
+        if period:
+            commands.check_period(period)
+    return logs
+
+
+class Options(StrictModel):
+    """``logs``: {message: period [s]} that the receiver is asked for, 0 for every change; ``ask_again_s``: how often,
+    0 for only after a connect; ``unasked`` (emulator): the receiver sends everything without being asked."""
+
+    logs: Annotated[dict[str, float], AfterValidator(_checked_logs)] = AIRCRAFT_LOGS
+    ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 10.0
+    unasked: bool = False
+
+
+class Decoder:
+    """Frames of the receiver to measurements."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._framer = Framer(measure, self.counters, limit=COUNTED_MAX)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for at_ns, frame in self._framer.feed(data, t_rx_ns):
+            name, measured = _read(frame, at_ns)
+            self.counters.messages[name] += 1
+            found += measured
+        return found
+
+
+def _read(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
+    """Name of the message, and its measurements."""
+    if frame.startswith(SYNC):
+        return _read_binary(frame, t_rx_ns)
+    if frame.startswith(SHORT_SYNC):
+        return name_of(SHORT_HEADER.unpack_from(frame)[2]), []
+    if frame.startswith(b"["):
+        return "prompt", []
+    if frame.startswith(b"<"):
+        return "response", commands.decode_abbreviated(frame, Stamp(t_rx_ns))
+    acks = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))
+    return "response" if acks else frame[1 : frame.index(b",")].decode("ascii"), acks
+
+
+def _read_binary(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
+    header, body = split(frame)
+    stamp = stamp_of(header, t_rx_ns)
+    if header.message_type & RESPONSE_BIT:
+        return "response", commands.decode_answer(header, body, stamp)
+    reader = READERS.get(header.message_id)
+    if reader is None or header.message_type & ASCII_FORMATS:
+        return name_of(header.message_id), []
+    return name_of(header.message_id), reader(body, header, stamp)
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder."""
+    return Encoder(options.unasked)
+
+
+def on_connect(options: Options) -> list[bytes]:
+    """LOG for everything that is wanted."""
+    return [commands.log_command(message, period) for message, period in options.logs.items()]
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """The same again, for a receiver that has forgotten."""
+    asked = b"".join(on_connect(options))
+    return (options.ask_again_s, asked) if asked and options.ask_again_s else None
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The bytes of a command.  Raises ValueError naming what is wrong and what is allowed."""
+    return commands.command(name, args)

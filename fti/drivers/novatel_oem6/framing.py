@@ -1,0 +1,177 @@
+"""Frames of NovAtel receivers: binary with long or short header, ASCII, answers to abbreviated commands.
+
+The length of a binary frame is in its header, unprotected.  What contradicts the size of a known message, or the
+count that its body begins with, is refused at once: a damaged length costs a few bytes of waiting, not a second.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from typing import NamedTuple
+
+from fti.drivers._framing import Skip
+
+SYNC, SHORT_SYNC = b"\xaa\x44\x12", b"\xaa\x44\x13"
+HEADER = struct.Struct("<3sBHBBHHBBHIIHH")
+SHORT_HEADER = struct.Struct("<3sBHHI")
+CRC_SIZE = 4
+HEADER_MAX = 64
+RESPONSE_BIT = 0x80
+ASCII_FORMATS = 0x60  # bits 5 and 6 of the message type
+
+#: Most bytes of a frame; one whose count of entries agrees with its length may have more.
+PLAIN_MAX, COUNTED_MAX = 4096, 24_576
+TEXT_MAX = 20_480
+NAME_MAX = 32
+OK, ERROR = b"<OK", b"<ERROR:"
+#: A message may have grown at its end since the document was written.
+GROWTH = 64
+
+_START = re.compile(rb"\xaa(?:\x44(?:[\x12\x13]|\Z)|\Z)|[#%<\[]")
+_ASCII = re.compile(rb"[#%][A-Z][A-Z0-9_]+,[\x20-\x29\x2b-\x7e]*\*[0-9A-Fa-f]{8}\r?\n")
+_RESPONSE = re.compile(rb"<(?:OK|ERROR:[\x20-\x7e]{1,200})\r?\n")
+_PROMPT = re.compile(rb"\[[A-Z]{2,6}[0-9]{0,2}(?:_[0-9]{1,2})?\]")
+_PRINTABLE = re.compile(rb"[\x20-\x7e]*")
+
+
+class Shape(NamedTuple):
+    """Size of a body: ``size`` bytes, and ``step`` for each entry; the count of entries (u32) stands at ``at``."""
+
+    size: int
+    step: int = 0
+    at: int = 0
+
+
+#: Shapes by message number, of the messages that are decoded, and of others that have many entries.
+SHAPES = {
+    5: Shape(4, 32), 16: Shape(132), 42: Shape(72), 43: Shape(4, 44), 48: Shape(12, 40, 8), 73: Shape(4, 112),
+    83: Shape(16, 40, 12), 93: Shape(8, 16, 4), 99: Shape(44), 101: Shape(44), 140: Shape(4, 24),
+    174: Shape(28, 4, 24), 1043: Shape(16, 40, 12), 1194: Shape(4, 16), 1451: Shape(4, 72),
+}  # fmt: skip
+
+
+class Header(NamedTuple):
+    """The long header, as on the wire."""
+
+    sync: bytes
+    length: int
+    message_id: int
+    message_type: int
+    port: int
+    body_length: int
+    sequence: int
+    idle_time: int
+    time_status: int
+    week: int
+    milliseconds: int
+    receiver_status: int
+    reserved: int
+    version: int
+
+
+def crc32(data: bytes | bytearray) -> int:
+    """CRC-32 of the document: reflected 0xEDB88320, begun at 0, not inverted at the end."""
+    return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
+def encode_frame(header: Header, body: bytes) -> bytes:
+    """A binary frame; lengths and CRC are made here."""
+    data = HEADER.pack(*header._replace(sync=SYNC, length=HEADER.size, body_length=len(body))) + body
+    return data + crc32(data).to_bytes(CRC_SIZE, "little")
+
+
+def split(frame: bytes) -> tuple[Header, bytes]:
+    """Header and body of a binary frame with long header."""
+    header = Header._make(HEADER.unpack_from(frame))
+    return header, frame[header.length : header.length + header.body_length]
+
+
+def measure(buffer: bytearray) -> int | Skip:
+    """Framing; see ``fti.drivers._framing``."""
+    found = _START.search(buffer)
+    if found is None or found.start():
+        return Skip(found.start() if found else len(buffer), "no_sync")
+    if buffer[0] == SYNC[0]:
+        return _measure_binary(buffer)
+    return measure_text(buffer)
+
+
+def _measure_binary(buffer: bytearray) -> int | Skip:
+    if len(buffer) < HEADER.size // 2:  # as long as the fields that say the length, in either header
+        return 0
+    length = _short_length(buffer) if buffer[2] == SHORT_SYNC[2] else _long_length(buffer)
+    if isinstance(length, Skip) or len(buffer) < length:
+        return length if isinstance(length, Skip) else 0
+    good = crc32(buffer[: length - CRC_SIZE]) == int.from_bytes(buffer[length - CRC_SIZE : length], "little")
+    return length if good else Skip(1, "bad_checksum")
+
+
+def _short_length(buffer: bytearray) -> int:
+    return SHORT_HEADER.size + buffer[3] + CRC_SIZE
+
+
+def _long_length(buffer: bytearray) -> int | Skip:
+    """Length of the whole frame, or why it cannot be one."""
+    header, body = buffer[3], buffer[8] | buffer[9] << 8
+    if not HEADER.size <= header <= HEADER_MAX:
+        return Skip(1, "bad_header")
+    total = header + body + CRC_SIZE
+    is_answer = buffer[6] & (RESPONSE_BIT | ASCII_FORMATS)
+    shape = None if is_answer else SHAPES.get(buffer[4] | buffer[5] << 8)
+    if shape is None:
+        return total if total <= PLAIN_MAX else Skip(1, "bad_length")
+    if not shape.step:
+        return total if shape.size <= body <= shape.size + GROWTH else Skip(1, "bad_length")
+    if body < shape.size or (body - shape.size) % shape.step or total > COUNTED_MAX:
+        return Skip(1, "bad_length")
+    at = header + shape.at
+    if len(buffer) < at + 4:
+        return total
+    count = int.from_bytes(buffer[at : at + 4], "little")
+    return total if body == shape.size + count * shape.step else Skip(1, "bad_length")
+
+
+def measure_text(buffer: bytearray) -> int | Skip:
+    """An ASCII message, an answer to an abbreviated command, or the prompt of a port."""
+    if buffer[0] == ord("["):
+        return _measure_prompt(buffer)
+    is_response = buffer[0] == ord("<")
+    found = _PRINTABLE.match(buffer, 1)
+    assert found is not None
+    end = found.end()
+    named = _could_be_response(buffer) if is_response else end < NAME_MAX or b"," in buffer[:NAME_MAX]
+    if end > TEXT_MAX or not named:
+        return Skip(1, "bad_text")
+    if end == len(buffer) or (buffer[end] == ord("\r") and end + 1 == len(buffer)):
+        return 0
+    return _measure_response(buffer) if is_response else _measure_ascii(buffer)
+
+
+def _measure_response(buffer: bytearray) -> int | Skip:
+    found = _RESPONSE.match(buffer)
+    return found.end() if found else Skip(1, "bad_text")
+
+
+def _measure_ascii(buffer: bytearray) -> int | Skip:
+    found = _ASCII.match(buffer)
+    if found is None:
+        return Skip(1, "bad_text")
+    star = buffer.index(b"*")
+    good = crc32(buffer[1:star]) == int(buffer[star + 1 : star + 9], 16)
+    return found.end() if good else Skip(1, "bad_checksum")
+
+
+def _could_be_response(buffer: bytearray) -> bool:
+    head = buffer[: len(ERROR)]
+    return (OK.startswith(head) or ERROR.startswith(head)) or head.startswith(OK)
+
+
+def _measure_prompt(buffer: bytearray) -> int | Skip:
+    found = _PROMPT.match(buffer)
+    if found:
+        return found.end()
+    name = _PRINTABLE.match(buffer, 1)
+    assert name is not None
+    return 0 if name.end() == len(buffer) < 14 and b"]" not in buffer else Skip(1, "bad_text")

@@ -1,0 +1,117 @@
+"""Satellites: PSRDOP, and their direction from SATVIS and SATVIS2.
+
+    PSRDOP 174    0 GDOP, PDOP, HDOP, HTDOP, TDOP 5f | 20 elevation mask f [deg] | 24 count u32 | 28 numbers u32
+    SATVIS 48     0 valid, almanac complete u32 | 8 count u32 | 12 entries of 40 B:
+                  number, GLONASS channel + 7 u16 | health u32 | elevation, azimuth d [deg] | Doppler 2d [Hz]
+    SATVIS2 1043  0 system u32 | 4 valid, almanac complete u32 | 12 count u32 | 16 entries of 40 B as in SATVIS, with
+                  the number within its system u16 and the GLONASS channel i16; a message for each system
+
+A DOP of 9999 means that there is none.  VDOP^2 = PDOP^2 - HDOP^2.  Satellites below the horizon, which the receiver
+lists too, are left out.  Numbers of PSRDOP and SATVIS: 1-32 GPS, 38-61 GLONASS slot + 37, from 120 SBAS, from 193
+QZSS; a receiver that uses Galileo or BeiDou too lists their numbers among these, and does not say which is which.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable
+
+from fti.drivers._units import DEGREE
+from fti.drivers.novatel_oem6.clock import finite
+from fti.drivers.novatel_oem6.framing import Header
+from fti.types import Measurement, Satellite, Satellites, Stamp
+
+PSRDOP = struct.Struct("<6fI")
+SATVIS = struct.Struct("<III")
+SATVIS2 = struct.Struct("<IIII")
+ENTRY = struct.Struct("<HhIdddd")
+NO_DOP = 9999.0
+MASK_DEG = 5.0
+GLONASS_BASE = 37
+FIRST_GLONASS, LAST_GLONASS, FIRST_SBAS, FIRST_QZSS = 38, 61, 120, 193
+SYSTEMS = {0: "gps", 1: "glonass", 2: "sbas", 5: "galileo", 6: "beidou", 7: "qzss", 9: "navic"}
+SYSTEM_NUMBERS = {name: number for number, name in SYSTEMS.items()}
+
+
+def by_number(number: int) -> tuple[str, int]:
+    """System and number within it of a satellite number that stands for all systems."""
+    if FIRST_GLONASS <= number <= LAST_GLONASS:
+        return "glonass", number - GLONASS_BASE
+    if number >= FIRST_QZSS:
+        return "qzss", number
+    return ("sbas" if number >= FIRST_SBAS else "gps"), number
+
+
+def to_number(system: str, number: int) -> int:
+    """The reverse of ``by_number``."""
+    return number + GLONASS_BASE if system == "glonass" else number
+
+
+def decode_psrdop(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+    """PSRDOP: the satellites used and the dilution of precision."""
+    _, pdop, hdop, _, _, _, count = PSRDOP.unpack_from(body)
+    numbers = struct.unpack_from(f"<{count}I", body, PSRDOP.size)
+    return [
+        Satellites(
+            stamp=stamp,
+            satellites=tuple(Satellite(system=s, number=n, used=True) for s, n in map(by_number, numbers)),
+            used=count,
+            hdop=_dop(hdop),
+            vdop=_vdop(_dop(pdop), _dop(hdop)),
+            pdop=_dop(pdop),
+        )
+    ]
+
+
+def _dop(value: float) -> float | None:
+    return value if 0.0 < value < NO_DOP else None
+
+
+def _vdop(pdop: float | None, hdop: float | None) -> float | None:
+    if pdop is None or hdop is None or pdop < hdop:
+        return None
+    return math.sqrt(pdop**2 - hdop**2)
+
+
+def decode_satvis(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+    """SATVIS: satellites above the horizon; nothing when the receiver does not vouch for it."""
+    is_valid, _, _ = SATVIS.unpack_from(body)
+    found = ((*by_number(n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS.size :]))
+    return [_view(stamp, found)] if is_valid else []
+
+
+def decode_satvis2(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
+    """SATVIS2: satellites of one system above the horizon; nothing when the receiver does not vouch for it."""
+    system, is_valid, _, _ = SATVIS2.unpack_from(body)
+    name = SYSTEMS.get(system, f"system_{system}")
+    found = ((name, n, up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :]))
+    return [_view(stamp, found)] if is_valid else []
+
+
+def _view(stamp: Stamp, entries: Iterable[tuple[str, int, float, float]]) -> Satellites:
+    satellites = (
+        Satellite(system=system, number=number, azimuth=finite(azimuth * DEGREE), elevation=elevation * DEGREE)
+        for system, number, elevation, azimuth in entries
+        if 0.0 <= elevation <= 90.0
+    )
+    return Satellites(stamp=stamp, satellites=tuple(satellites))
+
+
+def encode_psrdop(sky: Satellites) -> bytes:
+    """Body of PSRDOP; GDOP, HTDOP and TDOP, which the measurement has not, are 9999."""
+    used = [to_number(s.system, s.number) for s in sky.satellites if s.used]
+    pdop, hdop = (NO_DOP if x is None else x for x in (sky.pdop, sky.hdop))
+    return PSRDOP.pack(NO_DOP, pdop, hdop, NO_DOP, NO_DOP, MASK_DEG, len(used)) + struct.pack(f"<{len(used)}I", *used)
+
+
+def encode_satvis2(sky: Satellites) -> list[bytes]:
+    """Bodies of SATVIS2, one for each system of which there are directions."""
+    seen: dict[str, list[bytes]] = {}
+    for s in sky.satellites:
+        if s.azimuth is not None and s.elevation is not None and s.system in SYSTEM_NUMBERS:
+            entry = ENTRY.pack(s.number, 0, 0, s.elevation / DEGREE, s.azimuth / DEGREE, 0.0, 0.0)
+            seen.setdefault(s.system, []).append(entry)
+    return [
+        SATVIS2.pack(SYSTEM_NUMBERS[system], 1, 1, len(entries)) + b"".join(entries) for system, entries in seen.items()
+    ]

@@ -1,0 +1,180 @@
+"""A two-frequency receiver with a steered clock: GPS and GLONASS, everything in every sample.
+
+Errors as the maker states them for the OEM6 family (product sheet): single point on two frequencies 1.2 m RMS
+horizontally, 1.5 times that vertically; velocity 0.03 m/s RMS; time 20 ns RMS; code 4 cm (GPS L1) to 8 cm (L2 P(Y),
+GLONASS) and phase 0.5 to 1.5 mm at the zenith, growing towards the horizon.  Ionosphere and troposphere as in ``gnss``;
+the delay of the ionosphere goes with the inverse square of the frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.sensors.avionics import Reference
+from fti.hil.sensors.base import position_at
+from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Constellation, Seen, dilution
+from fti.hil.sensors.errors import slow
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import (
+    DeviceStatus,
+    DeviceTime,
+    Measurement,
+    Pseudorange,
+    Pseudoranges,
+    Reading,
+    ReceiverClock,
+    Satellite,
+    Satellites,
+    Stamp,
+    TimeScale,
+)
+
+Array = NDArray[np.float64]
+
+L1_HZ = 1575.42e6
+#: Channels of the 24 GLONASS slots (two satellites on opposite sides of an orbit share one).
+GLONASS_CHANNELS = (1, -4, 5, 6, 1, -4, 5, 6, -2, -7, 0, -1, -2, -7, 0, -1, 4, -3, 3, 2, 4, -3, 3, 2)
+
+
+class Band(NamedTuple):
+    """A signal: name, carrier and its step from channel to channel [Hz], C/N0 against L1 [dB], sigma at the zenith."""
+
+    signal: str
+    carrier: float
+    step: float
+    weaker_db: float
+    code_sd: float
+    phase_sd_m: float
+
+
+class Line(NamedTuple):
+    """The line of sight to a satellite: path through the air against the zenith, distance with the errors that all
+    signals share [m], its rate against the speed of light, lock time [s]."""
+
+    system: str
+    number: int
+    path: float
+    pseudo: float
+    rate: float
+    lock_time: float
+
+
+BANDS = {
+    "gps": (Band("L1C", L1_HZ, 0.0, 0.0, 0.04, 0.0005), Band("L2W", 1227.6e6, 0.0, 6.0, 0.08, 0.001)),
+    "glonass": (
+        Band("L1C", 1602.0e6, 0.5625e6, 0.0, 0.08, 0.001),
+        Band("L2P", 1246.0e6, 0.4375e6, 4.0, 0.08, 0.0015),
+    ),
+}
+
+
+class Solution(Reference):
+    """Position and velocity, worth what the maker states; sigma of one axis."""
+
+    HORIZONTAL_SD, VERTICAL_SD, VELOCITY_SD = 0.85, 1.8, 0.02
+
+
+class SurveyReceiver:
+    """Status, solution, clock, time, satellites and raw observations of every sample, stamped with UTC."""
+
+    rate_hz = 10.0
+    time_scale = TimeScale.UTC
+
+    MASK = np.deg2rad(5.0)
+    CN0_ZENITH, CN0_HORIZON = 51.0, 36.0
+    TROPOSPHERE, IONOSPHERE = 2.3, 4.0
+    OFFSET_SD, OFFSET_PERIOD_S, DRIFT_SD = 20e-9, 30.0, 1e-9
+    UTC_OFFSET_S = -LEAP_NS / SECOND_NS
+
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+        state = world.state(t)
+        self._solution = Solution(bound, state, world, t, rng)
+        self._place = np.stack(position_at(state, bound.device.lever_arm_b), axis=1)
+        self._vel_n, self._t = state.vel_n, t
+        self._offset = slow(t, self.OFFSET_SD, self.OFFSET_PERIOD_S, rng)
+        self._drift = np.gradient(self._offset, t)
+        self._sky = Constellation()
+        self._cycles = rng.integers(-1_000_000, 1_000_000, (len(self._sky.keys), 2))
+        self._rng = rng
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """Status first, since every header repeats it; the satellites before the position that they gave."""
+        seen = self._look(k, stamp)
+        clock = ReceiverClock(
+            stamp=stamp,
+            offset=float(self._offset[k]),
+            drift=float(self._drift[k]),
+            offset_sd=self.OFFSET_SD,
+            drift_sd=self.DRIFT_SD,
+        )
+        return [
+            DeviceStatus(stamp=stamp, ok=True),
+            self._satellites(stamp, seen),
+            self._solution.velocity(k, stamp),
+            self._solution.position(k, stamp),
+            clock,
+            Reading(stamp=stamp, name="utc_offset", value=self.UTC_OFFSET_S, unit="s"),
+            DeviceTime(stamp=stamp),
+            Pseudoranges(stamp=stamp, observations=tuple(self._observations(k, seen))),
+        ]
+
+    def _look(self, k: int, stamp: Stamp) -> Seen:
+        """What is in view, of the systems that the receiver follows."""
+        of_week_s = ((stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS) % (WEEK_S * SECOND_NS) / SECOND_NS
+        lat, lon, alt = self._place[k]
+        mat = mat_en(np.asarray(lat), np.asarray(lon))
+        seen = self._sky.seen(of_week_s, ecef_from_geodetic(lat, lon, alt), mat @ self._vel_n[k], mat, self.MASK)
+        followed = np.array([self._sky.keys[i][0] in BANDS for i in seen.which])
+        return Seen(*(values[followed] for values in seen))
+
+    def _satellites(self, stamp: Stamp, seen: Seen) -> Satellites:
+        hdop, vdop, pdop = dilution(seen.azimuth, seen.elevation)
+        satellites = (
+            Satellite(
+                system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
+                elevation=float(elevation), used=True,
+            )
+            for i, azimuth, elevation in zip(seen.which, seen.azimuth, seen.elevation, strict=True)
+        )  # fmt: skip
+        return Satellites(
+            stamp=stamp, satellites=tuple(satellites), used=len(seen.which), hdop=hdop, vdop=vdop, pdop=pdop
+        )
+
+    def _observations(self, k: int, seen: Seen) -> Iterator[Pseudorange]:
+        clock, drift, lock_time = float(self._offset[k]), float(self._drift[k]), 60.0 + float(self._t[k])
+        noise = self._rng.normal(size=(len(seen.which), 2, 2)).tolist()
+        paths = (1.0 / np.sin(seen.elevation)).tolist()
+        for n, (index, path) in enumerate(zip(seen.which.tolist(), paths, strict=True)):
+            system, number = self._sky.keys[index]
+            pseudo = float(seen.distance[n]) + SPEED_OF_LIGHT * clock + self.TROPOSPHERE * path
+            line = Line(system, number, path, pseudo, float(seen.rate[n]) / SPEED_OF_LIGHT + drift, lock_time)
+            for band, cycles, errors in zip(BANDS[system], self._cycles[index].tolist(), noise[n], strict=True):
+                yield self._signal(line, band, cycles, errors)
+
+    def _signal(self, line: Line, band: Band, cycles: int, errors: list[float]) -> Pseudorange:
+        """One signal of one satellite; errors : of code and phase, against their sigma."""
+        carrier = band.carrier + (band.step * GLONASS_CHANNELS[line.number - 1] if band.step else 0.0)
+        delay = self.IONOSPHERE * min(line.path, 3.0) * (L1_HZ / carrier) ** 2
+        code_sd, phase_sd = band.code_sd * line.path, band.phase_sd_m * line.path * carrier / SPEED_OF_LIGHT
+        strength = self.CN0_HORIZON + (self.CN0_ZENITH - self.CN0_HORIZON) / line.path - band.weaker_db
+        return Pseudorange(
+            system=line.system,
+            number=line.number,
+            signal=band.signal,
+            pseudorange=line.pseudo + delay + code_sd * errors[0],
+            pseudorange_sd=code_sd,
+            carrier_phase=(line.pseudo - delay) * carrier / SPEED_OF_LIGHT + cycles + phase_sd * errors[1],
+            carrier_phase_sd=phase_sd,
+            doppler=-line.rate * carrier,
+            cn0_dbhz=strength,
+            lock_time=line.lock_time,
+            carrier_hz=carrier,
+        )
