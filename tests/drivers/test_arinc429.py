@@ -13,7 +13,6 @@ from fti.config import bind
 from fti.drivers import arinc429
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.word import BcdState, BnrState
-from fti.errors import ConfigError
 from fti.types import Attitude, DeviceStatus, Measurement, PressureAltitude, RadioHeight, Stamp, StaticPressure
 
 FOOT = 0.3048
@@ -167,31 +166,6 @@ def test_own_labels_go_before_the_set_and_take_sdi_and_sign() -> None:
     one = wire.encode_bnr("164", -100.0, 4096.0, 16, state=BnrState.NORMAL, sdi=1)
     found = feed(words(one, HEIGHT_100, one, HEIGHT_100), chosen)
     assert [m.height_agl for m in found if isinstance(m, RadioHeight)] == pytest.approx([100.0 * FOOT] * 4)
-
-
-@pytest.mark.parametrize(
-    ("label", "words_of_error"),
-    [
-        ({"label": "999"}, "pattern"),
-        ({"quantity": "colour"}, "no quantity 'colour'"),
-        ({"unit": "kt"}, "unit 'kt'; allowed here: m, ft"),
-        ({"bits": None}, "needs range and bits"),
-        ({"kind": "bcd"}, "needs resolution"),
-        ({"bits": 21}, "less than or equal to 20"),
-    ],
-)
-def test_a_wrong_label_is_refused_in_a_sentence(label: dict[str, object], words_of_error: str) -> None:
-    good = {"label": "164", "quantity": "radio_height", "unit": "ft", "range": 8192.0, "bits": 16}
-    with pytest.raises(ConfigError, match=words_of_error):
-        options(labels=[good | label])
-
-
-def test_labels_must_be_there_and_differ() -> None:
-    good = {"label": "164", "quantity": "radio_height", "unit": "ft", "range": 8192.0, "bits": 16}
-    with pytest.raises(ValueError, match="none are enabled"):
-        arinc429.make_decoder(options(set="none"))
-    with pytest.raises(ValueError, match="stands twice"):
-        arinc429.make_decoder(options(labels=[good, good]))
 
 
 def test_altitudes_with_and_without_standard_setting_are_two_labels() -> None:
