@@ -18,7 +18,7 @@ class Message(NamedTuple):
     """A message that is understood.
 
     carries : for people; size : of its payload [B], or None where it varies; decode : None for what does not fit
-    tells_status : a DeviceStatus comes with each of them, not only when it changes
+    tells_status : a DeviceStatus goes before each of them, not only when it has changed
     """
 
     name: str
@@ -56,7 +56,7 @@ TABLE = (
     Message("MAGDATA", "magnetic field; magnetic heading as a reading",
             surroundings.MAGDATA.size, surroundings.decode_magdata),
     Message("WHEELDATA", "odometer: readings", surroundings.WHEELDATA.size, surroundings.decode_wheeldata),
-    Message("SYSSTAT", "every bit of the system's status, by name", None, sysstat.decode_sysstat, tells_status=True),
+    Message("SYSSTAT", "every bit of the system's status, by name", None, sysstat.decode_sysstat),
     Message("EXTHEIGHT", "height from outside, in and out: readings",
             surroundings.EXTHEIGHT.size, surroundings.decode_extheight),
 )  # fmt: skip

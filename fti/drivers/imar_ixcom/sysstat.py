@@ -51,7 +51,7 @@ SHORTEST = 2 * WORD.size
 
 
 def decode_sysstat(frame: Frame, heard: Heard) -> list[Measurement] | None:
-    """The remaining alignment time; the words go among the flags.  None when the length does not fit the mode."""
+    """The remaining alignment time; the status with all the words.  None when the length does not fit the mode."""
     mode = WORD.unpack_from(frame.payload)[0]
     if mode >> len(WORDS) or len(frame.payload) != _length(mode):
         return None
@@ -67,7 +67,7 @@ def decode_sysstat(frame: Frame, heard: Heard) -> list[Measurement] | None:
                 found += decode_items(frame.stamp, [REMAINING], SECONDS.unpack_from(frame.payload, at))
                 at += SECONDS.size
     heard.keep_words("SYSSTAT", frame.stamp, flags)
-    return found
+    return found + heard.status(frame, always=True)
 
 
 def _length(mode: int) -> int:

@@ -1,4 +1,8 @@
-"""An inertial navigation system: attitude, velocity, position and inertial sample, with slowly wandering errors."""
+"""An inertial navigation system: attitude, velocity, position and inertial sample, with slowly wandering errors.
+
+The sizes of the errors are assumed ones of a navigation-grade system whose receiver has no corrections; no data sheet
+stands behind them.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR, radii
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.inertial_aids import Aids
 from fti.hil.trajectory import State, earth_frame_velocity
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -72,6 +77,13 @@ class InertialNavigation:
         self._accel = specific_force_b(state) + rng.normal(0.0, self.ACCEL_SD, (len(t), 3))
         self._gyro = angular_rate_b(state) + rng.normal(0.0, self.GYRO_SD, (len(t), 3))
         self._undulation = world.undulation
+        self._aids = Aids(bound, world, t, rng, deviations=self.deviations())
+
+    @classmethod
+    def deviations(cls) -> tuple[float, ...]:
+        """One sigma of what it says: east, north, height [m], velocity [m/s], tilt north, east, down [rad]."""
+        tilt = (cls.ATTITUDE_SD, cls.ATTITUDE_SD, cls.HEADING_SD)
+        return cls.HORIZONTAL_SD, cls.HORIZONTAL_SD, cls.VERTICAL_SD, *[cls.VELOCITY_SD] * 3, *map(float, tilt)
 
     def _attitudes(self, state: State, t: Array, rng: np.random.Generator) -> Array:
         roll = state.roll + slow(t, self.ATTITUDE_SD, self.ATTITUDE_PERIOD_S, rng)
@@ -88,7 +100,7 @@ class InertialNavigation:
         return lat + north / SEMI_MAJOR, lon + east / SEMI_MAJOR / np.cos(lat), alt
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Inertial sample, attitude, velocity, position: the content of one message."""
+        """Inertial sample, attitude, velocity, position: the content of one message; then what is due more seldom."""
         roll, pitch, heading = map(float, self._rpy[k])
         north, east, down = map(float, self._vel[k])
         ax, ay, az = map(float, self._accel[k])
@@ -108,4 +120,5 @@ class InertialNavigation:
                 horizontal_sd=self.HORIZONTAL_SD,
                 vertical_sd=self.VERTICAL_SD,
             ),
+            *self._aids.measure(k, stamp),
         ]

@@ -1,0 +1,113 @@
+"""What an inertial navigation system passes on more seldom: its receiver, air data, magnetometer, its own doubts.
+
+Each is made only when the options of the device ask for its message, and sampled at each divider-th sample, or at the
+rate at which the aid itself says something new where the divider is 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers.imar_ixcom.deviations import ITEMS
+from fti.drivers.imar_ixcom.options import Options
+from fti.drivers.imar_ixcom.status import HEALTHY
+from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.sensors.avionics import STANDARD_PA, AirData, Reference
+from fti.hil.sensors.errors import slow
+from fti.hil.trajectory import State
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import (
+    Airspeed,
+    DeviceStatus,
+    MagneticField,
+    Measurement,
+    PressureAltitude,
+    Reading,
+    Satellites,
+    Stamp,
+)
+
+Array = NDArray[np.float64]
+Measure = Callable[[int, Stamp], list[Measurement]]
+
+#: How often an aid has something new [Hz].
+OWN_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
+#: Axial dipole of the Earth at the equator [T].  Source: IGRF-13, g(1, 0) of 2020.
+DIPOLE = 2.94048e-5
+FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and what calibration leaves
+STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
+#: One sigma of what the filter estimates besides the solution: accelerometer [m/s^2] and gyro bias [rad/s], scales.
+ACCEL_BIAS_SD, GYRO_BIAS_SD, SCALE_SD = 5e-4, 5e-8, 5e-5
+
+
+class Aids:
+    """The seldom messages of one system.
+
+    deviations : one sigma of east, north, height [m], velocity north, east, down [m/s], tilt north, east, down [rad]
+    """
+
+    def __init__(
+        self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator, *, deviations: tuple[float, ...]
+    ) -> None:
+        logs = bound.options.logs if isinstance(bound.options, Options) else {}
+        state, rate_hz = world.state(t), 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+        makers: dict[str, Callable[[], Measure]] = {
+            "GNSSSOL": lambda: _receiver(Reference(bound, state, world, t, rng)),
+            "AIRDATA": lambda: _air_data(AirData(state, world, t, rng)),
+            "MAGDATA": lambda: _magnetometer(state, t, rng),
+            "EKFSTDDEV": lambda: _filter(deviations),
+            "SYSSTAT": lambda: lambda _, stamp: [DeviceStatus(stamp=stamp, ok=True, flags=STATUS)],
+        }
+        self._aids = [
+            (logs[name] or max(round(rate_hz / OWN_HZ[name]), 1), make())
+            for name, make in makers.items()
+            if name in logs
+        ]
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """What is due with sample k."""
+        return [m for every, measure in self._aids if k % every == 0 for m in measure(k, stamp)]
+
+
+def _receiver(reference: Reference) -> Measure:
+    def measure(k: int, stamp: Stamp) -> list[Measurement]:
+        satellites = Satellites(stamp=stamp, used=12, pdop=1.6)
+        return [satellites, reference.velocity(k, stamp), reference.position(k, stamp)]
+
+    return measure
+
+
+def _air_data(air: AirData) -> Measure:
+    def measure(k: int, stamp: Stamp) -> list[Measurement]:
+        said = air.measure(k, stamp)
+        fit = [m for m in said if not isinstance(m, PressureAltitude) or m.setting_pa == STANDARD_PA]
+        return sorted(fit, key=lambda m: isinstance(m, Airspeed))  # which completes the message
+
+    return measure
+
+
+def dipole_field_b(state: State) -> Array:
+    """The field of an axial dipole in the body frame [T], shape (n, 3): north B cos lat, down 2 B sin lat."""
+    field_n = DIPOLE * np.stack([np.cos(state.lat), np.zeros_like(state.lat), 2.0 * np.sin(state.lat)], axis=1)
+    return np.asarray(np.einsum("nji,nj->ni", mat_from_rpy(state.roll, state.pitch, state.heading), field_n))
+
+
+def _magnetometer(state: State, t: Array, rng: np.random.Generator) -> Measure:
+    left = np.stack([slow(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
+    field = dipole_field_b(state) + left + rng.normal(0.0, FIELD_SD, (len(t), 3))
+
+    def measure(k: int, stamp: Stamp) -> list[Measurement]:
+        x, y, z = map(float, field[k])
+        return [MagneticField(stamp=stamp, field_b=(x, y, z))]
+
+    return measure
+
+
+def _filter(deviations: tuple[float, ...]) -> Measure:
+    values = (*deviations, *[ACCEL_BIAS_SD] * 3, *[GYRO_BIAS_SD] * 3, *[SCALE_SD] * 6, 1.0)
+    said = [(item, float(value)) for item, value in zip(ITEMS, values, strict=True)]
+    return lambda _, stamp: [Reading(stamp=stamp, name=i.name, unit=i.unit, value=value) for i, value in said]
