@@ -220,6 +220,27 @@ class SurfaceDeflection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationPoint:
+    """One point of a calibration table: raw count and deflection [rad]."""
+
+    raw: int
+    deflection: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """The table of a deflection pickup as it is from now on, piecewise linear between its points.
+
+    points : ascending in raw, deflections strictly monotone; change : what changed, in words
+    """
+
+    stamp: Stamp
+    surface: str
+    points: tuple[CalibrationPoint, ...]
+    change: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DmeRange:
     """Slant range to a DME station [m]."""
 
@@ -365,6 +386,7 @@ Measurement = (
     | PressureAltitude
     | MagneticField
     | SurfaceDeflection
+    | Calibration
     | DmeRange
     | Satellites
     | Pseudoranges

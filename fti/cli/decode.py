@@ -8,8 +8,8 @@ FILE is the bytes as they came over the line.  For a CAN driver it is text as ``
 of 16-byte ``can_frame``; the stamps are those of the text.  Other captures carry no time: t_rx_ns is 0.
 
 The closing count says what became of every byte: framed, held (a frame that is not complete), or skipped, by reason;
-and how many messages there were of each name.  With --json it is the last line, {"counters": ...}, on standard
-output; without, it is text on standard error.
+how many messages there were of each name; and how many never came, where they are numbered.  With --json it is the
+last line, {"counters": ...}, on standard output; without, it is text on standard error.
 """
 
 from __future__ import annotations
@@ -141,5 +141,7 @@ def _candump_frame(time: str, channel: str, frame: str) -> tuple[int, bytes]:
 def _counted(counters: Counters) -> list[str]:
     messages = [f"  {name} {count}" for name, count in sorted(counters.messages.items())]
     skipped = [f"  {reason} {count}" for reason, count in sorted(counters.skipped.items())]
+    lost = [f"  {name} {count}" for name, count in sorted(counters.lost.items())]
     totals = f"bytes {counters.bytes_in}: framed {counters.framed}, held {counters.held}"
-    return ["messages", *messages, f"{totals}, skipped {sum(counters.skipped.values())}", *skipped]
+    text = ["messages", *messages, f"{totals}, skipped {sum(counters.skipped.values())}", *skipped]
+    return [*text, "lost", *lost] if lost else text

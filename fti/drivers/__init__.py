@@ -38,13 +38,17 @@ from fti.types import Measurement
 
 @dataclass(slots=True)
 class Counters:
-    """What became of the bytes of a decoder, and how many messages of each name came out."""
+    """What became of the bytes of a decoder, and how many messages of each name came out.
+
+    lost : messages that never came, as the rolling counters in the others show, by name
+    """
 
     bytes_in: int = 0
     framed: int = 0
     held: int = 0
     skipped: Counter[str] = field(default_factory=Counter)
     messages: Counter[str] = field(default_factory=Counter)
+    lost: Counter[str] = field(default_factory=Counter)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from fti.logger.session import SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
 from fti.types import (
     Ack,
+    Calibration,
     DmeRange,
     Event,
     HeightAboveGround,
@@ -104,7 +105,7 @@ class DerivedLog(Log):
 
     def wants(self, device: str, measurement: Measurement) -> bool:
         """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
-        if isinstance(measurement, Ack):
+        if isinstance(measurement, Ack | Calibration):
             return True
         return self._decimator.wants((device, type(measurement), _part(measurement)), measurement.stamp.t_rx_ns)
 

@@ -120,5 +120,6 @@ def _go_on(counters: Counters, before: Counters) -> None:
     counters.bytes_in, counters.framed = before.bytes_in, before.framed
     counters.messages.update(before.messages)
     counters.skipped.update(before.skipped)
+    counters.lost.update(before.lost)
     if before.held:
         counters.skipped[GAP] += before.held
