@@ -62,7 +62,7 @@ class Catalogue:
         try:
             data = bound.driver.command(command, args, bound.options)
         except ValueError as error:
-            raise Denied(f"{device}: {command}: {error}") from None
+            raise Denied(f"{device}: {error}") from None
         return Plan(bound.device.link, data, known[command].answered)
 
     def _permit(self, bound: BoundDevice) -> None:

@@ -167,8 +167,8 @@ class Commander:
     def _settle(self, request: Request, ack: Mapping[str, Any]) -> None:
         request.answered_ns = ack["t_ns"]
         detail = str(ack["detail"])
-        doubted = [r.number for r in self._lately_given_up() if r.wish.device == request.wish.device]
-        if doubted and not ack["command"]:
+        doubted = [r.number for r in self._lately_given_up() if r.may_be_answered_by(ack, MARGIN_NS)]
+        if doubted:
             doubt = f"it may be the late answer to {doubted[0]}"
             detail = f"{detail}; {doubt}" if detail else doubt
         self._end(request, State.ACKNOWLEDGED if ack["accepted"] else State.REFUSED, detail)

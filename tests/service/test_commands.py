@@ -116,7 +116,7 @@ def bench() -> Bench:
             {"device": "shut"},
             'shut: nothing may be sent on its link; set transmit = true at [[link]] name = "mute" of a.toml',
         ),
-        ({"args": {"rate": "21"}}, "mag: rate: rate = 21: must be 1 to 20 Hz"),
+        ({"args": {"rate": "21"}}, "mag: rate = 21: must be 1 to 20 Hz"),
         ({"args": {"rate": 10}}, "args are texts by name"),
         ({"args": ["rate"]}, "args are texts by name"),
         ({"device": 7}, "device and command are texts"),
@@ -287,6 +287,9 @@ async def test_an_answer_without_a_name_after_a_time_out_is_doubted(bench: Bench
     asked = await bench.ask_and_send("k2")
     bench.answer("", detail="OK")
     assert (await asked)["detail"] == "OK; it may be the late answer to 1"
+    asked = await bench.ask_and_send("k2b", "rate")
+    bench.answer("rate")
+    assert (await asked)["detail"] == "it may be the late answer to 1"
     bench.clock.advance(LATE_NS / SECOND_NS + 1.0)
     asked = await bench.ask_and_send("k3")
     bench.answer("")

@@ -1,0 +1,226 @@
+"""Commands to an emulated receiver on a pty, through a real daemon, and what the recording says of them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.drivers import ublox_ubx
+from fti.errors import FtiError
+from fti.logger.reading.recording import Recording
+from fti.service.client import ask
+from tests.e2e.harness import Daemon, Line, daemon, fti
+from tests.helpers import until
+
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(120)]
+
+CONFIG = """
+[session]
+name = "bench"
+directory = "out"
+min_free_mb = 10
+
+[[link]]
+name = "line"
+kind = "serial"
+port = "line"
+transmit = true
+half_duplex = true
+
+[[link]]
+name = "shut"
+kind = "serial"
+port = "shut"
+
+[[device]]
+name = "gnss"
+link = "line"
+driver = "ublox_ubx"
+
+[[device]]
+name = "spare"
+link = "shut"
+driver = "ublox_ubx"
+
+[display]
+enabled = false
+"""
+LONG_S = 30.0
+
+
+class Receiver:
+    """The emulated receiver at the far end of a line; it may keep its answers to itself."""
+
+    def __init__(self, line: Line) -> None:
+        self._line, self._encoder = line, ublox_ubx.make_encoder(ublox_ubx.Options())
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="receiver")
+        self.heard = bytearray()
+        self.kept: list[bytes] = []
+        self.speaks = True
+
+    def __enter__(self) -> Receiver:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def speak(self) -> None:
+        """Say what was kept."""
+        self._line.write(b"".join(self.kept))
+        self.kept.clear()
+
+    def _run(self) -> None:
+        while not self._stop.wait(0.002):
+            data = self._line.read()
+            self.heard += data
+            self.kept += self._encoder.respond(data) if data else []
+            if self.speaks:
+                self.speak()
+
+
+class Bench:
+    """A daemon, what it is asked in this test, and the receiver."""
+
+    def __init__(self, running: Daemon, receiver: Receiver) -> None:
+        self.running, self.receiver = running, receiver
+        self.run_dir = str(running.run_dir)
+
+    def send(self, *arguments: str) -> tuple[int, str, str]:
+        """``fti send``: exit code, standard output, standard error."""
+        done = fti("send", *arguments, "--run-dir", self.run_dir)
+        return done.returncode, done.stdout, done.stderr
+
+    def ask(self, key: str, period_ms: int, timeout_s: float = LONG_S, device: str = "gnss") -> dict[str, Any]:
+        """The same over the control socket, with a number of our own."""
+        wish = {"id": key, "device": device, "command": "rate", "args": {"period_ms": str(period_ms)}}
+        return ask({"send": wish | {"timeout_s": timeout_s}}, self.run_dir, 2 * LONG_S)
+
+    def tx_frames(self) -> int:
+        """How many the recorder says that it has sent."""
+        return int(self.running.health()["links"].get("line", {}).get("tx_frames", 0))
+
+
+def rate(period_ms: int) -> bytes:
+    return ublox_ubx.command("rate", {"period_ms": str(period_ms)}, ublox_ubx.Options())
+
+
+def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path) -> None:
+    links = tmp_path / "links"
+    links.mkdir()
+    line, shut = (contextlib.closing(Line(links / name)) for name in ("line", "shut"))
+    (tmp_path / "bench.toml").write_text(CONFIG)
+    with (
+        line as far,
+        shut as never,
+        Receiver(far) as receiver,
+        daemon(tmp_path / "bench.toml", tmp_path / "out", "--links", str(links)) as running,
+    ):
+        session = running.session
+        bench = Bench(running, receiver)
+        until(lambda: bench.running.health()["navigation"], LONG_S, "navigation")
+        teaches(bench)
+        refuses_what_may_not_be_sent(bench)
+        sends_and_is_answered(bench)
+        sends_the_same_request_once(bench)
+        tells_silence_and_a_late_answer(bench)
+        outlives_the_recorder(bench)
+        assert running.stop() == 130
+        assert never.read() == b""
+    with pytest.raises(FtiError):
+        bench.ask("late", 100)
+    stands_in_the_file(session, bytes(receiver.heard), tmp_path)
+
+
+def teaches(bench: Bench) -> None:
+    code, out, _ = bench.send("--list")
+    assert code == 0
+    assert "line may transmit" in out.splitlines()[0]
+    assert "shut may not transmit" in out.splitlines()[1]
+    code, out, _ = bench.send("gnss", "--json")
+    assert "25..65535 ms" in json.loads(out)["commands"]["rate"]["arguments"]["period_ms"]
+
+
+def refuses_what_may_not_be_sent(bench: Bench) -> None:
+    code, out, err = bench.send("spare", "rate", "period_ms=100")
+    assert (code, out) == (2, "")
+    assert 'set transmit = true at [[link]] name = "shut"' in err
+    with pytest.raises(FtiError, match="there is no device 'none'; there are gnss, spare"):
+        bench.ask("a", 100, device="none")
+    with pytest.raises(FtiError, match="period_ms"):
+        bench.ask("b", 1)
+    assert bench.receiver.heard == b""
+
+
+def sends_and_is_answered(bench: Bench) -> None:
+    code, out, err = bench.send("gnss", "rate", "period_ms=101")
+    assert (code, err) == (0, "")
+    assert out.startswith("1: gnss rate period_ms=101: acknowledged after ")
+    assert bench.receiver.heard == rate(101)
+
+
+def sends_the_same_request_once(bench: Bench) -> None:
+    with ThreadPoolExecutor(3) as pool:
+        first, *others = [job.result() for job in [pool.submit(bench.ask, "button", 102) for _ in range(3)]]
+    assert first["state"] == "acknowledged"
+    assert all(other == first for other in others)
+    assert bench.ask("button", 102) == first
+    assert bench.receiver.heard.count(rate(102)) == 1
+
+
+def tells_silence_and_a_late_answer(bench: Bench) -> None:
+    bench.receiver.speaks = False
+    found = bench.ask("silent", 103, timeout_s=0.3)
+    assert (found["state"], found["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
+    bench.receiver.speaks = True
+    until(lambda: bench.running.health()["devices"]["gnss"]["messages"] == 3, LONG_S, "the late answer")
+
+
+def outlives_the_recorder(bench: Bench) -> None:
+    bench.receiver.speaks = False
+    before, pid = bench.tx_frames(), bench.running.pid_of("recorder")
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(bench.ask, "killed", 104)
+        until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
+        os.kill(pid, signal.SIGKILL)
+        until(lambda: bench.running.pid_of("recorder") != pid, LONG_S, "another recorder")
+        bench.receiver.speaks = True
+        assert asked.result()["state"] == "acknowledged"
+    assert bench.receiver.heard.count(rate(104)) == 1
+
+
+def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
+    recording = Recording.open(session)
+    sent = [frame.data for frame in recording.sent()]
+    assert sent == [rate(ms) for ms in (101, 102, 103, 104)]
+    assert b"".join(sent) == heard
+    events = [json.loads(data) for *_, data in recording.messages("/fti/event", kind="raw")]
+    texts = [event["message"] for event in events if event["name"] == "command"]
+    assert f"1: gnss rate period_ms=101 for {os.environ.get('USER', 'root')} (process " in texts[3]
+    assert texts[3].endswith(f"): {rate(101).hex()}")
+    assert [text.partition(" after")[0] for text in texts if "acknowledged" in text] == [
+        "1: gnss rate period_ms=101: acknowledged",
+        "2: gnss rate period_ms=102: acknowledged",
+        "3: gnss rate period_ms=103: answered late, acknowledged",
+        "4: gnss rate period_ms=104: acknowledged",
+    ]
+    assert sum("not sent for" in text for text in texts) == 3
+    verified = fti("verify", str(session))
+    assert verified.returncode == 3  # a recorder was killed
+    assert "none is missing" in verified.stdout
+    assert verified.stdout.count("\nloss ") == 1
+    done = fti("reprocess", str(session), "--out", str(tmp_path / "again"))
+    assert done.returncode == 0, done.stderr
+    again = [data for *_, data in Recording.open(Path(done.stdout.strip())).messages("/gnss/ack")]
+    assert again == [data for *_, data in recording.messages("/gnss/ack")]
+    assert len(again) == 4
