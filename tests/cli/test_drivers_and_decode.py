@@ -81,8 +81,8 @@ def test_options_reach_the_driver(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_can_log_is_read_frame_by_frame(capsys: pytest.CaptureFixture[str]) -> None:
-    for options in ((), ("--option", f"dbc_file={MAKERS_DBC}")):
-        code, out, _ = run(capsys, "decode", VESSEL, "--driver", "canaerospace", "--json", *options)
+    for driver, *options in (["canaerospace"], ["dbc", "--option", f"dbc_file={MAKERS_DBC}"]):
+        code, out, _ = run(capsys, "decode", VESSEL, "--driver", driver, "--json", *options)
         assert code == 0
         assert json.loads(out[-1])["counters"]["skipped"] == {"other_id": 64_000}
 

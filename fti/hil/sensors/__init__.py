@@ -10,6 +10,8 @@ from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
 from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
+from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
+from fti.hil.sensors.deflections import DeflectionPickups
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
@@ -22,7 +24,9 @@ MODELS: dict[str, ModelType] = {
     "arinc429": Avionics,
     "ascii_line": DescribedDevice,
     "binary_struct": DescribedDevice,
-    "canaerospace": Avionics,
+    "canaerospace": AirDataUnit,
+    "dbc": DbcUnits,
+    "deflection_pickups": DeflectionPickups,
     "freeflight_ra4500": RadarAltimeter,
     "imar_ixcom": InertialNavigation,
     "lightware_ascii": LaserAltimeter,

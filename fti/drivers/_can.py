@@ -1,0 +1,31 @@
+"""The head of a CAN frame for decoders that look a message up: fast where it is known, exact where it is not."""
+
+from __future__ import annotations
+
+import struct
+
+from fti.canframe import CAN_SIZE, CANFD_SIZE, ERROR, REMOTE
+
+_HEAD = struct.Struct("<IB")
+NO_FRAME = (0xFFFF_FFFF, 0)
+
+
+def frame_head(data: bytes) -> tuple[int, int]:
+    """First word (identifier with its flags) and length; a word that no message has, when it is no frame.
+
+    The word of an error frame or a remote request is that of no message either: its flags are set.
+    """
+    if len(data) != CAN_SIZE and len(data) != CANFD_SIZE:
+        return NO_FRAME
+    head: tuple[int, int] = _HEAD.unpack_from(data)
+    return head if head[1] <= len(data) - 8 else NO_FRAME
+
+
+def why_skipped(data: bytes) -> str:
+    """Why a frame whose word is not known says nothing: "no_frame", "error_frame", "remote_frame", "other_id"."""
+    word, length = frame_head(data)
+    if (word, length) == NO_FRAME:
+        return "no_frame"
+    if word & (ERROR | REMOTE):
+        return "error_frame" if word & ERROR else "remote_frame"
+    return "other_id"

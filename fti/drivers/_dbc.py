@@ -1,0 +1,217 @@
+"""Messages of a DBC, compiled: each signal knows how to cut itself out of a frame.
+
+cantools reads the DBC, and encodes for the emulator; decoding is ours, so that cantools can judge it.
+
+    little-endian (Intel)     word = data as a little-endian number; the signal begins at bit ``start``
+    big-endian (Motorola)     word = data as a big-endian number; ``start`` is the most significant bit, counted
+                              in a sawtooth: bit 7 of byte 0 is the first, bit 0 of byte 0 the eighth
+
+A raw value becomes ``raw * factor + offset``.  Its state:
+
+    named      a value table names it, and the signal measures something (it has a unit, a factor or an offset):
+               a state such as "not available", never a number
+    outside    below the minimum or above the maximum of the DBC ([0|0] is none): not valid
+    a float that is no number: not valid
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import cantools.database
+from cantools.database.can.database import Database
+from cantools.database.errors import Error
+
+MILLISECOND_NS = 1_000_000
+NOBODY = "Vector__XXX"
+_FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
+
+#: Cuts a raw value out of the little-endian and the big-endian word of a frame.
+Cut = Callable[[int, int], float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """One signal of a message.
+
+    low, high  : limits in ``unit``, infinite when the DBC states none; least, most : what fits on the wire, raw
+    states     : raw value -> its name in the value table
+    selector   : signal that must have one of ``choices`` for this one to be in the frame; "" when it always is
+    """
+
+    name: str
+    unit: str
+    cut: Cut
+    factor: float
+    offset: float
+    low: float
+    high: float
+    least: float
+    most: float
+    is_float: bool
+    states: Mapping[int, str]
+    selector: str
+    choices: frozenset[int]
+    modulus: int
+
+    @property
+    def measures(self) -> bool:
+        """Its numbers are amounts of something, so that a named value is none."""
+        return bool(self.unit) or (self.factor, self.offset) != (1.0, 0.0)
+
+    def state_of(self, raw: float) -> str:
+        """The name of a raw value; "" when it has none."""
+        return self.states.get(int(raw), "") if self.states and math.isfinite(raw) else ""
+
+    def physical(self, raw: float) -> tuple[float | None, bool]:
+        """Value in ``unit``, and whether it is valid."""
+        if not math.isfinite(raw) or (self.states and self.measures and self.state_of(raw)):
+            return None, False
+        value = raw * self.factor + self.offset
+        return value, self.low <= value <= self.high
+
+    def raw(self, value: float) -> float:
+        """The raw value nearest to a physical one, within the limits of the DBC and of the wire."""
+        exact = (min(max(value, self.low), self.high) - self.offset) / self.factor
+        raw = exact if self.is_float else round(exact)
+        return min(max(raw, self.least), self.most)
+
+
+@dataclass(slots=True)
+class Layout:
+    """One message.  cycle_ns : its period as the DBC states it; None when it does not."""
+
+    name: str
+    can_id: int
+    extended: bool
+    length: int
+    sender: str
+    cycle_ns: int | None
+    signals: tuple[Signal, ...]
+    message: Any  # cantools' Message; the package has no types that mypy can follow
+    selectors: tuple[Signal, ...] = field(init=False)
+    _present: dict[tuple[int | None, ...], tuple[Signal, ...]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        named = {s.selector for s in self.signals}
+        self.selectors = tuple(s for s in self.signals if s.name in named)
+
+    def present(self, little: int, big: int) -> tuple[Signal, ...]:
+        """The signals that are in this frame: all, or those that its multiplexers select."""
+        if not self.selectors:
+            return self.signals
+        return self.selected({s.name: int(s.cut(little, big)) for s in self.selectors})
+
+    def selected(self, chosen: Mapping[str, int]) -> tuple[Signal, ...]:
+        """The signals of a frame whose multiplexers say this; what selects nothing counts as one case."""
+        used = self._used(chosen)
+        found = self._present.get(used)
+        if found is None:
+            by_name = dict(zip((s.name for s in self.selectors), used, strict=True))
+            found = self._present[used] = tuple(s for s in self.signals if self._is_there(s, by_name))
+        return found
+
+    def _used(self, chosen: Mapping[str, int]) -> tuple[int | None, ...]:
+        values = ((s.name, chosen.get(s.name)) for s in self.selectors)
+        return tuple(value if self._selects(name, value) else None for name, value in values)
+
+    def _selects(self, selector: str, value: int | None) -> bool:
+        return any(s.selector == selector and value in s.choices for s in self.signals)
+
+    def _is_there(self, signal: Signal, chosen: Mapping[str, int | None]) -> bool:
+        if not signal.selector:
+            return True
+        parent = next(s for s in self.selectors if s.name == signal.selector)
+        return chosen[signal.selector] in signal.choices and self._is_there(parent, chosen)
+
+
+@cache
+def read_dbc(text: str) -> Database:
+    """The database in the text of a DBC.  Raises ValueError naming what is wrong."""
+    try:
+        database = cantools.database.load_string(text, "dbc", strict=True)
+    except Error as error:
+        reason = str(error).removeprefix('DBC: "').removesuffix('"')
+        raise ValueError(f"dbc: {reason}") from None
+    assert isinstance(database, Database)
+    return database
+
+
+@cache
+def read_layouts(text: str) -> tuple[Layout, ...]:
+    """The messages of a DBC.  Raises ValueError naming what is wrong."""
+    return tuple(_layout(message) for message in read_dbc(text).messages)
+
+
+def _layout(message: Any) -> Layout:
+    return Layout(
+        name=message.name,
+        can_id=message.frame_id,
+        extended=message.is_extended_frame,
+        length=message.length,
+        sender=next((s for s in message.senders if s != NOBODY), ""),
+        cycle_ns=message.cycle_time * MILLISECOND_NS if message.cycle_time else None,
+        signals=tuple(_signal(s, message.length) for s in message.signals),
+        message=message,
+    )
+
+
+def _signal(signal: Any, length: int) -> Signal:
+    conversion = signal.conversion
+    is_float = conversion.is_float
+    least, most = _range(signal.length, signal.is_signed, is_float)
+    return Signal(
+        name=signal.name,
+        unit=signal.unit or "",
+        cut=_cut(signal, length, is_float),
+        factor=float(conversion.scale),
+        offset=float(conversion.offset),
+        low=-math.inf if signal.minimum is None else signal.minimum,
+        high=math.inf if signal.maximum is None else signal.maximum,
+        least=least,
+        most=most,
+        is_float=is_float,
+        states={raw: str(name) for raw, name in (signal.choices or {}).items()},
+        selector=signal.multiplexer_signal or "",
+        choices=frozenset(signal.multiplexer_ids or ()),
+        modulus=1 << signal.length,
+    )
+
+
+def _range(bits: int, signed: bool, is_float: bool) -> tuple[float, float]:
+    if is_float:
+        return -math.inf, math.inf
+    return (-(1 << bits - 1), (1 << bits - 1) - 1) if signed else (0, (1 << bits) - 1)
+
+
+def _cut(signal: Any, length: int, is_float: bool) -> Cut:
+    bits, start = signal.length, signal.start
+    mask, sign = (1 << bits) - 1, (1 << bits - 1) * signal.is_signed
+    if signal.byte_order == "big_endian":
+        return _typed(_cut_big(8 * length - (start - start % 8 + 7 - start % 8) - bits, mask, sign), bits, is_float)
+    return _typed(_cut_little(start, mask, sign), bits, is_float)
+
+
+def _cut_little(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
+    if sign:
+        return lambda little, _: ((little >> shift & mask) ^ sign) - sign
+    return lambda little, _: little >> shift & mask
+
+
+def _cut_big(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
+    if sign:
+        return lambda _, big: ((big >> shift & mask) ^ sign) - sign
+    return lambda _, big: big >> shift & mask
+
+
+def _typed(cut: Callable[[int, int], int], bits: int, is_float: bool) -> Cut:
+    """Of bits that are a floating-point number, that number."""
+    if not is_float:
+        return cut
+    unpack, mask = _FLOATS[bits].unpack, (1 << bits) - 1
+    return lambda little, big: float(unpack((cut(little, big) & mask).to_bytes(bits // 8, "big"))[0])

@@ -1,0 +1,73 @@
+"""The units' end of the bus, for the emulator: every parameter is a message of type FLOAT."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+
+from fti.canframe import EXTENDED, EXTENDED_MASK, pack_can, unpack_can
+from fti.drivers.canaerospace.data_types import FLOAT, NODATA, UCHAR4
+from fti.drivers.canaerospace.decoder import HEADER_SIZE, IDS, NODE_SERVICES
+from fti.drivers.canaerospace.parameters import Parameter
+from fti.types import Measurement, Reading
+
+FLOAT_MAX = 3.4028234663852886e38
+#: Hardware and software revision of the emulated unit; standard identifiers, standard header.
+IDENTIFICATION = bytes([1, 1, 0, 0])
+
+
+def encode_message(word: int, node: int, code: int, value: float) -> bytes:
+    """A frame of normal operation data with a FLOAT, clamped to what a FLOAT can say."""
+    data = struct.pack(">BBBBf", node, FLOAT, 0, code, min(max(value, -FLOAT_MAX), FLOAT_MAX))
+    return pack_can(word & EXTENDED_MASK, data, extended=bool(word & EXTENDED))
+
+
+def identification_request(node: int) -> bytes:
+    """Who is there?  Node service channel 0: section 4.1."""
+    return pack_can(NODE_SERVICES[0][0], bytes([node, NODATA, IDS, 0]))
+
+
+class Encoder:
+    """node : the number of the unit."""
+
+    def __init__(self, parameters: Mapping[int, Parameter], node: int) -> None:
+        self._parameters = parameters.values()
+        self._node = node
+        self._codes: dict[int, int] = {}
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        if not getattr(measurement, "valid", True):
+            return []
+        told = ((p, _value_of(p, measurement)) for p in self._parameters)
+        return [self._frame(p, value) for p, value in told if value is not None]
+
+    def respond(self, data: bytes) -> list[bytes]:
+        """The answer to a request for identification, on the channel on which it came."""
+        try:
+            frame = unpack_can(data)
+        except ValueError:
+            return []
+        asked = any(frame.can_id in channels for channels in NODE_SERVICES) and frame.can_id % 2 == 0
+        if not asked or frame.extended or len(frame.data) < HEADER_SIZE:
+            return []
+        node, _, service, code = frame.data[:HEADER_SIZE]
+        if service != IDS or node not in (0, self._node):
+            return []
+        return [pack_can(frame.can_id + 1, bytes([self._node, UCHAR4, IDS, code]) + IDENTIFICATION)]
+
+    def _frame(self, parameter: Parameter, value: float) -> bytes:
+        code = self._codes.get(parameter.word, 0)
+        self._codes[parameter.word] = (code + 1) & 0xFF
+        within = min(max(value, parameter.low), parameter.high)
+        return encode_message(parameter.word, self._node, code, (within - parameter.offset) / parameter.factor)
+
+
+def _value_of(parameter: Parameter, measurement: Measurement) -> float | None:
+    """What the measurement says of this parameter, in its unit."""
+    if isinstance(measurement, Reading):
+        value = measurement.value if measurement.name == parameter.name else None
+    else:
+        value = parameter.quantity.pick(measurement) if parameter.quantity else None
+        value = None if value is None else (value - parameter.scale[1]) / parameter.scale[0]
+    return value if value is not None and math.isfinite(value) else None

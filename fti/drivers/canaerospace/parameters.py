@@ -1,0 +1,79 @@
+"""Identifiers of normal operation data: what a DBC says of each, and how its number becomes a measurement.
+
+The data type stands in every message, so the DBC is a table: identifier, name, unit, factor.  A message has the four
+signals of the header and one of its own.
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+from fti.canframe import EXTENDED
+from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._quantities import QUANTITIES, Quantity, to_si
+from fti.types import Measurement, Stamp
+
+HEADER = ("node_id", "data_type", "service_code", "message_code")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One identifier.  word : of its frames; quantity : None where it is a Reading; scale : factor and offset to SI."""
+
+    word: int
+    name: str
+    unit: str
+    factor: float
+    offset: float
+    low: float
+    high: float
+    quantity: Quantity | None = None
+    scale: tuple[float, float] = (1.0, 0.0)
+    make: Callable[[Stamp, float, bool], Measurement] | None = None
+
+
+@cache
+def read_parameters(text: str) -> dict[int, Parameter]:
+    """The identifiers of a DBC, by word; of the built-in one when it is empty.
+
+    Raises ValueError saying what is wrong.
+    """
+    parameters = [_parameter(layout) for layout in read_layouts(text or _built_in())]
+    if not parameters:
+        raise ValueError("dbc: there is no message in it")
+    return {p.word: p for p in parameters}
+
+
+def unknown(can_id: int) -> Parameter:
+    """An identifier that the DBC does not have: a reading by its number."""
+    return Parameter(can_id, f"nod_{can_id}", "", 1.0, 0.0, float("-inf"), float("inf"))
+
+
+def _built_in() -> str:
+    return importlib.resources.files(__package__).joinpath("parameters.dbc").read_text(encoding="utf-8")
+
+
+def _parameter(layout: Layout) -> Parameter:
+    own = [s for s in layout.signals if s.name not in HEADER]
+    if len(own) != 1 or len(layout.signals) != len(HEADER) + 1:
+        raise ValueError(
+            f"dbc: message {layout.name!r}: must have the header {', '.join(HEADER)} and one signal; "
+            f"any other layout is for the driver dbc"
+        )
+    word = layout.can_id | EXTENDED * layout.extended
+    signal = own[0]
+    plain = (word, signal.name, signal.unit, signal.factor, signal.offset, signal.low, signal.high)
+    if signal.name not in QUANTITIES:
+        return Parameter(*plain)
+    quantity = QUANTITIES[signal.name]
+    return Parameter(*plain, quantity, _scale(layout, signal), quantity.maker())
+
+
+def _scale(layout: Layout, signal: Signal) -> tuple[float, float]:
+    try:
+        return to_si(signal.name, signal.unit)
+    except ValueError as error:
+        raise ValueError(f"dbc: message {layout.name!r}: {error}") from None

@@ -1,0 +1,263 @@
+"""Any message on CAN, through a DBC: a sensor that needs a file and no code.
+
+Document: DBC file format (Vector Informatik, "DBC File Format Documentation" 1.0.5), as cantools reads it; the
+layout of every message is in the DBC itself.
+
+    BO_ identifier name: length sender         29-bit identifiers have bit 31 set; more than 8 bytes is CAN FD
+     SG_ name [M|m3] : start|bits@order+sign (factor,offset) [min|max] "unit" receivers
+    VAL_ identifier signal 0 "off" 1 "on" ;    names of raw values
+    BA_ "GenMsgCycleTime" BO_ identifier 100;  period [ms]
+    SIG_VALTYPE_ identifier signal : 1;        1 float, 2 double
+
+What becomes of a signal:
+
+    its name is a quantity (``_quantities``) and its unit measures that      the measurement, in SI
+    any other                                                                Reading "MESSAGE.SIGNAL" in the DBC's unit
+
+Big- and little-endian, signed, float, multiplexed (also one in the other, ranges of selectors), extended identifiers,
+CAN FD.  A value outside [min|max] is not valid; a raw value that a value table names is the ``text`` of the Reading,
+and where the signal measures something (it has a unit, a factor or an offset) it is a state, not a number: "not
+available" never comes out as 655.35.  A quantity whose unit does not measure it is a Reading like any other.  A frame
+shorter than its message is skipped; of one whose multiplexer says what the DBC does not know, the rest is decoded.
+
+Option ``counter`` names the signal that counts the messages (``_bus_watch``): what was lost and who fell silent is
+told as a DeviceStatus.  Nodes are the senders of the DBC, or else the messages themselves.  Without a DBC the driver
+has that of CANaerospace, which shows what it does.
+"""
+
+from __future__ import annotations
+
+import importlib.resources
+from collections.abc import Callable
+from functools import cache
+from typing import Annotated
+
+from pydantic import Field
+
+from fti.canframe import EXTENDED
+from fti.config import StrictModel
+from fti.drivers import Counters
+from fti.drivers._bus_watch import BusWatch, status
+from fti.drivers._can import frame_head, why_skipped
+from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._dbc_frames import FrameBuilder
+from fti.drivers._quantities import QUANTITIES, to_si
+from fti.drivers._quick import quick_reading, quick_stamp
+from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.types import Measurement, Reading, Stamp
+
+DOCUMENT = "DBC file format 1.0.5 (Vector Informatik); the messages are those of the DBC that is configured"
+MESSAGES = {"(other)": "every message of the DBC, by its name: quantities as measurements, other signals as readings"}
+CARRIERS = frozenset({"can"})
+
+BUILT_IN = importlib.resources.files("fti.drivers.canaerospace").joinpath("parameters.dbc")
+
+#: Makes the measurement of one signal from the two words of a frame.
+Maker = Callable[[Stamp, int, int], Measurement | None]
+
+
+class Options(StrictModel):
+    """``dbc_file`` names the DBC (``dbc`` is its text, filled in from the file).
+
+    ``counter``: signal that counts the messages of an identifier and rolls over; empty: none does.
+    ``silent_after``: periods without a message after which a node is told to be silent.
+    """
+
+    dbc_file: str | None = None
+    dbc: str = ""
+    counter: str = "message_code"
+    silent_after: Annotated[float, Field(ge=2, le=1000)] = 5.0
+
+
+def text_of(options: Options) -> str:
+    """The DBC that is used."""
+    return options.dbc or BUILT_IN.read_text("utf-8")
+
+
+def quantity_scale(signal: Signal) -> tuple[float, float] | None:
+    """Factor and offset from the signal's unit to SI; None when it is no quantity, or its unit does not measure it."""
+    if signal.name not in QUANTITIES:
+        return None
+    try:
+        return to_si(signal.name, signal.unit)
+    except ValueError:
+        return None
+
+
+def maker_of(message: str, signal: Signal) -> Maker:
+    """How the signal becomes a measurement."""
+    scale = quantity_scale(signal)
+    if scale is not None:
+        return _quantity_maker(signal, *scale)
+    return _reading_maker(f"{message}.{signal.name}", signal)
+
+
+def _quantity_maker(signal: Signal, factor: float, offset: float) -> Maker:
+    cut, physical, quantity = signal.cut, signal.physical, QUANTITIES[signal.name]
+    make = quantity.maker()
+
+    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
+        value, valid = physical(cut(little, big))
+        if value is None:
+            return quantity.make(stamp, None, valid)
+        return make(stamp, value * factor + offset, valid)
+
+    return made
+
+
+def _reading_maker(name: str, signal: Signal) -> Maker:
+    cut, unit, factor, offset = signal.cut, signal.unit, signal.factor, signal.offset
+    low, high = signal.low, signal.high
+
+    def plain(stamp: Stamp, little: int, big: int) -> Reading:
+        value = cut(little, big) * factor + offset
+        return quick_reading(stamp, name, value, unit, low <= value <= high)
+
+    def stated(stamp: Stamp, little: int, big: int) -> Reading:
+        raw = cut(little, big)
+        value, valid = signal.physical(raw)
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=signal.state_of(raw))
+
+    return stated if signal.states or signal.is_float else plain
+
+
+class Plan:
+    """What to do with the frames of one message."""
+
+    def __init__(self, layout: Layout, counter: str) -> None:
+        self.layout, self.name, self.length = layout, layout.name, layout.length
+        self.node = layout.sender or layout.name
+        self.counter = next((s for s in layout.signals if s.name == counter and not s.selector), None)
+        self._makers = {s.name: maker_of(layout.name, s) for s in layout.signals}
+        self._always = tuple(self._makers.values())
+        self._chosen: dict[int, tuple[Maker, ...]] = {}  # by identity: the layout keeps one tuple for each case
+
+    def makers(self, little: int, big: int) -> tuple[Maker, ...]:
+        """The makers of the signals that are in this frame."""
+        if not self.layout.selectors:
+            return self._always
+        signals = self.layout.present(little, big)
+        makers = self._chosen.get(id(signals))
+        if makers is None:
+            makers = self._chosen[id(signals)] = tuple(self._makers[s.name] for s in signals)
+        return makers
+
+
+@cache
+def read_plans(text: str, counter: str) -> dict[int, Plan]:
+    """The messages of a DBC by the first word of their frames.  Raises ValueError naming what is wrong."""
+    plans = {layout.can_id | EXTENDED * layout.extended: Plan(layout, counter) for layout in read_layouts(text)}
+    if not plans:
+        raise ValueError("dbc: there is no message in it")
+    return plans
+
+
+class Decoder:
+    """CAN frames, one per feed, to measurements."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._plans = read_plans(text_of(options), options.counter)
+        self._watch = BusWatch(options.silent_after, self.counters.lost)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        counters = self.counters
+        counters.bytes_in += len(data)
+        word, length = frame_head(data)
+        plan = self._plans.get(word)
+        if plan is None or length < plan.length:
+            counters.skipped["bad_data" if plan else why_skipped(data)] += len(data)
+            told = self._watch.tick(t_rx_ns)
+            return [status(Stamp(t_rx_ns), told)] if told else []
+        counters.framed += len(data)
+        counters.messages[plan.name] += 1
+        return self._decode(plan, data[8 : 8 + plan.length], quick_stamp(t_rx_ns))
+
+    def _decode(self, plan: Plan, data: bytes, stamp: Stamp) -> list[Measurement]:
+        little, big = int.from_bytes(data, "little"), int.from_bytes(data, "big")
+        found = [m for make in plan.makers(little, big) if (m := make(stamp, little, big)) is not None]
+        if told := self._hear(plan, stamp.t_rx_ns, little, big):
+            found.append(status(stamp, told))
+        return found
+
+    def _hear(self, plan: Plan, t_rx_ns: int, little: int, big: int) -> tuple[str, ...]:
+        counter = plan.counter
+        if counter is None:
+            return self._watch.hear(t_rx_ns, plan.node, plan.name, cycle_ns=plan.layout.cycle_ns)
+        code = int(counter.cut(little, big))
+        return self._watch.hear(
+            t_rx_ns, plan.node, plan.name, code=code, modulus=counter.modulus, cycle_ns=plan.layout.cycle_ns
+        )
+
+
+class Encoder:
+    """The units' end of the bus: a message goes out when every signal of it has been told anew."""
+
+    def __init__(self, options: Options) -> None:
+        self._counter = options.counter
+        self._builders = {
+            plan.layout.name: FrameBuilder(plan.layout) for plan in read_plans(text_of(options), "").values()
+        }
+        self._codes: dict[str, int] = {}
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        if isinstance(measurement, Reading):
+            taken = self._take_reading(measurement)
+        else:
+            taken = [b for b in self._builders.values() if self._take_quantities(b, measurement)]
+        frames = [self._frame(builder) for builder in taken]
+        return [frame for frame in frames if frame is not None]
+
+    def respond(self, data: bytes) -> list[bytes]:
+        return []
+
+    def _take_reading(self, reading: Reading) -> list[FrameBuilder]:
+        message, _, name = reading.name.partition(".")
+        builder = self._builders.get(message)
+        if builder is None or name not in builder.signals:
+            return []
+        raw = raw_of(builder.signals[name], reading)
+        if raw is not None:
+            builder.tell(name, raw)
+        return [builder]
+
+    def _take_quantities(self, builder: FrameBuilder, measurement: Measurement) -> bool:
+        if not getattr(measurement, "valid", True):
+            return False
+        taken = False
+        for signal in builder.layout.signals:
+            scale = quantity_scale(signal)
+            if scale is None:
+                continue
+            value = QUANTITIES[signal.name].pick(measurement)
+            if value is not None:
+                builder.tell(signal.name, signal.raw((value - scale[1]) / scale[0]))
+                taken = True
+        return taken
+
+    def _frame(self, builder: FrameBuilder) -> bytes | None:
+        name = builder.layout.name
+        code = self._codes.get(name, 0)
+        frame = builder.frame({self._counter: code})
+        if frame is not None and self._counter in builder.signals:
+            self._codes[name] = (code + 1) % builder.signals[self._counter].modulus
+        return frame
+
+
+def raw_of(signal: Signal, reading: Reading) -> float | None:
+    """The raw value of a reading: of its name, or of its number; None when it says neither."""
+    if reading.text in signal.states.values():
+        return next(raw for raw, name in signal.states.items() if name == reading.text)
+    if reading.value is None:
+        return None
+    return signal.raw(reading.value)
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder.  Raises ValueError when the DBC is wrong."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder.  Raises ValueError when the DBC is wrong."""
+    return Encoder(options)

@@ -1,0 +1,184 @@
+"""Surface-deflection pickups: micro-controllers on CAN with up to four analog sensors each and calibration tables.
+
+Document: Spiegel 2018, 6.1, tables 6.1 and 6.2, figures 6.14 and 6.15 (which sensors, buses, rate, how they are
+calibrated); node services as in the CANaerospace interface specification 1.7, section 4.
+
+    tail            bus 2    elevator, rudder, rudder trim
+    left wing       bus 1    left aileron
+    right wing      bus 2    right aileron
+    flaps           bus 1    flaps
+    pilot controls  bus 1    stick aileron, stick elevator, pedals, elevator trim
+
+    raw frame         CANaerospace header | raw count u16               identifiers 1600-1609
+    deflection frame  CANaerospace header | deflection [deg] float      306, 308-310 as in CANaerospace; 1500-1505
+    node service      request 128, response 129: see ``service``
+
+Open: the maker's identifiers, layout and commands.  So a DBC is the interface (option ``dbc_file``; ``layout`` says how
+it is read), and what stands above is that of the built-in one, whose copy is configs/dbc/deflection_pickups.dbc.
+
+Raw count and deflection of one sample (equal message codes) make one measurement.  Where a node sends raw counts only
+(its DBC has no deflection), the calibration table is applied here (option ``calibration_file``; ``table`` has its
+form): piecewise linear; outside the table, and without one, the deflection is not valid, never extrapolated.
+
+Tables live in the nodes.  They are read after every connect and once a minute, and edited by commands.  The table here
+changes when a node acknowledges, and at no other time (``live_tables``); each change is told as a ``Calibration``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated
+
+from pydantic import Field
+
+from fti.config import StrictModel
+from fti.drivers import Command
+from fti.drivers.deflection_pickups import service as wire
+from fti.drivers.deflection_pickups.decoder import Decoder
+from fti.drivers.deflection_pickups.factory import factory_tables
+from fti.drivers.deflection_pickups.layout import Bus, Sensor, read_bus
+from fti.drivers.deflection_pickups.nodes import INTERVALS_MS, Encoder
+from fti.drivers.deflection_pickups.service import Service
+from fti.drivers.deflection_pickups.table import (
+    HIGHEST_DEG,
+    HIGHEST_RAW,
+    LOWEST_DEG,
+    read_degrees,
+    read_raw,
+    read_tables,
+)
+
+DOCUMENT = "Spiegel 2018, tables 6.1 and 6.2, figures 6.14 and 6.15; CANaerospace 1.7, section 4; layout by DBC"
+MESSAGES = {
+    "insert_point": "answer of a node: a point is stored, or why not",
+    "modify_point": "answer of a node: a point is changed, or why not",
+    "delete_point": "answer of a node: a point is deleted, or why not",
+    "read_table": "answer of a node: so many points follow",
+    "point": "one point of a table",
+    "set_rate": "answer of a node: a message comes at another rate, or why not",
+    "(other)": "raw counts and deflections, by the message's name in the DBC",
+}
+CARRIERS = frozenset({"can"})
+_SURFACE = "control surface or pilot's control, as the DBC names it: elevator, flaps, stick_aileron and so on"
+_RAW = f"raw count of the point, 0 to {HIGHEST_RAW}"
+_DEG = f"deflection [deg], {LOWEST_DEG} to {HIGHEST_DEG}, kept to 0.01"
+COMMANDS = {
+    "insert_point": Command("adds a point to a table", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
+    "modify_point": Command("gives a point another deflection", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
+    "delete_point": Command("takes a point out of a table", {"surface": _SURFACE, "raw": _RAW}),
+    "read_table": Command("lets the node send its table", {"surface": _SURFACE}),
+    "set_rate": Command("sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": "[Hz], 1 to 100"}),
+}
+READ_EVERY_S = 60.0
+
+
+class Options(StrictModel):
+    """``dbc_file`` names a DBC, ``calibration_file`` the tables (``dbc``, ``calibration``: their texts).
+
+    ``nodes``: the micro-controllers on this bus, as the DBC names them; none named: all of the DBC.
+    ``silent_after``: periods without a message after which a node is told to be silent.
+    """
+
+    dbc_file: str | None = None
+    dbc: str = ""
+    calibration_file: str | None = None
+    calibration: str = ""
+    nodes: tuple[str, ...] = ()
+    silent_after: Annotated[float, Field(ge=2, le=1000)] = 5.0
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder.  Raises ValueError when the DBC or the calibration is wrong."""
+    bus = _bus(options)
+    return Decoder(bus, read_tables(options.calibration, _all_surfaces(options)), options.silent_after)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """The nodes; those without a table in the calibration have the one that they came with (``factory``)."""
+    bus = _bus(options)
+    return Encoder(bus, factory_tables(bus.sensors) | read_tables(options.calibration, _all_surfaces(options)))
+
+
+def on_connect(options: Options) -> list[bytes]:
+    """All nodes are asked for all their tables."""
+    bus = _bus(options)
+    return [] if bus.request is None else [_read_all(bus.request)]
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """The same every minute: a node may have been calibrated at its own connector, or switched off."""
+    bus = _bus(options)
+    return None if bus.request is None else (READ_EVERY_S, _read_all(bus.request))
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The frame of a command.  Raises ValueError when it or an argument is unknown, missing or out of range."""
+    if name not in COMMANDS:
+        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+    wanted = COMMANDS[name].arguments
+    for given in args:
+        if given not in wanted:
+            raise ValueError(f"{name}: no argument {given!r}; there are {', '.join(wanted)}")
+    for missing in wanted:
+        if missing not in args:
+            raise ValueError(f"{name}: {missing} is missing: {wanted[missing]}")
+    bus = _bus(options or Options())
+    if bus.request is None:
+        raise ValueError(f"{name}: the DBC has no message node_service_request")
+    try:
+        sensor = _sensor(bus, args["surface"])
+        return wire.pack_service(bus.request, _REQUESTS[name](bus, sensor, args))
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _bus(options: Options) -> Bus:
+    return read_bus(options.dbc, options.nodes)
+
+
+def _all_surfaces(options: Options) -> tuple[str, ...]:
+    """Of all buses: one calibration file serves them all."""
+    return tuple(read_bus(options.dbc, ()).sensors)
+
+
+def _read_all(word: int) -> bytes:
+    return wire.pack_service(word, Service(wire.ALL_NODES, wire.READ, wire.ALL_SENSORS))
+
+
+def _sensor(bus: Bus, surface: str) -> Sensor:
+    if surface not in bus.sensors:
+        raise ValueError(f"surface = {surface!r}; on this bus are {', '.join(bus.sensors)}")
+    return bus.sensors[surface]
+
+
+def _point_request(service: int) -> Callable[[Bus, Sensor, Mapping[str, str]], Service]:
+    def request(_: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+        point = wire.pack_point(read_raw(args["raw"]), read_degrees(args.get("deg", "0")))
+        return Service(sensor.node_id, service, sensor.number, wire.POINT_TYPE, point)
+
+    return request
+
+
+def _read_request(_: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+    return Service(sensor.node_id, wire.READ, sensor.number)
+
+
+def _rate_request(bus: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+    text = args["rate_hz"]
+    try:
+        interval_ms = round(1000.0 / float(text))
+    except (ValueError, ZeroDivisionError, OverflowError):
+        interval_ms = 0
+    if interval_ms not in INTERVALS_MS:
+        raise ValueError(f"rate_hz = {text!r}; allowed is 1 to 100")
+    carrying = (m for m in bus.messages.values() if sensor.surface in m.deflection or sensor.surface in m.raw)
+    return wire.interval_request(sensor.node_id, next(carrying).layout.can_id, interval_ms)
+
+
+_REQUESTS = {
+    "insert_point": _point_request(wire.INSERT),
+    "modify_point": _point_request(wire.MODIFY),
+    "delete_point": _point_request(wire.DELETE),
+    "read_table": _read_request,
+    "set_rate": _rate_request,
+}

@@ -1,0 +1,109 @@
+"""Frames of the pickups, one per feed, to deflections, acknowledgements and calibration tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fti.drivers import Counters
+from fti.drivers._bus_watch import BusWatch, status
+from fti.drivers._can import frame_head, why_skipped
+from fti.drivers._quick import quick_stamp
+from fti.drivers.deflection_pickups.layout import REQUEST, Bus, Message
+from fti.drivers.deflection_pickups.live_tables import LiveTables
+from fti.drivers.deflection_pickups.table import Table
+from fti.types import Measurement, Stamp, SurfaceDeflection
+
+
+class Decoder:
+    """tables : as the calibration file has them; from then on they change when a node says so."""
+
+    def __init__(self, bus: Bus, tables: Mapping[str, Table], silent_after: float) -> None:
+        self.counters = Counters()
+        self._bus = bus
+        self._tables = LiveTables(bus, tables)
+        self._raw: dict[str, tuple[int, int | None]] = {}  # last raw count and its message code
+        self._watch = BusWatch(silent_after, self.counters.lost)
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        self.counters.bytes_in += len(data)
+        told = self._watch.tick(t_rx_ns)
+        found: list[Measurement] = [status(quick_stamp(t_rx_ns), told)] if told else []
+        word, length = frame_head(data)
+        reason = self._take(word, data[8 : 8 + length], quick_stamp(t_rx_ns), found)
+        if reason:
+            self.counters.skipped[why_skipped(data) if reason == "other_id" else reason] += len(data)
+        else:
+            self.counters.framed += len(data)
+        return found
+
+    def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+        """Add what is in a frame; why the frame is skipped, "" when it is not."""
+        message = self._bus.messages.get(word)
+        if message is not None:
+            return self._deflections(message, data, stamp, found)
+        if word == self._bus.request:
+            self.counters.messages[REQUEST] += 1
+            return ""
+        if word != self._bus.response:
+            return "other_id"
+        try:
+            name, said = self._tables.take(data, stamp)
+        except ValueError:
+            return "bad_data"
+        if not name:
+            return "other_node"
+        self.counters.messages[name] += 1
+        found += said
+        return ""
+
+    def _deflections(self, message: Message, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
+        layout = message.layout
+        if len(data) < layout.length:
+            return "bad_data"
+        whole = data[: layout.length]
+        little, big = int.from_bytes(whole, "little"), int.from_bytes(whole, "big")
+        if message.own_id is not None and message.own_id.cut(little, big) != message.node_id:
+            return "other_node"
+        code = None if message.counter is None else int(message.counter.cut(little, big))
+        made = self._made(message, (little, big), stamp, code)
+        if made is None:
+            return "bad_data"
+        self.counters.messages[layout.name] += 1
+        found += made
+        modulus = message.counter.modulus if message.counter else 0
+        told = self._watch.hear(
+            stamp.t_rx_ns, message.node, layout.name, code=code, modulus=modulus, cycle_ns=layout.cycle_ns
+        )
+        if told:
+            found.append(status(stamp, told))
+        return ""
+
+    def _made(
+        self, message: Message, words: tuple[int, int], stamp: Stamp, code: int | None
+    ) -> list[Measurement] | None:
+        """The deflections in a frame; None when its multiplexer, the data type, says that it has none of them."""
+        present = message.layout.present(*words)
+        raw = {s: int(signal.cut(*words)) for s, signal in message.raw.items() if signal in present}
+        stated = {s: (signal, factor) for s, (signal, factor) in message.deflection.items() if signal in present}
+        if not raw and not stated:
+            return None
+        self._raw |= {surface: (count, code) for surface, count in raw.items()}
+        found: list[Measurement] = [
+            self._calibrated(s, count, stamp) for s, count in raw.items() if self._bus.sensors[s].raw_only
+        ]
+        for surface, (signal, factor) in stated.items():
+            value, valid = signal.physical(signal.cut(*words))
+            deflection = None if value is None else value * factor
+            count, counted = self._raw.get(surface, (None, None))
+            same_sample = count if counted == code else None
+            found.append(
+                SurfaceDeflection(stamp=stamp, surface=surface, deflection=deflection, raw=same_sample, valid=valid)
+            )
+        return found
+
+    def _calibrated(self, surface: str, raw: int, stamp: Stamp) -> SurfaceDeflection:
+        """By the table, where the node sends raw counts only."""
+        deflection = self._tables.deflection(surface, raw)
+        return SurfaceDeflection(
+            stamp=stamp, surface=surface, deflection=deflection, raw=raw, valid=deflection is not None
+        )

@@ -1,0 +1,140 @@
+"""The tables as they are now: from the calibration file, changed by what the nodes acknowledge and by nothing else.
+
+So decoding a recording again gives the same deflections: the acknowledgements are in it, the commands need not be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fti.drivers.deflection_pickups.layout import SENSORS, Bus, Sensor
+from fti.drivers.deflection_pickups.service import (
+    DELETE,
+    INSERT,
+    MODIFY,
+    NAMES,
+    OUT_OF_RANGE,
+    POINT,
+    READ,
+    TIS,
+    Service,
+    unpack_count,
+    unpack_interval,
+    unpack_point,
+    unpack_service,
+)
+from fti.drivers.deflection_pickups.table import Table
+from fti.types import Ack, Calibration, DeviceStatus, Measurement, Stamp
+
+Said = tuple[str, list[Measurement]]
+
+
+@dataclass(slots=True)
+class _Reading:
+    """A table that a node is sending."""
+
+    count: int
+    points: list[tuple[int, int]] = field(default_factory=list)
+
+
+class LiveTables:
+    """The tables of one bus."""
+
+    def __init__(self, bus: Bus, tables: Mapping[str, Table]) -> None:
+        self._bus = bus
+        self._tables = dict(tables)
+        self._readings: dict[str, _Reading] = {}
+        self._nodes = {s.node_id: s.node for s in bus.sensors.values()}
+
+    def deflection(self, surface: str, raw: int) -> float | None:
+        """Deflection [rad] by the table; None outside it, or where there is none."""
+        table = self._tables.get(surface)
+        return None if table is None else table.deflection(raw)
+
+    def take(self, data: bytes, stamp: Stamp) -> Said:
+        """A response of a node: the name of the message and what it says; no name when the node is none of these.
+
+        Raises ValueError when it has not the form of a response.
+        """
+        service = unpack_service(data)
+        if service.node not in self._nodes:
+            return "", []
+        if service.number == TIS:
+            return "set_rate", [self._interval(service, stamp)]
+        if service.number in (INSERT, MODIFY, DELETE, READ):
+            return NAMES[service.number], self._answer(service, stamp)
+        if POINT <= service.number < POINT + SENSORS:
+            return "point", self._point(service, stamp)
+        return f"service_{service.number}", []
+
+    def _interval(self, service: Service, stamp: Stamp) -> Ack:
+        echo = unpack_interval(service)
+        detail = f"node {self._nodes[service.node]}"
+        if echo and echo[1]:
+            detail += f": message {echo[0]} at {1000.0 / echo[1]:g} Hz"
+        accepted = service.code == 0
+        reason = "out of range" if service.code == OUT_OF_RANGE else f"result {service.code}"
+        text = detail if accepted else f"{detail}: refused: {reason}"
+        return Ack(stamp=stamp, command="set_rate", accepted=accepted, detail=text)
+
+    def _answer(self, service: Service, stamp: Stamp) -> list[Measurement]:
+        """The response to an edit or to a request for the table."""
+        command = NAMES[service.number]
+        sensor = self._bus.at(service.node, service.sensor)
+        if sensor is None or not service.is_done:
+            surface = sensor.surface if sensor else f"node {self._nodes[service.node]}, sensor {service.sensor}"
+            return [Ack(stamp=stamp, command=command, accepted=False, detail=f"{surface}: {service.result}")]
+        if service.number == READ:
+            self._readings[sensor.surface] = _Reading(unpack_count(service))
+            return []
+        raw, hundredths = unpack_point(service)
+        what = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
+        ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {what}")
+        return [ack, *self._edited(sensor, service, (raw, hundredths), f"{command} {what}", stamp)]
+
+    def _edited(
+        self, sensor: Sensor, service: Service, point: tuple[int, int], change: str, stamp: Stamp
+    ) -> list[Measurement]:
+        """The node has changed its table: so does ours, if it can; if not it was another one, and is known no more."""
+        table = self._tables.get(sensor.surface)
+        if table is None:
+            return []
+        try:
+            changed = table.without_point(point[0]) if service.number == DELETE else table.with_point(*point)
+        except ValueError:
+            del self._tables[sensor.surface]
+            return [DeviceStatus(stamp=stamp, ok=False, flags=(f"{sensor.surface}_table_differs",))]
+        return self._set(sensor.surface, changed, change, stamp)
+
+    def _point(self, service: Service, stamp: Stamp) -> list[Measurement]:
+        """One point of a table that is being read; with the last one the table is known."""
+        sensor = self._bus.at(service.node, service.number - POINT)
+        reading = self._readings.get(sensor.surface) if sensor else None
+        if sensor is None or reading is None:
+            return []
+        point = unpack_point(service)
+        if service.code != len(reading.points):
+            del self._readings[sensor.surface]
+            return [self._read_ack(sensor.surface, False, "a point is missing", stamp)]
+        reading.points.append(point)
+        return [] if len(reading.points) < reading.count else self._read(sensor.surface, stamp)
+
+    def _read(self, surface: str, stamp: Stamp) -> list[Measurement]:
+        points = self._readings.pop(surface).points
+        try:
+            table = Table(tuple(points))
+        except ValueError as error:
+            return [self._read_ack(surface, False, str(error), stamp)]
+        ack = self._read_ack(surface, True, f"{len(points)} points", stamp)
+        return [ack, *self._set(surface, table, "read_table", stamp)]
+
+    def _read_ack(self, surface: str, accepted: bool, detail: str, stamp: Stamp) -> Ack:
+        return Ack(stamp=stamp, command="read_table", accepted=accepted, detail=f"{surface}: {detail}")
+
+    def _set(self, surface: str, table: Table, change: str, stamp: Stamp) -> list[Measurement]:
+        """The table from now on; told when it is another one than before."""
+        if self._tables.get(surface) == table:
+            return []
+        self._tables[surface] = table
+        return [Calibration(stamp=stamp, surface=surface, points=table.as_points(), change=change)]

@@ -1,0 +1,123 @@
+"""Calibration tables: raw counts to degrees, piecewise linear between points, strictly monotone.
+
+As text, one line a point; lines that begin with # are comments:
+
+    surface,raw,deg
+    flaps,512,0.0
+    flaps,3584,42.0
+
+Degrees are kept in hundredths, as the wire has them.
+"""
+
+from __future__ import annotations
+
+import csv
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from fti.drivers._units import DEGREE
+from fti.types import CalibrationPoint
+
+HIGHEST_RAW = 65_535
+#: Degrees that fit into 16 bits as hundredths.
+LOWEST_DEG, HIGHEST_DEG = -327.68, 327.67
+FEWEST, MOST = 2, 32
+COLUMNS = ["surface", "raw", "deg"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """points : (raw, hundredths of a degree), ascending in raw.  Raises ValueError when they make no table."""
+
+    points: tuple[tuple[int, int], ...]
+
+    def __post_init__(self) -> None:
+        if not FEWEST <= len(self.points) <= MOST:
+            raise ValueError(f"{len(self.points)} points; a table has {FEWEST} to {MOST}")
+        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points)]
+        if any(raw <= 0 for raw, _ in steps):
+            raise ValueError("raw counts must be ascending")
+        if any(deg * steps[0][1] <= 0 for _, deg in steps):
+            raise ValueError("deflections must be strictly monotone")
+
+    def deflection(self, raw: int) -> float | None:
+        """Deflection [rad]; None outside the table: nobody has measured there."""
+        if not self.points[0][0] <= raw <= self.points[-1][0]:
+            return None
+        above = min(bisect_right(self.points, (raw, HIGHEST_RAW)), len(self.points) - 1)
+        (raw_0, low), (raw_1, high) = self.points[above - 1], self.points[above]
+        return 0.01 * DEGREE * (low + (high - low) * (raw - raw_0) / (raw_1 - raw_0))
+
+    def with_point(self, raw: int, hundredths: int) -> Table:
+        """The table with this point, in place of the one with the same raw count if there is one."""
+        return Table(tuple(sorted((*(p for p in self.points if p[0] != raw), (raw, hundredths)))))
+
+    def without_point(self, raw: int) -> Table:
+        """The table without the point with this raw count."""
+        return Table(tuple(p for p in self.points if p[0] != raw))
+
+    def has(self, raw: int) -> bool:
+        """Is there a point with this raw count?"""
+        return any(p[0] == raw for p in self.points)
+
+    def as_points(self) -> tuple[CalibrationPoint, ...]:
+        """The points as a measurement has them [rad]."""
+        return tuple(CalibrationPoint(raw=raw, deflection=0.01 * DEGREE * deg) for raw, deg in self.points)
+
+
+def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, Table]:
+    """Tables by surface.  surfaces : those that there are.  Raises ValueError naming the line and what is allowed."""
+    known = set(surfaces)
+    rows = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    if not rows:
+        return {}
+    if _cells(rows[0][1]) != COLUMNS:
+        raise ValueError(f"calibration: line {rows[0][0]}: must be the header {','.join(COLUMNS)}")
+    points: dict[str, list[tuple[int, int]]] = {}
+    for number, line in rows[1:]:
+        surface, raw, hundredths = _point(number, _cells(line), known)
+        points.setdefault(surface, []).append((raw, hundredths))
+    return {surface: _table(surface, found) for surface, found in points.items()}
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line]))]
+
+
+def _point(number: int, cells: list[str], known: set[str]) -> tuple[str, int, int]:
+    where = f"calibration: line {number}"
+    if len(cells) != len(COLUMNS):
+        raise ValueError(f"{where}: {len(cells)} values; must be {','.join(COLUMNS)}")
+    if cells[0] not in known:
+        raise ValueError(f"{where}: surface {cells[0]!r}; there are {', '.join(sorted(known))}")
+    try:
+        return cells[0], read_raw(cells[1]), read_degrees(cells[2])
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
+def _table(surface: str, points: list[tuple[int, int]]) -> Table:
+    try:
+        return Table(tuple(points))
+    except ValueError as error:
+        raise ValueError(f"calibration: {surface}: {error}") from None
+
+
+def read_raw(text: str) -> int:
+    """A raw count.  Raises ValueError saying what is allowed."""
+    if not text.isdecimal() or int(text) > HIGHEST_RAW:
+        raise ValueError(f"raw = {text!r}; allowed is 0 to {HIGHEST_RAW}")
+    return int(text)
+
+
+def read_degrees(text: str) -> int:
+    """Degrees as hundredths.  Raises ValueError saying what is allowed."""
+    try:
+        degrees = float(text)
+    except ValueError:
+        degrees = float("nan")
+    if not LOWEST_DEG <= degrees <= HIGHEST_DEG:
+        raise ValueError(f"deg = {text!r}; allowed is {LOWEST_DEG} to {HIGHEST_DEG}")
+    return round(100.0 * degrees)

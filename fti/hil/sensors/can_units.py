@@ -1,0 +1,154 @@
+"""Units on CAN: air data with DME and surface positions (CANaerospace), and whatever a DBC has.
+
+DME: four stations about the airfield; error as ICAO Annex 10, volume I, 3.5.3.1.3 allows an interrogator and a
+transponder of today: 0.1 NM slow, 15 m from reply to reply.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._quantities import QUANTITIES
+from fti.drivers.dbc import Options, quantity_scale, text_of
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.sensors.avionics import Avionics
+from fti.hil.sensors.deflections import deflections
+from fti.hil.sensors.errors import slow, white
+from fti.hil.trajectory import State
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import DmeRange, Measurement, Reading, Stamp, SurfaceDeflection
+
+Array = NDArray[np.float64]
+
+#: Stations: distance before and right of the threshold, height above it [m].
+STATIONS_M = (
+    (-2500.0, 150.0, 5.0),
+    (31_000.0, 12_000.0, 40.0),
+    (-18_000.0, -44_000.0, 600.0),
+    (9000.0, 71_000.0, 90.0),
+)
+DME_SLOW_SD, DME_WHITE_SD, DME_PERIOD_S = 0.05 * 1852.0, 15.0, 120.0
+
+
+def dme_ranges(state: State, world: World) -> list[Array]:
+    """True slant ranges [m] to the four stations, shape (n,) each."""
+    path = world.path
+    aircraft = ecef_from_geodetic(state.lat, state.lon, state.alt)
+    found = []
+    for s, y, height in STATIONS_M:
+        lat, lon = path.geodetic(path.x_gpi + s, y)
+        station = ecef_from_geodetic(lat, lon, path.alt_path(0.0) + height)
+        found.append(np.asarray(np.linalg.norm(aircraft - station, axis=-1)))
+    return found
+
+
+class Interrogator:
+    """A scanning interrogator that follows four stations."""
+
+    def __init__(self, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+        self._ranges = [
+            true + slow(t, DME_SLOW_SD, DME_PERIOD_S, rng) + white(t, DME_WHITE_SD, rng)
+            for true in dme_ranges(state, world)
+        ]
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """The four ranges of sample k."""
+        return [
+            DmeRange(stamp=stamp, station=f"dme_{n}", slant_range=float(r[k])) for n, r in enumerate(self._ranges, 1)
+        ]
+
+
+class AirDataUnit:
+    """Air data, heading reference and DME on CANaerospace.  The surfaces are those of the pickups on the same bus."""
+
+    rate_hz = 20.0
+    time_scale = None
+
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+        self._avionics = Avionics(bound, world, t, rng)
+        self._interrogator = Interrogator(world.state(t), world, t, rng)
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """Everything; what the DBC does not have is not sent."""
+        return self._avionics.measure(k, stamp) + self._interrogator.measure(k, stamp)
+
+
+class _Wanderer:
+    """A signal that no model knows: it wanders in the middle of its range, or takes its states in turn."""
+
+    STATE_SAMPLES = 20
+    PERIOD_S = 20.0
+
+    def __init__(self, signal: Signal, t: Array, rng: np.random.Generator) -> None:
+        self.signal = signal
+        self._states = list(signal.states) if signal.states and not signal.measures else []
+        ends = [signal.least * signal.factor + signal.offset, signal.most * signal.factor + signal.offset]
+        low, high = max(min(ends), signal.low), min(max(ends), signal.high)
+        middle, width = (0.5 * (low + high), high - low) if math.isfinite(high - low) else (0.0, 10.0)
+        self._values = middle + np.clip(slow(t, 0.1 * width, self.PERIOD_S, rng), -0.4 * width, 0.4 * width)
+
+    def value(self, k: int) -> float:
+        """Value of sample k, in the signal's unit."""
+        if self._states:
+            raw = self._states[k // self.STATE_SAMPLES % len(self._states)]
+            return raw * self.signal.factor + self.signal.offset
+        return float(self._values[k])
+
+
+class _UnitMessage:
+    """One message of the DBC: what fills the signals that the flight does not."""
+
+    def __init__(self, layout: Layout, t: Array, rng: np.random.Generator, counter: str) -> None:
+        self._layout, self._counter = layout, counter
+        self._wanderers = {s.name: _Wanderer(s, t, rng) for s in layout.signals if s.name != counter}
+
+    def measure(self, k: int, stamp: Stamp, offered: list[Measurement]) -> list[Measurement]:
+        """Readings, and measurements of quantities that are not offered; multiplexers take their choices in turn."""
+        chosen = {s.name: self._choice(s.name, k) for s in self._layout.selectors}
+        signals = [s for s in self._layout.selected(chosen) if s.name != self._counter]
+        made = (self._one(s, chosen.get(s.name), k, stamp, offered) for s in signals)
+        return [m for m in made if m is not None]
+
+    def _choice(self, selector: str, k: int) -> int:
+        choices = sorted({c for s in self._layout.signals if s.selector == selector for c in s.choices})
+        return choices[k % len(choices)]
+
+    def _one(
+        self, signal: Signal, chosen: int | None, k: int, stamp: Stamp, offered: list[Measurement]
+    ) -> Measurement | None:
+        scale = quantity_scale(signal)
+        value = self._wanderers[signal.name].value(k) if chosen is None else chosen * signal.factor + signal.offset
+        if scale is None:
+            return Reading(stamp=stamp, name=f"{self._layout.name}.{signal.name}", value=value, unit=signal.unit)
+        quantity = QUANTITIES[signal.name]
+        if any(quantity.pick(m) is not None for m in offered):
+            return None
+        return quantity.make(stamp, value * scale[0] + scale[1], True)
+
+
+class DbcUnits:
+    """The units of any DBC: quantities fit the flight, other signals wander."""
+
+    rate_hz = 10.0
+    time_scale = None
+
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+        assert isinstance(bound.options, Options)
+        state = world.state(t)
+        self._air = AirDataUnit(bound, world, t, rng)
+        self._deflections = deflections(state)
+        layouts = read_layouts(text_of(bound.options))
+        self._messages = [_UnitMessage(layout, t, rng, bound.options.counter) for layout in layouts]
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """What the flight says, and then what it does not."""
+        offered = self._air.measure(k, stamp) + [
+            SurfaceDeflection(stamp=stamp, surface=surface, deflection=float(angle[k]))
+            for surface, angle in self._deflections.items()
+        ]
+        return offered + [m for message in self._messages for m in message.measure(k, stamp, offered)]
