@@ -55,7 +55,8 @@ def value_of(label: Label, found: Measurement) -> float:
     factor, offset = to_si(label)
     sign = 1 if label.reading else QUANTITIES[label.quantity].sign
     field = "value" if label.reading else QUANTITIES[label.quantity].field
-    return float(getattr(found, field) * sign - offset) / factor
+    value: float = getattr(found, field)
+    return (value * sign - offset) / factor
 
 
 def there_and_back(label: Label, value: float) -> float:
@@ -71,7 +72,7 @@ def there_and_back(label: Label, value: float) -> float:
 def resolution(label: Label) -> float:
     if label.kind == "bcd":
         return label.resolution or 0.0
-    return (label.range or 0.0) / 2 ** ((label.bits or 0) + (label.fine_bits if label.fine_label else 0))
+    return math.ldexp(label.range or 0.0, -(label.bits or 0) - (label.fine_bits if label.fine_label else 0))
 
 
 def ends(label: Label) -> tuple[float, float]:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
+from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import Autopilot
-from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.base import ModelType, Sensor
 from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups
@@ -21,7 +21,7 @@ from fti.service.binding import bind_devices
 
 #: Driver name -> what stands at the other end of its line.
 MODELS: dict[str, ModelType] = {
-    "arinc429": Avionics,
+    "arinc429": ArincUnit,
     "ascii_line": DescribedDevice,
     "binary_struct": DescribedDevice,
     "canaerospace": AirDataUnit,

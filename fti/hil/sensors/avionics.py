@@ -132,6 +132,10 @@ class Avionics:
         self._air = AirData(state, world, t, rng)
         self._radar = RadarAltimeter(bound, world, t, rng) if bound.device.altimeter else None
 
+    def air(self, k: int) -> tuple[float, float, float]:
+        """Static and impact pressure [Pa] and static temperature [K] of sample k."""
+        return float(self._air.p_static[k]), float(self._air.q_c[k]), float(self._air.temperature[k])
+
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Everything; what is not enabled is not sent."""
         reference = self._reference

@@ -1,0 +1,131 @@
+"""Units on ARINC 429: what any label set may have, so that every built-in one is played in full.
+
+Localizer and glide slope are those of the scenario's approach: 0.00145 DDM for a metre at the threshold, with the
+antenna 300 m behind the runway, and 0.0875 DDM for 0.12 of the glide angle (ICAO Annex 10, volume I, 3.1.3.7.1 and
+3.1.5.6.2); bends 0.005 and 0.01 DDM, within what 3.1.3.4 and 3.1.5.4 allow a facility of category I.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.drivers.arinc429 import Options, chosen_labels
+from fti.hil.sensors.avionics import Avionics
+from fti.hil.sensors.can_units import Interrogator
+from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.inertial import specific_force_b
+from fti.hil.trajectory import State
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import (
+    Deviation,
+    DeviceStatus,
+    Measurement,
+    Reading,
+    Stamp,
+    Temperature,
+    TimeScale,
+)
+
+Array = NDArray[np.float64]
+
+#: SI units of the readings; the others are plain numbers.
+UNITS = {
+    "magnetic_heading": "rad",
+    "roll_rate": "rad/s",
+    "pitch_rate": "rad/s",
+    "yaw_rate": "rad/s",
+    "longitudinal_acceleration": "m/s2",
+    "lateral_acceleration": "m/s2",
+    "normal_acceleration": "m/s2",
+    "inertial_altitude": "m",
+    "total_pressure": "Pa",
+    "baro_setting": "Pa",
+    "horizontal_integrity_limit": "m",
+    "vertical_integrity_limit": "m",
+}
+
+#: What a GNSS receiver says of a good day: mode 01100 is navigation (Esterline CMA-5024, label 273).
+GNSS = {
+    "hdop": 0.9,
+    "vdop": 1.4,
+    "horizontal_integrity_limit": 190.0,
+    "vertical_integrity_limit": 40.0,
+    "satellites_visible": 12.0,
+    "satellites_used": 9.0,
+    "gnss_mode": 12.0,
+}
+
+
+class IlsReceiver:
+    """Localizer and glide-slope deviation on the scenario's approach."""
+
+    ANTENNA_BEHIND_RUNWAY_M = 300.0
+    DDM_PER_M, DDM_AT_012_GLIDE = 0.00145, 0.0875
+    LOCALIZER_BEND, GLIDE_BEND, BEND_S = 0.005, 0.01, 4.0
+
+    def __init__(self, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+        path = world.path
+        s, y = path.along(state.lat, state.lon)
+        to_antenna = path.airfield.runway_length_m + self.ANTENNA_BEHIND_RUNWAY_M
+        distance = np.maximum(s - path.x_gpi + to_antenna, 1.0)
+        self._localizer = -self.DDM_PER_M * y * to_antenna / distance + slow(t, self.LOCALIZER_BEND, self.BEND_S, rng)
+        elevation = np.arctan2(state.alt - path.alt_path(0.0), s)
+        glide = self.DDM_AT_012_GLIDE * (elevation - path.glide) / (0.12 * path.glide)
+        self._glide = np.where(s > 0.0, glide + slow(t, self.GLIDE_BEND, self.BEND_S, rng), np.nan)
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """Both deviations; over the runway there is no glide slope."""
+        glide = None if np.isnan(self._glide[k]) else float(self._glide[k])
+        return [Deviation(stamp=stamp, localizer_ddm=float(self._localizer[k]), glide_slope_ddm=glide)]
+
+
+class ArincUnit:
+    """Heading reference, air data, altimeter, receivers of DME, ILS and GNSS: what is not enabled is not sent."""
+
+    rate_hz = 20.0
+    time_scale = TimeScale.BOOT
+    DECLINATION, RATE_SD, ACCELERATION_SD = np.deg2rad(2.5), np.deg2rad(0.05), 0.02
+
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
+        state = world.state(t)
+        self._avionics = Avionics(bound, world, t, rng)
+        self._receivers = (Interrogator(state, world, t, rng), IlsReceiver(state, world, t, rng))
+        self._force = specific_force_b(state) + white(t, self.ACCELERATION_SD, rng)[:, None]
+        self._rates = state.omega_nb_b + white(t, self.RATE_SD, rng)[:, None]
+        self._heading = (state.heading - self.DECLINATION) % (2 * np.pi)
+        self._alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
+        self._qnh = world.atmosphere.qnh
+        options = bound.options
+        equipment = chosen_labels(options).equipment if isinstance(options, Options) else None
+        self._equipment = {"equipment_id": float(int(equipment, 16))} if equipment else {}
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """Everything, then who it is and that it is well."""
+        found = self._avionics.measure(k, stamp)
+        for receiver in self._receivers:
+            found += receiver.measure(k, stamp)
+        static, impact, temperature = self._avionics.air(k)
+        mach = math.sqrt(5.0 * ((impact / static + 1.0) ** (1 / 3.5) - 1.0))
+        readings = {"mach": mach, "total_pressure": static + impact, "baro_setting": self._qnh, **GNSS}
+        readings |= self._inertial(k) | self._equipment
+        found += [Reading(stamp=stamp, name=n, value=value, unit=UNITS.get(n, "")) for n, value in readings.items()]
+        total = temperature * (1.0 + 0.2 * mach**2)
+        return [*found, Temperature(stamp=stamp, total=total), DeviceStatus(stamp=stamp, ok=True)]
+
+    def _inertial(self, k: int) -> dict[str, float]:
+        roll_rate, pitch_rate, yaw_rate = map(float, self._rates[k])
+        forward, right, down = map(float, self._force[k])
+        return {
+            "magnetic_heading": float(self._heading[k]),
+            "roll_rate": roll_rate,
+            "pitch_rate": pitch_rate,
+            "yaw_rate": yaw_rate,
+            "longitudinal_acceleration": forward,
+            "lateral_acceleration": right,
+            "normal_acceleration": -down,  # up: gravity in level flight
+            "inertial_altitude": float(self._alt_msl[k]),
+        }
