@@ -16,14 +16,17 @@ Each family of messages has a file with the layout of its payloads: ``solution``
 ``deviations``, ``satellites``, ``surroundings`` (air data, magnetometer, odometer, height from outside), ``sysstat``,
 ``commands``; ``messages`` is the table of them all.  Other messages of the protocol are framed and counted by name.
 
+The counter rolls for each message by itself (seen in a capture of a real device; no document says so); the answer to a
+command repeats the counter of the command.
+
 What is not said stays None: gravity-free accelerations are no specific force, angles after DIN 70000 are another
 convention, an undulation of exactly 0 is read as "no geoid model", and while GNSS has not set the clock (status bit 9)
 there is no device time.
 
 Several messages may carry the same quantity.  Of one device only one of them counts, so that a consumer never sees two
-solutions mixed: the order is ``messages.PREFERRED``, and as soon as a better one has been heard the others give way,
-until the decoder is made anew.  Who wants the receiver's solution beside that of the system gives the line two devices,
-the second one with ``only = ["GNSSSOL"]``.
+solutions mixed: the order is ``messages.PREFERRED``, and for five seconds after a better one the others give way.
+Who wants the receiver's solution beside that of the system gives the line two devices, the second one with
+``only = ["GNSSSOL"]``.
 
 The system is silent until a channel was opened and messages were asked for, unless it was configured to start by
 itself.  ``ask = true`` does that after every connect; commands are taken on the serial line (over UDP the system only

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers.imar_ixcom.commands import decode_response
-from fti.drivers.imar_ixcom.heard import Heard
+from fti.drivers.imar_ixcom.heard import KEPT_NS, Heard
 from fti.drivers.imar_ixcom.messages import BY_NUMBER, RANKS, Message
-from fti.drivers.imar_ixcom.options import NAMES, NUMBERS, Options
+from fti.drivers.imar_ixcom.options import NAMES, NUMBERS, RESERVED, Options
 from fti.drivers.imar_ixcom.sysstat import SHORTEST
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, measure, read_frame
 from fti.types import Measurement
@@ -21,7 +21,8 @@ class Decoder:
         self._only = frozenset(options.only)
         self._framer = Framer(measure, self.counters, limit=FRAME_MAX)
         self._heard = Heard(options)
-        self._believed: dict[type, int] = {}
+        self._believed: dict[type, tuple[int, int]] = {}
+        self._counted: dict[str, int] = {}
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         """See the contract."""
@@ -39,10 +40,21 @@ class Decoder:
             self.counters.messages[f"{name} of unknown length"] += 1
             return []
         self.counters.messages[name] += 1
-        if frame.number == NUMBERS["RESPONSE"] and taken:
-            ack = decode_response(frame)
-            return [ack] if ack else []
+        if frame.number in RESERVED:
+            return self._answers(frame) if taken else []
+        self._count(name, frame.counter)
         return found
+
+    def _answers(self, frame: Frame) -> list[Measurement]:
+        ack = decode_response(frame) if frame.number == NUMBERS["RESPONSE"] else None
+        return [ack] if ack else []
+
+    def _count(self, name: str, counter: int) -> None:
+        """Each message has a rolling counter of its own; a step backwards is a device that started again."""
+        missed = (counter - self._counted.get(name, counter - 1) - 1) & 0xFF
+        self._counted[name] = counter
+        if 0 < missed < 0x80:
+            self.counters.lost[name] += missed
 
     def _decode(self, message: Message, frame: Frame) -> list[Measurement] | None:
         size = len(frame.payload)
@@ -52,12 +64,13 @@ class Decoder:
         if found is None:
             return None
         told = self._heard.status(frame, message.tells_status)
-        ranks = RANKS[message.name]
-        return [*told, *(m for m in found if type(m) not in ranks or self._is_believed(type(m), ranks[type(m)]))]
+        ranks, now = RANKS[message.name], frame.stamp.t_rx_ns
+        return [*told, *(m for m in found if type(m) not in ranks or self._is_believed(type(m), ranks[type(m)], now))]
 
-    def _is_believed(self, kind: type, rank: int) -> bool:
-        """No message that goes before this one has carried such a measurement yet."""
-        best = self._believed.setdefault(kind, rank)
-        if rank < best:
-            self._believed[kind] = rank
-        return rank <= best
+    def _is_believed(self, kind: type, rank: int, now: int) -> bool:
+        """No message that goes before this one has carried such a measurement of late."""
+        best, since = self._believed.get(kind, (rank, now))
+        if rank > best and 0 <= now - since <= KEPT_NS:
+            return False
+        self._believed[kind] = rank, now
+        return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -96,7 +97,7 @@ class Encoder:
     def __init__(self, options: Options) -> None:
         self._options = options
         self._latest = Latest(options.magnetometer_unit)
-        self._counter = 0
+        self._counters = Counter[str]()
         self._epoch = 0
         self._now: Stamp | None = None
         self._sent_at: dict[str, int] = {}
@@ -133,9 +134,8 @@ class Encoder:
 
     def _frame(self, name: str, cause: Measurement, payload: bytes) -> bytes:
         t_gps_ns = device_time_ns(cause.stamp, TimeScale.GPS)
-        frame = encode_frame(NUMBERS[name], self._counter, t_gps_ns, encode_status(self._flags(cause)), payload)
-        self._counter = (self._counter + 1) & 0xFF
-        return frame
+        counter, self._counters[name] = self._counters[name], self._counters[name] + 1
+        return encode_frame(NUMBERS[name], counter, t_gps_ns, encode_status(self._flags(cause)), payload)
 
     def _flags(self, cause: Measurement) -> tuple[str, ...]:
         """The footer says what is not valid."""

@@ -27,8 +27,9 @@ NAMES = {
     0xD2: "IPVAS", 0xFD: "COMMAND", 0xFE: "RESPONSE", 0xFF: "PARAMETER",
 }  # fmt: skip
 NUMBERS = {name: number for number, name in NAMES.items()}
-#: What can be asked for: everything below the numbers that are no measurements.
-REQUESTABLE = {name: number for name, number in NUMBERS.items() if number < 0xF0}
+#: What is said and answered; everything else can be asked for.
+RESERVED = frozenset({0xFD, 0xFE, 0xFF})
+REQUESTABLE = {name: number for name, number in NUMBERS.items() if number not in RESERVED}
 TESLA = {"nT": 1e-9, "uT": 1e-6, "mG": 1e-7, "G": 1e-4}
 CHANNELS = 32
 
