@@ -35,6 +35,10 @@ class BoundDevice:
         """A fresh decoder."""
         return self.driver.make_decoder(self.options)
 
+    def must_be_asked(self) -> bool:
+        """It says nothing, or not everything, unless something is sent to it."""
+        return bool(self.driver.on_connect(self.options)) or self.driver.poll(self.options) is not None
+
 
 def read_text(path: Path) -> str:
     """A text file named in the configuration.  Raises MissingError."""

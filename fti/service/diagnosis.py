@@ -22,6 +22,8 @@ KEPT_BYTES = 8192
 BAD_SHARE = 0.05
 RATE_TOLERANCE = 0.3
 NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment", GAP})
+#: The hint beside a device that waits to be asked where nothing may be sent.
+UNASKED = "it must be asked, and nothing may be sent on its link: set transmit = true there"
 
 
 class Count(NamedTuple):
@@ -69,6 +71,12 @@ class Diagnosis:
     def __init__(self, config: Config, chain: Chain) -> None:
         self._chain = chain
         self._kinds = {link.name: link.kind for link in config.link}
+        mute = {link.name for link in config.link if not link.transmit}
+        self._unasked = {
+            listener.name
+            for listener in chain.listeners
+            if listener.bound.device.link in mute and listener.bound.must_be_asked()
+        }
         self._past = {listener.name: Past() for listener in chain.listeners}
         self._recent: dict[str, bytearray] = {}  # the last bytes of links on which something is unclear
         self._last_rx_ns: dict[str, int] = {}
@@ -93,6 +101,8 @@ class Diagnosis:
         past.counts.append(Count(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
         rate = _rate_hz(past)
         state, hint = self._judge(listener, past, rate, now_ns)
+        if state is LinkState.SILENT and listener.name in self._unasked:
+            hint = f"{hint}; {UNASKED}"
         return {
             "link": device.link,
             "driver": device.driver,

@@ -39,6 +39,7 @@ class RecorderOrder(StorageOrder):
     """All that the recorder is told, once, by the supervisor.
 
     first_number : of its files; those of an earlier recorder may be out of sight
+    sending      : for the links that may transmit
     """
 
     config: Config

@@ -42,7 +42,7 @@ class Preparation:
             **_storage(places),
             first_number=first_number,
             epoch_ns=self._epoch_ns,
-            sending={link.name: self._link_order(link.name) for link in self._config.link},
+            sending={link.name: self._link_order(link.name) for link in self._config.link if link.transmit},
             attachments=self._attachments(),
             metadata=self._metadata(),
         )

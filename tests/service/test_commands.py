@@ -2,100 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
-from fti.clock import FakeClock
-from fti.config import Config, Device, SerialLink, Session, StrictModel
-from fti.drivers import Command, Driver
-from fti.service.binding import BoundDevice
-from fti.service.catalogue import Catalogue, Denied
-from fti.service.commands import LATE_NS, MOST_OPEN, MOST_UNASKED, Commander
-from fti.service.control import Message
+from fti.service.catalogue import Denied
+from fti.service.commands import LATE_NS, MOST_OPEN, MOST_UNASKED
 from fti.service.requests import State
 from tests.helpers import until_async
-
-Asked = asyncio.Task[dict[str, Any]]
-SECOND_NS = 1_000_000_000
-COMMANDS = {
-    "rate": Command("set the output rate", {"rate": "Hz, 1 to 20"}),
-    "reset": Command("start again", answered=False),
-}
-
-
-def command(name: str, args: Mapping[str, str], options: StrictModel | None = None) -> bytes:
-    """A driver's command: ``rate`` takes 1 to 20."""
-    if name == "rate" and args.get("rate", "") not in map(str, range(1, 21)):
-        raise ValueError(f"rate = {args.get('rate')}: must be 1 to 20 Hz")
-    return f"*{name}{args.get('rate', '')}\r".encode()
-
-
-def make_catalogue() -> Catalogue:
-    links = tuple(SerialLink(name=n, kind="serial", port="x", transmit=n != "mute") for n in ("line", "mute"))
-    speaking = cast(Driver, SimpleNamespace(COMMANDS=COMMANDS, command=command))
-    deaf = cast(Driver, SimpleNamespace(COMMANDS={}))
-    devices = [
-        BoundDevice(Device(name=name, link=link, driver="d"), driver, StrictModel())
-        for name, link, driver in (
-            ("mag", "line", speaking),
-            ("other", "line", speaking),
-            ("shut", "mute", speaking),
-            ("gnss", "line", deaf),
-        )
-    ]
-    return Catalogue(Config(session=Session(name="s"), link=links, path="a.toml"), devices)
-
-
-class Bench:
-    """A commander whose recorder and devices are played by the test."""
-
-    def __init__(self) -> None:
-        self.clock = FakeClock(10 * SECOND_NS)
-        self.sent: list[dict[str, Any]] = []
-        self.events: list[tuple[str, str]] = []
-        self.shown: list[dict[str, Any]] = []
-        self.there = True
-        self.hint = ""
-        self.commander = Commander(
-            make_catalogue(),
-            self.clock,
-            send=self._send,
-            tell=lambda level, text: self.events.append((level, text)),
-            changed=self.shown.append,
-            hinder=lambda: self.hint,
-        )
-
-    def _send(self, message: Message) -> bool:
-        if self.there:
-            self.sent.append(message["send"])
-        return self.there
-
-    def ask(
-        self, key: str = "k1", name: str = "rate", device: str = "mag", **more: Any
-    ) -> asyncio.Task[dict[str, Any]]:
-        args = {"rate": "10"} if name == "rate" else {}
-        wish = {"id": key, "device": device, "command": name, "args": args, "timeout_s": 30.0, **more}
-        return asyncio.create_task(self.commander.obey(wish, "an engineer"))
-
-    async def ask_and_send(self, *words: str, **more: Any) -> Asked:
-        """Ask, and let the recorder send it."""
-        asked = self.ask(*words, **more)
-        before = len(self.sent)
-        await until_async(lambda: len(self.sent) > before)
-        self.recorder_says()
-        return asked
-
-    def recorder_says(self, number: int | None = None, fault: str | None = None) -> None:
-        number = number or self.sent[-1]["id"]
-        self.commander.on_sent({"id": number, "fault": fault, "t_ns": self.clock.now_ns()})
-
-    def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
-        said = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}
-        self.commander.on_ack({"device": device, **said})
+from tests.service.command_bench import SECOND_NS, Bench, make_catalogue
 
 
 @pytest.fixture

@@ -167,6 +167,43 @@ async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
     assert site.taken == [{"mark": "flutter", "trigger": True}]
 
 
+async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
+    wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {"rate": "20"}, "request": "r-1"}
+    async with site.connect() as ws:
+        assert await answers(ws, wish | {"token": await site.token()}) == [None]
+        assert await answers(ws, wish | {"token": "x"}) == ["the page is older than the display; load it again"]
+    assert site.taken == [{"send": {"id": "r-1", "device": "mag", "command": "set_rate", "args": {"rate": "20"}}}]
+
+
+@pytest.mark.parametrize(
+    "change", [{"args": ["x"]}, {"args": {"rate": 20}}, {"device": 7}, {"request": None}, {"name": {}}]
+)
+async def test_what_is_no_command_to_a_device_is_refused(site: Site, change: dict[str, Any]) -> None:
+    wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {}, "request": "r-1"} | change
+    async with site.connect() as ws:
+        assert await answers(ws, wish | {"token": await site.token()}) == ["there is no such command"]
+    assert site.taken == []
+
+
+async def test_pages_are_told_of_commands_when_something_has_changed(site: Site) -> None:
+    async with site.connect() as ws:
+        kinds = [(await ws.receive_json())["type"] for _ in range(3)]
+        assert "commands" not in kinds
+        site.server.board.take({"catalogue": [{"name": "mag"}]})
+        while (message := await ws.receive_json())["type"] != "commands":
+            pass
+        assert message == {"type": "commands", "devices": [{"name": "mag"}], "requests": []}
+        for n in range(25):
+            site.server.board.take({"command": {"id": f"k{n}", "t_ns": n, "state": "sending"}})
+        site.server.board.take({"command": {"id": "k24", "t_ns": 24, "state": "acknowledged"}})
+        while (message := await ws.receive_json())["type"] != "commands":
+            pass
+        assert [request["id"] for request in message["requests"]] == [f"k{n}" for n in range(24, 4, -1)]
+        assert message["requests"][0]["state"] == "acknowledged"
+    async with site.connect() as ws:
+        assert [(await ws.receive_json())["type"] for _ in range(2)] == ["history", "commands"]
+
+
 async def test_each_start_has_its_own_token(site: Site) -> None:
     other = PageServer(Feed(0), lambda: 0, site.take)
     port = await other.start(0)

@@ -1,0 +1,90 @@
+"""What people ask of the daemon, at the control socket and on the page."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from fti.clock import FakeClock
+from fti.config import Config, Session
+from fti.service.bulletin import Bulletin
+from fti.service.children import Child
+from fti.service.control_socket import serve_commands
+from fti.service.desk import Desk
+from fti.service.keeping import RecorderMail
+from tests.helpers import until_async
+from tests.service.command_bench import Bench
+
+
+class Rig:
+    def __init__(self) -> None:
+        self.bench = Bench()
+        self.shown: list[dict[str, Any]] = []
+        self.events: list[dict[str, Any]] = []
+        clock = FakeClock(7)
+        self.desk = Desk(
+            Config(session=Session(name="s"), path="a.toml"),
+            clock,
+            commander=self.bench.commander,
+            mail=RecorderMail(Child("recorder")),
+            bulletin=Bulletin(clock, None, lambda line: None, lambda topic, t_ns, event: self.events.append(event)),
+            show=self.shown.append,
+        )
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+async def test_a_display_that_starts_is_told_what_it_shows(rig: Rig) -> None:
+    await (await rig.bench.ask_and_send("k1", "reset"))
+    rig.desk.hear_page({"ready": True})
+    assert [device["name"] for device in rig.shown[0]["catalogue"]] == ["mag", "other"]
+    assert [message["command"]["id"] for message in rig.shown[1:]] == ["k1"]
+
+
+async def test_the_page_sends_and_its_user_is_named(rig: Rig) -> None:
+    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}})
+    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}})
+    assert len(rig.bench.sent) == 1
+    assert rig.bench.events == [("info", "1: mag reset for the page: 2a72657365740d")]
+
+
+async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:
+    assert await rig.desk.obey({"mark": "here"}, "root") == {"t_ns": 7}
+    assert [event["text"] for event in rig.events] == ["here"]
+    assert "no [snapshot] table" in (await rig.desk.obey({"mark": "here", "trigger": True}, "root"))["fault"]
+    assert await rig.desk.obey({"halt": True}, "root") == {"fault": "there is no such command"}
+    assert await rig.desk.obey({"send": 7}, "root") == {"fault": "there is no such command"}
+    assert len((await rig.desk.obey({"commands": True}, "root"))["devices"]) == 4
+
+
+async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, tmp_path: Path) -> None:
+    failed: list[str] = []
+    path = tmp_path / "sock"
+    server = await serve_commands(path, rig.desk.obey, lambda unit, error: failed.append(unit))
+    assert path.stat().st_mode & 0o777 == 0o600
+    reader, writer = await asyncio.open_unix_connection(str(path))
+    wish = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
+    for line in ({"send": wish}, {"mark": "behind it"}, ["no"], "{"):
+        writer.write((line if isinstance(line, str) else json.dumps(line)).encode() + b"\n")
+    await until_async(lambda: rig.bench.sent)
+    rig.bench.recorder_says()
+    rig.bench.answer()
+    answers = [json.loads(await asyncio.wait_for(reader.readline(), 10.0)) for _ in range(4)]
+    assert answers[0]["state"] == "acknowledged"
+    assert answers[0]["who"].endswith(f"(process {os.getpid()})")
+    assert answers[1] == {"t_ns": 7}
+    assert [cast(dict[str, str], answer)["fault"] for answer in answers[2:]] == [
+        "a command is a JSON object",
+        "a command is one line of JSON",
+    ]
+    writer.close()
+    server.close()
+    assert failed == []

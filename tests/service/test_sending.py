@@ -1,0 +1,147 @@
+"""What the recorder sends: each command once, with one word about it; nothing too late, and nothing after stop."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import pytest
+
+from fti.clock import FakeClock
+from fti.config import Config, Device, SerialLink, Session
+from fti.errors import LinkError
+from fti.links import Link, LinkStatus, Sink
+from fti.service.binding import bind_devices
+from fti.service.chain import Chain
+from fti.service.diagnosis import UNASKED, Diagnosis
+from fti.service.orders import LinkOrder, RecorderOrder
+from fti.service.preparation import Preparation
+from fti.service.sending import COMMAND_S, Sender
+from tests.helpers import until_async
+
+SECOND_NS = 1_000_000_000
+
+
+class FakeLink:
+    """Takes what is sent as far as ``takes`` allows it."""
+
+    def __init__(self) -> None:
+        self.name = "line"
+        self.status = LinkStatus()
+        self.on_sent: Sink | None = None
+        self.taken: list[tuple[bytes, float]] = []
+        self.takes = asyncio.Event()
+        self.takes.set()
+        self.fault: Exception | None = None
+
+    async def run(self) -> None: ...
+
+    async def drain(self) -> None: ...
+
+    async def send(self, data: bytes, timeout_s: float = 1.0) -> int:
+        await self.takes.wait()
+        if self.fault:
+            raise self.fault
+        self.taken.append((data, timeout_s))
+        return len(data)
+
+
+class Rig:
+    def __init__(self, *polls: tuple[float, str]) -> None:
+        self.clock, self.link, self.told = FakeClock(5 * SECOND_NS), FakeLink(), list[dict[str, Any]]()
+        links: dict[str, Link] = {"line": self.link}
+        orders = {"line": LinkOrder(polls=polls)}
+        self.sender = Sender(links, orders, self.clock, tell=self.told.append, report=self.fail)
+
+    def fail(self, unit: str, error: Exception) -> None:
+        raise AssertionError(unit) from error
+
+    async def word(self, **request: Any) -> dict[str, Any]:
+        """What is said of a request."""
+        self.told.clear()
+        self.sender.take({"link": "line", "data": "2a31", "id": 4} | request)
+        await until_async(lambda: self.told)
+        word: dict[str, Any] = self.told[0]["sent"]
+        return word
+
+
+async def test_a_command_is_sent_and_told() -> None:
+    rig = Rig()
+    assert await rig.word() == {"id": 4, "fault": None, "t_ns": 5 * SECOND_NS}
+    assert await rig.word(until_ns=6 * SECOND_NS) == {"id": 4, "fault": None, "t_ns": 5 * SECOND_NS}
+    assert rig.link.taken == [(b"*1", COMMAND_S), (b"*1", 1.0)]
+
+
+async def test_what_nobody_waits_for_any_more_is_not_sent() -> None:
+    """A recorder that was stopped, or had no time, must not do later what was given up before."""
+    rig = Rig()
+    word = await rig.word(until_ns=SECOND_NS)
+    assert word["fault"] == "it came to the recorder 4.0 s after it was given up"
+    assert rig.link.taken == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [(LinkError("link line: is not connected"), "not connected"), (ValueError("transmit"), "transmit")],
+)
+async def test_why_it_was_not_sent_is_told(fault: Exception, said: str) -> None:
+    rig = Rig()
+    rig.link.fault = fault
+    assert said in (await rig.word())["fault"]
+    assert "no link 'none'" in (await rig.word(link="none"))["fault"]
+
+
+async def test_after_stop_nothing_is_sent() -> None:
+    rig = Rig((0.001, "3f"))
+    rig.link.takes.clear()
+    rig.sender.start()
+    rig.sender.take({"link": "line", "data": "2a31", "id": 4})
+    await asyncio.sleep(0)
+    await rig.sender.stop()
+    rig.link.takes.set()
+    await asyncio.sleep(0.01)
+    assert (rig.link.taken, rig.told) == ([], [])
+
+
+async def test_a_question_is_repeated_though_the_link_is_down() -> None:
+    rig = Rig((0.001, "3f"))
+    rig.link.fault = LinkError("down")
+    rig.sender.start()
+    await asyncio.sleep(0)
+    rig.link.fault = None
+    await until_async(lambda: len(rig.link.taken) >= 3)
+    assert {data for data, _ in rig.link.taken} == {b"?"}
+    await rig.sender.stop()
+
+
+# ------------------------------------------------------------------------------------- where nothing may be sent
+
+
+def make_config(transmit: bool) -> Config:
+    link = SerialLink(name="line", kind="serial", port="x", transmit=transmit)
+    device = Device(name="laser", link="line", driver="lightware_ascii", options={"query": "d"})
+    return Config(session=Session(name="s"), link=(link,), device=(device,))
+
+
+@pytest.mark.parametrize("transmit", [False, True])
+def test_nothing_is_asked_where_nothing_may_be_sent(transmit: bool) -> None:
+    text = Preparation(make_config(transmit), 0).recorder_order([_place()])
+    sending = RecorderOrder.model_validate_json(text).sending
+    assert {name: len(order.polls) for name, order in sending.items()} == ({"line": 1} if transmit else {})
+
+
+def _place() -> Any:
+    from pathlib import Path
+
+    from fti.logger.places import Place
+
+    return Place(Path("/x"), Path("/"))
+
+
+@pytest.mark.parametrize("transmit", [False, True])
+def test_a_silent_device_that_is_not_asked_has_a_hint(transmit: bool) -> None:
+    config = make_config(transmit)
+    diagnosis = Diagnosis(config, Chain(config, bind_devices(config, {}), None))
+    health = diagnosis.devices(SECOND_NS)["laser"]
+    assert health["state"] == "silent"
+    assert (UNASKED in health["hint"]) is not transmit
