@@ -153,14 +153,11 @@ class Frame:
         tail = self._checksum_size + len(self.trailer)
         if self.length is None:
             return
-        for name, number in self.numbers.items():
-            if number.end > self.length:
-                raise ValueError(f"fields: {name}: ends at byte {number.end}, the frame at {self.length}")
-        for number, _ in self.where:
-            if number.end > self.length:
-                raise ValueError(f"where: ends at byte {number.end}, the frame at {self.length}")
         if len(self.sync) + tail > self.length:
             raise ValueError(f"length = {self.length}: shorter than sync, checksum and trailer")
+        for name, number in [*self.numbers.items(), *(("where", number) for number, _ in self.where)]:
+            if number.end > self._body_end(self.length):
+                raise ValueError(f"{name}: ends at byte {number.end}, the data at {self._body_end(self.length)}")
 
     def _check_itself(self) -> None:
         """What is written as described must be read back."""
@@ -173,6 +170,11 @@ class Frame:
                 "a frame written as described is not whole when it is read; "
                 "look at length_in (plus), longest, checksum (at, start) and the places of fields"
             )
+
+    def _body_end(self, length: int) -> int:
+        """Where the data end in a frame of this length: at the trailer, or at a checksum before it."""
+        at_end = self.checksum is not None and (self.checksum.at is None or self.checksum.at < 0)
+        return length - len(self.trailer) if not at_end or not self.checksum else self.checksum.place(length)
 
     @property
     def _checksum_size(self) -> int:
@@ -212,10 +214,11 @@ class Frame:
     def decode(self, frame: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
         """Name and measurements of a whole frame."""
         for number, value in self.where:
-            if number.end > len(frame) or number.read(frame) != value:
+            if number.end > self._body_end(len(frame)) or number.read(frame) != value:
                 return "(other)", []
+        end = self._body_end(len(frame))
         wires: dict[str, Wire] = {
-            name: float(number.read(frame)) for name, number in self.numbers.items() if number.end <= len(frame)
+            name: float(number.read(frame)) for name, number in self.numbers.items() if number.end <= end
         }
         return "frame", decode_fields(self.known, wires, stamp)
 

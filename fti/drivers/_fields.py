@@ -20,7 +20,7 @@ from fti.drivers._quantities import QUANTITIES, Quantity, to_si
 from fti.types import Measurement, Reading, Stamp
 
 Wire = float | str | None  # what a field says: a number, characters, or nothing
-FieldName = Annotated[str, pydantic.Field(pattern=r"^_?[a-z][a-z0-9_]*$", max_length=64)]
+FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", max_length=64)]
 
 
 class Field(StrictModel):

@@ -27,7 +27,7 @@ from fti.drivers._fields import Wire
 
 CHECKSUM = "checksum"
 SPEC = re.compile(r"(\+?)(0?)(\d{0,2})(?:\.(\d))?([dfgsxX]?)")
-NAME = re.compile(r"_?[a-z][a-z0-9_]{0,63}")
+NAME = re.compile(r"_?[a-z][a-z0-9_]{0,62}|_")
 LONGEST_TEXT = 64
 
 
@@ -53,7 +53,7 @@ class Template:
         for name in self.names:
             if self.names.count(name) > 1:
                 raise ValueError(f"line: {name!r} stands there twice")
-        texts = [p.before for p in self.places[1:]] + [self._after]
+        texts = [*(p.before for p in self.places), self._after][1:]
         groups = [_group(p, text, (lost or {}).get(p.name, ())) for p, text in zip(self.places, texts, strict=True)]
         parts = [re.escape(p.before) + g for p, g in zip(self.places, groups, strict=True)]
         self._pattern = re.compile(("".join(parts) + re.escape(self._after)).encode("latin-1"))
@@ -110,8 +110,6 @@ def _parse(text: str) -> tuple[list[Place], str]:
             continue
         places.append(_place(before, name, spec or "", conversion))
         before = ""
-    if not places:
-        raise ValueError("line: no {field} stands in it")
     return places, before
 
 

@@ -86,9 +86,11 @@ class Line:
     def __init__(self, options: Options) -> None:
         lost = {f.name: tuple(word for word in f.lost if isinstance(word, str)) for f in options.fields}
         self.template = Template(options.line, lost)
-        self.lost = [_lost_template(text) for text in options.lost_lines]
+        self.lost = [Template(text) for text in options.lost_lines]
         self.checksum = options.checksum
         names = [name for name in self.template.names if name != CHECKSUM]
+        if not names:
+            raise ValueError("line: no {field} stands in it")
         self.known: dict[str, Meaning] = meanings(names, options.fields)
         if (CHECKSUM in self.template.names) != (options.checksum is not None):
             raise ValueError("checksum: must be described where {checksum} stands in the line, and only there")
@@ -114,11 +116,6 @@ class Line:
         if found is None:
             return "lost_line", decode_fields(self.known, {}, stamp)
         return "line", decode_fields(self.known, self.template.read(found), stamp)
-
-
-def _lost_template(text: str) -> Template:
-    """A line that means "no measurement" need not have a field."""
-    return Template(text if "{" in text else f"{text}{{_nothing:s}}")
 
 
 class Decoder:

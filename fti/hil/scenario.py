@@ -10,7 +10,7 @@ wind_mps = 6
 wind_from_deg = 30
 
 [[fault]]
-kind = "cut"                       # obstacle | off_track | cut | stuck | invalid | can_status
+kind = "cut"                       # obstacle | off_track | cut | stuck | invalid | fog | can_status
 devices = ["altimeter"]            # none named: every device
 from_s = 30
 to_s = 36
@@ -96,6 +96,18 @@ class Invalid(_OnDevices):
     flags: tuple[str, ...] = ()
 
 
+class Fog(_OnDevices):
+    """Fog or cloud below the aircraft: a laser sees no further than ``visibility_m``, and says that it has no return.
+
+    echo_m : it takes the fog for the ground instead, and does not say so: from the first distance at the beginning of
+             the interval to the second at its end.  A flight test found 75 m and 5 m (Spiegel 2018, section 7.5.1.3)
+    """
+
+    kind: Literal["fog"]
+    visibility_m: Positive
+    echo_m: tuple[Positive, Positive] | None = None
+
+
 StatusFlag = Literal[
     "rx_fifo_full",
     "tx_fifo_full",
@@ -117,7 +129,7 @@ class CanStatus(StrictModel):
     to_s: NotNegative
 
 
-Fault = Annotated[Obstacle | OffTrack | Cut | Stuck | Invalid | CanStatus, Field(discriminator="kind")]
+Fault = Annotated[Obstacle | OffTrack | Cut | Stuck | Invalid | Fog | CanStatus, Field(discriminator="kind")]
 
 
 class Scenario(StrictModel):

@@ -1,0 +1,151 @@
+"""The laser altimeter, in clear air and in fog; devices that the configuration describes."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti import config, drivers
+from fti.config import Device
+from fti.drivers import lightware_ascii
+from fti.hil.faults import DeviceFaults
+from fti.hil.scenario import Fog
+from fti.hil.sensors import MODELS, Sensor
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import Attitude, Measurement, RadioHeight, Range, Reading, Stamp, Temperature
+from tests.hil.worlds import world
+
+START_NS = 1_700_000_000_000_000_000
+
+
+@cache
+def flown() -> World:
+    return world(duration_s=30.0)
+
+
+def sensor(driver: str, options: dict[str, Any] | None = None, **keys: object) -> Sensor:
+    device = Device.model_validate({"name": "device", "link": "line", "driver": driver, **keys})
+    module = drivers.load(driver)
+    bound = BoundDevice(device, module, config.bind(module.Options, options or {}, "test"))
+    return Sensor(bound, MODELS[driver], flown(), seed=1)
+
+
+def samples(made: Sensor) -> list[list[Measurement]]:
+    return [made.measure(k, START_NS) for k in range(len(made.t))]
+
+
+def ranges(made: Sensor) -> list[Range]:
+    return [m for sample in samples(made) for m in sample if isinstance(m, Range)]
+
+
+# ----------------------------------------------------------------------------------------------------------- laser
+
+
+@pytest.mark.parametrize("driver", ["lightware_ascii", "lightware_binary"])
+def test_a_laser_measures_nine_times_a_second_with_its_noise(driver: str) -> None:
+    made = sensor(driver)
+    assert len(made.t) == pytest.approx(270, abs=1)
+    state = flown().state(made.t)
+    height = state.alt - flown().ground(state)
+    expected = height / (np.cos(state.roll) * np.cos(state.pitch))
+    error = np.array([m.slant_range for m in ranges(made)]) - expected
+    assert error.std() == pytest.approx(0.05, rel=0.4)
+    assert abs(error.mean()) < 0.05
+
+
+def test_the_beam_goes_along_the_mounting() -> None:
+    """30 degrees to the side the ground is 15 % further away, but for the bank of the aircraft."""
+    down, side = (
+        np.array([m.slant_range for m in ranges(sensor("lightware_ascii", rpy_bs_deg=(roll, 0.0, 0.0)))])
+        for roll in (0.0, 30.0)
+    )
+    bank = flown().state(sensor("lightware_ascii").t).roll
+    np.testing.assert_allclose(side / down, np.cos(bank) / np.cos(bank + math.radians(30.0)), rtol=5e-3)
+
+
+def test_above_its_range_the_signal_is_lost_and_the_line_says_so() -> None:
+    made = sensor("lightware_ascii", altimeter={"kind": "laser", "range_m": (0.2, 200.0)})
+    first, last = ranges(made)[0], ranges(made)[-1]
+    assert (first.valid, first.slant_range) == (False, None)
+    assert last.valid
+    assert made.encoder.encode(first) == [b"130.00\r"]
+    (line,) = made.encoder.encode(last)
+    decoder = lightware_ascii.make_decoder(lightware_ascii.Options(first_line="take"))
+    (seen,) = decoder.feed(line, 1)
+    assert isinstance(seen, Range)
+    assert seen.slant_range == pytest.approx(last.slant_range, abs=0.0051)
+
+
+def test_the_strength_of_the_return_falls_with_the_distance() -> None:
+    strengths = [m.value for sample in samples(sensor("lightware_binary")) for m in sample if isinstance(m, Reading)]
+    assert strengths[0] is not None
+    assert strengths[-1] is not None
+    assert 0.0 < strengths[0] < strengths[-1] <= 100.0
+
+
+# ------------------------------------------------------------------------------------------------------------- fog
+
+
+def in_fog(fog: Fog, t: float, slant_range: float | None) -> tuple[float | None, bool]:
+    told = Range(stamp=Stamp(5), slant_range=slant_range, valid=slant_range is not None)
+    height = RadioHeight(stamp=Stamp(5), height_agl=300.0)
+    seen, radar = DeviceFaults("laser", [fog]).apply(t, [told, height])
+    assert isinstance(seen, Range)
+    assert radar == height
+    assert seen.stamp == Stamp(5)
+    return seen.slant_range, seen.valid
+
+
+def test_in_fog_a_laser_loses_the_ground() -> None:
+    fog = Fog(kind="fog", from_s=10.0, to_s=20.0, visibility_m=100.0)
+    assert in_fog(fog, 15.0, 150.0) == (None, False)
+    assert in_fog(fog, 15.0, 99.0) == (99.0, True)
+    assert in_fog(fog, 15.0, None) == (None, False)
+    assert in_fog(fog, 9.9, 150.0) == (150.0, True)
+    assert in_fog(fog, 20.0, 150.0) == (150.0, True)
+
+
+def test_or_it_takes_the_fog_for_the_ground_and_does_not_say_so() -> None:
+    """From 75 m to 5 m, as in flight test 3 of Spiegel 2018; half way it is 40 m."""
+    fog = Fog(kind="fog", from_s=10.0, to_s=20.0, visibility_m=100.0, echo_m=(75.0, 5.0))
+    assert in_fog(fog, 10.0, 300.0) == (75.0, True)
+    assert in_fog(fog, 15.0, None) == (40.0, True)
+    assert in_fog(fog, 15.0, 60.0) == (60.0, True)
+
+
+# ------------------------------------------------------------------------------------------------ described devices
+
+
+def test_a_described_device_is_flown_with_what_its_fields_carry() -> None:
+    fields = [
+        {"name": "static_air_temperature", "unit": "degC"},
+        {"name": "true_heading", "unit": "deg"},
+        {"name": "humidity", "limits": [20, 60]},
+    ]
+    line = "{static_air_temperature:.1f},{true_heading:.1f},{slant_range:.2f},{humidity:.1f}"
+    options = {"line": line, "fields": fields, "first_line": "take"}
+    made = sensor("ascii_line", options)
+    assert len(made.t) == pytest.approx(300, abs=1)
+    sent = [line for sample in samples(made) for m in sample for line in made.encoder.encode(m)]
+    assert len(sent) == len(made.t)
+    module = drivers.load("ascii_line")
+    found = module.make_decoder(config.bind(module.Options, options, "test")).feed(b"".join(sent), 1)
+    temperatures = [m.static for m in found if isinstance(m, Temperature)]
+    headings = [m.heading for m in found if isinstance(m, Attitude)]
+    humidities = [m.value for m in found if isinstance(m, Reading)]
+    assert all(t is not None and 270.0 < t < 300.0 for t in temperatures)
+    assert all(h is not None and abs(math.degrees(h) - 250.0) < 15.0 for h in headings)
+    assert all(h is not None and 20.0 <= h <= 60.0 for h in humidities)
+    assert len(temperatures) == len(headings) == len(humidities) == len(made.t)
+
+
+def test_a_described_radar_altimeter_measures_radio_height() -> None:
+    fields = [{"name": "radio_height", "at": 1, "type": "u16", "unit": "ft"}]
+    made = sensor("binary_struct", {"sync": "a5", "length": 3, "fields": fields})
+    assert [m for m in samples(made)[-1] if isinstance(m, RadioHeight)]
+    assert not ranges(made)
