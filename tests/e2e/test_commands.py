@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import os
@@ -11,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import pytest
 
 from fti.drivers import ublox_ubx
@@ -51,7 +53,7 @@ link = "shut"
 driver = "ublox_ubx"
 
 [display]
-enabled = false
+port = 0
 """
 LONG_S = 30.0
 
@@ -133,6 +135,7 @@ def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path
         refuses_what_may_not_be_sent(bench)
         sends_and_is_answered(bench)
         sends_the_same_request_once(bench)
+        asyncio.run(sends_from_the_page(running.display, receiver))
         tells_silence_and_a_late_answer(bench)
         outlives_the_recorder(bench)
         assert running.stop() == 130
@@ -178,12 +181,36 @@ def sends_the_same_request_once(bench: Bench) -> None:
     assert bench.receiver.heard.count(rate(102)) == 1
 
 
+async def sends_from_the_page(address: str, receiver: Receiver) -> None:
+    """As the page does: with its token, and twice, because the button bounces."""
+    async with aiohttp.ClientSession() as client, asyncio.timeout(LONG_S):
+        async with client.get(address) as response:
+            token = (await response.text()).partition('name="fti-token" content="')[2].partition('"')[0]
+        async with client.ws_connect(f"{address}ws", headers={"Origin": address.rstrip("/")}) as ws:
+            shown = await _next_commands(ws)
+            assert [device["name"] for device in shown["devices"]] == ["gnss"]
+            wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
+            for n in range(2):
+                await ws.send_json(wish | {"request": "click", "token": token, "id": n})
+            while not any(r["id"] == "click" and r["ended"] for r in shown["requests"]):
+                shown = await _next_commands(ws)
+    assert shown["requests"][0]["state"] == "acknowledged"
+    assert receiver.heard.count(rate(105)) == 1
+
+
+async def _next_commands(ws: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+    while (message := await ws.receive_json())["type"] != "commands":
+        pass
+    found: dict[str, Any] = message
+    return found
+
+
 def tells_silence_and_a_late_answer(bench: Bench) -> None:
     bench.receiver.speaks = False
     found = bench.ask("silent", 103, timeout_s=0.3)
     assert (found["state"], found["detail"].partition(";")[0]) == ("timed out", "no answer within 0.3 s")
     bench.receiver.speaks = True
-    until(lambda: bench.running.health()["devices"]["gnss"]["messages"] == 3, LONG_S, "the late answer")
+    until(lambda: bench.running.health()["devices"]["gnss"]["messages"] == 4, LONG_S, "the late answer")
 
 
 def outlives_the_recorder(bench: Bench) -> None:
@@ -202,7 +229,7 @@ def outlives_the_recorder(bench: Bench) -> None:
 def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
     recording = Recording.open(session)
     sent = [frame.data for frame in recording.sent()]
-    assert sent == [rate(ms) for ms in (101, 102, 103, 104)]
+    assert sent == [rate(ms) for ms in (101, 102, 105, 103, 104)]
     assert b"".join(sent) == heard
     events = [json.loads(data) for *_, data in recording.messages("/fti/event", kind="raw")]
     texts = [event["message"] for event in events if event["name"] == "command"]
@@ -211,8 +238,9 @@ def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
     assert [text.partition(" after")[0] for text in texts if "acknowledged" in text] == [
         "1: gnss rate period_ms=101: acknowledged",
         "2: gnss rate period_ms=102: acknowledged",
-        "3: gnss rate period_ms=103: answered late, acknowledged",
-        "4: gnss rate period_ms=104: acknowledged",
+        "3: gnss rate period_ms=105: acknowledged",
+        "4: gnss rate period_ms=103: answered late, acknowledged",
+        "5: gnss rate period_ms=104: acknowledged",
     ]
     assert sum("not sent for" in text for text in texts) == 3
     verified = fti("verify", str(session))
@@ -223,4 +251,4 @@ def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     again = [data for *_, data in Recording.open(Path(done.stdout.strip())).messages("/gnss/ack")]
     assert again == [data for *_, data in recording.messages("/gnss/ack")]
-    assert len(again) == 4
+    assert len(again) == 5
