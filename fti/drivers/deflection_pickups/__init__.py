@@ -26,6 +26,7 @@ changes when a node acknowledges, and at no other time (``live_tables``); each c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Annotated
 
@@ -37,7 +38,7 @@ from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.decoder import Decoder
 from fti.drivers.deflection_pickups.factory import factory_tables
 from fti.drivers.deflection_pickups.layout import Bus, Sensor, read_bus
-from fti.drivers.deflection_pickups.nodes import INTERVALS_MS, Encoder
+from fti.drivers.deflection_pickups.nodes import HIGHEST_HZ, LOWEST_HZ, Encoder
 from fti.drivers.deflection_pickups.service import Service
 from fti.drivers.deflection_pickups.table import (
     HIGHEST_DEG,
@@ -67,7 +68,9 @@ COMMANDS = {
     "modify_point": Command("gives a point another deflection", {"surface": _SURFACE, "raw": _RAW, "deg": _DEG}),
     "delete_point": Command("takes a point out of a table", {"surface": _SURFACE, "raw": _RAW}),
     "read_table": Command("lets the node send its table", {"surface": _SURFACE}),
-    "set_rate": Command("sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": "[Hz], 1 to 100"}),
+    "set_rate": Command(
+        "sets how often a sensor is sent", {"surface": _SURFACE, "rate_hz": f"[Hz], {LOWEST_HZ} to {HIGHEST_HZ}"}
+    ),
 }
 READ_EVERY_S = 60.0
 
@@ -147,7 +150,7 @@ def _read_all(word: int) -> bytes:
 
 def _sensor(bus: Bus, surface: str) -> Sensor:
     if surface not in bus.sensors:
-        raise ValueError(f"surface = {surface!r}; on this bus are {', '.join(bus.sensors)}")
+        raise ValueError(f"surface = {surface!r}; on this bus are {', '.join(sorted(bus.sensors))}")
     return bus.sensors[surface]
 
 
@@ -163,14 +166,18 @@ def _read_request(_: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
     return Service(sensor.node_id, wire.READ, sensor.number)
 
 
-def _rate_request(bus: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
-    text = args["rate_hz"]
+def _rate(text: str) -> float:
     try:
-        interval_ms = round(1000.0 / float(text))
-    except (ValueError, ZeroDivisionError, OverflowError):
-        interval_ms = 0
-    if interval_ms not in INTERVALS_MS:
-        raise ValueError(f"rate_hz = {text!r}; allowed is 1 to 100")
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not LOWEST_HZ <= rate <= HIGHEST_HZ:
+        raise ValueError(f"rate_hz = {text!r}; allowed is {LOWEST_HZ} to {HIGHEST_HZ}")
+    return rate
+
+
+def _rate_request(bus: Bus, sensor: Sensor, args: Mapping[str, str]) -> Service:
+    interval_ms = round(1000.0 / _rate(args["rate_hz"]))
     carrying = (m for m in bus.messages.values() if sensor.surface in m.deflection or sensor.surface in m.raw)
     return wire.interval_request(sensor.node_id, next(carrying).layout.can_id, interval_ms)
 

@@ -17,7 +17,8 @@ from fti.drivers.deflection_pickups.table import FEWEST, MOST, Table
 from fti.types import Measurement, SurfaceDeflection
 
 MILLISECOND_NS = 1_000_000
-INTERVALS_MS = range(10, 1001)
+LOWEST_HZ, HIGHEST_HZ = 1, 100
+INTERVALS_MS = range(1000 // HIGHEST_HZ, 1000 // LOWEST_HZ + 1)
 
 
 class Encoder:
@@ -50,7 +51,7 @@ class Encoder:
         if interval is None:
             return True
         due = self._due_ns.get(surface, t_ns)
-        if t_ns < due - interval // 2:
+        if t_ns < due - interval // 4:
             return False
         self._due_ns[surface] = max(due, t_ns) + interval
         return True
