@@ -3,9 +3,11 @@
   fti decode radalt.bin --driver freeflight_ra4500
   fti decode words.bin --driver arinc429 --option set=ahrs --option byte_order=little
   fti decode can.log --driver canaerospace --option dbc_file=air_data.dbc --json
+  fti decode laser.bin --config aircraft.toml --device laser_altimeter
 
-FILE is the bytes as they came over the line.  For a CAN driver it is text as ``candump -L`` writes it, or a sequence
-of 16-byte ``can_frame``; the stamps are those of the text.  Other captures carry no time: t_rx_ns is 0.
+With --config and --device, driver and options are those of a device of a configuration.  FILE is the bytes as they
+came over the line.  For a CAN driver it is text as ``candump -L`` writes it, or a sequence of 16-byte ``can_frame``;
+the stamps are those of the text.  Other captures carry no time: t_rx_ns is 0.
 
 The closing count says what became of every byte: framed, held (a frame that is not complete), or skipped, by reason;
 how many messages there were of each name; and how many never came, where they are numbered.  With --json it is the
@@ -21,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fti.config import StrictModel
-    from fti.drivers import Counters, Driver
+    from fti.drivers import Counters, Decoder, Driver
 
 Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
 
@@ -29,8 +31,10 @@ Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti decode``."""
     parser.add_argument("file", metavar="FILE", help="the capture")
-    parser.add_argument("--driver", required=True, metavar="NAME", help="see fti drivers")
+    parser.add_argument("--driver", metavar="NAME", help="see fti drivers")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the driver")
+    parser.add_argument("--config", metavar="CONFIG", help="with --device: the configuration that it stands in")
+    parser.add_argument("--device", metavar="NAME", help="decode as this device of the configuration")
     parser.add_argument("--chunk", type=int, default=4096, metavar="N", help="bytes fed at a time (default 4096)")
     parser.add_argument("--json", action="store_true", help="JSON only on standard output, the count as its last line")
 
@@ -39,19 +43,12 @@ def run(args: argparse.Namespace) -> int:
     """Decode and print."""
     import sys
 
-    from fti import drivers
-    from fti.errors import ConfigError, MissingError
+    from fti.errors import ConfigError
     from fti.logger.schemas import encode
 
     if args.chunk < 1:
         raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")
-    if args.driver not in drivers.names():
-        raise MissingError(f"no driver {args.driver!r}; there are {', '.join(drivers.names())}")
-    driver = drivers.load(args.driver)
-    try:
-        decoder = driver.make_decoder(read_options(driver, args.option))
-    except ValueError as error:
-        raise ConfigError(f"--option: {error}") from None
+    driver, decoder = as_device(args) if args.device or args.config else as_driver(args)
     for t_rx_ns, data in reads(driver, Path(args.file), args.chunk):
         for measurement in decoder.feed(data, t_rx_ns):
             line = {"measurement": type(measurement).__name__, "values": measurement}
@@ -61,6 +58,36 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(_counted(decoder.counters)), file=sys.stderr)
     return 0
+
+
+def as_driver(args: argparse.Namespace) -> tuple[Driver, Decoder]:
+    """Driver and decoder that the arguments name and describe.  Raises ConfigError or MissingError."""
+    from fti import drivers
+    from fti.errors import ConfigError, MissingError
+
+    if args.driver is None:
+        raise ConfigError("--driver: missing; give --driver NAME, or --config CONFIG and --device NAME")
+    if args.driver not in drivers.names():
+        raise MissingError(f"no driver {args.driver!r}; there are {', '.join(drivers.names())}")
+    driver = drivers.load(args.driver)
+    try:
+        return driver, driver.make_decoder(read_options(driver, args.option))
+    except ValueError as error:
+        raise ConfigError(f"--option: {error}") from None
+
+
+def as_device(args: argparse.Namespace) -> tuple[Driver, Decoder]:
+    """Driver and decoder of a device of a configuration.  Raises ConfigError or MissingError."""
+    from fti import config
+    from fti.errors import ConfigError, MissingError
+    from fti.service.binding import bind_devices
+
+    if not (args.device and args.config) or args.driver or args.option:
+        raise ConfigError("--config and --device go together, and without --driver and --option")
+    bound = {b.device.name: b for b in bind_devices(config.load(args.config))}
+    if args.device not in bound:
+        raise MissingError(f"{args.config}: no device {args.device!r}; there are {', '.join(bound) or 'none'}")
+    return bound[args.device].driver, bound[args.device].make_decoder()
 
 
 def read_options(driver: Driver, pairs: list[str]) -> StrictModel:

@@ -21,7 +21,7 @@ SILENT_NS = 1_000_000_000
 KEPT_BYTES = 8192
 BAD_SHARE = 0.05
 RATE_TOLERANCE = 0.3
-NO_FRAME_REASONS = frozenset({"no_sync", "other_id", "comment", GAP})
+NO_FRAME_REASONS = frozenset({"no_sync", "no_beginning", "other_id", "other_line", "comment", GAP})
 #: The hint beside a device that waits to be asked where nothing may be sent.
 UNASKED = "it must be asked, and nothing may be sent on its link: set transmit = true there"
 
