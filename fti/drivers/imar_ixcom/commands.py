@@ -107,7 +107,7 @@ class Arguments:
 
     def whole(self, name: str, low: int, high: int, default: int | None = None) -> int:
         """A whole number in [low, high]."""
-        value = self.real(name, low, high, default)
+        value = float(self.real(name, low, high, default))
         if not value.is_integer():
             raise ValueError(f"{self._command}: {name} = {value:g}: must be a whole number from {low} to {high}")
         return int(value)
