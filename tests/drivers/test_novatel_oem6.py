@@ -1,0 +1,581 @@
+"""NovAtel OEM6: frames, what is not valid, values by hand, commands, answers, the emulated receiver."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from dataclasses import replace
+from typing import TypeVar
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.drivers import Encoder
+from fti.drivers import novatel_oem6 as novatel
+from fti.drivers._times import gps_ns
+from fti.drivers.novatel_oem6 import clock, commands, messages, observations, sky, solution, status
+from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, SHORT_HEADER, SHORT_SYNC, SYNC, Header, crc32, encode_frame
+from fti.drivers.novatel_oem6.signals import SIGNALS, decode_tracking
+from fti.types import (
+    Ack,
+    DeviceStatus,
+    DeviceTime,
+    Measurement,
+    Position,
+    Pseudorange,
+    Pseudoranges,
+    Reading,
+    ReceiverClock,
+    Satellite,
+    Satellites,
+    Stamp,
+    TimeScale,
+    Velocity,
+)
+
+M = TypeVar("M")
+WEEK, MS = 1949, 403_742_000
+T_GPS_NS = gps_ns(WEEK, MS * 1_000_000)
+STAMP = Stamp(5, T_GPS_NS, TimeScale.GPS)
+HEADER = Header(b"", 0, 0, 0, 32, 0, 0, 100, 180, WEEK, MS, 0, 0, 0)
+#: BESTPOS at 48.1 deg, 11.5 deg, 500 m, with an undulation of 46.5 m.
+BESTPOS = bytes.fromhex(
+    "aa44121c2a0000204800000064b49d07309d101800000000bacd00800000000010000000cdcccccccc0c48400000000000002740"
+    "0000000000407f4000003a423d000000cdcc8c3f0000803f00000040000000000000000000000000" + "0c0b0b0900060003ba36448c"
+)
+
+
+def frame(number: int, body: bytes, **header: int) -> bytes:
+    return encode_frame(HEADER._replace(message_id=number, **header), body)  # type: ignore[arg-type]
+
+
+def decode(data: bytes) -> list[Measurement]:
+    return novatel.make_decoder(novatel.Options()).feed(data, 5)
+
+
+def only(data: bytes, kind: type[M]) -> M:
+    (found,) = [m for m in decode(data) if isinstance(m, kind)]
+    return found
+
+
+def bestpos(**changed: float) -> bytes:
+    """BESTPOS with some fields changed."""
+    names = ("status", "kind", "lat", "lon", "height", "undulation", "datum", "lat_sd", "lon_sd", "height_sd")
+    values = list(solution.BESTPOS.unpack_from(BESTPOS, 28))
+    for name, value in changed.items():
+        values[names.index(name)] = value
+    return frame(messages.BESTPOS, solution.BESTPOS.pack(*values))
+
+
+# -------------------------------------------------------------------------------------------------------- frames
+
+
+def test_checksum_is_that_of_the_document() -> None:
+    assert crc32(b"123456789") == 0x2DFD2D88
+
+
+def test_a_longer_header_moves_the_body() -> None:
+    """The header says how long it is; a receiver may append to it."""
+    long = bytearray(BESTPOS[:-4])
+    long[3] = 32
+    long[28:28] = b"more"
+    found = only(bytes(long) + crc32(long).to_bytes(4, "little"), Position)
+    assert found.lat == pytest.approx(math.radians(48.1))
+    assert found.valid
+
+
+def test_short_headers_and_ascii_are_counted_by_name() -> None:
+    short = SHORT_HEADER.pack(SHORT_SYNC, 8, 507, WEEK, MS) + bytes(8)
+    short += crc32(short).to_bytes(4, "little")
+    text = b"VERSIONA,COM1,0,50.0,FINE,1949,1.0,0,0,0;1,GPSCARD"
+    line = b"#%s*%08x\r\n" % (text, crc32(text))
+    decoder = novatel.make_decoder(novatel.Options())
+    assert decoder.feed(short + line + frame(2000, b"") + b"\r\n[COM1]", 5) == []
+    assert decoder.counters.messages == {"INSPVA": 1, "VERSIONA": 1, "message 2000": 1, "prompt": 1}
+    assert decoder.counters.skipped == {"no_sync": 2}
+    damaged = novatel.make_decoder(novatel.Options())
+    damaged.feed(line.replace(b"GPSCARD", b"GPSCARE") + short[:-1] + b"!" + BESTPOS, 5)
+    assert damaged.counters.messages == {"BESTPOS": 1}
+
+
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [(8, 0xFF), (9, 0x0F), (3, 27), (3, 65)],
+    ids=["body longer than the message", "body of 3911 bytes", "header too short", "header too long"],
+)
+def test_a_damaged_length_costs_no_waiting(at: int, value: int) -> None:
+    damaged = bytearray(BESTPOS)
+    damaged[at] = value
+    decoder = novatel.make_decoder(novatel.Options())
+    decoder.feed(bytes(damaged), 5)
+    assert decoder.counters.held < 2
+    assert len(decoder.feed(BESTPOS, 6)) == 1
+
+
+def test_a_count_that_contradicts_the_length_costs_no_waiting() -> None:
+    data = frame(messages.RANGE, observations.COUNT.pack(80) + bytes(80 * observations.RANGE.size))
+    damaged = data[:28] + observations.COUNT.pack(81) + data[32:]
+    decoder = novatel.make_decoder(novatel.Options())
+    decoder.feed(damaged[:33], 5)
+    assert decoder.counters.skipped["bad_length"] == 1
+    assert decoder.counters.held < 2
+
+
+def test_a_range_of_all_channels_is_longer_than_other_messages_may_be() -> None:
+    decoder = novatel.make_decoder(novatel.Options())
+    body = observations.COUNT.pack(240) + bytes(240 * observations.RANGE.size)
+    (found,) = decoder.feed(frame(messages.RANGE, body), 5)
+    assert isinstance(found, Pseudoranges)
+    assert len(found.observations) == 240
+    decoder.feed(frame(2000, bytes(5000)), 5)
+    assert decoder.counters.messages["message 2000"] == 0
+
+
+# ------------------------------------------------------------------------------------------------- values by hand
+
+
+def test_position_has_both_heights_in_si() -> None:
+    found = only(BESTPOS, Position)
+    assert found.lat == pytest.approx(0.8395033702, abs=1e-10)
+    assert found.lon == pytest.approx(0.2007128640, abs=1e-10)
+    assert (found.alt, found.alt_msl, found.undulation) == (546.5, 500.0, 46.5)
+    assert found.horizontal_sd == pytest.approx(math.sqrt((1.1**2 + 1.0**2) / 2), abs=1e-6)
+    assert (found.vertical_sd, found.valid) == (2.0, True)
+    assert found.stamp == Stamp(5, T_GPS_NS, TimeScale.GPS)
+
+
+def test_velocity_is_down_positive_and_as_old_as_its_latency() -> None:
+    """36 km/h to the south-west, climbing 2 m/s, true a quarter of a second ago."""
+    body = solution.BESTVEL.pack(0, 8, 0.25, 0.0, 10.0, 225.0, 2.0, 0.0)
+    found = only(frame(messages.BESTVEL, body), Velocity)
+    assert (found.ground_speed, found.down) == (10.0, -2.0)
+    assert found.track == pytest.approx(3.92699, abs=1e-5)
+    assert found.north == pytest.approx(-7.0711, abs=1e-4)
+    assert found.east == pytest.approx(-7.0711, abs=1e-4)
+    assert found.stamp.t_dev_ns == T_GPS_NS - 250_000_000
+
+
+def test_metres_of_the_clock_model_are_seconds() -> None:
+    """299.792458 m are a microsecond."""
+    covariance = (0.09, 0.0, 0.0, 0.0, 0.0004, 0.0, 0.0, 0.0, 0.0)
+    body = clock.CLOCKMODEL.pack(0, 0, MS, MS, 299.792458, -2.99792458, 0.0, *covariance, 1.0, 2.0, 0)
+    found = only(frame(messages.CLOCKMODEL, body), ReceiverClock)
+    assert found.offset == pytest.approx(1e-6)
+    assert found.drift == pytest.approx(-1e-8)
+    assert found.offset_sd == pytest.approx(0.3 / 299_792_458.0)
+    assert found.drift_sd == pytest.approx(0.02 / 299_792_458.0)
+    assert found.valid
+
+
+def test_a_range_has_the_sign_of_the_phase_turned_and_that_of_the_doppler_kept() -> None:
+    """GLONASS slot 14, channel -7; it comes nearer: the Doppler is positive, and the phase becomes smaller."""
+    word = 0x08119F04 & ~(7 << 16) | 1 << 16
+    body = observations.COUNT.pack(1) + observations.RANGE.pack(
+        51, 0, 19271851.0, 0.05, -102729811.5, 0.01, 824.75, 49.0, 12.5, word
+    )
+    (o,) = only(frame(messages.RANGE, body), Pseudoranges).observations
+    assert (o.system, o.number, o.signal) == ("glonass", 14, "L1C")
+    assert (o.pseudorange, o.carrier_phase, o.doppler) == (19271851.0, 102729811.5, 824.75)
+    assert (o.cn0_dbhz, o.lock_time, o.carrier_hz) == (49.0, 12.5, 1598.0625e6)
+
+
+def test_satellites_above_the_horizon_have_directions_in_radians() -> None:
+    entries = [(5, 45.0, 90.0), (51, 30.0, 180.0), (7, -10.0, 20.0), (120, 20.0, 270.0)]
+    body = sky.SATVIS.pack(1, 1, len(entries)) + b"".join(
+        sky.ENTRY.pack(n, 0, 0, up, azimuth, 0.0, 0.0) for n, up, azimuth in entries
+    )
+    found = only(frame(messages.SATVIS, body), Satellites).satellites
+    assert [(s.system, s.number) for s in found] == [("gps", 5), ("glonass", 14), ("sbas", 120)]
+    assert found[0].azimuth == pytest.approx(math.pi / 2)
+    assert found[0].elevation == pytest.approx(math.pi / 4)
+
+
+def test_vertical_dilution_is_what_the_others_leave() -> None:
+    body = sky.PSRDOP.pack(2.5, 2.0, 1.2, 1.5, 1.0, 5.0, 2) + struct.pack("<2I", 5, 51)
+    found = only(frame(messages.PSRDOP, body), Satellites)
+    assert found.pdop == 2.0
+    assert found.hdop == pytest.approx(1.2)
+    assert found.vdop == pytest.approx(1.6)
+    assert [(s.system, s.number, s.used) for s in found.satellites] == [("gps", 5, True), ("glonass", 14, True)]
+
+
+# ------------------------------------------------------------------------------------------------- what is not valid
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"status": 1},
+        {"status": 6},
+        {"kind": 0},
+        {"kind": 72},
+        {"datum": 63},
+        {"lat": math.nan},
+        {"lon": math.inf},
+        {"height": math.nan},
+        {"undulation": math.nan},
+        {"lat": 90.1},
+        {"lon": -400.0},
+    ],
+    ids=str,
+)
+def test_a_position_without_solution_in_wgs84_is_not_valid(changed: dict[str, float]) -> None:
+    found = only(bestpos(**changed), Position)
+    assert not found.valid
+    assert all(x is None or math.isfinite(x) for x in (found.lat, found.lon, found.alt, found.alt_msl))
+
+
+@pytest.mark.parametrize("kind", [16, 17, 18, 19, 32, 34, 50, 69])
+def test_a_position_of_every_kind_of_solution_is_valid(kind: int) -> None:
+    assert only(bestpos(kind=kind), Position).valid
+
+
+@pytest.mark.parametrize("numbers", [(1, 8, 5.0), (0, 0, 5.0), (0, 8, math.nan)])
+def test_a_velocity_without_solution_is_not_valid(numbers: tuple[int, int, float]) -> None:
+    code, kind, speed = numbers
+    body = solution.BESTVEL.pack(code, kind, math.nan, 0.0, speed, 10.0, 0.0, 0.0)
+    found = only(frame(messages.BESTVEL, body), Velocity)
+    assert not found.valid
+    assert found.stamp.t_dev_ns == T_GPS_NS  # a latency that is no number is none
+
+
+@pytest.mark.parametrize("time_status", [20, 60, 80, 100, 120, 140, 200, 0, 255])
+def test_a_time_that_the_receiver_does_not_know_is_no_device_time(time_status: int) -> None:
+    assert only(frame(messages.BESTPOS, BESTPOS[28:-4], time_status=time_status), Position).stamp == Stamp(5)
+
+
+@pytest.mark.parametrize("time_status", [130, 160, 170, 180])
+def test_a_known_time_is_the_device_time(time_status: int) -> None:
+    data = frame(messages.BESTPOS, BESTPOS[28:-4], time_status=time_status)
+    assert only(data, Position).stamp.t_dev_ns == T_GPS_NS
+
+
+def test_milliseconds_beyond_the_week_are_no_device_time() -> None:
+    data = frame(messages.BESTPOS, BESTPOS[28:-4], milliseconds=604_800_000)
+    assert only(data, Position).stamp.t_dev_ns is None
+
+
+@pytest.mark.parametrize(("model", "utc"), [(0, 0), (0, 2), (1, 1), (3, 1)])
+def test_clock_and_utc_say_what_they_are_worth(model: int, utc: int) -> None:
+    """1 is valid for UTC (2 is a default number of leap seconds), 0 for the clock (1 is converging)."""
+    body = clock.TIME.pack(model, 1e-9, 1e-9, -18.0, 2017, 5, 18, 16, 8, 44000, utc)
+    found = decode(frame(messages.TIME, body))
+    assert [m.valid for m in found if isinstance(m, ReceiverClock)] == [model == 0]
+    assert [m.valid for m in found if isinstance(m, Reading)] == [utc == 1]
+
+
+def test_a_dilution_of_9999_is_none() -> None:
+    found = only(frame(messages.PSRDOP, sky.PSRDOP.pack(9999.0, 9999.0, 9999.0, 1.0, 1.0, 5.0, 0)), Satellites)
+    assert (found.pdop, found.hdop, found.vdop, found.used) == (None, None, None, 0)
+
+
+def test_directions_that_the_receiver_does_not_vouch_for_are_not_given() -> None:
+    entry = sky.ENTRY.pack(5, 0, 0, 45.0, 90.0, 0.0, 0.0)
+    assert decode(frame(messages.SATVIS, sky.SATVIS.pack(0, 1, 1) + entry)) == []
+    assert decode(frame(messages.SATVIS2, sky.SATVIS2.pack(0, 0, 1, 1) + entry)) == []
+
+
+def test_what_is_not_locked_is_not_measured() -> None:
+    locked = 0x0810BC04
+    for word, ranged, phased in (
+        (locked, True, True),
+        (locked & ~(1 << 12), False, True),
+        (locked & ~(1 << 10), True, False),
+    ):
+        body = observations.COUNT.pack(1) + observations.RANGE.pack(5, 0, 2e7, 0.1, -1e8, 0.01, 5.0, 45.0, 9.0, word)
+        (o,) = only(frame(messages.RANGE, body), Pseudoranges).observations
+        assert (o.pseudorange is not None, o.carrier_phase is not None, o.doppler is not None) == (
+            ranged,
+            phased,
+            phased,
+        )
+
+
+def test_errors_are_named_and_the_receiver_is_not_ok() -> None:
+    body = status.HEAD.pack(1 << 15, 1) + status.WORD.pack(1 << 0 | 1 << 6, 0, 0, 0)
+    found = only(frame(messages.RXSTATUS, body), DeviceStatus)
+    assert (found.ok, found.flags) == (False, ("nvm_error", "error", "antenna_shorted"))
+    harmless = status.HEAD.pack(0, 1) + status.WORD.pack(1 << 19 | 1 << 18 | 1 << 22, 0, 0, 0)
+    found = only(frame(messages.RXSTATUS, harmless), DeviceStatus)
+    assert (found.ok, found.flags) == (True, ("almanac_invalid", "position_invalid", "clock_model_invalid"))
+
+
+# ---------------------------------------------------------------------------------------------------- round trips
+
+known_signals = st.sampled_from(
+    [
+        (system, signal.name)
+        for system, table in SIGNALS.items()
+        for signal in {s.name: s for s in table.values()}.values()
+    ]
+)
+
+
+@given(known_signals, st.floats(1.5e7, 4.5e7), st.floats(-3e8, 3e8), st.floats(-6000.0, 6000.0), st.integers(-7, 6))
+def test_an_observation_comes_back_to_half_the_resolution_of_the_wire(
+    signal: tuple[str, str], pseudorange: float, phase: float, doppler: float, channel: int
+) -> None:
+    system, name = signal
+    band = next(s for s in SIGNALS[system].values() if s.name == name)
+    step = {1602.0: 0.5625e6, 1246.0: 0.4375e6}.get(band.mhz, 0.0) if system == "glonass" else 0.0
+    sent = Pseudorange(
+        system=system, number=7, signal=name, pseudorange=pseudorange, pseudorange_sd=0.5, carrier_phase=phase,
+        carrier_phase_sd=0.25, doppler=doppler, cn0_dbhz=45.5, lock_time=12.25,
+        carrier_hz=band.mhz * 1e6 + step * channel,
+    )  # fmt: skip
+    encoder = novatel.make_encoder(novatel.Options(unasked=True))
+    (data,) = encoder.encode(Pseudoranges(stamp=STAMP, observations=(sent,)))
+    (seen,) = only(data, Pseudoranges).observations
+    assert seen.doppler == pytest.approx(doppler, abs=2.0**-12)
+    assert replace(seen, doppler=doppler) == sent
+
+
+@given(st.lists(st.integers(0, 159), unique=True))
+def test_every_status_bit_comes_back(bits: list[int]) -> None:
+    flags = tuple(status.BITS[b // 32][b % 32] for b in sorted(bits))
+    data = frame(messages.RXSTATUS, status.encode_rxstatus(DeviceStatus(stamp=STAMP, ok=True, flags=flags)))
+    assert only(data, DeviceStatus).flags == flags
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_tracking_word_is_read(word: int) -> None:
+    t = decode_tracking(word)
+    assert t.system == ("gps", "glonass", "sbas", "galileo", "beidou", "qzss", "navic", "other")[word >> 16 & 7]
+    assert t.name == (t.signal.name if t.signal else f"signal_{word >> 21 & 31}")
+
+
+def test_directions_and_dilution_come_back() -> None:
+    satellites = tuple(
+        Satellite(system=system, number=n, azimuth=0.1 * n, elevation=0.05 * n, used=True)
+        for system in ("gps", "glonass", "galileo")
+        for n in (3, 9, 24)
+    )
+    encoder = novatel.make_encoder(novatel.Options(unasked=True))
+    sent = Satellites(stamp=STAMP, satellites=satellites, used=9, hdop=0.75, vdop=1.0, pdop=1.25)
+    dop, *views = [m for f in encoder.encode(sent) for m in decode(f) if isinstance(m, Satellites)]
+    assert (dop.used, dop.hdop, dop.vdop, dop.pdop) == (9, 0.75, 1.0, 1.25)
+    seen = [s for view in views for s in view.satellites]
+    assert len(views) == 3
+    for a, b in zip(seen, satellites, strict=True):
+        assert (a.system, a.number) == (b.system, b.number)
+        assert a.azimuth == pytest.approx(b.azimuth)
+        assert a.elevation == pytest.approx(b.elevation)
+
+
+# ------------------------------------------------------------------------------------------------------- commands
+
+
+def test_log_is_the_bytes_that_the_document_prints() -> None:
+    """docs.novatel.com, Commands, "Binary Example": LOG COM1 BESTPOSB ONTIME 1."""
+    printed = (
+        "AA44121C 010000C0 20000000 00FF0000 00000000 00000000 00000000 20000000 2A000000 02000000 00000000 0000F03F"
+        "00000000 00000000 00000000 34D32DC1"
+    )
+    made = novatel.command("log", {"message": "bestpos", "period": "1", "port": "com1"})
+    assert made == bytes.fromhex(printed.replace(" ", ""))
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "body"),
+    [
+        ("unlog", {"message": "RANGE"}, "c0000000 2b00 00 00"),
+        ("unlog", {"message": "1043", "port": "usb1"}, "a0050000 1304 00 00"),
+        ("unlogall", {}, "06000000 00000000"),
+        ("unlogall", {"port": "all"}, "08000000 00000000"),
+        ("reset", {}, "00000000"),
+        ("reset", {"delay": "30"}, "1e000000"),
+        ("antennapower", {"state": "on"}, "01000000"),
+        ("log", {"message": "rxstatus", "trigger": "onchanged"}, "c0000000 5d000000 01000000" + "00" * 20),
+    ],
+)  # fmt: skip
+def test_commands_have_the_layout_of_the_document(name: str, args: dict[str, str], body: str) -> None:
+    made = novatel.command(name, args)
+    assert made[28:-4].hex() == body.replace(" ", "")
+    assert made[4:8] == bytes([commands.NUMBERS[name], 0, 0, 0xC0])
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "says"),
+    [
+        ("log", {"message": "bestpos"}, "period is missing: must be a number of seconds"),
+        ("log", {"period": "1"}, "message is missing"),
+        (
+            "log",
+            {"message": "bestpos", "period": "0.3"},
+            r"period = 0.3: must be 0.01, .* 0.5 or whole seconds up to 86400",
+        ),
+        ("log", {"message": "bestpos", "period": "nan"}, "period = nan: must be"),
+        ("log", {"message": "bestpos", "period": "often"}, "period = 'often': must be a number"),
+        (
+            "log",
+            {"message": "nothing", "period": "1"},
+            "message = 'nothing': must be a number from 1 to 65535 or one of",
+        ),
+        ("log", {"message": "70000", "period": "1"}, "message = '70000'"),
+        ("log", {"message": "bestpos", "trigger": "now"}, "trigger = 'now': must be one of onnew, onchanged"),
+        ("log", {"message": "bestpos", "trigger": "once", "period": "1"}, "only trigger ontime has one"),
+        ("log", {"message": "bestpos", "period": "1", "port": "com9"}, "port = 'com9': must be one of thisport, com1"),
+        ("log", {"message": "bestpos", "rate": "1"}, "no argument 'rate'; there are message, period, trigger, port"),
+        ("reset", {"delay": "61"}, "delay = '61': must be whole seconds from 0 to 60"),
+        ("antennapower", {}, "state is missing: must be one of off, on"),
+        ("fly", {}, "no command 'fly'; there are log, unlog"),
+    ],
+)
+def test_a_command_that_is_wrong_is_refused_with_what_is_allowed(name: str, args: dict[str, str], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        novatel.command(name, args)
+
+
+def answer(number: int, body: bytes) -> bytes:
+    return frame(number, body, message_type=RESPONSE_BIT)
+
+
+def ascii_answer(text: bytes) -> bytes:
+    return b"#%s*%08x\r\n" % (text, crc32(text))
+
+
+@pytest.mark.parametrize(
+    ("data", "command", "accepted", "detail"),
+    [
+        (answer(1, b"\x01\0\0\0OK"), "log", True, "OK"),
+        (answer(38, b"\x01\0\0\0OK\0"), "unlogall", True, "OK"),
+        (answer(1, b"\x15\0\0\0Requested rate is invalid"), "log", False, "Requested rate is invalid"),
+        (answer(18, b"\x05\0\0\0"), "reset", False, "code 5"),
+        (b"<OK\r\n", "", True, "OK"),
+        (b"<ERROR:Invalid Message. Field = 2\r\n", "", False, "Invalid Message. Field = 2"),
+        (ascii_answer(b"LOGR,COM1,0,49.0,FINE,1949,1.0,0,0,0;OK"), "log", True, "OK"),
+        (ascii_answer(b"UNLOGR,COM1,0,49.0,FINE,1949,1,0,0;Invalid Message ID"), "unlog", False, "Invalid Message ID"),
+    ],
+)  # fmt: skip
+def test_answers_say_which_command_and_why_not(data: bytes, command: str, accepted: bool, detail: str) -> None:
+    decoder = novatel.make_decoder(novatel.Options())
+    (found,) = decoder.feed(data, 5)
+    assert isinstance(found, Ack)
+    assert (found.command, found.accepted, found.detail) == (command, accepted, detail)
+    assert decoder.counters.messages == {"response": 1}
+    assert decoder.counters.framed == len(data)
+
+
+def test_the_answer_to_a_command_of_somebody_else_is_not_ours() -> None:
+    assert decode(answer(162, b"\x01\0\0\0OK")) == []
+
+
+# ---------------------------------------------------------------------------------------------- asking, the emulator
+
+
+def asked_for(data: bytes) -> list[tuple[int, int, float]]:
+    """Message, trigger and period of each LOG."""
+    found = []
+    while data:
+        fields = commands.LOG.unpack_from(data, 28)
+        found.append((fields[1], fields[4], fields[5]))
+        data = data[64:]
+    return found
+
+
+def test_the_aircraft_s_logs_are_asked_for_after_a_connect_and_again() -> None:
+    options = novatel.Options()
+    first = b"".join(novatel.on_connect(options))
+    assert asked_for(first) == [(42, 2, 0.1), (99, 2, 0.1), (101, 2, 1.0), (16, 2, 1.0), (174, 2, 1.0), (43, 2, 1.0),
+                                (93, 2, 1.0), (1043, 2, 10.0)]  # fmt: skip
+    assert novatel.poll(options) == (10.0, first)
+    assert novatel.poll(novatel.Options(ask_again_s=0.0)) is None
+    assert novatel.poll(novatel.Options(logs={})) is None
+    assert asked_for(b"".join(novatel.on_connect(novatel.Options(logs={"rxstatus": 0.0})))) == [(93, 1, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("logs", "says"), [({"nothing": 1.0}, "message = 'nothing'"), ({"range": 0.3}, "period = 0.3")]
+)
+def test_logs_that_the_receiver_would_refuse_are_refused_here(logs: dict[str, float], says: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(says)):
+        novatel.Options(logs=logs)
+
+
+POSITION = Position(stamp=STAMP, lat=0.8, lon=0.2, alt_msl=500.0, undulation=46.5)
+
+
+def sent_in(encoder: Encoder, seconds: float) -> int:
+    """How many BESTPOS are sent when a position is measured every 50 ms."""
+    count = 0
+    for k in range(round(seconds / 0.05)):
+        at = Stamp(5, T_GPS_NS + k * 50_000_000, TimeScale.GPS)
+        count += len(encoder.encode(replace(POSITION, stamp=at)))
+    return count
+
+
+def test_the_emulated_receiver_is_silent_until_it_is_asked() -> None:
+    encoder = novatel.make_encoder(novatel.Options())
+    assert sent_in(encoder, 1.0) == 0
+    (reply,) = encoder.respond(novatel.command("log", {"message": "bestpos", "period": "0.1"}))
+    assert only(reply, Ack).command == "log"
+    assert sent_in(encoder, 1.0) == 10
+    encoder.respond(novatel.command("unlog", {"message": "bestpos"}))
+    assert sent_in(encoder, 1.0) == 0
+    for data in novatel.on_connect(novatel.Options()):
+        encoder.respond(data)
+    assert sent_in(encoder, 1.0) == 10
+    encoder.respond(novatel.command("reset", {}))
+    assert sent_in(encoder, 1.0) == 0
+    assert sent_in(novatel.make_encoder(novatel.Options(unasked=True)), 1.0) == 20
+
+
+def test_a_question_is_understood_in_pieces_and_behind_noise() -> None:
+    encoder = novatel.make_encoder(novatel.Options())
+    data = b"\xaa\x00\r\n" + novatel.command("log", {"message": "bestpos", "trigger": "once"})
+    replies = [reply for at in range(len(data)) for reply in encoder.respond(data[at : at + 1])]
+    assert [only(r, Ack).accepted for r in replies if r.startswith(SYNC)] == [True]
+    assert sent_in(encoder, 1.0) == 1
+
+
+def test_what_has_not_changed_is_not_sent_on_change() -> None:
+    encoder = novatel.make_encoder(novatel.Options())
+    encoder.respond(novatel.command("log", {"message": "rxstatus", "trigger": "onchanged"}))
+    well, ill = (DeviceStatus(stamp=STAMP, ok=True, flags=flags) for flags in ((), ("cpu_overload",)))
+    assert [len(encoder.encode(m)) for m in (well, well, ill, ill, well)] == [1, 0, 1, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (b"log bestposb ontime 0.1\r\n", b"<OK\r\n[COM1]"),
+        (b"LOG COM1 BESTPOSB ONTIME 0.1\n", b"<OK\r\n[COM1]"),
+        (b"log bestposb ontime 0.3\r", b"<ERROR:Invalid Message. Field = 1\r\n[COM1]"),
+        (b"fly away\r\n", b"<ERROR:Invalid Message ID\r\n[COM1]"),
+    ],
+)
+def test_the_emulated_receiver_understands_what_people_type(line: bytes, says: bytes) -> None:
+    encoder = novatel.make_encoder(novatel.Options())
+    assert encoder.respond(line) == [b"\r\n" + says]
+    assert sent_in(encoder, 1.0) == (10 if b"OK" in says else 0)
+
+
+def test_the_emulated_receiver_refuses_what_a_receiver_refuses() -> None:
+    encoder = novatel.make_encoder(novatel.Options())
+    unknown = frame(messages.LOG, commands.LOG.pack(192, 60000, 0, 0, 2, 1.0, 0.0, 0))
+    too_often = frame(messages.LOG, commands.LOG.pack(192, 42, 0, 0, 2, 0.3, 0.0, 0))
+    for data, text in ((unknown, "Requested log does not exist"), (too_often, "Requested rate is invalid"),
+                       (frame(19, b""), None), (frame(1, b"short"), "Invalid Message. Field = 1")):  # fmt: skip
+        (reply,) = encoder.respond(data)
+        acks = decode(reply)
+        assert [a.detail for a in acks if isinstance(a, Ack)] == ([text] if text else [])
+
+
+def test_without_supply_of_the_antenna_there_is_no_solution() -> None:
+    encoder = novatel.make_encoder(novatel.Options(unasked=True))
+    encoder.respond(novatel.command("antennapower", {"state": "off"}))
+    assert not only(encoder.encode(POSITION)[0], Position).valid
+    assert "antenna_unpowered" in only(encoder.encode(DeviceStatus(stamp=STAMP, ok=True))[0], DeviceStatus).flags
+    encoder.respond(novatel.command("antennapower", {"state": "on"}))
+    assert only(encoder.encode(POSITION)[0], Position).valid
+
+
+def test_time_is_sent_with_the_calendar_of_utc() -> None:
+    """GPS 1949, 403742 s is 2017-05-18 16:09:02; UTC is 18 s behind, and the clock 0.25 s ahead."""
+    encoder = novatel.make_encoder(novatel.Options(unasked=True))
+    encoder.encode(ReceiverClock(stamp=STAMP, offset=0.25, drift=0.0))
+    encoder.encode(Reading(stamp=STAMP, name="utc_offset", value=-18.0, unit="s"))
+    (data,) = encoder.encode(DeviceTime(stamp=STAMP))
+    assert clock.TIME.unpack_from(data, 28)[4:] == (2017, 5, 18, 16, 8, 43_750, 1)
