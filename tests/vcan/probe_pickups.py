@@ -1,0 +1,74 @@
+"""Runs inside the user-mode kernel: the emulator plays pickups on vcan0; a link listens, commands and is answered.
+
+python -m tests.vcan.probe_pickups OUT    writes the frames that the link heard, with their times, to OUT as JSON.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import tempfile
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+from fti import config as configuration
+from fti.canframe import unpack_can
+from fti.clock import choose_epoch_ns
+from fti.drivers import deflection_pickups
+from fti.hil.emulator import Emulator
+from fti.hil.scenario import Flight
+from fti.hil.world import World
+from tests.helpers import until_async
+from tests.hil.worlds import flat_terrain, path, scenario
+from tests.links.bench import running
+
+FLIGHT_S = 1.0
+CONFIG = """
+[session]
+name = "bus"
+directory = "out"
+
+[[link]]
+name = "sensor_bus_1"
+kind = "can"
+interface = "socketcan"
+channel = "vcan0"
+transmit = true
+
+[[device]]
+name = "pickups"
+link = "sensor_bus_1"
+driver = "deflection_pickups"
+
+[[device]]
+name = "air_data"
+link = "sensor_bus_1"
+driver = "canaerospace"
+rate_hz = 10
+options = { node = 1 }
+"""
+REQUEST = deflection_pickups.command("insert_point", {"surface": "flaps", "raw": "900", "deg": "8"})
+
+
+async def probe(folder: Path) -> dict[str, list[object]]:
+    (folder / "bus.toml").write_text(CONFIG)
+    config = configuration.load(folder / "bus.toml")
+    flight = scenario(flight=Flight(duration_s=FLIGHT_S))
+    world = World(flight, path(), flat_terrain(200.0), undulation=47.0)
+    emulator = Emulator(config, flight, folder / "links", epoch_ns=choose_epoch_ns(), world=world)
+    flying = asyncio.create_task(emulator.run(), name="flying")
+    await emulator.ready.wait()
+    async with AsyncExitStack() as stack:
+        link, heard = await stack.enter_async_context(running(config.link[0]))
+        await link.send(REQUEST)
+        await until_async(lambda: any(unpack_can(f).can_id == 129 for f in heard.frames), what="the answer of the node")
+        emulator.start()
+        await flying
+        await until_async(lambda: len(heard.frames) > 200, what="the flight")
+    return {"frames": [frame.hex() for frame in heard.frames], "times": list(heard.times)}
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name:
+        Path(sys.argv[1]).write_text(json.dumps(asyncio.run(probe(Path(name)))))

@@ -1,0 +1,57 @@
+"""``fti hil`` on a real SocketCAN bus: pickups and air data share it, a node takes a command and answers."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+from fti.drivers import Decoder, canaerospace, deflection_pickups
+from fti.types import Ack, Calibration, Measurement, StaticPressure, SurfaceDeflection
+from tests.helpers import ROOT
+from tests.vcan.probe_pickups import FLIGHT_S
+from tests.vcan.test_socketcan import NOT_INSTALLED, RUNNER
+
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan]
+
+
+@pytest.fixture(scope="module")
+def heard(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the link heard inside."""
+    out = tmp_path_factory.mktemp("vcan")
+    command = [str(RUNNER), str(out), sys.executable, "-m", "tests.vcan.probe_pickups", str(out / "heard.json")]
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    if done.returncode == NOT_INSTALLED:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stdout + done.stderr
+    result: dict[str, Any] = json.loads((out / "heard.json").read_text())
+    return result
+
+
+def decoded(decoder: Decoder, heard: dict[str, Any]) -> list[Measurement]:
+    pairs = zip(heard["frames"], heard["times"], strict=True)
+    return [m for frame, t in pairs for m in decoder.feed(bytes.fromhex(frame), t)]
+
+
+def test_pickups_and_air_data_share_a_socketcan_bus(heard: dict[str, Any]) -> None:
+    pickups = deflection_pickups.make_decoder(deflection_pickups.Options())
+    found = [m for m in decoded(pickups, heard) if isinstance(m, SurfaceDeflection)]
+    assert len({m.surface for m in found}) == 10
+    assert len(found) == pytest.approx(10 * 10 * FLIGHT_S, abs=10)
+    assert all(m.valid and m.raw is not None for m in found)
+    assert not pickups.counters.lost
+    air_data = canaerospace.make_decoder(canaerospace.Options(node=1))
+    pressures = [m for m in decoded(air_data, heard) if isinstance(m, StaticPressure)]
+    assert len(pressures) == pytest.approx(10 * FLIGHT_S, abs=1)
+
+
+def test_the_node_has_answered_the_command(heard: dict[str, Any]) -> None:
+    calibration = "surface,raw,deg\nflaps,256,-1\nflaps,3840,43\n"
+    found = decoded(deflection_pickups.make_decoder(deflection_pickups.Options(calibration=calibration)), heard)
+    (ack,) = [m for m in found if isinstance(m, Ack)]
+    assert (ack.command, ack.accepted, ack.detail) == ("insert_point", True, "flaps: raw 900 = 8.00 deg")
+    (told,) = [m for m in found if isinstance(m, Calibration)]
+    assert [p.raw for p in told.points] == [256, 900, 3840]
