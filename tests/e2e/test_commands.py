@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import io
 import json
 import os
 import signal
@@ -15,6 +16,7 @@ from typing import Any
 import aiohttp
 import pytest
 
+from fti.cli.main import main
 from fti.drivers import ublox_ubx
 from fti.errors import FtiError
 from fti.logger.reading.recording import Recording
@@ -100,8 +102,7 @@ class Bench:
 
     def send(self, *arguments: str) -> tuple[int, str, str]:
         """``fti send``: exit code, standard output, standard error."""
-        done = fti("send", *arguments, "--run-dir", self.run_dir)
-        return done.returncode, done.stdout, done.stderr
+        return call("send", *arguments, "--run-dir", self.run_dir)
 
     def ask(self, key: str, period_ms: int, timeout_s: float = LONG_S, device: str = "gnss") -> dict[str, Any]:
         """The same over the control socket, with a number of our own."""
@@ -111,6 +112,13 @@ class Bench:
     def tx_frames(self) -> int:
         """How many the recorder says that it has sent."""
         return int(self.running.health()["links"].get("line", {}).get("tx_frames", 0))
+
+
+def call(*arguments: str) -> tuple[int, str, str]:
+    """A command in this process, which has loaded everything: exit code, standard output, standard error."""
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        code = main(arguments)
+    return code, out.getvalue(), err.getvalue()
 
 
 def rate(period_ms: int) -> bytes:
@@ -138,7 +146,7 @@ def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path
         asyncio.run(sends_from_the_page(running.display, receiver))
         tells_silence_and_a_late_answer(bench)
         outlives_the_recorder(bench)
-        assert running.stop() == 130
+        ends_with_the_session(bench)
         assert never.read() == b""
     with pytest.raises(FtiError):
         bench.ask("late", 100)
@@ -166,9 +174,9 @@ def refuses_what_may_not_be_sent(bench: Bench) -> None:
 
 
 def sends_and_is_answered(bench: Bench) -> None:
-    code, out, err = bench.send("gnss", "rate", "period_ms=101")
-    assert (code, err) == (0, "")
-    assert out.startswith("1: gnss rate period_ms=101: acknowledged after ")
+    done = fti("send", "gnss", "rate", "period_ms=101", "--run-dir", bench.run_dir)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("1: gnss rate period_ms=101: acknowledged after ")
     assert bench.receiver.heard == rate(101)
 
 
@@ -226,10 +234,21 @@ def outlives_the_recorder(bench: Bench) -> None:
     assert bench.receiver.heard.count(rate(104)) == 1
 
 
+def ends_with_the_session(bench: Bench) -> None:
+    bench.receiver.speaks = False
+    before = bench.tx_frames()
+    with ThreadPoolExecutor(1) as pool:
+        asked = pool.submit(bench.ask, "open", 106)
+        until(lambda: bench.tx_frames() > before, LONG_S, "the word that it was sent")
+        assert bench.running.stop() == 130
+        found = asked.result()
+    assert (found["state"], found["detail"]) == ("unknown", "sent, but the session ended before an answer came")
+
+
 def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
     recording = Recording.open(session)
     sent = [frame.data for frame in recording.sent()]
-    assert sent == [rate(ms) for ms in (101, 102, 105, 103, 104)]
+    assert sent == [rate(ms) for ms in (101, 102, 105, 103, 104, 106)]
     assert b"".join(sent) == heard
     events = [json.loads(data) for *_, data in recording.messages("/fti/event", kind="raw")]
     texts = [event["message"] for event in events if event["name"] == "command"]
@@ -243,12 +262,13 @@ def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
         "5: gnss rate period_ms=104: acknowledged",
     ]
     assert sum("not sent for" in text for text in texts) == 3
-    verified = fti("verify", str(session))
-    assert verified.returncode == 3  # a recorder was killed
-    assert "none is missing" in verified.stdout
-    assert verified.stdout.count("\nloss ") == 1
-    done = fti("reprocess", str(session), "--out", str(tmp_path / "again"))
-    assert done.returncode == 0, done.stderr
-    again = [data for *_, data in Recording.open(Path(done.stdout.strip())).messages("/gnss/ack")]
+    assert texts[-1] == "6: gnss rate period_ms=106: unknown: sent, but the session ended before an answer came"
+    code, out, _ = call("verify", str(session))
+    assert code == 3  # a recorder was killed
+    assert "none is missing" in out
+    assert out.count("\nloss ") == 1
+    code, out, err = call("reprocess", str(session), "--out", str(tmp_path / "again"))
+    assert code == 0, err
+    again = [data for *_, data in Recording.open(Path(out.strip())).messages("/gnss/ack")]
     assert again == [data for *_, data in recording.messages("/gnss/ack")]
     assert len(again) == 5
