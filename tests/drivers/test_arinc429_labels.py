@@ -21,7 +21,7 @@ from fti.drivers.arinc429.word import BnrState, DiscreteState
 from fti.drivers.freeflight_ra4500 import quantisation_step_ft
 from fti.errors import ConfigError
 from fti.service.binding import bind_devices
-from fti.types import DeviceStatus, Measurement, Position, RadioHeight, Reading, Stamp, Velocity
+from fti.types import DeviceStatus, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, Velocity
 
 FOOT = 0.3048
 S = Stamp(7)
@@ -283,6 +283,16 @@ def test_steps_of_the_instrument_are_the_sigma_of_the_height() -> None:
         assert isinstance(found, RadioHeight)
         assert found.height_agl == pytest.approx(shown_ft * FOOT)
         assert found.sd == pytest.approx(step_ft * FOOT / math.sqrt(12))
+
+
+def test_distances_in_both_kinds_of_words_are_nautical_miles() -> None:
+    """12.34 NM in BCD is 22853.68 m; 1579 steps of 512 / 2^16 NM are 12.3359375 NM.  Words: PyPI arinc429, encoder."""
+    decoder = arinc429.make_decoder(arinc429.Options(set="dme"))
+    found = decoder.feed(bytes.fromhex("0048d081 e062b041") * 2, 1)
+    assert found[:2] == [
+        DmeRange(stamp=Stamp(1), station="dme_1", slant_range=pytest.approx(22_853.68)),  # type: ignore[arg-type]
+        DmeRange(stamp=Stamp(1), station="dme_1", slant_range=12.3359375 * 1852.0),
+    ]
 
 
 # --------------------------------------------------------------------------------------------------- what is refused

@@ -33,6 +33,7 @@ from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers._quantities import QUANTITIES
+from fti.drivers._quick import quick_stamp
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.apmp import Apmp
@@ -106,7 +107,7 @@ class Decoder:
         found: list[Measurement] = []
         for t_rx, frame in self._framer.feed(data, t_rx_ns):
             if self._packets is None:
-                found += self._take(self._word(frame), Stamp(t_rx))
+                found += self._take(self._word(frame), quick_stamp(t_rx))
             else:
                 found += self._take_packet(self._packets, frame, t_rx)
         return found

@@ -68,6 +68,7 @@ class Number:
         self.name = label.quantity or label.reading
         self.quantity, factor, self._offset = _quantity(label)
         self._factor = factor * label.sign
+        self._make = self.quantity.maker()
         self.turns = label.kind == "bnr" and label.unit == "deg" and label.range == 180.0
         self._scale, self._bits = label.range or 1.0, label.bits or 1
         self._resolution = label.resolution or 1.0
@@ -85,7 +86,7 @@ class Number:
     def measured(self, value: float | None, what: str, stamp: Stamp) -> list[Measurement]:
         """value : in the unit of the wire; what : why it is not normal."""
         si = None if value is None else value * self._factor + self._offset
-        found = self.quantity.make(stamp, si, not what)
+        found = self.quantity.make(stamp, None, valid=False) if si is None else self._make(stamp, si, not what)
         if self.label.steps and si is not None and isinstance(found, RadioHeight):
             found = dataclasses.replace(found, sd=quantisation_step_ft(si / FOOT) * FOOT / math.sqrt(12))
         seen: list[Measurement] = [found] if found else []
