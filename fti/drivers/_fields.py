@@ -141,7 +141,8 @@ def _meaning(described: Field) -> Meaning:
     try:
         factor, shift = to_si(name, described.unit or QUANTITIES[name].unit)
     except ValueError as error:
-        raise ValueError(f"fields: {described.name}: {error}") from None
+        where = f"fields: {described.name}: " if described.quantity else "fields: "
+        raise ValueError(f"{where}{error}") from None
     return Meaning(described, QUANTITIES[name], factor, shift)
 
 

@@ -1,0 +1,156 @@
+"""``docs/add-a-sensor.md`` is executed: its files are written, its commands run, and what they print is compared."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from fti.drivers import _binary_frame, _checksums, _fields, _quantities, ascii_line, binary_struct
+from tests.helpers import ROOT
+
+PAGE = (ROOT / "docs" / "add-a-sensor.md").read_text(encoding="utf-8")
+CONFIG = ROOT / "configs" / "added_sensors.toml"
+MARK = "@@ next command @@"
+WITHIN_S = 100.0
+
+
+@dataclass(frozen=True)
+class Session:
+    """A console of the page: commands, and what each prints."""
+
+    commands: list[str]
+    printed: list[str]
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+
+
+def session(block: str) -> Session:
+    parts = re.split(r"^\$ (.*)\n", block, flags=re.MULTILINE)[1:]
+    return Session(parts[::2], parts[1::2])
+
+
+SESSIONS = [session(block) for block in blocks("console")]
+FLIGHTS = [s for s in SESSIONS if any("fti run" in command for command in s.commands)]
+
+
+def execute(found: Session, folder: Path) -> list[str]:
+    """What each command prints, in one shell, in a folder with the page's configuration."""
+    (folder / "sensors.toml").write_text("".join(blocks("toml")), encoding="utf-8")
+    said = f"\necho '{MARK}'\n".join(found.commands)
+    script = f'fti() {{ "$PYTHON" -m fti.cli.main "$@"; }}\n{said}\nwait\n'
+    environment = {**os.environ, "PYTHON": sys.executable, "XDG_RUNTIME_DIR": str(folder), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=WITHIN_S,
+        check=False,
+        text=True,
+    )
+    return done.stdout.split(f"{MARK}\n")
+
+
+def compare(printed: str, expected: str) -> None:
+    """Line by line; "..." is anything, within a line or, alone, any lines."""
+    pattern = re.escape(expected).replace(r"\.\.\.", ".*?")
+    assert re.fullmatch(pattern, printed, re.DOTALL), f"printed:\n{printed}\nthe page says:\n{expected}"
+
+
+@pytest.mark.parametrize("number", [i for i, s in enumerate(SESSIONS) if s not in FLIGHTS])
+def test_what_the_page_says_is_printed(number: int, tmp_path: Path) -> None:
+    found = SESSIONS[number]
+    for printed, expected in zip(execute(found, tmp_path), found.printed, strict=True):
+        compare(printed, expected)
+
+
+@pytest.mark.e2e
+def test_the_page_is_flown_and_recorded(tmp_path: Path) -> None:
+    (flight,) = FLIGHTS
+    *printed, info = execute(flight, tmp_path)
+    run, told = printed[-1], flight.printed[-1].splitlines()
+    assert run.startswith("recording to ")
+    topics = {line.split()[0]: int(line.split()[1]) for line in info.splitlines() if re.match(r"/\S+ +\d", line)}
+    for line in told[1:]:
+        assert topics[line.split()[0]] > 0, line
+    ranges = table(tmp_path, "lidar_range")
+    assert ranges
+    assert all((row["slant_range [m]"], row["valid"].lower()) == ("", "false") for row in ranges)
+    pressures = [float(row["p_static [Pa]"]) for row in table(tmp_path, "weather_static_pressure")]
+    assert all(90_000.0 < p < 101_000.0 for p in pressures)
+
+
+def table(folder: Path, name: str) -> list[dict[str, str]]:
+    """A table of the recording, as ``fti export`` writes it."""
+    if not (folder / "tables").exists():
+        sessions = [str(p) for p in (folder / "recordings").iterdir()]
+        command = [sys.executable, "-m", "fti.cli.main", "export", *sessions, "--out", str(folder / "tables")]
+        subprocess.run(command, check=True, capture_output=True, timeout=WITHIN_S)
+    with (folder / "tables" / f"{name}.csv").open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_file_of_the_page_is_the_one_that_is_shipped() -> None:
+    of_the_page, shipped = tomllib.loads("".join(blocks("toml"))), tomllib.loads(CONFIG.read_text(encoding="utf-8"))
+    for found in (of_the_page, shipped):
+        del found["session"]["directory"]
+    assert of_the_page == shipped
+
+
+# --------------------------------------------------------------------------------------------------- the reference
+
+
+def rows(heading: str, table_number: int = 0) -> dict[str, str]:
+    """Key to default of a table under a heading."""
+    text = PAGE.partition(f"\n### {heading}\n")[2].partition("\n### ")[0]
+    tables = re.split(r"^\| key \| default \| meaning \|\n\|.*\n", text, flags=re.MULTILINE)[1:]
+    found = re.findall(r"^\| `(\w+)` \|(.*?)\|", tables[table_number].partition("\n\n")[0], re.MULTILINE)
+    return {key: default.strip() for key, default in found}
+
+
+def told_default(text: str) -> Any:
+    return tomllib.loads(f"x = {text.strip('`')}")["x"] if text.startswith("`") else text
+
+
+@pytest.mark.parametrize(
+    ("heading", "number", "model", "without"),
+    [
+        ("A field, of a line or of a frame", 0, _fields.Field, ()),
+        ("A field, of a line or of a frame", 1, _binary_frame.Place, ()),
+        ("`ascii_line`", 0, ascii_line.Options, ("fields",)),
+        ("`binary_struct`", 0, binary_struct.Options, ("fields", "sync")),
+    ],
+)
+def test_every_key_is_told_with_its_default(
+    heading: str, number: int, model: type[BaseModel], without: tuple[str, ...]
+) -> None:
+    told = rows(heading, number)
+    assert set(told) == set(model.model_fields)
+    for name, field in model.model_fields.items():
+        default = field.get_default()
+        expected = "" if default is PydanticUndefined else "–" if default is None else default
+        if name not in without:
+            assert told_default(told[name]) == (list(expected) if isinstance(expected, tuple) else expected), name
+
+
+def test_checksums_types_and_units_are_told() -> None:
+    names = {*_checksums.CHECKSUMS, *_binary_frame.CODES}
+    units = {unit for q in _quantities.QUANTITIES.values() for g in _quantities.DIMENSIONS if q.unit in g for unit in g}
+    for name in names | units - {"ddm"}:
+        assert f"`{name}`" in PAGE, name
+    quantities = PAGE.partition("Quantities are ")[2].partition(" and others")[0]
+    assert set(re.findall(r"`(\w+)`", quantities)) <= set(_quantities.QUANTITIES)
