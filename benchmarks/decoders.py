@@ -1,0 +1,133 @@
+"""Every decoder under a fully loaded line of its kind, and at ten times the rate of the research aircraft.
+
+    python benchmarks/decoders.py [--seconds S] [DRIVER ...]
+
+The bytes are those of the drivers' test vectors, again and again, in reads as the line brings them: up to 64 bytes of
+a serial line, a datagram, a CAN frame.  "Full line" is what the line can carry (baud rate / 10 bytes; 2778 words/s of
+ARINC 429 at 100 kbit/s; 8000 frames/s of CAN at 1 Mbit/s); "10 x" is ten times the update rate of Spiegel 2018,
+table 6.1, or of the device's own document.  Target of both: 10 % of a core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.parts import parsers
+from benchmarks.parts.machine import Verdict, machine
+from tests.drivers.vectorfiles import Vector, load
+
+MOST_OF_A_CORE = 10.0  # %
+SERIAL_READ = 64
+WORD_BYTES, WORDS_HZ = 4, 2778
+CAN_BYTES, CAN_HZ = 16, 8000
+INSSOL_BYTES = 92
+
+
+class Case(NamedTuple):
+    """A driver on its line.
+
+    vector : the test vector whose bytes it gets; line : of what kind, and full_line how much it can carry [B/s]
+    rate_hz : messages/s of the aircraft; parser : what a user would take instead; read : bytes that come at a time
+    """
+
+    vector: str
+    line: str
+    full_line: float
+    rate_hz: float
+    parser: parsers.Parser | None = None
+    read: int = SERIAL_READ
+
+
+def _serial(baud: int) -> tuple[str, float]:
+    return f"{baud} baud", baud / 10
+
+
+_CAN = "CAN 1 Mbit/s", float(CAN_BYTES * CAN_HZ)
+CASES = {
+    "imar_ixcom": Case("imar_ixcom_printed", "UDP 3000/s", 3000.0 * INSSOL_BYTES, 300, parsers.run_ixcom, INSSOL_BYTES),
+    "novatel_oem6": Case("novatel_oem6_own", *_serial(115200), 10, parsers.run_novatel_edie),
+    "ublox_ubx": Case("ublox_ubx_neo_m8t", *_serial(921600), 10, parsers.run_pyubx2),
+    "nmea0183": Case("nmea0183_trimble", *_serial(115200), 10, parsers.run_pynmeagps),
+    "mavlink": Case("mavlink_c_library", *_serial(921600), 50, parsers.run_pymavlink),
+    "freeflight_ra4500": Case("freeflight_ra4500_table", *_serial(57600), 25),
+    "ascii_line": Case("ascii_line_ilm500", *_serial(115200), 9),
+    "lightware_ascii": Case("lightware_ascii_line", *_serial(115200), 50),
+    "lightware_binary": Case("lightware_binary_distance", *_serial(115200), 50),
+    "binary_struct": Case("binary_struct_tfmini_plus", *_serial(115200), 100),
+    "honeywell_hmr2300": Case("honeywell_hmr2300_binary", *_serial(19200), 20),
+    "arinc429": Case("arinc429_ahrs", "ARINC 429", float(WORD_BYTES * WORDS_HZ), 50, parsers.run_arinc429),
+    "canaerospace": Case("canaerospace_libcanaerospace", *_CAN, 10 * 15, parsers.run_cantools),
+    "dbc": Case("dbc_air_data", *_CAN, 10 * 15),
+    "deflection_pickups": Case("deflection_pickups_tail", *_CAN, 10 * 10),
+}
+
+
+def reads_of(vector: Vector, size: int, read: int) -> list[bytes]:
+    """About ``size`` bytes of the vector as its line brings them."""
+    if vector.is_can:
+        return list(itertools.islice(itertools.cycle(vector.reads()), size // CAN_BYTES))
+    data = vector.data * (size // len(vector.data) + 1)
+    return [data[at : at + read] for at in range(0, len(data), read)]
+
+
+def decode(vector: Vector, reads: Sequence[bytes]) -> tuple[float, int]:
+    """Processor time [s] and number of messages."""
+    decoder = vector.decoder()
+    begin = time.process_time()
+    for t_rx_ns, data in enumerate(reads):
+        decoder.feed(data, t_rx_ns)
+    return time.process_time() - begin, sum(decoder.counters.messages.values())
+
+
+def parse(parser: parsers.Parser, reads: Sequence[bytes]) -> tuple[float, int]:
+    """The same with a ready-made parser."""
+    begin = time.process_time()
+    count = parser(reads)
+    return time.process_time() - begin, count
+
+
+def measure(name: str, case: Case, seconds: float, verdict: Verdict) -> None:
+    """Print a row."""
+    vector = load(case.vector)
+    reads = reads_of(vector, int(case.full_line * seconds), case.read)
+    size = sum(map(len, reads))
+    taken, count = min(decode(vector, reads) for _ in range(3))
+    each, full = taken / count, 100 * taken / (size / case.full_line)
+    tenfold = 100 * each * 10 * case.rate_hz
+    other = ""
+    if case.parser:
+        parsed, found = min(parse(case.parser, reads) for _ in range(3))
+        other = f"{1e6 * parsed / found:9.1f} {case.parser.__name__.removeprefix('run_')}"
+    print(
+        f"{name:20} {case.line:14} {1e6 * each:7.1f} {full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %  {other}",
+        flush=True,
+    )
+    verdict.judge(f"{name}: at most {MOST_OF_A_CORE:g} % of a core", max(full, tenfold) <= MOST_OF_A_CORE)
+
+
+def main() -> int:
+    """Measure and judge."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("drivers", nargs="*", metavar="DRIVER", help=f"of {', '.join(CASES)}")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of a full line that are decoded (default 10)")
+    args = parser.parse_args()
+    if unknown := sorted(set(args.drivers) - set(CASES)):
+        parser.error(f"no case for {', '.join(unknown)}; there are {', '.join(CASES)}")
+    print(machine())
+    print(f"{'driver':20} {'line':14} {'us each':>7} {'full line':>11} {'rate':>8} {'10 x that':>10}  instead: us each")
+    verdict = Verdict()
+    for name in args.drivers or CASES:
+        measure(name, CASES[name], args.seconds, verdict)
+    return verdict.code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
