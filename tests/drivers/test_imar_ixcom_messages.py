@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import ixcom.data
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from ixcom.protocol import EKF_STATUS_HIGH, EKF_STATUS_LOW, SysstatBit
 from scipy.spatial.transform import Rotation
 
 from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom import deviations, inertial, satellites, solution, status, surroundings
 from fti.drivers.imar_ixcom.deviations import Deviations
-from fti.drivers.imar_ixcom.messages import PREFERRED, TABLE
+from fti.drivers.imar_ixcom.messages import PREFERRED, TABLE, Message
 from fti.drivers.imar_ixcom.options import NAMES, NUMBERS
 from fti.drivers.imar_ixcom.satellites import SOLUTIONS, TYPES
 from fti.drivers.imar_ixcom.wire import encode_frame
@@ -55,13 +59,13 @@ STRUCTS = {
 }  # fmt: skip
 
 
-def frame(name: str, **fields: Any) -> bytes:
+def frame(name: str, **content: Any) -> bytes:
     """A message as the maker's package writes it.  footer : the status word; varsize : the mode of SYSSTAT."""
-    message = ixcom.data.getMessageWithID(NUMBERS[name], fields.pop("varsize", None))
+    message = ixcom.data.getMessageWithID(NUMBERS[name], content.pop("varsize", None))
     message.header.msgID, message.header.week = NUMBERS[name], 2300
-    message.bottom.gStatus = fields.pop("footer", GOOD)
-    assert set(fields) <= set(message.payload.data)
-    message.payload.data.update(fields)
+    message.bottom.gStatus = content.pop("footer", GOOD)
+    assert set(content) <= set(message.payload.data)
+    message.payload.data.update(content)
     return bytes(message.to_bytes())
 
 
@@ -108,6 +112,37 @@ def test_a_message_of_another_length_is_counted_and_not_decoded(name: str) -> No
     for size in (0, STRUCTS[name].size - 1, STRUCTS[name].size + 1):
         assert decoder.feed(encode_frame(NUMBERS[name], 0, 0, GOOD, bytes(size)), 1) == []
     assert decoder.counters.messages == {f"{name} of unknown length": 3}
+
+
+def numbers(value: object) -> Iterator[float]:
+    """Every float in a measurement."""
+    if isinstance(value, float):
+        yield value
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from numbers(one)
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from numbers(getattr(value, field.name))
+
+
+@given(st.data(), st.sampled_from(TABLE), st.integers(0, 0xFFFF))
+def test_whatever_stands_in_a_whole_frame_no_number_comes_out_that_is_none(
+    data: st.DataObject, message: Message, footer: int
+) -> None:
+    size = data.draw(st.integers(0, 80)) if message.size is None else message.size
+    payload = data.draw(st.binary(min_size=size, max_size=size) | st.sampled_from([b"\xff" * size, bytes(size)]))
+    decoder = ix.make_decoder(ix.Options())
+    for m in decoder.feed(encode_frame(NUMBERS[message.name], 0, 0, footer, payload), 1):
+        assert all(math.isfinite(number) for number in numbers(m)), m
+
+
+@given(st.integers(0, 255), st.binary(max_size=100))
+def test_frames_of_every_number_are_counted_once(number: int, payload: bytes) -> None:
+    decoder = ix.make_decoder(ix.Options())
+    decoder.feed(encode_frame(number, 0, 0, GOOD, payload), 1)
+    assert sum(decoder.counters.messages.values()) == 1
+    assert decoder.counters.framed == len(payload) + 20
 
 
 # -------------------------------------------------------------------------------------------- inertial data
@@ -333,6 +368,13 @@ def test_a_better_source_silences_the_others_for_five_seconds() -> None:
         assert any(isinstance(m, Position) for m in decoder.feed(gnss, at_s * 10**9)) is heard
 
 
+def test_inertial_data_corrected_at_the_full_rate_go_first() -> None:
+    data = {name: {"acc": [float(i), 0.0, -9.75]} for i, name in enumerate(("IMURAW", "INSSOL", "IMUCORR"))}
+    raw, ins, corrected = (frame(name, **(INSSOL if name == "INSSOL" else {}) | acc) for name, acc in data.items())
+    found = decode(raw, ins, raw, corrected, ins, raw, corrected)
+    assert [m.accel_b[0] for m in found if isinstance(m, ImuSample) and m.accel_b] == [0.0, 1.0, 2.0, 2.0]
+
+
 def test_a_second_device_on_the_line_takes_what_the_first_leaves() -> None:
     ins, gnss = frame("INSSOL", **INSSOL | {"lat": 0.5}), frame("GNSSSOL", **GNSS | {"lat": 0.75})
     assert position_sources(ins, gnss, ins, gnss, only=("GNSSSOL",)) == [0.75, 0.75]
@@ -355,12 +397,12 @@ def test_parts_of_the_solution_stand_in_for_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "fields"),
+    ("name", "content"),
     [("INSVELENU", {"vel": [-10.0, 60.0, -3.0]}), ("INSGNDSPEED", {"SOG": 60.0, "COG": 5.5, "VDown": 3.0})],
 )
-def test_a_velocity_is_encoded_to_the_bytes_it_came_from(name: str, fields: dict[str, Any]) -> None:
+def test_a_velocity_is_encoded_to_the_bytes_it_came_from(name: str, content: dict[str, Any]) -> None:
     """The other messages stand in the vectors; these two carry a Velocity as INSVELNED does."""
-    data = frame(name, **fields)
+    data = frame(name, **content)
     encoder = ix.make_encoder(ix.Options(logs={name: 1}))
     assert [again for m in decode(data) for again in encoder.encode(m)] == [data]
 
