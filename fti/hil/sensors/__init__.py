@@ -15,6 +15,7 @@ from fti.hil.sensors.deflections import DeflectionPickups
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
+from fti.hil.sensors.magnetometer import Magnetometer
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.world import World
 from fti.service.binding import bind_devices
@@ -28,6 +29,7 @@ MODELS: dict[str, ModelType] = {
     "dbc": DbcUnits,
     "deflection_pickups": DeflectionPickups,
     "freeflight_ra4500": RadarAltimeter,
+    "honeywell_hmr2300": Magnetometer,
     "imar_ixcom": InertialNavigation,
     "lightware_ascii": LaserAltimeter,
     "lightware_binary": LaserAltimeter,

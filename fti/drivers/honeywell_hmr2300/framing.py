@@ -1,0 +1,170 @@
+r"""Where the messages of an HMR2300 begin: no checksum, no header, and the end character may stand inside.
+
+Text      An answer or an ASCII sample is known whole, by its form.  An answer wins over a sample of the same bytes: a
+          field that begins 4F 4B 0D ("OK\r": X = 1.353 G, Y = 0.22 to 0.24 G) is taken for one, and costs that sample.
+Boundary  Behind a binary sample, and behind "BINARY ON", the next sample is expected: seven bytes, the last one 0D.
+          One byte too many or too few puts another byte there, and when that is no 0D the boundary is lost.
+Doubt     A sample cut at a wrong place has the true end inside.  So one with a 0D inside waits for the 13 bytes behind
+          it, and one more than ``JUMP`` counts away from the last for 21, for the true end may be behind it.  Where no
+          sample or text follows, or where the bytes behind another 0D are samples, too, and change much less from one
+          to the next, the boundary is lost.  At the true phase a still field changes by its noise (some counts);
+          shifted by one, low bytes become high bytes, and the change is 256 times as large.
+Lock      Without a boundary nothing comes out before four ends stand seven bytes apart: 22 to 28 bytes, 0.2 s at 20 Hz,
+          then the three samples between them come out, too.  Where several phases have them, the smoothest is taken;
+          when it is not much smoother than all others, none.
+
+False lock: 2^-32 (2.3e-10) for each byte of noise.  In a true stream a phase has its four ends beside the true one when
+a high byte stays 0D (an axis between 0.222 and 0.239 G: one in 25 fields of the Earth's size), and smoothness decides:
+wrongly only when the field and its noise stand still to the count for all samples looked at; then nothing is said, or
+the boundary taken before is kept, which right after a connect may be a wrong one (so the device is told to stop, and
+"BINARY ON" comes before its first sample).  A byte too many gives out one wrong sample when Z lo is 0D and the wrong
+one jumps by less than ``JUMP``, and two when X hi is 0D, whose column then goes on as the true one.  A flipped bit in a
+sample cannot be seen at all.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import struct
+from collections.abc import Iterator
+
+from fti.drivers._framing import Skip
+
+CR = 0x0D
+SAMPLE = 7
+FULL_SCALE = 30_000
+JUMP = 1500  # counts, all axes together: 0.1 G
+ENDS = 4
+LIMIT = 256
+#: So many bytes decide a lock: four ends at any of the seven phases.
+LOCK_WINDOW = ENDS * SAMPLE
+INSIDE_WINDOW, JUMP_WINDOW = 3 * SAMPLE - 1, 4 * SAMPLE - 1
+LONGEST_TEXT = 80
+
+_VALUE = rb"[ +-](?:\d\d,\d{3}| \d,\d{3}|   \d{3}|    \d\d|     \d)  "
+TEXT = re.compile(
+    rb"(?:(?P<sample>(?:" + _VALUE + rb"){3})"
+    rb"|(?P<ascii>ASCII ON)|(?P<binary>BINARY ON)"
+    rb"|OK|SET|RST|DONE|WE OFF|Re-enter|(?:S/R|ZERO|AVG) (?:ON|OFF)|ID= ?\d\d|BAUD(?:= ?| )(?:9600|19,200)"
+    rb"|SER# [ -~]{1,20}|[SH]/W vers:[ -~]{1,20}|(?:ASCII|BINARY), [ -~]{20,64})\r"
+)
+LOCK = re.compile(rb"\r(?=" + rb".{6}\r" * (ENDS - 1) + rb")", re.DOTALL)
+_COUNTS = struct.Struct(">hhh")
+
+
+def counts_at(data: bytes | bytearray, at: int) -> tuple[int, int, int]:
+    """The three counts of the binary sample that begins there."""
+    x, y, z = _COUNTS.unpack_from(data, at)
+    return x, y, z
+
+
+def change(before: tuple[int, int, int], after: tuple[int, int, int]) -> int:
+    """How far one sample is from another [counts, all axes together]."""
+    return sum(abs(a - b) for a, b in zip(after, before, strict=True))
+
+
+def roughness(buffer: bytearray, start: int, count: int) -> float:
+    """Change from sample to sample of ``count`` samples behind an end; infinite when they are no samples."""
+    starts = range(start, start + count * SAMPLE, SAMPLE)
+    if any(buffer[at - 1] != CR for at in starts if at) or buffer[starts.stop - 1] != CR:
+        return math.inf
+    return sum(itertools.starmap(change, itertools.pairwise(counts_at(buffer, at) for at in starts)))
+
+
+def is_smoother(one: float, other: float) -> bool:
+    """By more than noise can make: shifted, noise of a count is 256."""
+    return 4 * one + 16 < other
+
+
+def is_in_range(buffer: bytearray, start: int, count: int) -> bool:
+    """Are all axes of ``count`` samples within the range of the device?"""
+    return all(abs(c) <= FULL_SCALE for k in range(count) for c in counts_at(buffer, start + k * SAMPLE))
+
+
+def _is_elsewhere(buffer: bytearray, window: int) -> bool:
+    """Nothing follows the sample that stands here, or samples behind another end are smoother."""
+    own = roughness(buffer, 0, 2)
+    if own == math.inf and not TEXT.match(buffer[SAMPLE:INSIDE_WINDOW]):
+        return True
+    ends = (at for at in range(window - 2 * SAMPLE) if buffer[at] == CR and at != SAMPLE - 1)
+    return any(is_smoother(roughness(buffer, end + 1, 2), own) for end in ends)
+
+
+class Boundaries:
+    """Finds the messages; ``measure`` as in ``fti.drivers._framing``."""
+
+    def __init__(self) -> None:
+        self._known = True  # the first bytes are taken for the beginning of a message; doubt finds out
+        self._last: tuple[int, int, int] | None = None
+
+    def measure(self, buffer: bytearray) -> int | Skip:
+        if self._known:
+            seen = self._at_boundary(buffer)
+            if seen is not None:
+                return seen
+        return self._search(buffer)
+
+    def _at_boundary(self, buffer: bytearray) -> int | None:
+        """Size of the message, 0 when more bytes are needed, None when there is no boundary here."""
+        if text := TEXT.match(buffer):
+            return self._take_text(text)
+        if len(buffer) < SAMPLE:
+            return 0
+        if buffer[SAMPLE - 1] != CR:
+            return None
+        window = self._doubt(buffer)
+        if len(buffer) < window:
+            return 0
+        return None if window and _is_elsewhere(buffer, window) else self._take_sample(buffer)
+
+    def _doubt(self, buffer: bytearray) -> int:
+        """How many bytes are needed to believe the sample that stands here; 0 when it is believed as it is."""
+        if self._last is not None and change(self._last, counts_at(buffer, 0)) > JUMP:
+            return JUMP_WINDOW
+        return INSIDE_WINDOW if CR in buffer[: SAMPLE - 1] else 0
+
+    def _search(self, buffer: bytearray) -> int | Skip:
+        """Whatever is complete first: a text, or the bytes that decide a lock."""
+        text, lock = TEXT.search(buffer), LOCK.search(buffer)
+        if text and (lock is None or text.end() <= lock.start() + LOCK_WINDOW):
+            return self._skip(text.start()) or self._take_text(text)
+        if lock is None:
+            return self._skip(max(0, len(buffer) - LONGEST_TEXT)) or 0
+        if lock.start():
+            return self._skip(lock.start()) or 0
+        return self._lock(buffer) if len(buffer) >= LOCK_WINDOW else 0
+
+    def _lock(self, buffer: bytearray) -> int | Skip:
+        rated = sorted(self._phases(buffer))
+        if not rated or (len(rated) > 1 and not is_smoother(rated[0][0], rated[1][0])):
+            self._known = False
+            return Skip(1, "ambiguous")
+        start = rated[0][1]
+        self._known, self._last = True, None
+        return Skip(start, "no_boundary")
+
+    def _phases(self, buffer: bytearray) -> Iterator[tuple[float, int]]:
+        """Roughness and beginning of every phase that has its ends."""
+        for start in range(1, SAMPLE + 1):
+            rough = roughness(buffer, start, ENDS - 1)
+            if rough < math.inf and is_in_range(buffer, start, ENDS - 1):
+                yield rough, start
+
+    def _skip(self, size: int) -> Skip | None:
+        if not size:
+            return None
+        self._known = False
+        return Skip(size, "no_boundary")
+
+    def _take_sample(self, buffer: bytearray) -> int:
+        self._last = counts_at(buffer, 0)
+        return SAMPLE
+
+    def _take_text(self, text: re.Match[bytes]) -> int:
+        if text["sample"] or text["ascii"]:
+            self._known = False
+        elif text["binary"]:
+            self._known, self._last = True, None
+        return text.end()
