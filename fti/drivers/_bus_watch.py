@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 from fti.types import DeviceStatus, Stamp
 
 ENOUGH_INTERVALS = 4
+#: So many messages are watched; when there are more, those heard once are forgotten.
+MOST_STREAMS = 256
 #: How much of each new interval goes into the mean.
 SHARE = 0.125
 NOTHING: tuple[str, ...] = ()
@@ -31,12 +33,14 @@ class _Stream:
     name: str
     period_ns: float
     missing: int
+    heard: int = 0
     last_ns: int = 0
     code: int | None = None
 
     def take(self, t_rx_ns: int, code: int | None, modulus: int) -> int:
         """How many were lost before this one; -1 when it came twice."""
         before, self.code, self.last_ns = self.code, code, t_rx_ns
+        self.heard += 1
         if code is None or before is None:
             return 0
         return (code - before) % modulus - 1
@@ -90,6 +94,8 @@ class BusWatch:
         """A message of a node arrived; conditions to be told.  code : its counter; cycle_ns : period, when stated."""
         told = self.tick(t_rx_ns)
         stream = self._streams.get((node, message)) or self._new_stream(node, message, cycle_ns)
+        if stream is None:
+            return told
         speaker = self._nodes[node]
         interval = t_rx_ns - stream.last_ns if stream.last_ns else 0
         missed = stream.take(t_rx_ns, code, modulus)
@@ -103,13 +109,25 @@ class BusWatch:
             self._look_ns = min(self._look_ns, t_rx_ns)
         return told
 
-    def _new_stream(self, node: int | str, message: str, cycle_ns: int | None) -> _Stream:
+    def _new_stream(self, node: int | str, message: str, cycle_ns: int | None) -> _Stream | None:
+        """A message that was not watched yet; None when there is no room for it."""
+        if len(self._streams) >= MOST_STREAMS:
+            self._forget()
+            if len(self._streams) >= MOST_STREAMS:
+                return None
         stream = _Stream(message, cycle_ns or 0.0, 0 if cycle_ns else ENOUGH_INTERVALS)
         self._streams[node, message] = stream
         self._nodes.setdefault(node, _Node(str(node))).streams.append(stream)
         if cycle_ns:
             self._look_ns = 0
         return stream
+
+    def _forget(self) -> None:
+        """What was heard once is noise, or so seldom that nothing can be said of it."""
+        self._streams = {key: stream for key, stream in self._streams.items() if stream.heard > 1}
+        for node in self._nodes.values():
+            node.streams = [stream for stream in node.streams if stream.heard > 1]
+        self._nodes = {key: node for key, node in self._nodes.items() if node.streams}
 
     def _count(self, name: str, missed: int) -> tuple[str, ...]:
         if missed < 0:

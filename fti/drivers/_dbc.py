@@ -54,7 +54,7 @@ class Signal:
     least: float
     most: float
     is_float: bool
-    states: Mapping[int, str]
+    states: Mapping[float, str]
     selector: str
     choices: frozenset[int]
     modulus: int
@@ -64,13 +64,9 @@ class Signal:
         """Its numbers are amounts of something, so that a named value is none."""
         return bool(self.unit) or (self.factor, self.offset) != (1.0, 0.0)
 
-    def state_of(self, raw: float) -> str:
-        """The name of a raw value; "" when it has none."""
-        return self.states.get(int(raw), "") if self.states and math.isfinite(raw) else ""
-
     def physical(self, raw: float) -> tuple[float | None, bool]:
         """Value in ``unit``, and whether it is valid."""
-        if not math.isfinite(raw) or (self.states and self.measures and self.state_of(raw)):
+        if (self.is_float and not math.isfinite(raw)) or (self.states and self.measures and raw in self.states):
             return None, False
         value = raw * self.factor + self.offset
         return value, self.low <= value <= self.high
@@ -95,33 +91,35 @@ class Layout:
     signals: tuple[Signal, ...]
     message: Any  # cantools' Message; the package has no types that mypy can follow
     selectors: tuple[Signal, ...] = field(init=False)
+    _choices: tuple[frozenset[int], ...] = field(init=False)  # of each selector: the values that select anything
     _present: dict[tuple[int | None, ...], tuple[Signal, ...]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         named = {s.selector for s in self.signals}
         self.selectors = tuple(s for s in self.signals if s.name in named)
+        self._choices = tuple(self._choices_of(s.name) for s in self.selectors)
+
+    def _choices_of(self, selector: str) -> frozenset[int]:
+        return frozenset(c for s in self.signals if s.selector == selector for c in s.choices)
 
     def present(self, little: int, big: int) -> tuple[Signal, ...]:
         """The signals that are in this frame: all, or those that its multiplexers select."""
         if not self.selectors:
             return self.signals
-        return self.selected({s.name: int(s.cut(little, big)) for s in self.selectors})
+        return self._case([int(s.cut(little, big)) for s in self.selectors])
 
     def selected(self, chosen: Mapping[str, int]) -> tuple[Signal, ...]:
-        """The signals of a frame whose multiplexers say this; what selects nothing counts as one case."""
-        used = self._used(chosen)
+        """The signals of a frame whose multiplexers say this."""
+        return self._case([chosen.get(s.name) for s in self.selectors])
+
+    def _case(self, values: list[int | None]) -> tuple[Signal, ...]:
+        """Always the same tuple for the same signals; whatever selects nothing is one case."""
+        used = tuple([v if v in known else None for v, known in zip(values, self._choices, strict=True)])
         found = self._present.get(used)
         if found is None:
             by_name = dict(zip((s.name for s in self.selectors), used, strict=True))
             found = self._present[used] = tuple(s for s in self.signals if self._is_there(s, by_name))
         return found
-
-    def _used(self, chosen: Mapping[str, int]) -> tuple[int | None, ...]:
-        values = ((s.name, chosen.get(s.name)) for s in self.selectors)
-        return tuple(value if self._selects(name, value) else None for name, value in values)
-
-    def _selects(self, selector: str, value: int | None) -> bool:
-        return any(s.selector == selector and value in s.choices for s in self.signals)
 
     def _is_there(self, signal: Signal, chosen: Mapping[str, int | None]) -> bool:
         if not signal.selector:

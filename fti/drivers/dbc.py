@@ -29,6 +29,7 @@ from __future__ import annotations
 
 import importlib.resources
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Annotated
 
@@ -106,19 +107,43 @@ def _quantity_maker(signal: Signal, factor: float, offset: float) -> Maker:
 
 
 def _reading_maker(name: str, signal: Signal) -> Maker:
+    if signal.is_float:
+        return _float_maker(name, signal)
+    if signal.states:
+        return _state_maker(name, signal)
     cut, unit, factor, offset = signal.cut, signal.unit, signal.factor, signal.offset
     low, high = signal.low, signal.high
 
-    def plain(stamp: Stamp, little: int, big: int) -> Reading:
+    def made(stamp: Stamp, little: int, big: int) -> Reading:
         value = cut(little, big) * factor + offset
         return quick_reading(stamp, name, value, unit, low <= value <= high)
 
-    def stated(stamp: Stamp, little: int, big: int) -> Reading:
-        raw = cut(little, big)
-        value, valid = signal.physical(raw)
-        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=signal.state_of(raw))
+    return made
 
-    return stated if signal.states or signal.is_float else plain
+
+def _state_maker(name: str, signal: Signal) -> Maker:
+    cut, unit, names, measures = signal.cut, signal.unit, signal.states, signal.measures
+    numbers = _reading_maker(name, replace(signal, states={}))
+
+    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
+        raw = cut(little, big)
+        if raw not in names:
+            return numbers(stamp, little, big)
+        value, valid = (None, False) if measures else (float(raw), True)
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names[raw])
+
+    return made
+
+
+def _float_maker(name: str, signal: Signal) -> Maker:
+    cut, unit, physical, names = signal.cut, signal.unit, signal.physical, signal.states
+
+    def made(stamp: Stamp, little: int, big: int) -> Reading:
+        raw = cut(little, big)
+        value, valid = physical(raw)
+        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names.get(raw, ""))
+
+    return made
 
 
 class Plan:

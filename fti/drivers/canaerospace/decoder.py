@@ -23,6 +23,8 @@ SERVICES = (
 )  # fmt: skip
 IDS = 0
 HEADER_SIZE = 4
+#: Doubles whose second half has not come yet.
+MOST_HALVES = 64
 
 
 def kind_of(can_id: int) -> str:
@@ -93,7 +95,7 @@ class Decoder:
     def __init__(self, parameters: Mapping[int, Parameter], node: int | None, silent_after: float) -> None:
         self.counters = Counters()
         self._node = node
-        self._parameters = dict(parameters)
+        self._parameters = parameters
         self._watch = BusWatch(silent_after, self.counters.lost)
         self._halves: dict[tuple[int, int], float] = {}  # DOUBLEH by word and node, until the DOUBLEL comes
 
@@ -121,7 +123,7 @@ class Decoder:
             return "other_node"
         try:
             if kind == "normal":
-                found += self._normal(parameter or self._meet(word), data, stamp)
+                found += self._normal(parameter or unknown(word), data, stamp)
             elif kind == "emergency":
                 found.append(decode_emergency(data, stamp))
                 self.counters.messages["emergency_event"] += 1
@@ -130,9 +132,6 @@ class Decoder:
         except ValueError:
             return "bad_data"
         return ""
-
-    def _meet(self, can_id: int) -> Parameter:
-        return self._parameters.setdefault(can_id, unknown(can_id))
 
     def _normal(self, parameter: Parameter, data: bytes, stamp: Stamp) -> list[Measurement]:
         node, kind, _, code = data[:HEADER_SIZE]
@@ -149,6 +148,8 @@ class Decoder:
     def _double(self, word: int, node: int, kind: int, half: float) -> tuple[float, ...]:
         """The number, when this is its second half."""
         if kind == DOUBLEH:
+            if len(self._halves) >= MOST_HALVES:
+                self._halves.clear()
             self._halves[word, node] = half
             return ()
         high = self._halves.pop((word, node), None)

@@ -83,23 +83,34 @@ class Decoder:
     ) -> list[Measurement] | None:
         """The deflections in a frame; None when its multiplexer, the data type, says that it has none of them."""
         present = message.layout.present(*words)
-        raw = {s: int(signal.cut(*words)) for s, signal in message.raw.items() if signal in present}
-        stated = {s: (signal, factor) for s, (signal, factor) in message.deflection.items() if signal in present}
-        if not raw and not stated:
-            return None
-        self._raw |= {surface: (count, code) for surface, count in raw.items()}
-        found: list[Measurement] = [
-            self._calibrated(s, count, stamp) for s, count in raw.items() if self._bus.sensors[s].raw_only
-        ]
-        for surface, (signal, factor) in stated.items():
-            value, valid = signal.physical(signal.cut(*words))
-            deflection = None if value is None else value * factor
-            count, counted = self._raw.get(surface, (None, None))
-            same_sample = count if counted == code else None
-            found.append(
-                SurfaceDeflection(stamp=stamp, surface=surface, deflection=deflection, raw=same_sample, valid=valid)
-            )
-        return found
+        found: list[Measurement] = []
+        is_ours = False
+        for surface, signal in message.raw.items():
+            if signal in present:
+                is_ours = True
+                count = int(signal.cut(*words))
+                self._raw[surface] = count, code
+                if self._bus.sensors[surface].raw_only:
+                    found.append(self._calibrated(surface, count, stamp))
+        for surface, (signal, factor) in message.deflection.items():
+            if signal in present:
+                is_ours = True
+                found.append(self._stated(surface, signal.physical(signal.cut(*words)), factor, (stamp, code)))
+        return found if is_ours else None
+
+    def _stated(
+        self, surface: str, physical: tuple[float | None, bool], factor: float, sample: tuple[Stamp, int | None]
+    ) -> SurfaceDeflection:
+        """By the node; with the raw count of the same sample."""
+        (value, valid), (stamp, code) = physical, sample
+        raw, counted = self._raw.get(surface, (None, None))
+        return SurfaceDeflection(
+            stamp=stamp,
+            surface=surface,
+            deflection=None if value is None else value * factor,
+            raw=raw if counted == code else None,
+            valid=valid,
+        )
 
     def _calibrated(self, surface: str, raw: int, stamp: Stamp) -> SurfaceDeflection:
         """By the table, where the node sends raw counts only."""

@@ -1,0 +1,73 @@
+"""Lost messages and silent nodes: the rules themselves, and that noise costs no memory."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.drivers._bus_watch import ENOUGH_INTERVALS, MOST_STREAMS, BusWatch
+
+MS = 1_000_000
+
+
+def watch(silent_after: float = 5.0) -> BusWatch:
+    return BusWatch(silent_after, Counter())
+
+
+@given(st.integers(0, 255), st.lists(st.integers(0, 40), min_size=1, max_size=30))
+def test_every_gap_is_counted_whatever_the_counter_was_at(start: int, gaps: list[int]) -> None:
+    looked, code = watch(), start
+    looked.hear(1, 1, "m", code=code)
+    for gap in gaps:
+        code = (code + 1 + gap) % 256
+        looked.hear(1, 1, "m", code=code)
+    assert looked.lost == Counter({"m": sum(gaps)}) - Counter()
+
+
+@given(st.integers(2, 20), st.integers(5, 500))
+def test_a_node_is_silent_after_so_many_periods_and_not_before(periods: int, period_ms: int) -> None:
+    looked = watch(periods)
+    last = ENOUGH_INTERVALS * period_ms * MS + 1
+    for k in range(ENOUGH_INTERVALS + 1):
+        assert looked.hear(1 + k * period_ms * MS, "n", "m") == ()
+    due = last + periods * period_ms * MS
+    assert looked.tick(due) == ()
+    assert looked.tick(due + 1) == ("node_n_silent",)
+    assert looked.tick(due + 10 * MS) == ()
+    assert looked.hear(due + 20 * MS, "n", "m") == ("node_n_back",)
+
+
+def test_the_fastest_message_of_a_node_is_its_period() -> None:
+    looked = watch()
+    for t in range(0, 3001, 20):
+        looked.hear(1 + t * MS, "n", "fast")
+        if t % 500 == 0:
+            looked.hear(1 + t * MS, "n", "slow")
+    assert looked.tick(1 + 3150 * MS) == ("node_n_silent",)
+
+
+def test_a_slower_rate_is_learned() -> None:
+    looked = watch()
+    told = [flag for t in range(0, 1000, 20) for flag in looked.hear(1 + t * MS, "n", "m")]
+    told += [flag for t in range(1000, 20_000, 60) for flag in looked.hear(1 + t * MS, "n", "m")]
+    assert told == []
+    assert looked.tick(1 + (19_960 + 290) * MS) == ()
+
+
+def test_stamps_that_stand_still_or_go_back_tell_nothing() -> None:
+    looked = watch()
+    for t in (5, 5, 5, 4, 3, 5, 5, 2, 1, 5):
+        assert looked.hear(t, "n", "m") == ()
+
+
+def test_noise_is_forgotten_and_what_is_really_there_is_not() -> None:
+    looked = watch()
+    for n in range(20 * MOST_STREAMS):
+        looked.hear(1 + n * MS, n % 251, f"noise_{n}", code=0)
+        if n % 10 == 0:
+            assert looked.hear(1 + n * MS, "n", "m", code=n // 10 % 256) == ()
+    assert len(looked._streams) <= MOST_STREAMS
+    assert len(looked._nodes) <= MOST_STREAMS
+    assert looked.hear(1 + 20 * MOST_STREAMS * MS, "n", "m", code=(2 * MOST_STREAMS + 3) % 256) == ("m_lost_3",)
