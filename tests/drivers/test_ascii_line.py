@@ -95,13 +95,12 @@ def test_any_template_is_refused_in_a_sentence_or_reads_what_it_writes(text: str
     assert template.match(template.write(values))
 
 
-def test_matching_takes_time_in_proportion_to_the_line() -> None:
-    """Twenty fields that could give characters back to one another would take 10^20 steps; none gives any back."""
-    template = Template(",".join(f"{{x{i}:f}}" for i in range(20)) + "!")
-    line = b",".join([b"111111111111111"] * 20) + b"?"
-    assert template.match(line) is None
+def test_fields_that_would_give_characters_back_to_one_another_are_refused() -> None:
+    """Twenty numbers with a 1 between them could share a line of ones in 10^20 ways; no field gives anything back."""
     with pytest.raises(ValueError, match="cannot be told from what follows"):
-        Template("{a:d}{b:d}")
+        Template("1".join(f"{{x{i}:d}}" for i in range(20)) + "!")
+    template = Template(",".join(f"{{x{i}:f}}" for i in range(20)) + "!")
+    assert template.match(b",".join([b"111111111111111"] * 20) + b"?") is None
 
 
 @pytest.mark.parametrize(
