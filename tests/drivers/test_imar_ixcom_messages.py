@@ -18,8 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from fti.drivers import imar_ixcom as ix
 from fti.drivers.imar_ixcom import deviations, inertial, satellites, solution, status, surroundings
+from fti.drivers.imar_ixcom.belief import PREFERRED
 from fti.drivers.imar_ixcom.deviations import Deviations
-from fti.drivers.imar_ixcom.messages import PREFERRED, TABLE, Message
+from fti.drivers.imar_ixcom.messages import TABLE, Message
 from fti.drivers.imar_ixcom.options import NAMES, NUMBERS
 from fti.drivers.imar_ixcom.satellites import SOLUTIONS, TYPES
 from fti.drivers.imar_ixcom.wire import encode_frame
@@ -368,6 +369,26 @@ def test_a_better_source_silences_the_others_for_five_seconds() -> None:
         assert any(isinstance(m, Position) for m in decoder.feed(gnss, at_s * 10**9)) is heard
 
 
+def test_what_gives_way_is_kept_under_its_own_name() -> None:
+    ins, gnss = frame("INSSOL", **INSSOL), frame("GNSSSOL", **GNSS | {"lat": 0.75, "stdDevPos": [1.0, 2.0, 3.0]})
+    found = decode(ins, gnss, frame("IMURAW", acc=[0.0, 0.5, -9.75]))
+    said = {m.name: (m.value, m.unit, m.valid) for m in found if isinstance(m, Reading)}
+    assert said["gnsssol_lat"] == (0.75, "rad", True)
+    assert said["gnsssol_alt_msl"] == (452.75, "m", True)
+    assert said["gnsssol_horizontal_sd"] == (2.0, "m", True)
+    assert said["gnsssol_down"] == (3.0, "m/s", True)
+    assert said["imuraw_accel_b_y"] == (0.5, "m/s^2", True)
+    assert len([m for m in found if isinstance(m, Position | Velocity | ImuSample)]) == 3
+    invalid = decode(ins, frame("GNSSSOL", **GNSS | {"solStatus": 1}))
+    assert {m.valid for m in invalid if isinstance(m, Reading) and m.name.startswith("gnsssol_")} == {False}
+
+
+def test_parts_of_the_solution_come_beside_it() -> None:
+    found = decode(frame("INSSOL", **INSSOL), frame("INSRPY", rpy=[0.25, 0.0, 0.0]), frame("INSVELNED", vel=[1.0] * 3))
+    assert [m.roll for m in found if isinstance(m, Attitude)][1:] == [0.25]
+    assert [m.north for m in found if isinstance(m, Velocity)][1:] == [1.0]
+
+
 def test_inertial_data_corrected_at_the_full_rate_go_first() -> None:
     data = {name: {"acc": [float(i), 0.0, -9.75]} for i, name in enumerate(("IMURAW", "INSSOL", "IMUCORR"))}
     raw, ins, corrected = (frame(name, **(INSSOL if name == "INSSOL" else {}) | acc) for name, acc in data.items())
@@ -408,7 +429,8 @@ def test_a_velocity_is_encoded_to_the_bytes_it_came_from(name: str, content: dic
 
 
 def test_the_order_names_only_messages_that_are_understood() -> None:
-    assert {name for names in PREFERRED.values() for name in names} <= {message.name for message in TABLE}
+    named = {name for lines in PREFERRED.values() for names in lines for name in names}
+    assert named <= {message.name for message in TABLE}
 
 
 def test_lost_messages_are_counted_by_the_counter_of_each_message() -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
+from fti.drivers.imar_ixcom.belief import Belief
 from fti.drivers.imar_ixcom.commands import decode_response
-from fti.drivers.imar_ixcom.heard import KEPT_NS, Heard
-from fti.drivers.imar_ixcom.messages import BY_NUMBER, RANKS, Message
+from fti.drivers.imar_ixcom.heard import Heard
+from fti.drivers.imar_ixcom.messages import BY_NUMBER, Message
 from fti.drivers.imar_ixcom.options import NAMES, NUMBERS, RESERVED, Options
 from fti.drivers.imar_ixcom.sysstat import SHORTEST
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, measure, read_frame
@@ -21,7 +22,7 @@ class Decoder:
         self._only = frozenset(options.only)
         self._framer = Framer(measure, self.counters, limit=FRAME_MAX)
         self._heard = Heard(options)
-        self._believed: dict[type, tuple[int, int]] = {}
+        self._belief = Belief()
         self._counted: dict[str, int] = {}
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
@@ -64,13 +65,4 @@ class Decoder:
         if found is None:
             return None
         told = self._heard.status(frame, message.tells_status)
-        ranks, now = RANKS[message.name], frame.stamp.t_rx_ns
-        return [*told, *(m for m in found if type(m) not in ranks or self._is_believed(type(m), ranks[type(m)], now))]
-
-    def _is_believed(self, kind: type, rank: int, now: int) -> bool:
-        """No message that goes before this one has carried such a measurement of late."""
-        best, since = self._believed.get(kind, (rank, now))
-        if rank > best and 0 <= now - since <= KEPT_NS:
-            return False
-        self._believed[kind] = rank, now
-        return True
+        return [*told, *self._belief.sift(message.name, found)]

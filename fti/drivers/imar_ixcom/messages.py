@@ -1,4 +1,4 @@
-"""The table of messages that become measurements, and which of them counts where several say the same."""
+"""The table of messages that become measurements."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fti.drivers.imar_ixcom.heard import Heard
 from fti.drivers.imar_ixcom.options import NUMBERS
 from fti.drivers.imar_ixcom.readings import decode_items
 from fti.drivers.imar_ixcom.wire import Frame
-from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
+from fti.types import Measurement
 
 
 class Message(NamedTuple):
@@ -61,18 +61,3 @@ TABLE = (
             surroundings.EXTHEIGHT.size, surroundings.decode_extheight),
 )  # fmt: skip
 BY_NUMBER: Mapping[int, Message] = {NUMBERS[message.name]: message for message in TABLE}
-
-#: Who is believed, best first, where several messages carry the same.  INSSOL goes before its parts; the corrected
-#: inertial data, which come at the full rate, before those in INSSOL; the receiver's own solution last.
-PREFERRED: Mapping[type, tuple[str, ...]] = {
-    ImuSample: ("IMUCORR", "INSSOL", "IMURAW"),
-    Attitude: ("INSSOL", "INSRPY"),
-    Velocity: ("INSSOL", "INSVELNED", "INSVELENU", "INSGNDSPEED", "GNSSSOL"),
-    Position: ("INSSOL", "INSPOSLLH", "GNSSSOL"),
-    PressureAltitude: ("AIRDATA", "INSSOL"),
-}
-#: For each message, the rank of what it carries; 0 goes before 1.
-RANKS: Mapping[str, Mapping[type, int]] = {
-    message.name: {kind: names.index(message.name) for kind, names in PREFERRED.items() if message.name in names}
-    for message in TABLE
-}
