@@ -99,7 +99,7 @@ def test_without_a_boundary_nothing_comes_out_before_four_ends() -> None:
     assert counts_of(decode(stream)[0]) == good[1:]
 
 
-noise = st.integers(-40, 40)
+noise = st.integers(-20, 20)
 high_0d = st.integers(0x0D00, 0x0DFF)
 axis = st.integers(-9000, 9000)
 

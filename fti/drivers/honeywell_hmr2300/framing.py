@@ -35,7 +35,7 @@ from fti.drivers._framing import Skip
 CR = 0x0D
 SAMPLE = 7
 FULL_SCALE = 30_000
-JUMP = 1500  # counts, all axes together: 0.1 G
+JUMP, STILL = 1500, 128  # counts, all axes together: 0.1 G, 8.5 mG
 ENDS = 4
 LIMIT = 256
 #: So many bytes decide a lock: four ends at any of the seven phases.
@@ -74,8 +74,8 @@ def roughness(buffer: bytearray, start: int, count: int) -> float:
 
 
 def is_smoother(one: float, other: float) -> bool:
-    """By more than noise can make: shifted, noise of a count is 256."""
-    return 4 * one + 16 < other
+    """By more than a still field changes: shifted, one count is 256."""
+    return 4 * one + STILL < other
 
 
 def is_in_range(buffer: bytearray, start: int, count: int) -> bool:
