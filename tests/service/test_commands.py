@@ -172,6 +172,15 @@ async def test_an_answer_may_come_before_the_word_that_it_was_sent(bench: Bench)
     assert bench.events[-2] == ("warning", "mag: refused something, which no command waits for")
 
 
+async def test_an_answer_before_a_fault_was_to_something_else(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.answer("")
+    bench.recorder_says(fault="the line was not quiet")
+    assert (await asked)["state"] == "not sent"
+    assert bench.events[-1] == ("info", "mag: acknowledged something, which no command waits for")
+
+
 async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) -> None:
     for _ in range(100):
         bench.answer("", detail="OK")
@@ -184,7 +193,8 @@ async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) 
 # ---------------------------------------------------------------------------------------------------------- no answer
 
 
-async def test_silence_is_timed_out_and_a_late_answer_told(bench: Bench) -> None:
+async def test_silence_is_timed_out_and_a_late_answer_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fti.service.commands.WORD_S", 600.0)  # what is waited for the recorder counts no more
     bench.hint = "navigation is 7.0 s behind"
     asked = await bench.ask_and_send(timeout_s=0.02)
     found = await asked
