@@ -38,9 +38,9 @@ from fti.config import StrictModel
 from fti.drivers import Counters
 from fti.drivers._bits import REVERSED
 from fti.drivers._framing import Framer, Skip
-from fti.drivers._mavlink_decode import READERS
-from fti.drivers._mavlink_encode import Encoder
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
+from fti.drivers.mavlink.decode import READERS
+from fti.drivers.mavlink.encode import Encoder
 from fti.types import Measurement
 
 DOCUMENT = "MAVLink 2 serialization and common.xml (mavlink.io)"

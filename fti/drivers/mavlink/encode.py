@@ -8,7 +8,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common
 
-from fti.drivers._mavlink_decode import (
+from fti.drivers._times import device_time_ns
+from fti.drivers._units import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
+from fti.drivers.mavlink.decode import (
     DOWNWARD,
     FIX_3D,
     IMU_ACCEL,
@@ -19,8 +21,6 @@ from fti.drivers._mavlink_decode import (
     UNKNOWN_U16,
     UNKNOWN_VARIANCE,
 )
-from fti.drivers._times import device_time_ns
-from fti.drivers._units import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
 from fti.types import (
     Attitude,
     DeviceTime,
