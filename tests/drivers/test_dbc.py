@@ -179,6 +179,13 @@ def test_a_state_has_a_number_and_a_name() -> None:
     assert readings(found)["engine.state"] == Reading(stamp=S, name="engine.state", value=15.0, text="failed")
 
 
+def test_outside_its_limits_a_quantity_is_not_valid_either() -> None:
+    """Angles of attack of 90 and 90.01 degrees; the DBC allows 90."""
+    frames = (pack_can(0x18FEF100, struct.pack("<HHhh", 0, 0, angle, 0), extended=True) for angle in (9000, 9001))
+    found, _ = feed(AIR_DATA, *frames)
+    assert [m.valid for m in found if isinstance(m, FlowAngles) and m.aoa is not None] == [True, False]
+
+
 def test_outside_its_limits_a_value_is_not_valid() -> None:
     found, _ = feed(FEATURES, engine(speed=8000.0), engine(message_code=1, speed=8000.25))
     speeds = [m for m in found if isinstance(m, Reading) and m.name == "engine.speed"]

@@ -22,6 +22,8 @@ from fti.logger.session import SessionFolder
 from fti.types import (
     TICK_LINK,
     Ack,
+    Calibration,
+    CalibrationPoint,
     ClearanceIntegrity,
     Event,
     GlideSlope,
@@ -200,6 +202,18 @@ def test_the_recorder_stays_small() -> None:
 
 def open_derived(folder: SessionFolder) -> DerivedLog:
     return DerivedLog(folder, split_s=300, split_mb=100, **ABOUT)
+
+
+def test_every_change_of_a_calibration_is_kept_however_fast_they_come(folder: SessionFolder) -> None:
+    log = open_derived(folder)
+    points = (CalibrationPoint(raw=0, deflection=0.0), CalibrationPoint(raw=9, deflection=0.1))
+    changes = [Calibration(stamp=Stamp(STARTED + i), surface="flaps", points=points, change=str(i)) for i in range(20)]
+    for change in changes:
+        log.measurement("pickups", change)
+    log.close()
+    kept = [json.loads(data) for _, _, _, _, data in read_closed(log.path)]
+    assert [m["change"] for m in kept] == [str(i) for i in range(20)]
+    assert kept[0]["points"] == [{"raw": 0, "deflection": 0.0}, {"raw": 9, "deflection": 0.1}]
 
 
 def test_derived_topics_times_and_schemas(folder: SessionFolder) -> None:

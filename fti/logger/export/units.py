@@ -40,6 +40,7 @@ _BY_CLASS: dict[str, dict[str, str]] = {
     "impact_pressure": {"sd": "Pa"},
     "temperature": {"static": "K", "total": "K"},
     "surface_deflection": {"raw": NONE},
+    "calibration": {"raw": NONE},
     "reading": {"value": "unit"},  # as the column of that name says
     "receiver_clock": {"offset": "s", "offset_sd": "s", "drift": "s/s", "drift_sd": "s/s"},
     "height_above_ground": {"raw": "m", "sd": "m"},
