@@ -98,7 +98,7 @@ class Meaning:
             value = self.quantity.pick(measurement)
             return (valid, value) if value is not None or self.quantity.is_empty(measurement) else None
         if isinstance(measurement, Reading) and measurement.name == self.field.name:
-            return valid, measurement.text or measurement.value
+            return valid, measurement.text or None if measurement.value is None else measurement.value
         return None
 
     def default(self) -> Wire:

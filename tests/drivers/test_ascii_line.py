@@ -196,8 +196,12 @@ def test_what_cannot_be_without_a_value_is_not_said_when_there_is_none() -> None
 
 
 def test_characters_are_a_reading_too() -> None:
-    found = decoded(b"SF11,1.5\r\n", line="{model:s},{slant_range:f}")
+    table = {"line": "{model:s},{state:d}"}
+    found = decoded(b"SF11,2\r\n", **table)
     assert found[0] == Reading(stamp=S, name="model", value=None, text="SF11")
+    named = Reading(stamp=S, name="state", value=2.0, text="tracking")  # a number that has a name is sent as a number
+    encoder = al.make_encoder(options(**table))
+    assert encoder.encode(found[0]) + encoder.encode(named) == [b"SF11,2\r\n"]
 
 
 @pytest.mark.parametrize(
