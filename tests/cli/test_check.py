@@ -110,7 +110,7 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("baud = 57600", "bauds = 57600", "link[0].bauds: there is no such key; allowed here: baud, "),
+        ("baud = 57600", "bauds = 57600", "link[0].bauds: there is no such key; allowed here: answer_ms, baud, "),
         ('driver = "freeflight_ra4500"', 'driver = "ra4500"', "device[0].driver = 'ra4500': no driver"),
         ("rate_hz = 25", "options = { checksum = 1 }", "device[0].options.checksum = 1: input should be 'none', "),
         ("[nav]", '[nav]\nterrain = { files = ["no.npz"], vertical = "egm96" }', "nav.terrain.files[0] = "),
