@@ -119,6 +119,14 @@ def test_what_is_no_packet_of_words_is_skipped(at: int, value: int, reason: str)
     assert seen.counters.skipped[reason] == 1
 
 
+def test_a_length_that_reaches_over_other_packets_is_not_waited_for() -> None:
+    """The last byte of the header has become 240, where three packets of 64 bytes follow."""
+    broken = packet("apmp", 100.0)[:31] + bytes([240])
+    seen = decoder("apmp")
+    assert heights(seen.feed(broken + packet("apmp", 200.0) * 3, 1)) == [200.0] * 3
+    assert seen.counters.skipped["cut_short"] == 1
+
+
 def test_a_packet_and_each_channel_count_on() -> None:
     packer = Apmp()
     data = [packet("apmp", 1.0, 2.0, bus=bus, packer=packer) for bus in (1, 1, 2)]
@@ -139,6 +147,18 @@ def test_no_packet_is_believed_whose_checksum_does_not_hold() -> None:
         seen = vector.decoder()
         assert seen.feed(bytes(broken), 1) == []
         assert seen.counters.framed == 0
+
+
+def test_nor_one_whose_secondary_header_is_damaged() -> None:
+    vector = load("arinc429_chapter10_buses")
+    data = vector.data[vector.data.rindex(b"\x25\xeb") :]
+    assert vector.decoder().feed(data, 1)
+    for bit in range(24 * 8, 36 * 8):
+        broken = bytearray(data)
+        broken[bit // 8] ^= 1 << bit % 8
+        seen = vector.decoder()
+        assert seen.feed(bytes(broken), 1) == []
+        assert seen.counters.skipped["bad_checksum"] == 1
 
 
 def test_the_header_of_a_datagram_is_told_apart() -> None:

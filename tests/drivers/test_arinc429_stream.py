@@ -108,6 +108,16 @@ def test_a_constant_word_is_not_found_at_the_wrong_place() -> None:
         assert decoder.counters.skipped == {"no_sync": 4 - start}
 
 
+def test_a_lost_byte_among_words_that_do_not_change_is_noticed() -> None:
+    """All places have good parity for ever; the one with the labels is found again, and soon."""
+    decoder = arinc429.make_decoder(options())
+    decoder.feed(words(HEIGHT_100) * 10 + words(HEIGHT_100)[:3], 1)
+    found = heights(decoder.feed(words(HEIGHT_100) * 10, 2))
+    assert set(found) == {100.0}
+    assert len(found) >= 9
+    assert decoder.counters.messages == {"radio_height": len(found) + 10}
+
+
 def test_two_places_that_look_alike_are_not_chosen_between() -> None:
     """Data bytes that read like the label, and nothing that changes: released as soon as something does."""
     alike = wire.with_parity(BnrState.NORMAL << 29 | 0x2E << 16 | 0x2E)

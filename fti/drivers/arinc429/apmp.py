@@ -9,7 +9,8 @@ Document: AltaCore-ARINC manual, section APMP, which is not public; the layout i
 
     control bit 31 error, bits 24-27 channel, 16-23 sequence number of the channel; times in steps of 20 ns
 
-A packet has at most 1376 bytes of payload (85 words).  It has no checksum: each word is judged by its own parity.
+A packet has at most 1376 bytes of payload (85 words).  It has no checksum: each word is judged by its own parity, and
+a packet inside which another one begins was cut short.
 """
 
 from __future__ import annotations
@@ -52,7 +53,15 @@ class Apmp:
             return Skip(1, "bad_mode")
         if not TIMES.size <= payload <= MAX_PAYLOAD or (payload - TIMES.size) % RECORD.size:
             return Skip(1, "bad_length")
-        return HEADER.size + payload if len(buffer) >= HEADER.size + payload else 0
+        end = HEADER.size + payload
+        if self._begins_another(buffer, end):
+            return Skip(1, "cut_short")
+        return end if len(buffer) >= end else 0
+
+    @staticmethod
+    def _begins_another(buffer: bytearray, end: int) -> bool:
+        at = buffer.find(MAGIC, MAGIC_AT + len(MAGIC), end)
+        return at >= 0 and int.from_bytes(buffer[at - MAGIC_AT : at - MAGIC_AT + 4], "big") == MODE
 
     def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
         """The words; none of a packet whose status is not good."""
