@@ -26,7 +26,10 @@ from fti.canframe import pack_can
 from fti.clock import SystemClock, choose_epoch_ns
 from fti.drivers.freeflight_ra4500 import Options as RadarOptions
 from fti.drivers.freeflight_ra4500 import encode_height
-from fti.drivers.imar_ixcom import HEALTHY, INSSOL_ID, encode_frame, encode_inssol, encode_status
+from fti.drivers.imar_ixcom.options import NUMBERS
+from fti.drivers.imar_ixcom.solution import encode_inssol
+from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
+from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.types import Attitude, ImuSample, Position, Stamp, Velocity
 from tests.e2e.flood import free_ports, said
 from tests.e2e.harness import Line
@@ -122,7 +125,7 @@ class Source:
 
 
 def _ins(number: int, t_gps_ns: int) -> bytes:
-    return encode_frame(INSSOL_ID, number, t_gps_ns, encode_status(HEALTHY), _SOLUTION)
+    return encode_frame(NUMBERS["INSSOL"], number, t_gps_ns, encode_status(HEALTHY), _SOLUTION)
 
 
 _AT = Stamp(0)

@@ -18,7 +18,10 @@ from fti.buffers.ring import Ring
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import FakeClock
 from fti.drivers import freeflight_ra4500 as ra
-from fti.drivers.imar_ixcom import HEALTHY, INSSOL_ID, encode_frame, encode_inssol, encode_status
+from fti.drivers.imar_ixcom.options import NUMBERS
+from fti.drivers.imar_ixcom.solution import encode_inssol
+from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
+from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
@@ -95,7 +98,7 @@ def _ins(number: int, t_ns: int) -> bytes:
         Velocity(stamp=at, north=SPEED, east=0.0, down=0.0),
         Position(stamp=at, lat=LAT_0 + north_at(t_ns) / RADIUS, lon=0.19, alt=900.0),
     )
-    return encode_frame(INSSOL_ID, number, t_ns - GPS_EPOCH_NS, encode_status(HEALTHY), solution)
+    return encode_frame(NUMBERS["INSSOL"], number, t_ns - GPS_EPOCH_NS, encode_status(HEALTHY), solution)
 
 
 def _frames(duration_s: float) -> list[tuple[int, int, bytes]]:
