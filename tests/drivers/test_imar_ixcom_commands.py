@@ -142,7 +142,7 @@ def acks(*data: bytes) -> list[tuple[str, bool, str]]:
 
 def test_an_answer_says_which_command_it_answers_and_what_became_of_it() -> None:
     found = acks(answer(COUNTERS["align"], 0, b"OK\0"), answer(COUNTERS["save_heading"], 9, b""), answer(3, 99, b"?"))
-    assert found == [("align", True, "ok: OK"), ("save_heading", False, "out of range"), ("", False, "response 99: ?")]
+    assert found == [("align", True, "ok"), ("save_heading", False, "out of range"), ("", False, "response 99: ?")]
 
 
 def test_answers_have_the_numbers_of_the_maker() -> None:
@@ -203,10 +203,18 @@ def test_messages_are_asked_for_and_stopped() -> None:
         ("stop_message", {"message": "INSSOL"}),
         ("poll_message", {"message": "INSVELNED"}),
     ):
-        assert acks(*encoder.respond(ix.command(name, args))) == [(name, True, "ok: ok")]
+        assert acks(*encoder.respond(ix.command(name, args))) == [(name, True, "ok")]
     assert flown(encoder, range(2, 6)) == ["IMUCORR"] * 4 + ["INSRPY"] * 2
     encoder.respond(ix.command("close_channel", {}))
     assert flown(encoder, range(6, 9)) == []
+
+
+def test_answers_have_the_time_of_the_device_as_soon_as_it_knows_one() -> None:
+    encoder, decoder = ix.make_encoder(ix.Options()), ix.make_decoder(ix.Options())
+    (before,) = decoder.feed(encoder.respond(ix.command("align", {}))[0], 1)
+    flown(encoder, range(1, 2))
+    (after,) = decoder.feed(encoder.respond(ix.command("align", {}))[0], 1)
+    assert (before.stamp.t_dev_ns, after.stamp.t_dev_ns) == (None, epoch(1)[0].stamp.t_dev_ns)
 
 
 def test_what_cannot_be_done_is_refused() -> None:

@@ -253,5 +253,5 @@ def decode_response(frame: Frame) -> Ack | None:
     number = RESPONSE.unpack_from(frame.payload)[0]
     meaning = RESPONSES[number] if number < len(RESPONSES) else f"response {number}"
     text = frame.payload[RESPONSE.size :].decode("ascii", "replace").strip("\0 \r\n")
-    detail = f"{meaning}: {text}" if text else meaning
+    detail = f"{meaning}: {text}" if text and text.lower() != meaning else meaning
     return Ack(stamp=frame.stamp, command=NAMES_OF_COUNTERS.get(frame.counter, ""), accepted=number == 0, detail=detail)

@@ -161,7 +161,9 @@ class Encoder:
         number = self._obey(frame.payload) if frame.number == NUMBERS["COMMAND"] else 0
         text = RESPONSES[number].encode()
         payload = RESPONSE.pack(number, len(text)) + text
-        return encode_frame(NUMBERS["RESPONSE"], frame.counter, 0, encode_status(self._latest.flags), payload)
+        flags = self._latest.flags if self._now else (*self._latest.flags, "time_invalid")
+        t_gps_ns = device_time_ns(self._now, TimeScale.GPS) if self._now else 0
+        return encode_frame(NUMBERS["RESPONSE"], frame.counter, t_gps_ns, encode_status(flags), payload)
 
     def _obey(self, payload: bytes) -> int:
         """The number of the response to a command."""
