@@ -11,7 +11,8 @@ A line that is not like the template is skipped (``other_line``; ``no_match`` wh
 characters), one whose checksum does not hold, too.  A line whose beginning was not seen is not taken.
 
 The default is what is assumed of the ILM 500 laser altimeter, whose format is not public: metres as a decimal number,
-CR LF, 0 or a line "E<number>" when there is no return, and at most 500 m.
+CR or CR LF, at most 500 m; without a return one of the distances by which LightWare's lasers say that (``_laser``), 0,
+a negative number, or a line "E<number>".
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from fti.drivers import Command, Counters
 from fti.drivers._asked import Asked
 from fti.drivers._checksums import CHECKSUMS, Kind
 from fti.drivers._fields import Field, Meaning, Teller, decode_fields, meanings
+from fti.drivers._laser import LOST_M
 from fti.drivers._lines import FirstLine, LineFramer
 from fti.drivers._template import CHECKSUM, Template
 from fti.types import Measurement, Stamp
@@ -70,7 +72,7 @@ class Options(StrictModel):
     """
 
     line: str = "{slant_range:f}"
-    fields: tuple[Field, ...] = (Field(name="slant_range", lost=(0.0,), limits=(0.0, 500.0)),)
+    fields: tuple[Field, ...] = (Field(name="slant_range", lost=(*LOST_M, 0.0), limits=(0.0, 500.0)),)
     lost_lines: tuple[str, ...] = ("E{_code:d}",)
     terminator: Annotated[str, pydantic.Field(min_length=1, max_length=4)] = "\r\n"
     checksum: LineChecksum | None = None

@@ -276,6 +276,12 @@ def test_the_first_line_is_not_taken_unless_it_is_known_to_be_whole() -> None:
     assert decoder.counters.skipped == {"no_beginning": 6}
 
 
+@pytest.mark.parametrize("text", ["130.00", "160.0", "230", "250.00", "0.00", "-1.00", "500.01", "E15"])
+def test_what_is_assumed_of_the_ilm_500_takes_no_lost_signal_for_a_range(text: str) -> None:
+    found = al.make_decoder(al.Options()).feed(f"\r\n{text}\r\n129.99\r".encode(), 1)
+    assert found == [Range(stamp=S, slant_range=None, valid=False), Range(stamp=S, slant_range=129.99)]
+
+
 def test_other_terminators() -> None:
     table = {"line": "\x02{x:d}", "terminator": "\x03"}
     assert values(b"\x021\x03\x022\r\x03\x023\x03", **table) == [1.0, 3.0]
