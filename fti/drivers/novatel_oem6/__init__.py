@@ -9,7 +9,7 @@ body, CRC-32 (reflected 0xEDB88320, begun at 0, not inverted at the end) over he
                   24 reserved u16 | 26 version u16
     short header  AA 44 13 | body u8 | message u16 | week u16 | ms u32          framed and counted by name
     ASCII         #NAME,...;...*crc32 CR LF (% for the short form)              framed, checked, counted by name
-    answers       binary, #NAMER,...;OK*crc32, <OK, <ERROR:text                 Ack; a prompt [COM1] is counted
+    answers       binary, <OK, <ERROR:text: Ack | #NAMER,...;text*crc32: Ack when refused | a prompt [COM1] is counted
 
 The bodies are taken apart by tables of our own, and not by the maker's package, so that the package can judge them
 (docs/decisions/0010-novatel.md).  One file per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
@@ -17,7 +17,8 @@ SATVIS2), ``observations`` (RANGE, RANGECMP), ``clock`` (TIME, CLOCKMODEL), ``st
 header of OEM4 and OEMV receivers is the same; its length is taken as it says.
 
 t_dev_ns is the GPS time of the header where the receiver knows it (FREEWHEELING, FINE, FINEBACKUPSTEERING,
-FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84.
+FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84.  What a
+receiver with two antennas measures at the second one is counted, and not mixed with the first.
 
 The receiver is silent until it is asked: ``logs`` are asked for after every connect and again every ``ask_again_s``,
 because a receiver that was switched off and on has forgotten them and its serial line does not tell.  Asking for what
@@ -38,16 +39,17 @@ from fti.drivers._framing import Framer
 from fti.drivers.novatel_oem6 import commands
 from fti.drivers.novatel_oem6.clock import stamp_of
 from fti.drivers.novatel_oem6.framing import (
-    ASCII_FORMATS,
     COUNTED_MAX,
     RESPONSE_BIT,
+    SECOND_ANTENNA,
     SHORT_HEADER,
     SHORT_SYNC,
+    SOURCE_BITS,
     SYNC,
     measure,
     split,
 )
-from fti.drivers.novatel_oem6.messages import READERS, name_of, number_of
+from fti.drivers.novatel_oem6.messages import NAMES, NUMBERS, READERS, name_of, number_of
 from fti.drivers.novatel_oem6.receiver import Encoder
 from fti.types import Measurement, Stamp
 
@@ -85,7 +87,8 @@ AIRCRAFT_LOGS = {
 
 def _checked_logs(logs: dict[str, float]) -> dict[str, float]:
     for message, period in logs.items():
-        number_of(message)
+        if number_of(message) not in NAMES:
+            raise ValueError(f"message = {message!r}: must be a name; there are {', '.join(sorted(NUMBERS))}")
         if period:
             commands.check_period(period)
     return logs
@@ -126,8 +129,8 @@ def _read(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
         return "prompt", []
     if frame.startswith(b"<"):
         return "response", commands.decode_abbreviated(frame, Stamp(t_rx_ns))
-    acks = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))
-    return "response" if acks else frame[1 : frame.index(b",")].decode("ascii"), acks
+    refused = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))
+    return ("response", refused) if refused is not None else (frame[1 : frame.index(b",")].decode("ascii"), [])
 
 
 def _read_binary(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
@@ -135,10 +138,10 @@ def _read_binary(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
     stamp = stamp_of(header, t_rx_ns)
     if header.message_type & RESPONSE_BIT:
         return "response", commands.decode_answer(header, body, stamp)
-    reader = READERS.get(header.message_id)
-    if reader is None or header.message_type & ASCII_FORMATS:
-        return name_of(header.message_id), []
-    return name_of(header.message_id), reader(body, header, stamp)
+    name, reader = name_of(header.message_id), READERS.get(header.message_id)
+    if header.message_type & SOURCE_BITS == SECOND_ANTENNA:
+        return f"{name} of the second antenna", []
+    return name, reader(body, header, stamp) if reader else []
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -153,7 +156,7 @@ def make_encoder(options: Options) -> Encoder:
 
 def on_connect(options: Options) -> list[bytes]:
     """LOG for everything that is wanted."""
-    return [commands.log_command(message, period) for message, period in options.logs.items()]
+    return [commands.standing_request(message, period) for message, period in options.logs.items()]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:

@@ -9,6 +9,7 @@
     answer          the header with the number of the command and bit 7 of the message type | 0 code u32 (1 OK) | 4 text
 
 To an abbreviated command the receiver answers ``<OK`` or ``<ERROR:text``, to an ASCII command ``#LOGR,...;OK*crc``.
+What people send goes out in binary form; what the receiver is asked for after every connect, in ASCII.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Callable, Mapping
 
 from fti.drivers import Command
 from fti.drivers.novatel_oem6 import messages
-from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, Header, encode_frame
+from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, Header, encode_frame, encode_text
 from fti.types import Ack, Stamp
 
 LOG = struct.Struct("<IHBBIddI")
@@ -71,6 +72,8 @@ NUMBERS = {name: messages.NUMBERS[name.upper()] for name in COMMANDS}
 NAMES = {number: name for name, number in NUMBERS.items()}
 #: Header of a command: the receiver takes the time of its own clock.
 TO_RECEIVER = Header(b"", 0, 0, 0, PORTS["thisport"], 0, 0, 0, 0xFF, 0, 0, 0, 0, 0)
+#: Head of LOG in ASCII form.
+ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 
 
 def command(name: str, args: Mapping[str, str]) -> bytes:
@@ -151,10 +154,14 @@ _BODIES: dict[str, Callable[[Mapping[str, str]], bytes]] = {
 }
 
 
-def log_command(message: str, period: float) -> bytes:
-    """LOG of a message every ``period`` seconds; 0: whenever it changes."""
-    when = {"period": str(period)} if period else {"trigger": "onchanged"}
-    return command("log", {"message": message, **when})
+def standing_request(message: str, period: float) -> bytes:
+    """LOG in ASCII form, of a message every ``period`` seconds; 0: whenever it changes.
+
+    In ASCII, because its answer then comes in ASCII and cannot be taken for the answer to a command.
+    """
+    name = messages.NAMES[messages.number_of(message)]
+    trigger = "ONTIME" if period else "ONCHANGED"
+    return encode_text(f"{ASCII_LOG};THISPORT,{name}B,{trigger},{period:.6f},0.000000,NOHOLD")
 
 
 # ------------------------------------------------------------------------------------------------------- answers
@@ -176,17 +183,20 @@ def decode_abbreviated(line: bytes, stamp: Stamp) -> list[Ack]:
     return [Ack(stamp=stamp, command="", accepted=text == "OK", detail=text.removeprefix("ERROR:"))]
 
 
-def decode_ascii_answer(line: bytes, stamp: Stamp) -> list[Ack]:
-    """``#LOGR,...;OK*crc``; nothing for other ASCII messages."""
+def decode_ascii_answer(line: bytes, stamp: Stamp) -> list[Ack] | None:
+    """``#LOGR,...;OK*crc``: what was refused; None for other ASCII messages.
+
+    That a standing request is accepted, every time it is repeated, needs nobody's attention.
+    """
     head, _, rest = line[1:].decode("ascii").partition(";")
-    name = head.partition(",")[0].removesuffix("R").lower()
-    if not head.partition(",")[0].endswith("R") or name not in COMMANDS:
-        return []
+    name = head.partition(",")[0]
+    if not name.endswith("R") or name[:-1].lower() not in COMMANDS:
+        return None
     text = rest.rpartition("*")[0].strip('"')
-    return [Ack(stamp=stamp, command=name, accepted=text == "OK", detail=text)]
+    return [] if text == "OK" else [Ack(stamp=stamp, command=name[:-1].lower(), accepted=False, detail=text)]
 
 
 def encode_answer(header: Header, message_id: int, code: int, text: str) -> bytes:
-    """The receiver's answer; header : with its time and status."""
+    """The receiver's answer to a binary command; header : with its time and status."""
     header = header._replace(message_id=message_id, message_type=RESPONSE_BIT)
     return encode_frame(header, ONE.pack(code) + text.encode("ascii"))

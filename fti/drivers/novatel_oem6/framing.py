@@ -19,7 +19,7 @@ SHORT_HEADER = struct.Struct("<3sBHHI")
 CRC_SIZE = 4
 HEADER_MAX = 64
 RESPONSE_BIT = 0x80
-ASCII_FORMATS = 0x60  # bits 5 and 6 of the message type
+SOURCE_BITS, SECOND_ANTENNA = 0x1F, 1  # of the message type; OEM4 and OEMV leave other values there
 
 #: Most bytes of a frame; one whose count of entries agrees with its length may have more.
 PLAIN_MAX, COUNTED_MAX = 4096, 24_576
@@ -82,6 +82,12 @@ def encode_frame(header: Header, body: bytes) -> bytes:
     return data + crc32(data).to_bytes(CRC_SIZE, "little")
 
 
+def encode_text(text: str) -> bytes:
+    """An ASCII message; start, CRC and end of line are made here."""
+    data = text.encode("ascii")
+    return b"#%s*%08x\r\n" % (data, crc32(data))
+
+
 def split(frame: bytes) -> tuple[Header, bytes]:
     """Header and body of a binary frame with long header."""
     header = Header._make(HEADER.unpack_from(frame))
@@ -118,8 +124,7 @@ def _long_length(buffer: bytearray) -> int | Skip:
     if not HEADER.size <= header <= HEADER_MAX:
         return Skip(1, "bad_header")
     total = header + body + CRC_SIZE
-    is_answer = buffer[6] & (RESPONSE_BIT | ASCII_FORMATS)
-    shape = None if is_answer else SHAPES.get(buffer[4] | buffer[5] << 8)
+    shape = None if buffer[6] & RESPONSE_BIT else SHAPES.get(buffer[4] | buffer[5] << 8)
     if shape is None:
         return total if total <= PLAIN_MAX else Skip(1, "bad_length")
     if not shape.step:

@@ -1,7 +1,7 @@
 """The emulated receiver: it sends what it was asked for, and answers commands.
 
 A receiver is silent until it is asked; with ``unasked`` it sends everything from the beginning, whenever it is
-measured.  It takes binary commands and abbreviated ones (``log bestposb ontime 0.1``), and answers each in its kind.
+measured.  It takes commands in all three forms (abbreviated: ``log bestposb ontime 0.1``), and answers each in its own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fti.drivers._times import SECOND_NS, device_time_ns, gps_week
 from fti.drivers.novatel_oem6 import commands, messages
 from fti.drivers.novatel_oem6.clock import FINE_STEERING, UTC_OFFSET, encode_clockmodel, encode_time
 from fti.drivers.novatel_oem6.commands import TRIGGERS
-from fti.drivers.novatel_oem6.framing import PLAIN_MAX, SYNC, Header, encode_frame, measure, split
+from fti.drivers.novatel_oem6.framing import PLAIN_MAX, SYNC, Header, encode_frame, encode_text, measure, split
 from fti.drivers.novatel_oem6.observations import encode_range
 from fti.drivers.novatel_oem6.sky import encode_psrdop, encode_satvis2
 from fti.drivers.novatel_oem6.solution import encode_bestpos, encode_bestvel
@@ -168,6 +168,8 @@ class Encoder:
         return [answer for _, frame in self._framer.feed(data, 0) for answer in self._answer(frame)]
 
     def _answer(self, frame: bytes) -> list[bytes]:
+        if frame.startswith(b"#"):
+            return self._answer_ascii(frame)
         if not frame.startswith(SYNC):
             return self._answer_line(frame.decode("ascii", errors="replace").split())
         header, body = split(frame)
@@ -177,14 +179,24 @@ class Encoder:
     def _answer_line(self, words: list[str]) -> list[bytes]:
         if not words:
             return []
+        code, text = self._take_words(words)
+        line = "OK" if code == commands.CODE_OK else f"ERROR:{text}"
+        return [b"\r\n<" + line.encode("ascii") + PROMPT]
+
+    def _answer_ascii(self, line: bytes) -> list[bytes]:
+        if measure(bytearray(line)) != len(line):
+            return []
+        head, _, rest = line[1:].decode("ascii").partition(";")
+        name = head.partition(",")[0].removesuffix("A")
+        _, text = self._take_words([name, *rest.partition("*")[0].split(",")])
+        return [encode_text(f"{name}R,COM1,0,50.0,FINESTEERING,{self._header(0, 0).week},0.000,0,0,0;{text}")]
+
+    def _take_words(self, words: list[str]) -> tuple[int, str]:
         try:
             header, body = split(from_words(words))
         except ValueError:
-            code, text = INVALID_FIELD if words[0].lower() in commands.COMMANDS else INVALID_ID
-        else:
-            code, text = self._take(header.message_id, body)
-        line = "OK" if code == commands.CODE_OK else f"ERROR:{text}"
-        return [b"\r\n<" + line.encode("ascii") + PROMPT]
+            return INVALID_FIELD if words[0].lower() in commands.COMMANDS else INVALID_ID
+        return self._take(header.message_id, body)
 
     def _take(self, number: int, body: bytes) -> tuple[int, str]:
         handler = self._answers.get(number)
