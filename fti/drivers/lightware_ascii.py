@@ -73,8 +73,11 @@ class Options(StrictModel):
 
 
 def read_distance(line: bytes, query: str) -> float | None:
-    """The distance [m] in a line without its end; None when it carries none."""
-    found = (LDF_ANSWER if query == "ldf" else DISTANCE).fullmatch(line)
+    """The distance [m] in a line without its end; None when it carries none.
+
+    With query = "ldf" a number alone is the end of an answer.
+    """
+    found = LDF_ANSWER.fullmatch(line) or (None if query == "ldf" else DISTANCE.fullmatch(line))
     return float(found[1]) if found else None
 
 

@@ -24,6 +24,11 @@ def test_the_example_of_the_manual_in_metres() -> None:
     assert ranges(b"\r\n98.67\r\n") == [98.67]
 
 
+def test_an_answer_of_an_lw20_is_understood_whoever_asked_and_a_number_alone_is_its_end() -> None:
+    assert ranges(b"\rldf,1:23.67\r\n") == [23.67]
+    assert ranges(b"ldf,1:23.67\r\n30.00\r\n", LDF) == [23.67]
+
+
 @pytest.mark.parametrize("told", ["130.00", "160.00", "230.00", "250.00", "-1.00", "-0.01", "-130.00"])
 def test_what_means_a_lost_signal_is_lost(told: str) -> None:
     assert ranges(f"\r{told}\r".encode()) == [None]
