@@ -29,6 +29,8 @@ from cantools.database.errors import Error
 
 MILLISECOND_NS = 1_000_000
 NOBODY = "Vector__XXX"
+#: Where editors keep signals that are in no message.
+NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 #: Cuts a raw value out of the little-endian and the big-endian word of a frame.
@@ -132,7 +134,7 @@ class Layout:
 def read_dbc(text: str) -> Database:
     """The database in the text of a DBC.  Raises ValueError naming what is wrong."""
     try:
-        database = cantools.database.load_string(text, "dbc", strict=True)
+        database = cantools.database.load_string(text, "dbc", strict=False)
     except Error as error:
         reason = str(error).removeprefix('DBC: "').removesuffix('"')
         raise ValueError(f"dbc: {reason}") from None
@@ -143,7 +145,7 @@ def read_dbc(text: str) -> Database:
 @cache
 def read_layouts(text: str) -> tuple[Layout, ...]:
     """The messages of a DBC.  Raises ValueError naming what is wrong."""
-    return tuple(_layout(message) for message in read_dbc(text).messages)
+    return tuple(_layout(message) for message in read_dbc(text).messages if message.name != NO_MESSAGE)
 
 
 def _layout(message: Any) -> Layout:
@@ -160,6 +162,8 @@ def _layout(message: Any) -> Layout:
 
 
 def _signal(signal: Any, length: int) -> Signal:
+    if _first_bit(signal) + signal.length > 8 * length:
+        raise ValueError(f"dbc: signal {signal.name!r} does not fit into the {length} bytes of its message")
     conversion = signal.conversion
     is_float = conversion.is_float
     least, most = _range(signal.length, signal.is_signed, is_float)
@@ -188,11 +192,17 @@ def _range(bits: int, signed: bool, is_float: bool) -> tuple[float, float]:
 
 
 def _cut(signal: Any, length: int, is_float: bool) -> Cut:
-    bits, start = signal.length, signal.start
+    bits, first = signal.length, _first_bit(signal)
     mask, sign = (1 << bits) - 1, (1 << bits - 1) * signal.is_signed
     if signal.byte_order == "big_endian":
-        return _typed(_cut_big(8 * length - (start - start % 8 + 7 - start % 8) - bits, mask, sign), bits, is_float)
-    return _typed(_cut_little(start, mask, sign), bits, is_float)
+        return _typed(_cut_big(8 * length - first - bits, mask, sign), bits, is_float)
+    return _typed(_cut_little(first, mask, sign), bits, is_float)
+
+
+def _first_bit(signal: Any) -> int:
+    """Where the signal begins, counted in its own byte order."""
+    start: int = signal.start
+    return start - start % 8 + 7 - start % 8 if signal.byte_order == "big_endian" else start
 
 
 def _cut_little(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:

@@ -5,22 +5,18 @@ cantools encodes, so what the compiled decoder makes of a frame is judged by ano
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from fti.canframe import pack_can
 from fti.drivers._dbc import Layout, Signal
 
 
 class FrameBuilder:
-    """Builds the frames of one message.
+    """Builds the frames of one message."""
 
-    own : signals that nobody tells: the rolling counter, the number of the node
-    """
-
-    def __init__(self, layout: Layout, own: Collection[str] = ()) -> None:
+    def __init__(self, layout: Layout) -> None:
         self.layout = layout
         self.signals: Mapping[str, Signal] = {s.name: s for s in layout.signals}
-        self._own = frozenset(own)
         self._raw: dict[str, float] = {}
 
     def tell(self, name: str, raw: float) -> None:
@@ -28,7 +24,7 @@ class FrameBuilder:
         self._raw[name] = raw
 
     def frame(self, own: Mapping[str, float]) -> bytes | None:
-        """The frame, when all that is in it has been told.  own : what this end itself puts in."""
+        """The frame, when all that is in it has been told.  own : what nobody tells: counter, node."""
         told = {**self._raw, **{name: raw for name, raw in own.items() if name in self.signals}}
         chosen = {s.name: int(told[s.name]) for s in self.layout.selectors if s.name in told}
         present = [s.name for s in self.layout.selected(chosen)]

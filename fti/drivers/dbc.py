@@ -17,8 +17,9 @@ What becomes of a signal:
 Big- and little-endian, signed, float, multiplexed (also one in the other, ranges of selectors), extended identifiers,
 CAN FD.  A value outside [min|max] is not valid; a raw value that a value table names is the ``text`` of the Reading,
 and where the signal measures something (it has a unit, a factor or an offset) it is a state, not a number: "not
-available" never comes out as 655.35.  A quantity whose unit does not measure it is a Reading like any other.  A frame
-shorter than its message is skipped; of one whose multiplexer says what the DBC does not know, the rest is decoded.
+available" never comes out as 655.35.  A quantity whose unit does not measure it is a Reading like any other.  A value
+is a float: integers beyond 2^53 lose their last digits.  Signals may overlap.  A frame shorter than its message is
+skipped; of one whose multiplexer says what the DBC does not know, the rest is decoded.
 
 Option ``counter`` names the signal that counts the messages (``_bus_watch``): what was lost and who fell silent is
 told as a DeviceStatus.  Nodes are the senders of the DBC, or else the messages themselves.  Without a DBC the driver
@@ -28,8 +29,6 @@ has that of CANaerospace, which shows what it does.
 from __future__ import annotations
 
 import importlib.resources
-from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from typing import Annotated
 
@@ -42,8 +41,9 @@ from fti.drivers._bus_watch import BusWatch, status
 from fti.drivers._can import frame_head, why_skipped
 from fti.drivers._dbc import Layout, Signal, read_layouts
 from fti.drivers._dbc_frames import FrameBuilder
-from fti.drivers._quantities import QUANTITIES, to_si
-from fti.drivers._quick import quick_reading, quick_stamp
+from fti.drivers._dbc_makers import Maker, maker_of, quantity_scale
+from fti.drivers._quantities import QUANTITIES
+from fti.drivers._quick import quick_stamp
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.types import Measurement, Reading, Stamp
 
@@ -52,9 +52,6 @@ MESSAGES = {"(other)": "every message of the DBC, by its name: quantities as mea
 CARRIERS = frozenset({"can"})
 
 BUILT_IN = importlib.resources.files("fti.drivers.canaerospace").joinpath("parameters.dbc")
-
-#: Makes the measurement of one signal from the two words of a frame.
-Maker = Callable[[Stamp, int, int], Measurement | None]
 
 
 class Options(StrictModel):
@@ -73,77 +70,6 @@ class Options(StrictModel):
 def text_of(options: Options) -> str:
     """The DBC that is used."""
     return options.dbc or BUILT_IN.read_text("utf-8")
-
-
-def quantity_scale(signal: Signal) -> tuple[float, float] | None:
-    """Factor and offset from the signal's unit to SI; None when it is no quantity, or its unit does not measure it."""
-    if signal.name not in QUANTITIES:
-        return None
-    try:
-        return to_si(signal.name, signal.unit)
-    except ValueError:
-        return None
-
-
-def maker_of(message: str, signal: Signal) -> Maker:
-    """How the signal becomes a measurement."""
-    scale = quantity_scale(signal)
-    if scale is not None:
-        return _quantity_maker(signal, *scale)
-    return _reading_maker(f"{message}.{signal.name}", signal)
-
-
-def _quantity_maker(signal: Signal, factor: float, offset: float) -> Maker:
-    cut, physical, quantity = signal.cut, signal.physical, QUANTITIES[signal.name]
-    make = quantity.maker()
-
-    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
-        value, valid = physical(cut(little, big))
-        if value is None:
-            return quantity.make(stamp, None, valid)
-        return make(stamp, value * factor + offset, valid)
-
-    return made
-
-
-def _reading_maker(name: str, signal: Signal) -> Maker:
-    if signal.is_float:
-        return _float_maker(name, signal)
-    if signal.states:
-        return _state_maker(name, signal)
-    cut, unit, factor, offset = signal.cut, signal.unit, signal.factor, signal.offset
-    low, high = signal.low, signal.high
-
-    def made(stamp: Stamp, little: int, big: int) -> Reading:
-        value = cut(little, big) * factor + offset
-        return quick_reading(stamp, name, value, unit, low <= value <= high)
-
-    return made
-
-
-def _state_maker(name: str, signal: Signal) -> Maker:
-    cut, unit, names, measures = signal.cut, signal.unit, signal.states, signal.measures
-    numbers = _reading_maker(name, replace(signal, states={}))
-
-    def made(stamp: Stamp, little: int, big: int) -> Measurement | None:
-        raw = cut(little, big)
-        if raw not in names:
-            return numbers(stamp, little, big)
-        value, valid = (None, False) if measures else (float(raw), True)
-        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names[raw])
-
-    return made
-
-
-def _float_maker(name: str, signal: Signal) -> Maker:
-    cut, unit, physical, names = signal.cut, signal.unit, signal.physical, signal.states
-
-    def made(stamp: Stamp, little: int, big: int) -> Reading:
-        raw = cut(little, big)
-        value, valid = physical(raw)
-        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names.get(raw, ""))
-
-    return made
 
 
 class Plan:

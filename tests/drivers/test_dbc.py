@@ -291,6 +291,17 @@ def test_a_quantity_in_a_unit_that_does_not_measure_it_is_a_reading() -> None:
     assert readings(found)["air_data_slow.calibrated_airspeed"].unit == "knots"
 
 
+def test_signals_may_overlap_and_those_of_no_message_are_left_alone() -> None:
+    """Both are usual in DBCs that editors write."""
+    independent = 'BO_ 3221225472 VECTOR__INDEPENDENT_SIG_MSG: 0 Vector__XXX\n SG_ spare : 0|8@1+ (1,0) [0|0] "" X\n\n'
+    overlapping = ' SG_ both : 0|32@1+ (1,0) [0|0] "" Vector__XXX\n\nCM_ BO_'
+    text = AIR_DATA.replace("BO_ 2566844672", independent + "BO_ 2566844672", 1).replace("\nCM_ BO_", overlapping, 1)
+    data = bytes(range(1, 9))
+    found, _ = feed(text, pack_can(0x18FEF200, data, extended=True))
+    assert readings(found)["air_data_slow.both"].value == int.from_bytes(data[:4], "little")
+    assert readings(found)["air_data_slow.heater_state"].value == 8.0
+
+
 # ---------------------------------------------------------------------------------------------------- wrong DBCs
 
 
@@ -299,7 +310,10 @@ def test_a_quantity_in_a_unit_that_does_not_measure_it_is_a_reading() -> None:
     [
         ("garbage", "dbc: Invalid syntax at line 1, column 1"),
         (AIR_DATA.replace(": 0|16@1+", "0|16@1+", 1), r"dbc: Invalid syntax at line 10, column 22"),
-        (AIR_DATA.replace(": 48|16@1-", ": 60|16@1-"), "dbc: The signal sideslip does not fit"),
+        (
+            AIR_DATA.replace(": 48|16@1-", ": 60|16@1-"),
+            "dbc: signal 'sideslip' does not fit into the 8 bytes of its message",
+        ),
         (re.sub(r"BO_ .*", "", AIR_DATA, flags=re.DOTALL), "dbc: there is no message in it"),
     ],
 )

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers._dbc import Layout, Signal, read_layouts
+from fti.drivers._dbc_makers import quantity_scale
 from fti.drivers._quantities import QUANTITIES
-from fti.drivers.dbc import Options, quantity_scale, text_of
+from fti.drivers.dbc import Options, text_of
 from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections
