@@ -88,7 +88,7 @@ def test_one_system_can_be_chosen() -> None:
     stream = pack(ATTITUDE, system=1) + pack(ATTITUDE, system=7) + pack(ATTITUDE, system=1, force_mavlink1=True)
     found, counters = decode(stream, system=7)
     assert len(found) == 2
-    assert counters.messages == {"ATTITUDE": 1, "other system": 2}
+    assert counters.messages == {"ATTITUDE": 1, "other source": 2}
 
 
 @pytest.mark.parametrize(

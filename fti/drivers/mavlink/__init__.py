@@ -1,110 +1,91 @@
-"""MAVLink 2 (and 1) of an autopilot, common dialect.
+"""MAVLink 2 and 1 of an autopilot.
 
-Document: mavlink.io, MAVLink 2 serialization and common.xml, as carried by the package ``pymavlink`` 2.4.  Framing is
-ours (bytes accounted, first-byte stamps, no parser state shared by several sources); a complete frame is taken apart
-by ``pymavlink``.
+Document: mavlink.io, MAVLink 2 serialization, message signing, common.xml (or ardupilotmega.xml, option ``dialect``).
+The tables of the messages (names, order and kind of the fields, seed of the CRC) are those that ``pymavlink`` has
+generated from these files; framing, checks and units are ours.
 
     v2   FD | length | incompatible | compatible | sequence | system | component | message u24 | payload | CRC u16
-         | signature 13 B when incompatible bit 0 is set (carried over, not verified)
+         | link u8, time u48 [10 us], signature 6 B: when incompatible bit 0 is set
     v1   FE | length | sequence | system | component | message u8 | payload | CRC u16
     CRC  CRC-16/MCRF4XX over everything behind the first byte, and a seed byte of the message
+    Zeros at the end of a payload of v2 are not sent; one that is longer than known is of a newer definition.  In v1
+    the length must be that of the definition.
 
 A message that the dialect does not know has no known seed, so its CRC proves nothing: refused ("unknown_message").
 
-    24 GPS_RAW_INT          fix, lat lon 1e-7 deg, altitudes mm (MSL, ellipsoid), speed cm/s, course 0.01 deg
-    29 SCALED_PRESSURE      absolute, differential [hPa]          30 ATTITUDE   roll pitch yaw [rad], rates [rad/s]
+Signatures: without ``key`` a signed frame is taken as any other, and counted as "signed, not verified".  With ``key``
+(64 hexadecimal digits, or ``key_file``) only frames that are signed with it are taken, and of each source and link only
+later ones than the last; version 1 cannot be signed.
+
+Sources: each system and component has its own sequence number; what is missing is counted in ``lost`` and told as a
+Reading "lost_from_S_C".  One that starts again looks like a loss; a number that comes twice is none.
+
+    0 HEARTBEAT             state and mode of an autopilot       1 SYS_STATUS   sensors not healthy, load, battery
+    2 SYSTEM_TIME           UNIX us                              111 TIMESYNC   ns
+    24 GPS_RAW_INT          fix, lat lon 1e-7 deg, altitudes mm (MSL, ellipsoid), speed cm/s, course 0.01 deg, sigmas mm
+    26 SCALED_IMU           mG, mrad/s, mgauss                   27 RAW_IMU     counts, or the same (``raw_imu``)
+    29 SCALED_PRESSURE      absolute, differential [hPa]; 137, 143 the second and third: readings
+    30 ATTITUDE             roll pitch yaw [rad], rates [rad/s]  31 ATTITUDE_QUATERNION
+    32 LOCAL_POSITION_NED   m, m/s
     33 GLOBAL_POSITION_INT  lat lon 1e-7 deg, alt mm (option ``height``: MSL by the standard), velocity NED cm/s
-    105 HIGHRES_IMU         m/s^2, rad/s, gauss, hPa, as far as ``fields_updated`` says
+    74 VFR_HUD              airspeed, climb [m/s]
+    105 HIGHRES_IMU, 107 HIL_SENSOR   m/s^2, rad/s, gauss, hPa, as far as ``fields_updated`` says
+    113 HIL_GPS             as 24, with velocity NED cm/s
     132 DISTANCE_SENSOR     cm; only orientation 25 (down); radar gives a RadioHeight, everything else a Range;
                             not valid outside min..max or with signal_quality 1
-    2 SYSTEM_TIME           UNIX us
+    136 TERRAIN_REPORT      the autopilot's map: readings        253 STATUSTEXT  a reading with the text
+    77 COMMAND_ACK          of our commands
 
-``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken.  The emulated
-autopilot sends ATTITUDE (with the rates of an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample with
-accelerations, GLOBAL_POSITION_INT for a Position that has a Velocity of the same t_rx_ns, GPS_RAW_INT beside it when
-both heights are known, SCALED_PRESSURE for a StaticPressure (with the ImpactPressure of the same t_rx_ns).
+``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken; SCALED_IMU2 and 3
+are other sensors of the same autopilot and are counted only.  The emulated autopilot sends ATTITUDE (with the rates of
+an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample with accelerations (with the MagneticField of the same
+t_rx_ns), GLOBAL_POSITION_INT for a Position that has a Velocity of the same t_rx_ns, GPS_RAW_INT beside it when both
+heights are known, SCALED_PRESSURE for a StaticPressure (with the ImpactPressure of the same t_rx_ns), HEARTBEAT for a
+DeviceStatus.  ``emulate`` "simulator" sends HIL_SENSOR and HIL_GPS instead, for an autopilot that flies in a
+laboratory.
 """
 
 from __future__ import annotations
 
-import binascii
-import re
-from typing import Annotated, Literal
-
-from pydantic import Field
-from pymavlink.dialects.v20 import common
-
-from fti.config import StrictModel
 from fti.drivers import Counters
-from fti.drivers._bits import REVERSED
-from fti.drivers._framing import Framer, Skip
-from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
-from fti.drivers.mavlink.decode import READERS
+from fti.drivers._framing import Framer
+from fti.drivers._talker import on_connect
+from fti.drivers.mavlink import motion, sensors, system
+from fti.drivers.mavlink.commands import COMMANDS, Options, command, poll
 from fti.drivers.mavlink.encode import Encoder
-from fti.types import Measurement
+from fti.drivers.mavlink.fields import Settings
+from fti.drivers.mavlink.wire import FRAME_MAX, Frames, Header, crc, header, layout, message_id, payload
+from fti.types import Measurement, Reading, Stamp
 
-DOCUMENT = "MAVLink 2 serialization and common.xml (mavlink.io)"
+DOCUMENT = "MAVLink 2 serialization, message signing and common.xml (mavlink.io)"
 MESSAGES = {
-    "GPS_RAW_INT": "position, ground speed and track, kind of fix, dilution of precision",
-    "SCALED_PRESSURE": "static and impact pressure",
-    "ATTITUDE": "attitude and body rates",
-    "GLOBAL_POSITION_INT": "position and velocity",
-    "HIGHRES_IMU": "inertial sample, magnetic field, pressures",
-    "DISTANCE_SENSOR": "range or radio height, looking down",
+    "HEARTBEAT": "state and mode of an autopilot",
+    "SYS_STATUS": "sensors that are not healthy, load, battery",
     "SYSTEM_TIME": "the autopilot's UTC",
+    "TIMESYNC": "the sender's time",
+    "GPS_RAW_INT": "position, ground speed and track, kind of fix, dilution of precision",
+    "SCALED_IMU": "inertial sample, magnetic field",
+    "RAW_IMU": "inertial sample and magnetic field in counts, or as SCALED_IMU",
+    "SCALED_PRESSURE": "static and impact pressure",
+    "SCALED_PRESSURE2": "a second sensor of static and differential pressure",
+    "SCALED_PRESSURE3": "a third one",
+    "ATTITUDE": "attitude and body rates",
+    "ATTITUDE_QUATERNION": "attitude and body rates",
+    "LOCAL_POSITION_NED": "velocity, place from the autopilot's own origin",
+    "GLOBAL_POSITION_INT": "position and velocity",
+    "VFR_HUD": "indicated airspeed, climb, throttle",
+    "HIGHRES_IMU": "inertial sample, magnetic field, pressures",
+    "HIL_SENSOR": "the same, from a simulator",
+    "HIL_GPS": "position, velocity, kind of fix, from a simulator",
+    "DISTANCE_SENSOR": "range or radio height, looking down",
+    "TERRAIN_REPORT": "height of the terrain and above it, from the autopilot's map",
+    "STATUSTEXT": "a text, with its severity",
+    "COMMAND_ACK": "the answer to a command",
     "(other)": "framed and counted by name",
 }
 CARRIERS = frozenset({"serial", "udp"})
 
-FRAME_MAX = 10 + 255 + 2 + 13
-SIGNED = 0x01
-SIGNATURE = 13
-_START = re.compile(rb"[\xfd\xfe]")
-
-
-class Options(StrictModel):
-    """``system``: only this system id (the emulator sends under it, or else under 1); ``height``: see the docstring."""
-
-    system: Annotated[int, Field(ge=1, le=255)] | None = None
-    height: Literal["msl", "ellipsoid"] = "msl"
-
-
-def crc(data: bytes) -> int:
-    """CRC-16/MCRF4XX: the CCITT polynomial with everything reflected."""
-    mirrored = binascii.crc_hqx(data.translate(REVERSED), 0xFFFF)
-    return REVERSED[mirrored & 0xFF] << 8 | REVERSED[mirrored >> 8]
-
-
-def measure(buffer: bytearray) -> int | Skip:
-    """Framing; see ``fti.drivers._framing``."""
-    start = _START.search(buffer)
-    if start is None:
-        return Skip(len(buffer), "no_sync")
-    if start.start():
-        return Skip(start.start(), "no_sync")
-    return _measure_frame(buffer, 10 if buffer[0] == common.PROTOCOL_MARKER_V2 else 6)
-
-
-def _measure_frame(buffer: bytearray, header: int) -> int | Skip:
-    if len(buffer) < header:
-        return 0
-    flags = buffer[2] if header == 10 else 0
-    if flags & ~SIGNED:
-        return Skip(1, "bad_flags")
-    known = common.mavlink_map.get(message_id(buffer))
-    if known is None:
-        return Skip(1, "unknown_message")
-    end = header + buffer[1]
-    length = end + 2 + (SIGNATURE if flags & SIGNED else 0)
-    if len(buffer) < length:
-        return 0
-    good = crc(bytes(buffer[1:end]) + bytes([known.crc_extra])) == buffer[end] | buffer[end + 1] << 8
-    return length if good else Skip(1, "bad_checksum")
-
-
-def message_id(frame: bytes | bytearray) -> int:
-    """Number of the message in a frame."""
-    return int.from_bytes(frame[7:10], "little") if frame[0] == common.PROTOCOL_MARKER_V2 else frame[5]
+READERS = motion.READERS | sensors.READERS | system.READERS
 
 
 class Decoder:
@@ -113,8 +94,11 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._options = options
-        self._mavlink = common.MAVLink(None)
-        self._framer = Framer(measure, self.counters, limit=FRAME_MAX)
+        self._settings = Settings(options.height, options.raw_imu, (options.own_system, options.own_component))
+        key = bytes.fromhex(options.key) if options.key else None
+        self._verifies = key is not None
+        self._framer = Framer(Frames(options.dialect, key).measure, self.counters, limit=FRAME_MAX)
+        self._sequences: dict[tuple[int, int], int] = {}  # (system, component) -> sequence of the last frame
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
@@ -123,21 +107,32 @@ class Decoder:
         return found
 
     def _read(self, frame: bytes, t_rx_ns: int) -> list[Measurement]:
-        number = message_id(frame)
-        system = frame[5] if frame[0] == common.PROTOCOL_MARKER_V2 else frame[3]
-        if self._options.system not in (None, system):
-            self.counters.messages["other system"] += 1
+        head = header(frame)
+        missing = self._follow(head)
+        if head.signed and not self._verifies:
+            self.counters.messages["signed, not verified"] += 1
+        if self._options.system not in (None, head.system) or self._options.component not in (None, head.component):
+            self.counters.messages["other source"] += 1
             return []
-        name = common.mavlink_map[number].msgname
-        self.counters.messages[name] += 1
-        if number not in READERS:
-            return []
-        try:
-            message = self._mavlink.decode(bytearray(frame))
-        except common.MAVError:
-            self.counters.messages[f"{name} malformed"] += 1
-            return []
-        return READERS[number](message, t_rx_ns, self._options.height)
+        known = layout(self._options.dialect, head.message)
+        assert known is not None
+        self.counters.messages[known.name] += 1
+        reader = READERS.get(head.message)
+        found = reader(known.fields(payload(frame)), t_rx_ns, self._settings) if reader else []
+        if missing:
+            name = f"lost_from_{head.system}_{head.component}"
+            found.append(Reading(stamp=Stamp(t_rx_ns), name=name, value=float(missing)))
+        return found
+
+    def _follow(self, head: Header) -> int:
+        """How many are missing before this frame of its source."""
+        source = head.system, head.component
+        before = self._sequences.get(source)
+        self._sequences[source] = head.sequence
+        missing = 0 if before in (None, head.sequence) else (head.sequence - before - 1) & 0xFF
+        if missing:
+            self.counters.lost[f"{head.system}/{head.component}"] += missing
+        return missing
 
 
 def make_decoder(options: Options) -> Decoder:
@@ -147,4 +142,20 @@ def make_decoder(options: Options) -> Decoder:
 
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
-    return Encoder(options.system or 1, options.height)
+    return Encoder(options)
+
+
+__all__ = [
+    "CARRIERS",
+    "COMMANDS",
+    "DOCUMENT",
+    "MESSAGES",
+    "Options",
+    "command",
+    "crc",
+    "make_decoder",
+    "make_encoder",
+    "message_id",
+    "on_connect",
+    "poll",
+]

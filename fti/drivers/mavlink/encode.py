@@ -1,4 +1,4 @@
-"""Measurements to MAVLink messages, as an autopilot sends them; what is sent when stands in ``mavlink``."""
+"""Measurements to MAVLink messages, as an autopilot or a simulator sends them; what is sent when: see ``mavlink``."""
 
 from __future__ import annotations
 
@@ -8,24 +8,35 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common
 
+from fti.drivers import Counters
+from fti.drivers._framing import Framer
 from fti.drivers._times import device_time_ns
 from fti.drivers._units import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
-from fti.drivers.mavlink.decode import (
+from fti.drivers.mavlink.commands import REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, Options
+from fti.drivers.mavlink.fields import UNKNOWN_U16
+from fti.drivers.mavlink.motion import FIX_3D, NO_SATELLITES
+from fti.drivers.mavlink.sensors import (
     DOWNWARD,
-    FIX_3D,
+    GAUSS,
+    IMU_ABS,
     IMU_ACCEL,
+    IMU_DIFF,
     IMU_GYRO,
+    IMU_MAG,
     INVALID_SIGNAL,
     LASER,
     RADAR,
-    UNKNOWN_U16,
     UNKNOWN_VARIANCE,
 )
+from fti.drivers.mavlink.system import MODES, STATES
+from fti.drivers.mavlink.wire import FRAME_MAX, Frames, header, layout, payload
 from fti.types import (
     Attitude,
+    DeviceStatus,
     DeviceTime,
     ImpactPressure,
     ImuSample,
+    MagneticField,
     Measurement,
     Position,
     RadioHeight,
@@ -37,16 +48,18 @@ from fti.types import (
 )
 
 DISTANCE_MIN_CM, DISTANCE_MAX_CM = 1, 0xFFFE
+COMMAND_LONG = 76
+Make = Callable[[Any], list[Any]]
 
 
 class Encoder:
-    """The autopilot's end of the line."""
+    """The autopilot's end of the line, or a simulator's."""
 
-    def __init__(self, system: int, height: str) -> None:
-        self._height = height
-        self._mavlink = common.MAVLink(None, srcSystem=system, srcComponent=1)
+    def __init__(self, options: Options) -> None:
+        self._height = options.height
+        self._mavlink = common.MAVLink(None, srcSystem=options.system or 1, srcComponent=options.component or 1)
         self._held: dict[type, Any] = {}
-        self._encoders: dict[type, Callable[[Any], list[Any]]] = {
+        autopilot: dict[type, Make] = {
             Attitude: self._attitude,
             ImuSample: self._imu,
             Position: self._position,
@@ -54,15 +67,20 @@ class Encoder:
             Range: self._distance,
             RadioHeight: self._distance,
             DeviceTime: self._time,
+            DeviceStatus: self._heartbeat,
         }
+        simulator: dict[type, Make] = {ImuSample: self._hil_sensor, Position: self._hil_gps}
+        self._encoders = autopilot if options.emulate == "autopilot" else simulator
+        self._orders = Orders()
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         self._held[type(measurement)] = measurement
         encoder = self._encoders.get(type(measurement))
-        return [self._pack(message) for message in encoder(measurement)] if encoder else []
+        made = encoder(measurement) if encoder else []
+        return [self._pack(m) for m in made if self._orders.is_due(m, measurement.stamp.t_rx_ns)]
 
     def respond(self, data: bytes) -> list[bytes]:
-        return []
+        return [self._pack(answer) for answer in self._orders.take(data)]
 
     def _pack(self, message: Any) -> bytes:
         data = bytes(message.pack(self._mavlink))
@@ -73,6 +91,8 @@ class Encoder:
         """What was last told of that kind, if it was at the same time."""
         held = self._held.get(kind)
         return held if held is not None and held.stamp.t_rx_ns == measurement.stamp.t_rx_ns else None
+
+    # ----------------------------------------------------------------------------------------------------- autopilot
 
     def _attitude(self, m: Attitude) -> list[Any]:
         if m.roll is None or m.pitch is None or not m.valid:
@@ -85,9 +105,19 @@ class Encoder:
     def _imu(self, m: ImuSample) -> list[Any]:
         if m.accel_b is None:
             return []
-        fields = IMU_ACCEL | (IMU_GYRO if m.gyro_b else 0)
-        values = (*m.accel_b, *(m.gyro_b or (0.0,) * 3), *(0.0,) * 7)
-        return [common.MAVLink_highres_imu_message(_boot_us(m.stamp), *values, fields)]
+        fields, values = self._inertial(m)
+        return [common.MAVLink_highres_imu_message(_boot_us(m.stamp), *values, 0.0, 0.0, 0.0, 0.0, fields)]
+
+    def _inertial(self, m: ImuSample) -> tuple[int, tuple[float, ...]]:
+        """Which fields are known, and nine values; what is not known is 0."""
+        mag = self._beside(MagneticField, m)
+        parts = (
+            (IMU_ACCEL, m.accel_b),
+            (IMU_GYRO, m.gyro_b),
+            (IMU_MAG, tuple(b / GAUSS for b in mag.field_b) if mag else None),
+        )
+        fields = sum(bits for bits, vector in parts if vector)
+        return fields, tuple(value for _, vector in parts for value in vector or (0.0,) * 3)
 
     def _position(self, m: Position) -> list[Any]:
         if m.lat is None or m.lon is None:
@@ -114,9 +144,9 @@ class Encoder:
             alt=round((m.alt_msl or 0.0) * 1000),
             eph=UNKNOWN_U16,
             epv=UNKNOWN_U16,
-            vel=UNKNOWN_U16 if speed is None else _limited(speed * 100, 0, UNKNOWN_U16 - 1),
-            cog=UNKNOWN_U16 if track is None else round(track / DEGREE * 100) % 36_000,
-            satellites_visible=255,
+            vel=_speed_u16(speed),
+            cog=_course(track),
+            satellites_visible=NO_SATELLITES,
             alt_ellipsoid=round((m.alt or 0.0) * 1000),
             h_acc=round((m.horizontal_sd or 0.0) * 1000),
             v_acc=round((m.vertical_sd or 0.0) * 1000),
@@ -142,6 +172,82 @@ class Encoder:
         unix_us = device_time_ns(m.stamp, TimeScale.UTC) // 1000
         return [common.MAVLink_system_time_message(unix_us, _boot_ms(m.stamp))]
 
+    def _heartbeat(self, m: DeviceStatus) -> list[Any]:
+        """Of a fixed-wing aircraft, when the flags name a state."""
+        state = next((STATES.index(flag) for flag in m.flags if flag in STATES), None)
+        if state is None:
+            return []
+        modes = sum(bit for bit, name in MODES.items() if name in m.flags)
+        autopilot = common.MAV_AUTOPILOT_GENERIC
+        return [common.MAVLink_heartbeat_message(common.MAV_TYPE_FIXED_WING, autopilot, modes, 0, state, 3)]
+
+    # ----------------------------------------------------------------------------------------------------- simulator
+
+    def _hil_sensor(self, m: ImuSample) -> list[Any]:
+        """With the magnetic field and the pressures that were told before it, of the same time."""
+        fields, values = self._inertial(m)
+        static, impact = self._beside(StaticPressure, m), self._beside(ImpactPressure, m)
+        fields |= (IMU_ABS if static else 0) | (IMU_DIFF if impact else 0)
+        p_static = static.p_static / HECTOPASCAL if static else 0.0
+        q_c = impact.q_c / HECTOPASCAL if impact else 0.0
+        return [common.MAVLink_hil_sensor_message(_boot_us(m.stamp), *values, p_static, q_c, 0.0, 0.0, fields)]
+
+    def _hil_gps(self, m: Position) -> list[Any]:
+        velocity = self._beside(Velocity, m)
+        vel = _speeds(velocity)
+        if m.lat is None or m.lon is None or m.alt_msl is None or vel is None:
+            return []
+        speed, track = _polar(velocity)
+        return [
+            common.MAVLink_hil_gps_message(
+                _boot_us(m.stamp), FIX_3D if m.valid else 1, _e7(m.lat), _e7(m.lon), round(m.alt_msl * 1000),
+                UNKNOWN_U16, UNKNOWN_U16, _speed_u16(speed), *vel, _course(track), NO_SATELLITES,
+            )
+        ]  # fmt: skip
+
+
+class Orders:
+    """What a ground station has told the emulated autopilot: intervals of messages, and messages wanted once."""
+
+    def __init__(self) -> None:
+        self._framer = Framer(Frames("common", None).measure, Counters(), limit=FRAME_MAX)
+        self._intervals: dict[int, int] = {}  # message -> ns; negative: never
+        self._sent: dict[int, int] = {}
+        self._last: dict[int, Any] = {}
+
+    def is_due(self, message: Any, t_ns: int) -> bool:
+        """Is it time for this message?"""
+        number = message.get_msgId()
+        self._last[number] = message
+        interval = self._intervals.get(number, 0)
+        since = t_ns - self._sent.get(number, t_ns - interval)
+        if interval < 0 or since < interval:
+            return False
+        self._sent[number] = t_ns
+        return True
+
+    def take(self, data: bytes) -> list[Any]:
+        """The answers to what is complete with these bytes."""
+        found: list[Any] = []
+        for _, frame in self._framer.feed(data, 0):
+            known = layout("common", header(frame).message)
+            if known is not None and header(frame).message == COMMAND_LONG:
+                found += self._obey(known.fields(payload(frame)), header(frame).system, header(frame).component)
+        return found
+
+    def _obey(self, m: Any, system: int, component: int) -> list[Any]:
+        """A message that is wanted once is the last one of its number."""
+        wanted = self._last.get(int(m.param1))
+        result, told = common.MAV_RESULT_ACCEPTED, []
+        if m.command == SET_MESSAGE_INTERVAL:
+            self._intervals[int(m.param1)] = int(m.param2 * 1000)
+        elif m.command == REQUEST_MESSAGE and wanted is not None:
+            told = [wanted]
+        else:
+            result = common.MAV_RESULT_UNSUPPORTED
+        ack = common.MAVLink_command_ack_message(m.command, result, target_system=system, target_component=component)
+        return [ack, *told]
+
 
 def _boot_us(stamp: Stamp) -> int:
     return device_time_ns(stamp, TimeScale.BOOT) // 1000
@@ -157,6 +263,14 @@ def _limited(value: float, low: int, high: int) -> int:
 
 def _e7(angle: float) -> int:
     return round(angle / DEGREE * 1e7)
+
+
+def _speed_u16(speed: float | None) -> int:
+    return UNKNOWN_U16 if speed is None else _limited(speed * 100, 0, UNKNOWN_U16 - 1)
+
+
+def _course(track: float | None) -> int:
+    return UNKNOWN_U16 if track is None else round(track / DEGREE * 100) % 36_000
 
 
 def _speeds(velocity: Velocity | None) -> list[int] | None:

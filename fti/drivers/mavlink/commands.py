@@ -1,0 +1,110 @@
+"""What is sent to an autopilot: COMMAND_LONG 76 and a heartbeat.  It is never armed, and flown by nobody from here.
+
+Frames are made without knowing of each other, so their sequence number is always 0, and they are not signed: an
+autopilot that takes signed commands only refuses them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+from pymavlink.dialects.v20 import common
+
+from fti.config import Positive, StrictModel
+from fti.drivers import Command
+from fti.drivers.mavlink.wire import dialect_map
+
+SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
+FASTEST_HZ = 1000.0
+_MESSAGE = "name (ATTITUDE) or number (30) of a message of the dialect"
+COMMANDS: Mapping[str, Command] = {
+    "message_interval": Command(
+        "how often a message is sent",
+        {"message": _MESSAGE, "rate_hz": "more than 0 to 1000 Hz; 0: the autopilot's default; off: not at all"},
+    ),
+    "request_message": Command("send a message once", {"message": _MESSAGE}),
+}
+KEY_DIGITS = 64
+
+
+class Options(StrictModel):
+    """``system``, ``component``: only these are heard; where several vehicles are on a line, ``system`` is needed.
+
+    ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``: its
+    messages are known, others are refused.  ``heartbeat_s``: we send a heartbeat so often; ``own_system``,
+    ``own_component``: under which our heartbeat and commands go out.
+    """
+
+    system: Annotated[int, Field(ge=1, le=255)] | None = None
+    component: Annotated[int, Field(ge=1, le=255)] | None = None
+    height: Literal["msl", "ellipsoid"] = "msl"
+    raw_imu: Literal["counts", "scaled"] = "counts"
+    dialect: Literal["common", "ardupilotmega"] = "common"
+    key: Annotated[str, Field(pattern=r"^\s*[0-9a-fA-F]{64}\s*$")] | None = None
+    heartbeat_s: Positive | None = None
+    own_system: Annotated[int, Field(ge=1, le=255)] = 255
+    own_component: Annotated[int, Field(ge=1, le=255)] = 190
+    emulate: Literal["autopilot", "simulator"] = "autopilot"
+
+
+def _pack(message: Any, options: Options) -> bytes:
+    sender = common.MAVLink(None, srcSystem=options.own_system, srcComponent=options.own_component)
+    return bytes(message.pack(sender))
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """A heartbeat of a ground station, when one is wanted."""
+    if options.heartbeat_s is None:
+        return None
+    ours = common.MAVLink_heartbeat_message(
+        common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, common.MAV_STATE_ACTIVE, 3
+    )
+    return options.heartbeat_s, _pack(ours, options)
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The bytes of a command.  Raises ValueError."""
+    if name not in COMMANDS:
+        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+    options = options or Options()
+    wanted = COMMANDS[name].arguments
+    for key in wanted:
+        if key not in args:
+            raise ValueError(f"{name}: {key} is missing: {wanted[key]}")
+    for key in args:
+        if key not in wanted:
+            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(wanted)}")
+    number = _number(name, args["message"], options.dialect)
+    if name == "request_message":
+        return _long(REQUEST_MESSAGE, number, 0.0, options)
+    return _long(SET_MESSAGE_INTERVAL, number, _interval_us(args["rate_hz"]), options)
+
+
+def _long(number: int, first: float, second: float, options: Options) -> bytes:
+    target = (options.system or 1, options.component or common.MAV_COMP_ID_AUTOPILOT1)
+    return _pack(common.MAVLink_command_long_message(*target, number, 0, first, second, 0, 0, 0, 0, 0), options)
+
+
+def _number(name: str, text: str, dialect: str) -> int:
+    messages = dialect_map(dialect)
+    if text.isascii() and text.isdigit() and int(text) in messages:
+        return int(text)
+    for number, message in messages.items():
+        if message.msgname == text.upper():
+            return number
+    raise ValueError(f"{name}: message = {text!r}: must be the {_MESSAGE} {dialect}")
+
+
+def _interval_us(text: str) -> float:
+    """Parameter 2: interval [us], -1 off, 0 default."""
+    if text == "off":
+        return -1.0
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = float("nan")
+    if not 0.0 <= rate <= FASTEST_HZ:
+        raise ValueError(f"message_interval: rate_hz = {text!r}: must be 0 to {FASTEST_HZ:g}, or off")
+    return float(round(1e6 / rate)) if rate else 0.0

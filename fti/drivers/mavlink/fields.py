@@ -1,0 +1,54 @@
+"""What the fields of MAVLink messages have in common: stamps, unknown values, and what the readers must be told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from fti.types import Measurement, Stamp, TimeScale
+
+UNKNOWN_U16 = 0xFFFF
+#: A time in us above this is UNIX time, below it time since boot (the field's own rule: tell by the magnitude).
+UNIX_US = 10**15
+
+
+class Settings(NamedTuple):
+    """What the options say to the readers.
+
+    height : what GLOBAL_POSITION_INT means by alt; raw_imu : what the numbers of RAW_IMU are
+    sender : system and component that our commands come from
+    """
+
+    height: str
+    raw_imu: str
+    sender: tuple[int, int]
+
+
+#: Fields, t_rx_ns and settings to measurements.
+Reader = Callable[[Any, int, Settings], list[Measurement]]
+
+
+def boot(t_rx_ns: int, milliseconds: int) -> Stamp:
+    """A stamp of the time since the autopilot was switched on."""
+    return Stamp(t_rx_ns, milliseconds * 1_000_000, TimeScale.BOOT)
+
+
+def micros(t_rx_ns: int, microseconds: int) -> Stamp:
+    """A stamp of a time that is UNIX or since boot."""
+    return nanos(t_rx_ns, microseconds * 1000)
+
+
+def nanos(t_rx_ns: int, nanoseconds: int) -> Stamp:
+    """The same in ns."""
+    return Stamp(t_rx_ns, nanoseconds, TimeScale.UTC if nanoseconds > UNIX_US * 1000 else TimeScale.BOOT)
+
+
+def known(value: int, unknown: int, factor: float) -> float | None:
+    """A value in SI; None when it is the one that means unknown."""
+    return None if value == unknown else value * factor
+
+
+def finite(*values: float) -> bool:
+    """Are all of them numbers?"""
+    return all(map(math.isfinite, values))

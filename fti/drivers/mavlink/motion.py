@@ -1,0 +1,158 @@
+"""Attitude, position, velocity and time of MAVLink to measurements; the table of all messages stands in ``mavlink``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from fti.drivers._units import DEGREE, wrap_heading
+from fti.drivers.mavlink.fields import UNKNOWN_U16, Reader, Settings, boot, finite, known, micros, nanos
+from fti.types import (
+    Airspeed,
+    Attitude,
+    DeviceStatus,
+    DeviceTime,
+    ImuSample,
+    Measurement,
+    Position,
+    Reading,
+    Satellites,
+    Stamp,
+    Velocity,
+)
+
+FIXES = ("no_gps", "no_fix", "2d", "3d", "dgps", "rtk_float", "rtk_fixed", "static", "ppp")
+FIX_3D = 3
+NO_SATELLITES = 255
+
+
+def decode_attitude(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """ATTITUDE 30."""
+    stamp = boot(t_rx_ns, m.time_boot_ms)
+    found = _rates(m, stamp)
+    if finite(m.roll, m.pitch, m.yaw):
+        found.append(Attitude(stamp=stamp, roll=m.roll, pitch=m.pitch, heading=wrap_heading(m.yaw)))
+    return found
+
+
+def decode_quaternion(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """ATTITUDE_QUATERNION 31: body to north, east, down; w, x, y, z."""
+    stamp = boot(t_rx_ns, m.time_boot_ms)
+    found = _rates(m, stamp)
+    w, x, y, z = m.q1, m.q2, m.q3, m.q4
+    norm = w * w + x * x + y * y + z * z
+    if not 0.9 < norm < 1.1:  # NaN, too
+        return found
+    roll = math.atan2(2 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - x * z) / norm)))
+    heading = wrap_heading(math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
+    return [*found, Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)]
+
+
+def _rates(m: Any, stamp: Stamp) -> list[Measurement]:
+    rates = (m.rollspeed, m.pitchspeed, m.yawspeed)
+    return [ImuSample(stamp=stamp, gyro_b=rates)] if finite(*rates) else []
+
+
+def decode_global_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """GLOBAL_POSITION_INT 33; ``height`` of the settings : what the autopilot means by alt.
+
+    The message has no validity: an autopilot that has not found its place yet sends latitude and longitude 0.
+    """
+    stamp, found = boot(t_rx_ns, m.time_boot_ms), bool(m.lat or m.lon)
+    above = {"alt_msl" if settings.height == "msl" else "alt": m.alt * 1e-3}
+    return [
+        Velocity(stamp=stamp, north=m.vx * 1e-2, east=m.vy * 1e-2, down=m.vz * 1e-2, valid=found),
+        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, valid=found, **above),
+    ]
+
+
+def decode_local_position(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """LOCAL_POSITION_NED 32; its origin is the autopilot's own, so the place is a reading."""
+    stamp = boot(t_rx_ns, m.time_boot_ms)
+    found: list[Measurement] = []
+    if finite(m.vx, m.vy, m.vz):
+        found.append(Velocity(stamp=stamp, north=m.vx, east=m.vy, down=m.vz))
+    for name, value in (("local_north", m.x), ("local_east", m.y), ("local_down", m.z)):
+        if math.isfinite(value):
+            found.append(Reading(stamp=stamp, name=name, value=value, unit="m"))
+    return found
+
+
+def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """GPS_RAW_INT 24; an ellipsoidal height of exactly 0 is none: no extension, or accuracies without an undulation."""
+    stamp = micros(t_rx_ns, m.time_usec)
+    ok = m.fix_type >= FIX_3D
+    alt, alt_msl = known(m.alt_ellipsoid, 0, 1e-3), m.alt * 1e-3
+    position = Position(
+        stamp=stamp,
+        lat=m.lat * 1e-7 * DEGREE,
+        lon=m.lon * 1e-7 * DEGREE,
+        alt=alt,
+        alt_msl=alt_msl,
+        undulation=None if alt is None else alt - alt_msl,
+        horizontal_sd=known(m.h_acc, 0, 1e-3),
+        vertical_sd=known(m.v_acc, 0, 1e-3),
+        valid=ok,
+    )
+    speed, track = known(m.vel, UNKNOWN_U16, 1e-2), known(m.cog, UNKNOWN_U16, 1e-2 * DEGREE)
+    velocity = Velocity(stamp=stamp, ground_speed=speed, track=track, sd=known(m.vel_acc, 0, 1e-3), valid=ok)
+    return [velocity, position, *_receiver(m, stamp, ok)]
+
+
+def decode_hil_gps(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """HIL_GPS 113: what a simulator gives an autopilot for a receiver; heights above mean sea level."""
+    stamp = micros(t_rx_ns, m.time_usec)
+    ok = m.fix_type >= FIX_3D
+    return [
+        Velocity(stamp=stamp, north=m.vn * 1e-2, east=m.ve * 1e-2, down=m.vd * 1e-2, valid=ok),
+        Position(stamp=stamp, lat=m.lat * 1e-7 * DEGREE, lon=m.lon * 1e-7 * DEGREE, alt_msl=m.alt * 1e-3, valid=ok),
+        *_receiver(m, stamp, ok),
+    ]
+
+
+def _receiver(m: Any, stamp: Stamp, ok: bool) -> list[Measurement]:
+    """Dilution of precision, satellites and kind of fix."""
+    fix = FIXES[m.fix_type] if m.fix_type < len(FIXES) else f"fix_{m.fix_type}"
+    used = None if m.satellites_visible == NO_SATELLITES else m.satellites_visible
+    hdop, vdop = known(m.eph, UNKNOWN_U16, 1e-2), known(m.epv, UNKNOWN_U16, 1e-2)
+    return [
+        Satellites(stamp=stamp, used=used, hdop=hdop, vdop=vdop),
+        DeviceStatus(stamp=stamp, ok=ok, flags=(fix,)),
+    ]
+
+
+def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """VFR_HUD 74: CAS or IAS, the autopilot does not say which; what other messages carry better is not taken."""
+    if not finite(m.airspeed, m.climb):
+        return []
+    stamp = Stamp(t_rx_ns)
+    return [
+        Airspeed(stamp=stamp, ias=m.airspeed),
+        Reading(stamp=stamp, name="climb", value=m.climb, unit="m/s"),
+        Reading(stamp=stamp, name="throttle", value=float(m.throttle), unit="%"),
+    ]
+
+
+def decode_time(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """SYSTEM_TIME 2; without UTC the time since boot."""
+    told = micros(t_rx_ns, m.time_unix_usec)
+    return [DeviceTime(stamp=told if told.time_scale == "utc" else boot(t_rx_ns, m.time_boot_ms))]
+
+
+def decode_timesync(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """TIMESYNC 111: a question carries the sender's time in ts1 and 0 in tc1, an answer its time in tc1."""
+    return [DeviceTime(stamp=nanos(t_rx_ns, m.tc1 or m.ts1))] if (m.tc1 or m.ts1) > 0 else []
+
+
+READERS: dict[int, Reader] = {
+    2: decode_time,
+    24: decode_gps_raw,
+    30: decode_attitude,
+    31: decode_quaternion,
+    32: decode_local_position,
+    33: decode_global_position,
+    74: decode_hud,
+    111: decode_timesync,
+    113: decode_hil_gps,
+}

@@ -1,0 +1,130 @@
+"""Inertial, magnetic, pressure and distance messages of MAVLink to measurements."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from fti.drivers._quantities import STANDARD_PA
+from fti.drivers._units import HECTOPASCAL
+from fti.drivers.mavlink.fields import Reader, Settings, boot, finite, micros
+from fti.types import (
+    ImpactPressure,
+    ImuSample,
+    MagneticField,
+    Measurement,
+    PressureAltitude,
+    RadioHeight,
+    Range,
+    Reading,
+    Stamp,
+    StaticPressure,
+)
+
+DOWNWARD = 25
+LASER, RADAR = 0, 3
+INVALID_SIGNAL = 1
+UNKNOWN_VARIANCE = 255
+GAUSS = 1e-4
+MILLI_G = 9.80665e-3
+IMU_ACCEL, IMU_GYRO, IMU_MAG, IMU_ABS, IMU_DIFF, IMU_ALT = 0x7, 0x38, 0x1C0, 0x200, 0x400, 0x800
+AXES = ("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag")
+
+
+def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """DISTANCE_SENSOR 132."""
+    if m.orientation != DOWNWARD:
+        return []
+    stamp = boot(t_rx_ns, m.time_boot_ms)
+    inside = m.min_distance <= m.current_distance <= m.max_distance
+    value = m.current_distance * 1e-2 if inside else None
+    sd = math.sqrt(m.covariance) * 1e-2 if 0 < m.covariance < UNKNOWN_VARIANCE else None
+    valid = inside and m.signal_quality != INVALID_SIGNAL
+    if m.type == RADAR:
+        return [RadioHeight(stamp=stamp, height_agl=value, sd=sd, valid=valid)]
+    return [Range(stamp=stamp, slant_range=value, sd=sd, valid=valid)]
+
+
+def decode_pressure(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """SCALED_PRESSURE 29."""
+    stamp = boot(t_rx_ns, m.time_boot_ms)
+    found: list[Measurement] = []
+    if finite(m.press_diff):
+        found.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL))
+    if finite(m.press_abs):
+        found.append(StaticPressure(stamp=stamp, p_static=m.press_abs * HECTOPASCAL))
+    return found
+
+
+def _second_pressure(number: int) -> Reader:
+    """SCALED_PRESSURE2 137 and 3 143: other sensors, perhaps inside the case, so they are readings."""
+
+    def decode(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+        stamp = boot(t_rx_ns, m.time_boot_ms)
+        told = ((f"differential_pressure_{number}", m.press_diff), (f"static_pressure_{number}", m.press_abs))
+        return [
+            Reading(stamp=stamp, name=name, value=value * HECTOPASCAL, unit="Pa")
+            for name, value in told
+            if math.isfinite(value)
+        ]
+
+    return decode
+
+
+def decode_highres_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """HIGHRES_IMU 105 and HIL_SENSOR 107."""
+    stamp, updated = micros(t_rx_ns, m.time_usec), m.fields_updated
+    accel, gyro, mag = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), (m.xmag, m.ymag, m.zmag)
+    found: list[Measurement] = []
+    accel_b = accel if _has(updated, IMU_ACCEL, *accel) else None
+    gyro_b = gyro if _has(updated, IMU_GYRO, *gyro) else None
+    if _has(updated, IMU_MAG, *mag):
+        found.append(MagneticField(stamp=stamp, field_b=(mag[0] * GAUSS, mag[1] * GAUSS, mag[2] * GAUSS)))
+    if _has(updated, IMU_DIFF, m.diff_pressure):
+        found.append(ImpactPressure(stamp=stamp, q_c=m.diff_pressure * HECTOPASCAL))
+    if _has(updated, IMU_ABS, m.abs_pressure):
+        found.append(StaticPressure(stamp=stamp, p_static=m.abs_pressure * HECTOPASCAL))
+    if _has(updated, IMU_ALT, m.pressure_alt):
+        found.append(PressureAltitude(stamp=stamp, alt_press=m.pressure_alt, setting_pa=STANDARD_PA))
+    if accel_b or gyro_b:
+        found.append(ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b))
+    return found
+
+
+def _has(updated: int, mask: int, *values: float) -> bool:
+    return updated & mask == mask and finite(*values)
+
+
+def decode_scaled_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """SCALED_IMU 26: mG, mrad/s, mgauss; a field of exactly 0 is that of no magnetometer."""
+    return _scaled(m, boot(t_rx_ns, m.time_boot_ms))
+
+
+def decode_raw_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """RAW_IMU 27: counts, unless the autopilot sends the units of SCALED_IMU (ArduPilot: ``raw_imu`` "scaled")."""
+    stamp = micros(t_rx_ns, m.time_usec)
+    if settings.raw_imu == "scaled":
+        return _scaled(m, stamp)
+    return [Reading(stamp=stamp, name=f"raw_{axis}", value=float(getattr(m, axis))) for axis in AXES]
+
+
+def _scaled(m: Any, stamp: Stamp) -> list[Measurement]:
+    accel_b = (m.xacc * MILLI_G, m.yacc * MILLI_G, m.zacc * MILLI_G)
+    gyro_b = (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3)
+    found: list[Measurement] = [ImuSample(stamp=stamp, accel_b=accel_b, gyro_b=gyro_b)]
+    if m.xmag or m.ymag or m.zmag:
+        field_b = (m.xmag * GAUSS * 1e-3, m.ymag * GAUSS * 1e-3, m.zmag * GAUSS * 1e-3)
+        found.append(MagneticField(stamp=stamp, field_b=field_b))
+    return found
+
+
+READERS: dict[int, Reader] = {
+    26: decode_scaled_imu,
+    27: decode_raw_imu,
+    29: decode_pressure,
+    105: decode_highres_imu,
+    107: decode_highres_imu,
+    132: decode_distance,
+    137: _second_pressure(2),
+    143: _second_pressure(3),
+}
