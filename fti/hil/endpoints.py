@@ -59,7 +59,7 @@ def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: R
     if isinstance(link, UdpLink):
         return UdpEndpoint(link, respond)
     if isinstance(link, SerialLink):
-        return PtyEndpoint(folder / link.name, respond)
+        return PtyEndpoint(folder / link.name, _hearing_itself(respond) if link.echo else respond)
     if link.interface == "slcan":
         return SlcanEndpoint(folder / link.name, respond)
     if link.interface not in SHARED_INTERFACES:
@@ -70,6 +70,11 @@ def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: R
     from fti.hil.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
 
     return CanBusEndpoint(link, respond)
+
+
+def _hearing_itself(respond: Respond) -> Respond:
+    """A line on which whoever sends hears that, too."""
+    return lambda data: [data, *respond(data)]
 
 
 @contextlib.asynccontextmanager

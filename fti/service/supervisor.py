@@ -165,7 +165,8 @@ class Supervisor:
     def _on_died(self, child: Child, code: int) -> None:
         if self._keeper.stopping:
             return
-        self._commander.on_child_ended(child.name)
+        if child.name != DISPLAY:
+            self._commander.on_child_ended(child.name)
         self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on

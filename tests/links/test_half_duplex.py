@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from fti.config import SerialLink
 from fti.errors import LinkError
+from fti.hil.endpoints import make_endpoint
 from fti.links.half_duplex import Echo, Read, Turn, character_s, quiet_s
 from fti.links.serial import open_port
 from tests.helpers import until_async
@@ -137,6 +138,17 @@ async def test_an_echo_is_sent_and_not_received(peer: Peer) -> None:
         assert sent.bytes == b"ask\r"
         assert (opened.status.echo_bytes, opened.status.bytes) == (4, 6)
         assert opened.status.errors["echo_garbled"] == opened.status.errors["echo_missing"] == 0
+
+
+async def test_the_emulator_echoes_where_the_line_does(tmp_path: Path) -> None:
+    config = SerialLink(name="line", kind="serial", port=str(tmp_path / "line"), transmit=True, echo=True)
+    endpoint = make_endpoint(config, tmp_path, lambda data: [b"answer to " + data])
+    await endpoint.open()
+    async with running(config) as (opened, heard):
+        await opened.send(b"ask")
+        await until_async(lambda: heard.bytes == b"answer to ask")
+        assert opened.status.echo_bytes == 3
+    endpoint.close()
 
 
 async def test_an_echo_is_no_answer(peer: Peer) -> None:
