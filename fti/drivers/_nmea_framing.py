@@ -1,6 +1,7 @@
 """Framing of NMEA 0183 sentences, for every line that carries them: alone, or between binary messages.
 
-A sentence begins with $ or !, has printable characters, and ends with * and two hexadecimal digits, and LF or CR LF.
+A sentence begins with $ or !, has printable characters, and ends with * and two hexadecimal digits, and LF or CR LF
+(some receivers send CR CR LF).
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from fti.drivers._framing import Skip
 MAX_SENTENCE = 160
 
 _BODY = re.compile(rb"[\x20\x22-\x23\x25-\x7e]*")
-_END = re.compile(rb"\r?\n")
+_END = re.compile(rb"\r{0,2}\n")
+_OPEN_END = re.compile(rb"\r{0,2}\Z")
 
 
 def measure_sentence(buffer: bytearray, bare: bool = False) -> int | Skip:
@@ -27,7 +29,7 @@ def measure_sentence(buffer: bytearray, bare: bool = False) -> int | Skip:
     end = found.end()
     if end >= MAX_SENTENCE:
         return Skip(end, "too_long")
-    if end == len(buffer) or (buffer[end] == ord("\r") and end + 1 == len(buffer)):
+    if _OPEN_END.match(buffer, end):
         return 0
     line_end = _END.match(buffer, end)
     if line_end is None:

@@ -135,7 +135,7 @@ class Sentences:
         undulation: float | None = None,
     ) -> Position:  # fmt: skip
         """times : the stamp and the time of the day; f : latitude, its side, longitude, its side."""
-        lat, lon = fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)
+        lat, lon = _place(f, ok)
         alt = None if alt_msl is None or undulation is None else alt_msl + undulation
         horizontal_sd, vertical_sd = self._sigma_at(times[1])
         return Position(
@@ -199,7 +199,7 @@ class Sentences:
         """PUBX,00: the height is above the ellipsoid."""
         stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[2]))
         fix, ok = PUBX_FIXES.get(f[8], f[8]), f[8] in PUBX_MEASURED
-        lat, lon = fields.angle(f[3], f[4], "NS", 90.0), fields.angle(f[5], f[6], "EW", 180.0)
+        lat, lon = _place(f[3:7], ok)
         speed, track, down = fields.number(f[11]), _radians(f[12]), fields.number(f[13])
         return [
             Velocity(
@@ -232,6 +232,16 @@ def _name(f: list[str]) -> str:
     return f[0] if f[0].startswith("P") and f[0][2:] not in ("GSV", "GSA") else f[0][2:]
 
 
+def _place(f: list[str], ok: bool) -> tuple[float | None, float | None]:
+    """Latitude and longitude [rad]; receivers without a fix put impossible ones, and that is no error."""
+    try:
+        return fields.angle(f[0], f[1], "NS", 90.0), fields.angle(f[2], f[3], "EW", 180.0)
+    except ValueError:
+        if ok:
+            raise
+        return None, None
+
+
 def _measured(f: list[str], at: int) -> bool:
     """Whether the mode indicator in that field, if there is one, says that something was measured."""
     return len(f) <= at or not f[at] or f[at] in MEASURED_MODES
@@ -246,7 +256,7 @@ def _ths(f: list[str], t_rx_ns: int) -> list[Measurement]:
     heading = _radians(f[1])
     if heading is None:
         return []
-    return [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(heading), valid=f[2] == "A")]
+    return [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(heading), valid=_measured(f, 2))]
 
 
 def _radians(degrees: str) -> float | None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
 
 from fti.drivers import _nmea_fields as fields
 from fti.types import Satellite, Satellites, Stamp
 
 TALKERS = {
     "GP": "gps", "GL": "glonass", "GA": "galileo", "GB": "beidou", "BD": "beidou", "GQ": "qzss", "QZ": "qzss",
-    "PQ": "qzss", "GI": "navic",
+    "GI": "navic",
 }  # fmt: skip
 #: NMEA 0183 4.11, table of GNSS identifiers.
 SYSTEM_IDS = {"1": "gps", "2": "glonass", "3": "galileo", "4": "beidou", "5": "qzss", "6": "navic"}
@@ -20,7 +23,9 @@ NUMBERS = (
 )  # fmt: skip
 #: The same for receivers that use those numbers although they name the system.
 OFFSETS = {
-    "glonass": ((65, 99, -64),), "galileo": ((301, 336, -300),), "beidou": ((201, 263, -200), (401, 463, -400)),
+    "glonass": ((65, 99, -64),),
+    "galileo": ((101, 136, -100), (301, 336, -300)),
+    "beidou": ((201, 263, -200), (401, 463, -400)),
     "qzss": ((193, 202, -192),),
 }  # fmt: skip
 ANY = ""
@@ -39,6 +44,15 @@ def identify(given: str | None, number: int) -> Key:
     return given, number + offset
 
 
+class Group(NamedTuple):
+    """GSV sentences that belong together: arrival of the first, its talker and signal, how many came, satellites."""
+
+    t_rx_ns: int
+    key: str
+    sentences: int
+    seen: tuple[Satellite, ...]
+
+
 class Sky:
     """Satellites over several sentences.
 
@@ -49,8 +63,9 @@ class Sky:
     def __init__(self) -> None:
         self._run = 0  # GSA sentences after one another belong together
         self._used: dict[str, tuple[int, frozenset[Key]]] = {}
-        self._open: dict[str, tuple[int, int, tuple[Satellite, ...]]] = {}  # arrival, sentences so far, satellites
-        self._views: dict[str, tuple[Satellite, ...]] = {}
+        self._in_use: frozenset[Key] = frozenset()
+        self._open: dict[str, Group] = {}
+        self._views: dict[str, dict[Key, Satellite]] = {}
         self._fresh: set[str] = set()
 
     def other(self) -> None:
@@ -63,67 +78,85 @@ class Sky:
         keys = [identify(given, n) for text in f[3:15] if (n := fields.integer(text)) is not None]
         run, before = self._used.get(given or ANY, (self._run, frozenset()))
         self._used[given or ANY] = (self._run, frozenset(keys) | (before if run == self._run else frozenset()))
+        self._in_use = frozenset[Key]().union(*(used for _, used in self._used.values()))
         return tuple(Satellite(system=system, number=number, used=True) for system, number in keys)
 
     def view(self, f: list[str], t_rx_ns: int) -> Satellites | None:
-        """GSV: all satellites in view, with the last sentence of a system or of one of its signals."""
+        """GSV: all satellites in view, with the last sentence of a system or of one of its signals.
+
+        PQGSV of Quectel says signal and system at its end.
+        """
         count, index = int(f[1]), int(f[2])
         groups, rest = divmod(len(f) - 4, 4)
-        if rest > 1 or not 1 <= index <= count:
+        if not 1 <= index <= count or (rest > 1 and not (f[0] == "PQGSV" and rest == 2)) or (rest and len(f[-1]) > 1):
             raise ValueError("fields are missing")
-        key = f[0] + (f[-1] if rest else "")
-        begun = self._open.pop(key, None)
+        begun = self._open.pop(f[0], None)
         if index == 1:
-            begun = (t_rx_ns, 0, ())
-        if begun is None or begun[1] != index - 1:
+            begun = Group(t_rx_ns, ",".join((f[0], *f[len(f) - rest :])), 0, ())
+        if begun is None or begun.sentences != index - 1:
             return None  # a sentence of the group is lost
-        t_first, _, seen = begun
-        given = TALKERS.get(f[0][:2])
-        found = (_satellite(given, f[4 + 4 * i : 8 + 4 * i]) for i in range(groups))
-        seen += tuple(satellite for satellite in found if satellite)
+        given = SYSTEM_IDS.get(f[-1]) if rest == 2 else TALKERS.get(f[0][:2])
+        found = (self._satellite(given, f[4 + 4 * i : 8 + 4 * i]) for i in range(groups))
+        seen = begun.seen + tuple(satellite for satellite in found if satellite)
         if index < count:
-            self._open[key] = (t_first, index, seen)
+            self._open[f[0]] = Group(begun.t_rx_ns, begun.key, index, seen)
             return None
-        self._keep(key, seen)
-        return Satellites(stamp=Stamp(t_first), satellites=self._whole())
+        self._keep(begun.key, seen)
+        return Satellites(stamp=Stamp(begun.t_rx_ns), satellites=self._whole())
+
+    def _satellite(self, given: str | None, group: list[str]) -> Satellite | None:
+        number = fields.integer(group[0])
+        if number is None:
+            return None
+        key = identify(given, number)
+        elevation, azimuth, cn0 = map(fields.number, group[1:])
+        if elevation is not None and not -90.0 <= elevation <= 90.0:
+            elevation = azimuth = None
+        return Satellite(
+            system=key[0],
+            number=key[1],
+            azimuth=None if azimuth is None else math.radians(azimuth % 360.0),
+            elevation=None if elevation is None else math.radians(elevation),
+            cn0_dbhz=cn0 or None,
+            used=self._is_used(key),
+        )
 
     def _keep(self, key: str, seen: tuple[Satellite, ...]) -> None:
         if key in self._fresh:
             self._views = {k: v for k, v in self._views.items() if k in self._fresh}
             self._fresh = set()
         self._fresh.add(key)
-        self._views[key] = seen
+        self._views.pop(key, None)  # the newest comes last
+        self._views[key] = _each_once(seen)
 
     def _whole(self) -> tuple[Satellite, ...]:
-        """Every satellite once, with the strongest of its signals."""
-        best: dict[Key, Satellite] = {}
-        for satellite in (s for view in self._views.values() for s in view):
-            key = (satellite.system, satellite.number)
-            if key not in best or (satellite.cn0_dbhz or 0.0) > (best[key].cn0_dbhz or 0.0):
-                best[key] = satellite
-        return tuple(self._marked(satellite) for satellite in best.values())
-
-    def _marked(self, s: Satellite) -> Satellite:
-        if s.system not in self._used and ANY not in self._used:
-            return s
-        used = any((s.system, s.number) in keys for _, keys in self._used.values())
-        return Satellite(
-            system=s.system, number=s.number, azimuth=s.azimuth, elevation=s.elevation, cn0_dbhz=s.cn0_dbhz, used=used
+        """Every satellite once: the newest direction, the strongest signal."""
+        merged = _each_once(satellite for view in self._views.values() for satellite in view.values())
+        return tuple(
+            satellite if satellite.used == (used := self._is_used(key)) else replace(satellite, used=used)
+            for key, satellite in merged.items()
         )
 
+    def _is_used(self, key: Key) -> bool | None:
+        """None when no GSA has spoken of its system."""
+        if key in self._in_use:
+            return True
+        told = ANY in self._used or key[0] in self._used or (key[0] == "sbas" and "gps" in self._used)
+        return False if told else None
 
-def _satellite(given: str | None, group: list[str]) -> Satellite | None:
-    number = fields.integer(group[0])
-    if number is None:
-        return None
-    system, number = identify(given, number)
-    elevation, azimuth, cn0 = (fields.number(text) for text in group[1:])
-    if elevation is not None and not -90.0 <= elevation <= 90.0:
-        elevation = azimuth = None
-    return Satellite(
-        system=system,
-        number=number,
-        azimuth=None if azimuth is None else math.radians(azimuth % 360.0),
-        elevation=None if elevation is None else math.radians(elevation),
-        cn0_dbhz=cn0 or None,
-    )
+
+def _each_once(satellites: Iterable[Satellite]) -> dict[Key, Satellite]:
+    found: dict[Key, Satellite] = {}
+    for newer in satellites:
+        key = (newer.system, newer.number)
+        older = found.get(key)
+        found[key] = newer if older is None else _joined(newer, older)
+    return found
+
+
+def _joined(newer: Satellite, older: Satellite) -> Satellite:
+    """The same satellite on two signals."""
+    cn0 = max(newer.cn0_dbhz or 0.0, older.cn0_dbhz or 0.0) or None
+    if newer.elevation is None:
+        return replace(newer, elevation=older.elevation, azimuth=older.azimuth, cn0_dbhz=cn0)
+    return newer if cn0 == newer.cn0_dbhz else replace(newer, cn0_dbhz=cn0)

@@ -8,6 +8,7 @@ import math
 import operator
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
@@ -21,6 +22,8 @@ from fti.types import (
     DeviceTime,
     Measurement,
     Position,
+    ReceiverClock,
+    Satellite,
     Satellites,
     Stamp,
     TimeScale,
@@ -150,19 +153,31 @@ def test_speeds_are_those_of_gpsd(name: str) -> None:
 
 @pytest.mark.parametrize("name", CAPTURES[2:])
 def test_satellites_are_those_of_gpsd(name: str) -> None:
-    """gpsd repeats its list after each talker; the longest of its lists of the first epoch is the whole sky."""
+    """Every report of gpsd is part of one of our lists: it forgets the other systems with every new cycle.
+
+    Without numbers, because gpsd 3.22 takes the Galileo satellites 33 to 36 for SBAS; what is used is compared for GPS
+    and GLONASS, because it does not find the others of GNGSA.
+    """
     data = read(name)
-    first_epoch = data[: data.index(b"ZDA")]
-    seen = {
-        (s.elevation and round(math.degrees(s.elevation)), s.azimuth and round(math.degrees(s.azimuth)), s.cn0_dbhz)
-        for m in decode(first_epoch)
-        if isinstance(m, Satellites) and m.used is None and m.hdop is None
-        for s in m.satellites
-    }
-    skies = [r["satellites"] for r in gpsdecode(first_epoch) if r["class"] == "SKY" and "satellites" in r]
-    sky = max(skies, key=len)  # type: ignore[arg-type]
-    theirs = {(s["el"], s["az"], s["ss"] or None) for s in sky}  # type: ignore[attr-defined]
-    assert {(el or 0, az or 0, ss) for el, az, ss in seen} == theirs
+    ours = [sky_of(m.satellites) for m in decode(data) if isinstance(m, Satellites) and m.used is None and not m.hdop]
+    skies = [r["satellites"] for r in gpsdecode(data) if r["class"] == "SKY" and "satellites" in r]
+    assert len(skies) > 70
+    for sky in skies:
+        theirs = Counter(
+            (s["el"], s["az"], s["ss"] or None, s["used"] if s["gnssid"] in (0, 6) else None)
+            for s in sky  # type: ignore[attr-defined]
+        )
+        assert any(theirs <= seen for seen in ours), theirs
+
+
+def sky_of(satellites: tuple[Satellite, ...]) -> Counter[object]:
+    def rounded(angle: float | None) -> int:
+        return round(math.degrees(angle or 0.0))
+
+    return Counter(
+        (rounded(s.elevation), rounded(s.azimuth), s.cn0_dbhz, s.used if s.system in ("gps", "glonass") else None)
+        for s in satellites
+    )
 
 
 @each_capture
@@ -319,3 +334,199 @@ def test_the_emulated_receiver_speaks_as_other_parsers_expect() -> None:
     assert (str(parsed_rmc.date), str(parsed_rmc.time)) == ("2024-02-29", "12:00:00.250000")
     assert (parsed_gga.alt, parsed_gga.sep, parsed_gga.quality) == (100.0, 47.0, 1)
     assert nmea.make_encoder(nmea.Options()).encode(Position(stamp=stamp, valid=False))[1].split(b",")[6] == b"0"
+
+
+# ------------------------------------------------------------------------------- talkers, variants, missing fields
+
+
+def satellites_of(data: bytes) -> list[Satellites]:
+    return [m for m in decode(data) if isinstance(m, Satellites)]
+
+
+@pytest.mark.parametrize(
+    ("talker", "number", "expected"),
+    [
+        ("GP", 7, ("gps", 7)), ("GP", 33, ("sbas", 120)), ("GP", 193, ("qzss", 1)), ("GP", 131, ("sbas", 131)),
+        ("GL", 65, ("glonass", 1)), ("GL", 3, ("glonass", 3)), ("GA", 36, ("galileo", 36)), ("GA", 301, ("galileo", 1)),
+        ("GA", 103, ("galileo", 3)), ("GB", 63, ("beidou", 63)), ("BD", 201, ("beidou", 1)), ("GB", 401, ("beidou", 1)),
+        ("GQ", 1, ("qzss", 1)), ("QZ", 195, ("qzss", 3)), ("GI", 5, ("navic", 5)), ("GN", 70, ("glonass", 6)),
+        ("GN", 12, ("gps", 12)), ("II", 999, ("unknown", 999)),
+    ],
+)  # fmt: skip
+def test_satellites_are_numbered_within_their_system(talker: str, number: int, expected: tuple[str, int]) -> None:
+    (seen,) = satellites_of(sentence(f"{talker}GSV,1,1,01,{number},10,020,30"))[0].satellites
+    assert (seen.system, seen.number) == expected
+
+
+def gsv(talker: str, *numbers: int, cn0: int = 30, signal: str = "") -> bytes:
+    groups = "".join(f",{n:02d},10,020,{cn0}" for n in numbers)
+    return sentence(f"{talker}GSV,1,1,{len(numbers):02d}{groups}{signal}")
+
+
+def keys(found: Satellites) -> list[tuple[str, int]]:
+    return [(s.system, s.number) for s in found.satellites]
+
+
+def test_each_list_has_the_whole_sky_and_a_silent_system_leaves_it() -> None:
+    gp, gl = gsv("GP", 1, 2), gsv("GL", 65)
+    found = [set(keys(m)) for m in satellites_of(gp + gl + gp + gl + gp + gp)]
+    gps = {("gps", 1), ("gps", 2)}
+    both = gps | {("glonass", 1)}
+    assert found == [gps, both, both, both, both, gps]
+
+
+def test_a_satellite_on_two_signals_is_told_once_with_the_stronger() -> None:
+    weak, strong = gsv("GP", 5, cn0=31, signal=",8"), gsv("GP", 5, 6, cn0=44, signal=",1")
+    for order in (weak + strong, strong + weak):
+        last = satellites_of(order)[-1]
+        assert {(s.number, s.cn0_dbhz) for s in last.satellites} == {(5, 44.0), (6, 44.0)}
+    without_direction = sentence("GPGSV,1,1,01,05,,,50,8")
+    seen = {s.number: s for s in satellites_of(strong + without_direction)[-1].satellites}
+    assert (seen[5].cn0_dbhz, seen[5].elevation) == (50.0, math.radians(10))
+
+
+def test_satellites_in_use_of_more_than_one_sentence_and_system() -> None:
+    first = sentence("GNGSA,A,3,01,02,03,04,05,06,07,08,09,10,11,12,1.5,1.0,1.1,1")
+    second = sentence("GNGSA,A,3,13,14,,,,,,,,,,,1.5,1.0,1.1,1")
+    other = sentence("GNGSA,A,3,05,,,,,,,,,,,,1.5,1.0,1.1,3")
+    view = gsv("GP", 1, 13, 15) + gsv("GA", 5, 13)
+    last = satellites_of(first + second + other + view)[-1]
+    assert {(s.system, s.number): s.used for s in last.satellites} == {
+        ("gps", 1): True, ("gps", 13): True, ("gps", 15): False, ("galileo", 5): True, ("galileo", 13): False,
+    }  # fmt: skip
+    fewer = satellites_of(first + second + view + second + view)[-1]
+    assert [s.used for s in fewer.satellites if s.system == "gps"] == [False, True, False]
+    none = satellites_of(gsv("GP", 1) + sentence("GNGSA,A,1,,,,,,,,,,,,,,,") + gsv("GP", 1))
+    assert [m.satellites[0].used for m in (none[0], none[2])] == [None, False]
+
+
+def test_directions_out_of_range_and_no_signal_are_unknown() -> None:
+    (high, none) = satellites_of(sentence("GPGSV,1,1,02,05,99,020,30,06,10,360,00"))[0].satellites
+    assert (high.elevation, high.azimuth, high.cn0_dbhz) == (None, None, 30.0)
+    assert (none.azimuth, none.cn0_dbhz) == (0.0, None)
+
+
+def test_signal_and_system_at_the_end_as_quectel_has_them() -> None:
+    (found,) = satellites_of(sentence("PQGSV,1,1,02,02,20,116,,03,,,,0,4"))
+    assert keys(found) == [("beidou", 2), ("beidou", 3)]
+
+
+@pytest.mark.parametrize("body", ["GPGSV,1,2,01,05,10,020,30", "GPGSV,1,1,02,05,10,020,30,06,11", "GPGSV,0,0,00"])
+def test_groups_that_cannot_be_are_malformed(body: str) -> None:
+    decoder = nmea.make_decoder(nmea.Options())
+    assert decoder.feed(sentence(body), 1) == []
+    assert decoder.counters.messages == {"GSV malformed": 1}
+
+
+def position_of(body: str) -> Position:
+    (found,) = [m for m in decode(sentence(body)) if isinstance(m, Position)]
+    return found
+
+
+def test_gll_and_its_older_form() -> None:
+    found = position_of("IIGLL,3000.0,S,09000.0,W,120000,A,A")
+    assert (found.lat, found.lon) == pytest.approx((-math.pi / 6, -math.pi / 2))
+    assert found.valid
+    assert not position_of("IIGLL,3000.0,S,09000.0,W,120000,V").valid
+    assert not position_of("LCGLL,3000.0,S,09000.0,W").valid
+
+
+def test_sigma_of_gst_belongs_to_the_positions_around_it() -> None:
+    gst = sentence("GPGST,120000.00,1.2,5.0,3.0,45.0,3.0,4.0,6.5")
+    gga = "GPGGA,{},4800.0,N,01130.0,E,1,08,1.0,500.0,M,47.0,M,,"
+    found = [m for m in decode(gst + b"".join(sentence(gga.format(t)) for t in ("120001.00", "120011.00", "115959")))
+             if isinstance(m, Position)]  # fmt: skip
+    assert [(p.horizontal_sd, p.vertical_sd) for p in found] == [(5.0, 6.5), (None, None), (None, None)]
+
+
+@pytest.mark.parametrize(
+    ("body", "speed", "track"),
+    [
+        ("GPVTG,90.0,T,88.0,M,10.0,N,18.5,K,A", 10 * KNOT, 90.0),
+        ("GPVTG,90.0,T,,M,10.0,N,18.5,K", 10 * KNOT, 90.0),
+        ("GPVTG,90.0,T,,M,,N,36.0,K,A", 10.0, 90.0),
+        ("GPVTG,,T,,M,0.1,N,0.2,K,D", 0.1 * KNOT, None),
+        ("GPVTG,90.0,88.0,10.0,18.5", 10 * KNOT, 90.0),
+    ],
+)
+def test_forms_of_vtg(body: str, speed: float, track: float | None) -> None:
+    (found,) = decode(sentence(body))
+    assert isinstance(found, Velocity)
+    assert found.valid
+    assert found.ground_speed == pytest.approx(speed)
+    assert found.track == (None if track is None else pytest.approx(math.radians(track)))
+
+
+def test_a_velocity_that_was_not_measured_is_not_valid() -> None:
+    (found,) = decode(sentence("GPVTG,90.0,T,88.0,M,10.0,N,18.5,K,E"))
+    assert isinstance(found, Velocity)
+    assert not found.valid
+    assert decode(sentence("GPVTG,,T,,M,,N,,K")) == []
+
+
+def test_headings_and_attitude() -> None:
+    assert decode(sentence("HETHS,90.0,A")) == [Attitude(stamp=Stamp(1), heading=math.pi / 2)]
+    assert decode(sentence("HETHS,90.0,E")) == [Attitude(stamp=Stamp(1), heading=math.pi / 2, valid=False)]
+    assert decode(sentence("HETHS,,V") + sentence("GPHDT,,T") + sentence("HCHDG,90.0,,,1.3,E")) == []
+    (found,) = decode(sentence("PASHR,120000.00,180.0,T,-10.0,+5.0,+0.01,0.1,0.2,0.3,2,3"))
+    assert isinstance(found, Attitude)
+    assert (found.heading, found.roll, found.pitch) == pytest.approx((math.pi, math.radians(-10), math.radians(5)))
+    assert (found.roll_sd, found.pitch_sd, found.heading_sd) == pytest.approx(tuple(map(math.radians, (0.1, 0.2, 0.3))))
+    assert decode(sentence("PASHR,POS,0,03,183530.00,2037.76012,N,08704.07373,W,058.48,,359.4,0.0,0.0")) == []
+
+
+def test_proprietary_sentences_of_ublox() -> None:
+    """km/h, metres above the ellipsoid, ns."""
+    body = "PUBX,00,081350.00,4717.113210,N,00833.915187,E,546.589,G3,2.1,2.0,36.0,77.52,-0.5,,0.92,1.19,0.77,9,0,0"
+    velocity, used, status, position = decode(sentence(body))
+    assert isinstance(velocity, Velocity)
+    assert isinstance(position, Position)
+    assert velocity.ground_speed == pytest.approx(10.0)
+    assert (velocity.down, velocity.valid) == (-0.5, True)
+    assert (position.alt, position.alt_msl, position.horizontal_sd, position.vertical_sd) == (546.589, None, 2.1, 2.0)
+    assert math.degrees(position.lat or 0.0) == pytest.approx(47 + 17.113210 / 60)
+    assert used == Satellites(stamp=Stamp(1), used=9, hdop=0.92, vdop=1.19)
+    assert status == DeviceStatus(stamp=Stamp(1), ok=True, flags=("fix_3d",))
+    assert not position_of(body.replace("G3", "TT")).valid
+    time, clock = decode(sentence("PUBX,04,073731.00,091202,113851.00,1196,15D,1930035,-2660.664,43"))
+    assert time.stamp.t_dev_ns == unix_ns("2002-12-09T07:37:31")
+    assert isinstance(clock, ReceiverClock)
+    assert (clock.offset, clock.drift) == pytest.approx((1930035e-9, -2660.664e-9))
+
+
+def test_the_end_of_a_day_may_be_called_24_o_clock() -> None:
+    assert times(sentence("GPRMC,240000.00,A,4800.0,N,01130.0,E,1.0,2.0,311224,,,A") + GGA_0) == [NEW_YEAR_NS] * 2
+    decoder = nmea.make_decoder(nmea.Options())
+    decoder.feed(sentence("GPRMC,240001.00,A,4800.0,N,01130.0,E,1.0,2.0,311224,,,A"), 1)
+    assert decoder.counters.messages == {"RMC malformed": 1}
+
+
+@pytest.mark.parametrize(
+    ("date", "expected"), [("311299", "1999-12-31"), ("010180", "1980-01-01"), ("010179", "2079-01-01")]
+)
+def test_years_of_two_digits(date: str, expected: str) -> None:
+    (found,) = times(sentence(f"GPRMC,120000,A,4800.0,N,01130.0,E,1.0,2.0,{date},,,A"))
+    assert found == unix_ns(f"{expected}T12:00:00")
+
+
+def test_a_receiver_without_a_fix_may_say_impossible_places() -> None:
+    found = decode(sentence("GPRMC,000452.981,V,36000.0000,N,72000.0000,E,0.000000,,190120,,"))
+    assert isinstance(found[0], Position)
+    assert (found[0].valid, found[0].lat, found[0].lon) == (False, None, None)
+    assert found[0].stamp.t_dev_ns == unix_ns("2020-01-19T00:04:52.981")
+    assert times(sentence("GPRMC,120000,V,,,,,,,000000,,")) == [None]
+
+
+def test_line_ends_of_careless_receivers() -> None:
+    body = sentence("GPHDT,2.0,T")[:-2]
+    decoder = nmea.make_decoder(nmea.Options())
+    for end in (b"\n", b"\r\n", b"\r\r\n"):
+        assert len(decoder.feed(body + end, 1)) == 1
+    assert not decoder.counters.skipped
+
+
+def test_a_checksum_may_be_missing_when_the_option_says_so_but_not_be_wrong() -> None:
+    decoder = nmea.make_decoder(nmea.Options(checksum="optional"))
+    assert len(decoder.feed(b"$GPHDT,2.0,T\r\n" + sentence("GPHDT,2.0,T"), 1)) == 2
+    assert decoder.feed(b"$GPHDT,2.0,T*00\r\n$GP\r\n", 1) == []
+    assert decoder.counters.skipped == {"bad_checksum": 15, "no_checksum": 3, "no_sync": 4}

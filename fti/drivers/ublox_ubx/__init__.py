@@ -81,6 +81,7 @@ READ = {
     (0x02, 0x15): Message("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
     (0x05, 0x00): Message("ACK-NAK", "a command was refused", answers.read_nak, Shape(2)),
     (0x05, 0x01): Message("ACK-ACK", "a command was taken", answers.read_ack, Shape(2)),
+    (0x28, 0x00): Message("HNR-PVT", "position, ground speed, track, fix, UTC", navigation.read_hnr_pvt, Shape(72)),
     (0x0A, 0x04): Message("MON-VER", "versions of hardware and software", answers.read_version, None),
 }
 MESSAGES = {

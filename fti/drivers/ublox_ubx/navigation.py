@@ -13,6 +13,7 @@ from fti.types import Attitude, DeviceStatus, Measurement, Position, Satellites,
 
 #                     iTOW year.. tAcc nano fix.. lon lat h hMSL  acc  NED,g,hd  acc pDOP
 PVT = struct.Struct("<I H5BB      I    i    4B    i   i   i i     2I   5i        2I  H")
+HNR_PVT = struct.Struct("<IH5BBi2B2x4i4i3I")
 STATUS = struct.Struct("<I4B2I")
 SOL = struct.Struct("<IihBB3iI3iIHBB")
 POSLLH = struct.Struct("<I4i2I")
@@ -20,7 +21,7 @@ HPPOSLLH = struct.Struct("<BHBI4i4b2I")
 VELNED = struct.Struct("<I3iIIiII")
 ATT = struct.Struct("<IB3x3i3I")
 
-VALID_DATE, VALID_TIME = 1 << 0, 1 << 1
+VALID_TIMES = 0b11  # date and time
 FIX_OK, DIFFERENTIAL = 1 << 0, 1 << 1
 INVALID_LLH = 1 << 0
 WEEK_SET, TOW_SET = 1 << 2, 1 << 3
@@ -38,11 +39,8 @@ def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     """NAV-PVT: everything of one epoch; UTC, whose nanoseconds may be negative."""
     (itow, year, month, day, hour, minute, second, valid, _, nano, kind, flags, _, used, lon, lat, height, h_msl,
      h_acc, v_acc, north, east, down, speed, track, s_acc, _, pdop) = PVT.unpack_from(p)  # fmt: skip
-    stamp = Stamp(t_rx_ns)
-    if valid & VALID_DATE and valid & VALID_TIME:
-        of_day_ns = ((hour * 60 + minute) * 60 + second) * SECOND_NS + nano
-        stamp = Stamp(t_rx_ns, utc_ns(date(year, month, day), of_day_ns), TimeScale.UTC)
-        _learn_week(receiver, stamp, itow)
+    calendar = (year, month, day, hour, minute, second)
+    stamp = _utc(receiver, (t_rx_ns, itow), calendar, nano) if valid & VALID_TIMES == VALID_TIMES else Stamp(t_rx_ns)
     status = _status(stamp, kind, flags, CARRIER[flags >> 6] if flags >> 6 < len(CARRIER) else "")
     receiver.fix = status.ok
     lost = len(p) > PVT.size and bool(p[PVT.size] & INVALID_LLH)
@@ -61,11 +59,38 @@ def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     ]  # fmt: skip
 
 
-def _learn_week(receiver: Receiver, stamp: Stamp, itow_ms: int) -> None:
-    """The GPS week in which iTOW is this UTC; leap seconds are few beside it."""
-    if itow_ms < WEEK_MS and stamp.t_dev_ns is not None:
-        gps_s = (stamp.t_dev_ns - GPS_EPOCH_UTC_NS + LEAP_NS) / SECOND_NS
+def _utc(receiver: Receiver, times: tuple[int, int], calendar: tuple[int, ...], nano: int) -> Stamp:
+    """The stamp of a UTC; and the GPS week in which iTOW is this UTC: leap seconds are few beside it.
+
+    times : arrival [ns], iTOW [ms]; calendar : year, month, day, hour, minute, second
+    """
+    (t_rx_ns, itow_ms), (year, month, day, hour, minute, second) = times, calendar
+    t_dev_ns = utc_ns(date(year, month, day), ((hour * 60 + minute) * 60 + second) * SECOND_NS + nano)
+    if itow_ms < WEEK_MS:
+        gps_s = (t_dev_ns - GPS_EPOCH_UTC_NS + LEAP_NS) / SECOND_NS
         receiver.tell_week(round((gps_s - itow_ms / 1000) / WEEK_S), itow_ms)
+    return Stamp(t_rx_ns, t_dev_ns, TimeScale.UTC)
+
+
+def read_hnr_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """HNR-PVT: the solution between the epochs of a receiver with inertial sensors."""
+    (itow, year, month, day, hour, minute, second, valid, nano, kind, flags, lon, lat, height, h_msl, ground_speed, _,
+     heading, _, h_acc, v_acc, s_acc) = HNR_PVT.unpack_from(p)  # fmt: skip
+    calendar = (year, month, day, hour, minute, second)
+    stamp = _utc(receiver, (t_rx_ns, itow), calendar, nano) if valid & VALID_TIMES == VALID_TIMES else Stamp(t_rx_ns)
+    status = _status(stamp, kind, flags)
+    return [
+        Velocity(
+            stamp=stamp, ground_speed=ground_speed / 1000, track=wrap_heading(math.radians(heading * 1e-5)),
+            sd=metres(s_acc), valid=status.ok,
+        ),
+        status,
+        Position(
+            stamp=stamp, lat=math.radians(lat * 1e-7), lon=math.radians(lon * 1e-7), alt=height / 1000,
+            alt_msl=h_msl / 1000, undulation=(height - h_msl) / 1000, horizontal_sd=metres(h_acc),
+            vertical_sd=metres(v_acc), valid=status.ok,
+        ),
+    ]  # fmt: skip
 
 
 def _status(stamp: Stamp, kind: int, flags: int, carrier: str = "") -> DeviceStatus:
