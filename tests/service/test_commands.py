@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fti.service.catalogue import Denied
 from fti.service.commands import LATE_NS, MOST_OPEN, MOST_UNASKED
@@ -290,3 +293,44 @@ async def test_the_page_gets_the_last_ones(bench: Bench) -> None:
     for n in range(30):
         await (await bench.ask_and_send(f"k{n}", "reset"))
     assert [request["number"] for request in bench.commander.recent()] == list(range(11, 31))
+
+
+# ---------------------------------------------------------------------------------------------------- in any order
+
+NAMES = st.sampled_from(["", "rate", "reset"])
+STEPS = st.one_of(
+    st.tuples(st.just("ask"), st.sampled_from("abcd"), st.sampled_from(["rate", "reset"])),
+    st.tuples(st.just("sent"), st.integers(1, 5), st.sampled_from([None, "link down"])),
+    st.tuples(st.just("answer"), NAMES, st.booleans()),
+    st.tuples(st.just("ended"), st.sampled_from(["recorder", "navigation"]), st.none()),
+    st.tuples(st.just("later"), st.none(), st.none()),
+)
+
+
+@given(st.lists(STEPS, max_size=25))
+def test_whatever_happens_each_command_is_sent_once_and_ends_once(steps: list[tuple[str, Any, Any]]) -> None:
+    bench = asyncio.run(_play(steps))
+    keys = [shown["id"] for shown in bench.shown if shown["state"] == "sending"]
+    assert len(keys) == len(set(keys)) == len(bench.sent)
+    ends = [shown["id"] for shown in bench.shown if shown["ended"] and shown["number"]]
+    assert sorted(ends) == sorted(keys)
+    told = [text for _, text in bench.events if "an engineer: 2a" in text]
+    assert len(told) == len(keys)
+
+
+async def _play(steps: list[tuple[str, Any, Any]]) -> Bench:
+    bench = Bench()
+    for step, first, second in steps:
+        if step == "ask":
+            wish = {"id": first, "device": "mag", "command": second, "timeout_s": 600}
+            bench.commander.begin(wish | {"args": {"rate": "10"} if second == "rate" else {}}, "an engineer")
+        elif step == "sent":
+            bench.recorder_says(first, second)
+        elif step == "answer":
+            bench.answer(first, second)
+        elif step == "ended":
+            bench.commander.on_child_ended(first)
+        else:
+            bench.clock.advance(1.0)
+    bench.commander.close()
+    return bench
