@@ -101,6 +101,8 @@ def _bind(config: Config, index: int, device: Device, texts: Mapping[str, str]) 
         raise ConfigError(
             f"{config.path}: {key}.link = {device.link!r}: is a {kind} link; {device.driver} speaks on {carriers}"
         )
+    if twice := [name for name in device.options if f"{name}{FILE_ENDING}" in device.options]:
+        raise ConfigError(f"{config.path}: {key}.options: {twice[0]} and {twice[0]}{FILE_ENDING}: give one of them")
     table = _with_texts(device.options, f"{key}.options", texts)
     options = configuration.bind(driver.Options, table, config.path, f"{key}.options")
     bound = BoundDevice(device, driver, options)
