@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from fti.drivers import Counters, mavlink
+from fti.drivers.mavlink import READERS
+from fti.drivers.mavlink.wire import BASE_LENGTH, dialect_map, layout, signature
 from fti.types import (
+    Ack,
     Attitude,
     DeviceStatus,
     DeviceTime,
@@ -20,12 +23,19 @@ from fti.types import (
     Position,
     RadioHeight,
     Range,
+    Reading,
     Stamp,
     TimeScale,
     Velocity,
 )
+from tests.drivers.vectorfiles import load
 
 S = Stamp(5_000_000_000)
+#: COMMAND_LONG 511 (ATTITUDE every 20000 us), 512 (STATUSTEXT, to system 7) and a heartbeat of a ground station, from
+#: 255/190, as the generated C library mavlink/c_library_v2 (7e16bc08) packs them.
+C_INTERVAL = "fd20000000ffbe4c00000000f04100409c460000000000000000000000000000000000000000ff010101c44a"
+C_REQUEST = "fd20000000ffbe4c000000007d4300000000000000000000000000000000000000000000000000020701608c"
+C_HEARTBEAT = "fd09000000ffbe0000000000000006080004033d48"
 ATTITUDE = common.MAVLink_attitude_message(1000, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03)
 
 
@@ -67,14 +77,164 @@ def test_a_frame_with_unknown_flags_is_refused() -> None:
     assert counters.skipped["bad_flags"] == 1
 
 
-def test_a_signed_frame_is_taken_whole() -> None:
-    mav = common.MAVLink(None, srcSystem=1, srcComponent=1)
-    mav.signing.secret_key, mav.signing.sign_outgoing, mav.signing.timestamp = bytes(32), True, 1
-    signed = bytes(ATTITUDE.pack(mav))
-    assert len(signed) == len(pack(ATTITUDE)) + 13
-    found, counters = decode(signed * 2)
-    assert len(found) == 4
-    assert counters.framed == 2 * len(signed)
+# -------------------------------------------------------------------------------------------------- signatures
+
+KEY = bytes(range(1, 33))  # of the C library's vector
+SIGNED = load("mavlink_c_library_signed").data
+
+
+def test_a_signed_frame_is_taken_whole_and_told_to_be_unverified() -> None:
+    found, counters = decode(SIGNED)
+    assert len(found) == 5
+    assert counters.framed == len(SIGNED)
+    assert counters.messages["signed, not verified"] == 3
+
+
+def test_the_signatures_of_the_c_library_hold_with_its_key_only() -> None:
+    found, counters = decode(SIGNED, key=KEY.hex())
+    assert len(found) == 5
+    assert counters.messages == {"ATTITUDE": 1, "SCALED_PRESSURE": 1, "SYSTEM_TIME": 1}
+    found, counters = decode(SIGNED, key=bytes(32).hex())
+    assert not found
+    assert counters.skipped == {"bad_signature": len(SIGNED)}
+
+
+def test_with_a_key_nothing_else_is_believed() -> None:
+    """Neither what is not signed, nor version 1, nor what was recorded and is played again."""
+    plain, old = pack(ATTITUDE), pack(ATTITUDE, force_mavlink1=True)
+    found, counters = decode(plain + old + SIGNED + SIGNED, key=KEY.hex())
+    assert len(found) == 5
+    assert counters.skipped == {"unsigned": len(plain) + len(old), "replayed": len(SIGNED)}
+
+
+def test_each_link_of_a_source_has_its_own_time() -> None:
+    frame = bytearray(SIGNED[: len(pack(ATTITUDE)) + 13])
+    frame[-13] = 4  # another link
+    frame[-6:] = signature(KEY, frame)
+    _, counters = decode(SIGNED + bytes(frame), key=KEY.hex())
+    assert not counters.skipped
+
+
+@pytest.mark.parametrize("key", ["", "00", "zz" * 32])
+def test_a_key_has_64_hexadecimal_digits(key: str) -> None:
+    with pytest.raises(ValueError, match="key"):
+        mavlink.Options(key=key)
+
+
+# ------------------------------------------------------------------------------------------------ length, version
+
+
+def seal(frame: bytearray, number: int) -> bytes:
+    """The frame with the right checksum at its end."""
+    known = layout("common", number)
+    assert known is not None
+    return bytes(frame) + mavlink.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
+
+
+def test_a_version_1_payload_of_another_length_is_refused() -> None:
+    good = pack(ATTITUDE, force_mavlink1=True)
+    for change in (-4, 4):
+        body = bytearray(good[:-2]) + bytes(max(0, change))
+        body = body[:change] if change < 0 else body
+        body[1] += change
+        found, counters = decode(seal(body, 30) + good)
+        assert len(found) == 2
+        assert counters.skipped["bad_length"] == 1
+
+
+def test_a_version_2_payload_of_a_newer_definition_is_read_as_far_as_it_is_known() -> None:
+    body = bytearray(pack(ATTITUDE)[:-2]) + b"new"
+    body[1] += 3
+    (_, attitude), _ = decode(seal(body, 30))
+    assert isinstance(attitude, Attitude)
+    assert attitude.heading == pytest.approx(0.3)
+
+
+def test_zeros_at_the_end_are_filled_in() -> None:
+    message = common.MAVLink_attitude_message(1000, 0.5, 0, 0, 0, 0, 0)
+    assert len(pack(message)) == 10 + 8 + 2  # six fields are not sent
+    (imu, attitude), _ = decode(pack(message))
+    assert isinstance(imu, ImuSample)
+    assert imu.gyro_b == (0.0, 0.0, 0.0)
+    assert isinstance(attitude, Attitude)
+    assert (attitude.roll, attitude.pitch, attitude.heading) == (0.5, 0.0, 0.0)
+
+
+def test_base_lengths_are_those_of_the_definitions() -> None:
+    """pymavlink does not say where the extensions begin; the lengths are those of the C library's MIN_LEN."""
+    assert set(READERS) <= set(BASE_LENGTH)
+    for number, size in BASE_LENGTH.items():
+        known = layout("common", number)
+        assert known is not None
+        assert size <= known.size
+
+
+def test_noise_is_never_a_message(scale: int) -> None:
+    """pymavlink's own parser makes UNKNOWN messages of it; here the frame of every kind of noise is refused."""
+    import random
+
+    source = random.Random(1)
+    noise = source.randbytes(2 * 10**5 if scale == 1 else 10**7)
+    _, counters = decode(noise)
+    assert not counters.messages
+    parser = common.MAVLink(None)
+    parser.robust_parsing = True
+    theirs = {m.get_type() for m in parser.parse_buffer(noise[: 10**5]) or ()}
+    assert any(name.startswith("UNKNOWN") for name in theirs)
+
+
+def test_a_dialect_is_an_option() -> None:
+    number = next(n for n in dialect_map("ardupilotmega") if n not in dialect_map("common"))
+    name = dialect_map("ardupilotmega")[number].msgname
+    known = layout("ardupilotmega", number)
+    assert known is not None
+    frame = bytearray([0xFD, 1, 0, 0, 0, 1, 1, *number.to_bytes(3, "little"), 7])
+    data = bytes(frame) + mavlink.crc(bytes(frame[1:]) + known.seed).to_bytes(2, "little")
+    assert decode(data, dialect="ardupilotmega")[1].messages == {name: 1}
+    assert not decode(data)[1].messages
+
+
+# ------------------------------------------------------------------------------------------------------- sources
+
+
+def numbered(sequence: int, system: int = 1, component: int = 1) -> bytes:
+    sender = common.MAVLink(None, srcSystem=system, srcComponent=component)
+    sender.seq = sequence
+    return bytes(ATTITUDE.pack(sender))
+
+
+def test_what_is_missing_is_counted_for_each_source() -> None:
+    """Two systems and a second component, interleaved; sequence numbers roll over and may come twice."""
+    stream = [
+        (254, 1, 1),
+        (7, 2, 1),
+        (255, 1, 1),
+        (100, 1, 154),
+        (0, 1, 1),
+        (8, 2, 1),
+        (3, 1, 1),
+        (3, 1, 1),
+        (11, 2, 1),
+    ]
+    found, counters = decode(b"".join(numbered(*frame) for frame in stream))
+    assert counters.lost == {"1/1": 2, "2/1": 2}
+    told = [(m.name, m.value) for m in found if isinstance(m, Reading)]
+    assert told == [("lost_from_1_1", 2.0), ("lost_from_2_1", 2.0)]
+
+
+def test_what_another_source_loses_is_counted_and_not_told() -> None:
+    stream = numbered(0, 2) + numbered(0, 1) + numbered(5, 2) + numbered(1, 1)
+    found, counters = decode(stream, system=1)
+    assert counters.lost == {"2/1": 4}
+    assert not [m for m in found if isinstance(m, Reading)]
+
+
+def test_one_component_can_be_chosen() -> None:
+    _, counters = decode(numbered(0) + numbered(0, 1, 154), component=154)
+    assert counters.messages == {"other source": 1, "ATTITUDE": 1}
+
+
+# ------------------------------------------------------------------------------------------------------ messages
 
 
 def test_version_1_is_spoken_too() -> None:
@@ -164,6 +324,146 @@ def test_the_time_is_utc_where_the_autopilot_knows_it() -> None:
     known, unknown = (common.MAVLink_system_time_message(t, 5000) for t in (1_700_000_000_000_000, 0))
     assert decode(pack(known))[0] == [DeviceTime(stamp=Stamp(1, 1_700_000_000_000_000_000, TimeScale.UTC))]
     assert decode(pack(unknown))[0] == [DeviceTime(stamp=Stamp(1, 5_000_000_000, TimeScale.BOOT))]
+
+
+def test_a_heartbeat_of_what_is_no_autopilot_says_nothing_about_it() -> None:
+    ground = common.MAVLink_heartbeat_message(common.MAV_TYPE_GCS, common.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+    assert decode(pack(ground))[0] == []
+    critical = common.MAVLink_heartbeat_message(common.MAV_TYPE_FIXED_WING, 3, 0, 0, common.MAV_STATE_CRITICAL, 3)
+    assert decode(pack(critical))[0] == [DeviceStatus(stamp=Stamp(1), ok=False, flags=("critical",))]
+
+
+def test_a_map_that_the_autopilot_has_not_is_not_valid() -> None:
+    message = common.MAVLink_terrain_report_message(481_000_000, 115_000_000, 0, 0.0, 0.0, 0, 0)
+    readings = [m for m in decode(pack(message))[0] if isinstance(m, Reading)]
+    assert len(readings) == 4
+    assert not any(m.valid for m in readings)
+
+
+def test_raw_numbers_are_counts_unless_the_autopilot_scales_them() -> None:
+    message = common.MAVLink_raw_imu_message(1000, 0, 0, -1000, 100, 0, 0, 450, 0, 0)
+    assert all(isinstance(m, Reading) and m.unit == "" for m in decode(pack(message))[0])
+    imu = decode(pack(message), raw_imu="scaled")[0][0]
+    assert isinstance(imu, ImuSample)
+    assert imu.accel_b == pytest.approx((0.0, 0.0, -9.80665))
+    assert imu.gyro_b == pytest.approx((0.1, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("angles", "quaternion"),
+    [
+        ((0.4, 0.0, 0.0), (math.cos(0.2), math.sin(0.2), 0.0, 0.0)),
+        ((0.0, -0.3, 0.0), (math.cos(0.15), 0.0, -math.sin(0.15), 0.0)),
+        ((0.0, 0.0, 5.0), (math.cos(2.5), 0.0, 0.0, math.sin(2.5))),
+        # roll -60, pitch 30, heading 90 degrees: the product of the three half angles
+        (
+            (-math.pi / 3, math.pi / 6, math.pi / 2),
+            (
+                math.cos(math.pi / 4) * math.cos(math.pi / 12) * math.cos(math.pi / 6)
+                - math.sin(math.pi / 4) * math.sin(math.pi / 12) * math.sin(math.pi / 6),
+                -math.cos(math.pi / 4) * math.cos(math.pi / 12) * math.sin(math.pi / 6)
+                - math.sin(math.pi / 4) * math.sin(math.pi / 12) * math.cos(math.pi / 6),
+                math.cos(math.pi / 4) * math.sin(math.pi / 12) * math.cos(math.pi / 6)
+                - math.sin(math.pi / 4) * math.cos(math.pi / 12) * math.sin(math.pi / 6),
+                math.sin(math.pi / 4) * math.cos(math.pi / 12) * math.cos(math.pi / 6)
+                + math.cos(math.pi / 4) * math.sin(math.pi / 12) * math.sin(math.pi / 6),
+            ),
+        ),
+    ],
+)
+def test_a_quaternion_is_an_attitude(angles: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
+    attitude = decode(pack(common.MAVLink_attitude_quaternion_message(1, *quaternion, 0, 0, 0)))[0][-1]
+    assert isinstance(attitude, Attitude)
+    assert (attitude.roll, attitude.pitch, attitude.heading) == pytest.approx(angles, abs=1e-6)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.5, math.nan])
+def test_a_quaternion_that_is_none_is_no_attitude(length: float) -> None:
+    found, _ = decode(pack(common.MAVLink_attitude_quaternion_message(1, length, 0, 0, 0, 0.1, 0, 0)))
+    assert [type(m) for m in found] == [ImuSample]
+
+
+# ------------------------------------------------------------------------------------------------------ commands
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "options", "expected"),
+    [
+        ("message_interval", {"message": "ATTITUDE", "rate_hz": "50"}, {}, C_INTERVAL),
+        ("message_interval", {"message": "30", "rate_hz": "50.0"}, {}, C_INTERVAL),
+        ("request_message", {"message": "statustext"}, {"system": 7}, C_REQUEST),
+    ],
+)
+def test_commands_are_the_bytes_of_the_c_library(
+    name: str, args: dict[str, str], options: dict[str, Any], expected: str
+) -> None:
+    assert mavlink.command(name, args, mavlink.Options(**options)).hex() == expected
+
+
+def test_a_heartbeat_goes_out_when_it_is_wanted() -> None:
+    assert mavlink.poll(mavlink.Options()) is None
+    assert mavlink.poll(mavlink.Options(heartbeat_s=1.0)) == (1.0, bytes.fromhex(C_HEARTBEAT))
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "match"),
+    [
+        ("message_interval", {"message": "ATTITUDE"}, "rate_hz is missing"),
+        ("message_interval", {"message": "ATTITUDE", "rate_hz": "1001"}, "0 to 1000, or off"),
+        ("message_interval", {"message": "ATTITUDE", "rate_hz": "nan"}, "0 to 1000, or off"),
+        ("request_message", {"message": "ATTITUTE"}, "'ATTITUTE': must be the name"),
+        ("request_message", {"message": "30", "x": "1"}, "no argument 'x'"),
+        ("arm", {}, "there are message_interval, request_message"),
+    ],
+)
+def test_bad_commands_are_refused(name: str, args: dict[str, str], match: str) -> None:
+    with pytest.raises(ValueError, match=match):
+        mavlink.command(name, args)
+
+
+def test_an_acknowledgement_is_ours_or_nobodys() -> None:
+    def answer(**who: int) -> list[Measurement]:
+        return decode(pack(common.MAVLink_command_ack_message(511, 4, **who)))[0]
+
+    refused = [Ack(stamp=Stamp(1), command="message_interval", accepted=False, detail="failed")]
+    assert answer(target_system=255, target_component=190) == refused
+    assert answer() == refused
+    assert answer(target_system=254, target_component=190) == []
+    assert decode(pack(common.MAVLink_command_ack_message(400, 0)))[0] == []  # arming: somebody else's
+    assert decode(pack(common.MAVLink_command_ack_message(511, 5)))[0] == []  # in progress
+
+
+def test_the_emulated_autopilot_obeys_and_acknowledges() -> None:
+    options = mavlink.Options()
+    device, decoder = mavlink.make_encoder(options), mavlink.make_decoder(options)
+
+    def tell(name: str, **args: str) -> list[Measurement]:
+        answers = device.respond(mavlink.command(name, args, options))
+        return [m for data in answers for m in decoder.feed(data, 1)]
+
+    def fly(first: int) -> int:
+        """Frames of ten samples, 20 ms apart."""
+        times = range(first * 20_000_000, (first + 10) * 20_000_000, 20_000_000)
+        level = [Attitude(stamp=Stamp(t), roll=0.1, pitch=0.2, heading=0.3) for t in times]
+        return len([frame for m in level for frame in device.encode(m)])
+
+    assert fly(1) == 10
+    assert tell("message_interval", message="ATTITUDE", rate_hz="10") == [
+        Ack(stamp=Stamp(1), command="message_interval", accepted=True, detail="accepted")
+    ]
+    assert fly(11) == 2
+    tell("message_interval", message="ATTITUDE", rate_hz="off")
+    assert fly(21) == 0
+    ack, attitude = tell("request_message", message="ATTITUDE")
+    assert isinstance(ack, Ack)
+    assert ack.accepted
+    assert isinstance(attitude, Attitude)
+    (refused,) = tell("request_message", message="VFR_HUD")
+    assert isinstance(refused, Ack)
+    assert not refused.accepted
+
+
+# ------------------------------------------------------------------------------------------------------ emulator
 
 
 def names(frames: list[bytes]) -> list[str]:

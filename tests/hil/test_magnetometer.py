@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from fti import drivers
 from fti.config import Device
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.magnetometer import Magnetometer, earth_field_n
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import MagneticField, Stamp
+from fti.types import DeviceStatus, MagneticField, Stamp
 from tests.hil.worlds import world
 
 Array = NDArray[np.float64]
@@ -67,13 +68,21 @@ def test_the_mounting_turns_the_axes_and_nothing_else() -> None:
 
 def test_iron_scale_and_noise_are_of_their_size() -> None:
     state = flown().state(T)
-    truth = np.einsum(
-        "nji,nj->ni",
-        mat_from_rpy(state.roll, state.pitch, state.heading),
-        earth_field_n(state.lat, state.lon, state.alt),
-    )
+    mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
+    truth = np.einsum("nji,nj->ni", mat_nb, earth_field_n(state.lat, state.lon, state.alt))
     errors = [fields(seed=seed) - truth for seed in range(20)]
     iron = np.sqrt(np.mean([e.mean(axis=0) ** 2 for e in errors]))
     assert iron == pytest.approx(Magnetometer.IRON_SD, rel=0.4)
     noise = np.diff(errors[0], n=2, axis=0) / math.sqrt(6.0)
     assert noise.std() == pytest.approx(Magnetometer.NOISE_SD, rel=0.3)
+
+
+def test_an_autopilot_has_a_magnetometer_and_a_heartbeat_of_a_second() -> None:
+    device = Device.model_validate({"name": "autopilot", "link": "line", "driver": "mavlink"})
+    driver = drivers.load("mavlink")
+    t = np.arange(0.0, 10.0, 1 / Autopilot.rate_hz)
+    model = Autopilot(BoundDevice(device, driver, driver.Options()), flown(), t, np.random.default_rng(1))
+    told = [m for k in range(len(t)) for m in model.measure(k, Stamp(k))]
+    fields = np.array([m.field_b for m in told if isinstance(m, MagneticField)])
+    assert np.linalg.norm(fields, axis=1).mean() == pytest.approx(47e-6, rel=0.1)
+    assert sum(isinstance(m, DeviceStatus) for m in told) == 10

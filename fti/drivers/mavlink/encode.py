@@ -49,6 +49,7 @@ from fti.types import (
 
 DISTANCE_MIN_CM, DISTANCE_MAX_CM = 1, 0xFFFE
 COMMAND_LONG = 76
+ON_TIME = 0.95  # of an interval: the clock of the samples drifts
 Make = Callable[[Any], list[Any]]
 
 
@@ -221,7 +222,7 @@ class Orders:
         self._last[number] = message
         interval = self._intervals.get(number, 0)
         since = t_ns - self._sent.get(number, t_ns - interval)
-        if interval < 0 or since < interval:
+        if interval < 0 or since < ON_TIME * interval:
             return False
         self._sent[number] = t_ns
         return True

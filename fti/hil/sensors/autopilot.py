@@ -1,4 +1,4 @@
-"""An autopilot: attitude at its own rate, position, pressure and rangefinder more seldom."""
+"""An autopilot: attitude at its own rate, position, pressure, rangefinder and heartbeat more seldom."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ from numpy.typing import NDArray
 from fti.hil.sensors.avionics import AirData, Reference
 from fti.hil.sensors.errors import white
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.hil.sensors.magnetometer import earth_field_b
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import ImpactPressure, ImuSample, Measurement, Range, Stamp, StaticPressure, TimeScale
+from fti.types import (
+    DeviceStatus,
+    ImpactPressure,
+    ImuSample,
+    MagneticField,
+    Measurement,
+    Range,
+    Stamp,
+    StaticPressure,
+    TimeScale,
+)
 
 
 class Autopilot:
@@ -19,8 +30,8 @@ class Autopilot:
     rate_hz = 50.0
     time_scale = TimeScale.BOOT
 
-    RANGE_EVERY, POSITION_EVERY, PRESSURE_EVERY = 2, 5, 10  # samples
-    ACCEL_SD, GYRO_SD, LASER_SD = 0.05, np.deg2rad(0.2), 0.05
+    RANGE_EVERY, POSITION_EVERY, PRESSURE_EVERY, HEARTBEAT_EVERY = 2, 5, 10, 50  # samples
+    ACCEL_SD, GYRO_SD, LASER_SD, FIELD_SD = 0.05, np.deg2rad(0.2), 0.05, 0.3e-6
     LASER_RANGE_M = (0.2, 500.0)
 
     def __init__(self, bound: BoundDevice, world: World, t: NDArray[np.float64], rng: np.random.Generator) -> None:
@@ -29,6 +40,7 @@ class Autopilot:
         self._air = AirData(state, world, t, rng)
         self._accel = specific_force_b(state) + rng.normal(0.0, self.ACCEL_SD, (len(t), 3))
         self._gyro = angular_rate_b(state) + rng.normal(0.0, self.GYRO_SD, (len(t), 3))
+        self._field = earth_field_b(state) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
         self._limits = limits.range_m if limits else self.LASER_RANGE_M
         self._ranges = world.laser_ranges(t, bound.device) + white(t, self.LASER_SD, rng) if limits else None
 
@@ -36,7 +48,9 @@ class Autopilot:
         """What is due in cycle k."""
         ax, ay, az = map(float, self._accel[k])
         gx, gy, gz = map(float, self._gyro[k])
+        mx, my, mz = map(float, self._field[k])
         found: list[Measurement] = [
+            MagneticField(stamp=stamp, field_b=(mx, my, mz)),
             ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             self._reference.attitude(k, stamp),
         ]
@@ -49,6 +63,8 @@ class Autopilot:
                 ImpactPressure(stamp=stamp, q_c=float(self._air.q_c[k])),
                 StaticPressure(stamp=stamp, p_static=float(self._air.p_static[k])),
             ]
+        if k % self.HEARTBEAT_EVERY == 0:
+            found.append(DeviceStatus(stamp=stamp, ok=True, flags=("active", "armed", "auto")))
         return found
 
     def _range(self, slant_range: float, stamp: Stamp) -> Range:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.trajectory import State
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import MagneticField, Measurement, Stamp
@@ -32,6 +33,12 @@ def earth_field_n(lat: Array, lon: Array, alt: Array) -> Array:
     return np.asarray(np.stack([north, east, down], axis=1) * scale[:, None])
 
 
+def earth_field_b(state: State) -> Array:
+    """The same [T] in the body frame, shape (n, 3)."""
+    mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
+    return np.asarray(np.einsum("nji,nj->ni", mat_nb, earth_field_n(state.lat, state.lon, state.alt)))
+
+
 class Magnetometer:
     """Three axes of a magneto-resistive sensor.
 
@@ -43,10 +50,7 @@ class Magnetometer:
     IRON_SD, SCALE_SD, NOISE_SD = 1.0e-6, 0.003, 7e-9  # [T], -, [T]
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        state = world.state(t)
-        field_n = earth_field_n(state.lat, state.lon, state.alt)
-        mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
-        field_b = np.einsum("nji,nj->ni", mat_nb, field_n) + rng.normal(0.0, self.IRON_SD, 3)
+        field_b = earth_field_b(world.state(t)) + rng.normal(0.0, self.IRON_SD, 3)
         field_s = field_b @ mounting(bound.device)
         noise = rng.normal(0.0, self.NOISE_SD, (len(t), 3))
         self._field = field_s * (1.0 + rng.normal(0.0, self.SCALE_SD, 3)) + noise
