@@ -150,13 +150,17 @@ class Commander:
 
     def on_ack(self, ack: Mapping[str, Any]) -> None:
         """A device has answered.  ack : device, command ("" when it does not say which), accepted, detail, t_ns"""
-        for request in self._open.values():
-            if request.answered and request.may_be_answered_by(ack, MARGIN_NS):
-                if request.state is State.SENDING:
-                    request.early.append(ack)
-                else:
-                    self._settle(request, ack)
-                return
+        asked = [r for r in self._open.values() if r.answered and r.may_be_answered_by(ack, MARGIN_NS)]
+        sent = [request for request in asked if request.state is State.WAITING]
+        if sent:
+            self._settle(sent[0], ack)
+        elif asked:
+            asked[0].early.append(ack)
+        else:
+            self._tell_unasked(ack)
+
+    def _tell_unasked(self, ack: Mapping[str, Any]) -> None:
+        """No command waits for this answer."""
         late = next((r for r in self._lately_given_up() if r.may_be_answered_by(ack, MARGIN_NS)), None)
         if late:
             self._given_up.remove(late)
@@ -209,8 +213,9 @@ class Commander:
             self._end(request, State.UNKNOWN, f"the recorder has not said {patience} that it was sent{excuse}")
 
     def _end(self, request: Request, state: State, detail: str) -> None:
+        if self._open.pop(request.number, None) is None:
+            return  # an answer that was held for another one has ended it
         request.end(state, detail)
-        self._open.pop(request.number, None)
         if request.answered and state in (State.TIMED_OUT, State.UNKNOWN):
             self._given_up.append(request)
         self._tell(state.level, f"{request.title()}: {request.outcome()}")

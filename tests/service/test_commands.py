@@ -6,7 +6,7 @@ import asyncio
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fti.service.catalogue import Denied
@@ -307,6 +307,7 @@ STEPS = st.one_of(
 )
 
 
+@example([("ask", "a", "rate"), ("ask", "b", "rate"), ("sent", 2, None), ("answer", "", True)])
 @given(st.lists(STEPS, max_size=25))
 def test_whatever_happens_each_command_is_sent_once_and_ends_once(steps: list[tuple[str, Any, Any]]) -> None:
     bench = asyncio.run(_play(steps))
