@@ -83,6 +83,16 @@ def test_labels_that_the_card_has_turned(kind: str) -> None:
 
 
 @each_kind
+def test_packets_that_never_came_are_counted_and_a_new_beginning_is_none(kind: str) -> None:
+    packer = KINDS[kind]()
+    data = [packer.pack([height_word(100.0)], 0, k * 1_000_000) for k in range(10)]
+    seen = decoder(kind)
+    for k in (0, 1, 4, 5, 9, 0, 1):
+        seen.feed(data[k], 1)
+    assert seen.counters.lost == {kind: 2 + 3}
+
+
+@each_kind
 @given(st.integers(0, 50), st.binary(max_size=20))
 def test_the_next_whole_packet_is_found_after_a_broken_one(kind: str, lost: int, noise: bytes) -> None:
     broken = packet(kind, 100.0, 101.0)

@@ -16,7 +16,7 @@ equipment: 165 is a radio height in BCD on a radio altimeter and a vertical velo
 
 There is no common standard for words over a serial line, hence the options.  In packets each word has the time of
 their maker, 20 ns or 100 ns fine, since it was switched on; a word that it or the parity calls wrong is counted
-("bus_error", "bad_parity") and nothing more.
+("bus_error", "bad_parity") and nothing more.  Packets that are missing between others are counted as lost.
 
 Kinds of words: BNR, BCD, and discrete (single bits as flags of a DeviceStatus, small numbers as Reading).  What no
 measurement has a place for is a Reading by name.  Label 377 says who sends: another equipment than the set's is a
@@ -125,6 +125,8 @@ class Decoder:
         return handler.decode(word, stamp)
 
     def _take_packet(self, packets: Packets, packet: bytes, t_rx_ns: int) -> list[Measurement]:
+        if missed := packets.missed(packet):
+            self.counters.lost[self._options.packets] += missed
         name, words = packets.unpack(packet)
         if name:
             self.counters.messages[name] += 1

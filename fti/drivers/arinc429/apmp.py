@@ -33,12 +33,13 @@ ERROR = 1 << 31
 
 
 class Apmp:
-    """Packets of the converter.  Stateful when packing: it counts packets, and words of each channel."""
+    """Packets of the converter.  Stateful: it follows the numbers of packets, and when packing those of the words."""
 
     LIMIT = HEADER.size + MAX_PAYLOAD
 
     def __init__(self) -> None:
         self._packet, self._words = 0, [0] * 16
+        self._seen: int | None = None
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
@@ -70,6 +71,12 @@ class Apmp:
             return "bad_status", []
         records = RECORD.iter_unpack(packet[HEADER.size + TIMES.size :])
         return "", [Heard(word, c >> 24 & 0xF, ticks * TICK_NS, bool(c & ERROR)) for c, ticks, word in records]
+
+    def missed(self, packet: bytes) -> int:
+        """How many packets are missing before this one."""
+        number = int.from_bytes(packet[4:8], "big")
+        last, self._seen = self._seen, number
+        return number - last - 1 if last is not None and number > last else 0
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
         """A packet with these words, all heard at once."""

@@ -51,12 +51,13 @@ def _header_end(flags: int) -> int:
 
 
 class Chapter10:
-    """Packets of a recorder.  Stateful when packing: it counts them."""
+    """Packets of a recorder.  Stateful: it follows the numbers of each channel's packets."""
 
     LIMIT = 65_536
 
     def __init__(self) -> None:
         self._sequence = 0
+        self._seen: dict[int, tuple[int, int]] = {}  # channel: number and time of its last packet
 
     def measure(self, buffer: bytearray) -> int | Skip:
         """See ``_framing``."""
@@ -116,6 +117,14 @@ class Chapter10:
             ticks += about & GAP
             found.append(Heard(word, about >> 24, ticks * TICK_NS, bool(about & (PARITY_ERROR | FORMAT_ERROR))))
         return "", found
+
+    def missed(self, packet: bytes) -> int:
+        """How many packets of this channel are missing before this one, up to 255; none when its time goes back."""
+        _, channel, _, _, _, number, _, _, low, high, _ = HEADER.unpack_from(packet)
+        ticks = low | high << 32
+        last, at = self._seen.get(channel, (number, ticks))
+        self._seen[channel] = number, ticks
+        return (number - last - 1) & 0xFF if ticks > at else 0
 
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
         """A packet with these words of a fast bus, all heard at once, with a checksum of 32 bits."""

@@ -88,7 +88,7 @@ class Number:
         si = None if value is None else value * self._factor + self._offset
         found = self.quantity.make(stamp, None, valid=False) if si is None else self._make(stamp, si, not what)
         if self.label.steps and si is not None and isinstance(found, RadioHeight):
-            found = dataclasses.replace(found, sd=quantisation_step_ft(si / FOOT) * FOOT / math.sqrt(12))
+            found = dataclasses.replace(found, sd=quantisation_step_ft(round(si / FOOT, 6)) * FOOT / math.sqrt(12))
         seen: list[Measurement] = [found] if found else []
         return [*seen, _status(stamp, self.name, what)] if what else seen
 

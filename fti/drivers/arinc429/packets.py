@@ -29,6 +29,9 @@ class Packets(Protocol):
     def unpack(self, packet: bytes) -> tuple[str, list[Heard]]:
         """What the packet is counted as ("" where its words are), and its words."""
 
+    def missed(self, packet: bytes) -> int:
+        """How many packets are missing before this one, as their numbers show; none where they begin again."""
+
     def pack(self, words: Sequence[int], bus: int, t_dev_ns: int) -> bytes:
         """A packet with these words."""
 
