@@ -327,6 +327,7 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
         await page.screenshot(tmp_path / f"commands_{width}.png")
+    await shows_what_the_chosen_command_takes(page, display)
     await page.eval(f"{by_testid('commands-close')}.click()")
     assert await page.text("link-gnss_line-state") == "absent"
     assert page.problems == []
@@ -343,10 +344,7 @@ EARLIER = [
 ]
 
 
-async def test_the_panel_shows_what_the_chosen_command_takes(page: Page, display: DisplayProcess) -> None:
-    display.say({"catalogue": CATALOGUE})
-    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
-    await page.eval(f"{by_testid('commands-open')}.click()")
+async def shows_what_the_chosen_command_takes(page: Page, display: DisplayProcess) -> None:
     await page.eval(choose("commands-name", "degauss"))
     assert await page.text("commands-does") == "set and reset the sensor's strap once (not acknowledged)"
     assert await page.eval("document.querySelectorAll('.arguments input').length") == 0
