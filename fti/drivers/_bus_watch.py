@@ -1,7 +1,8 @@
 """What a bus tells about its nodes beside their values: messages lost and repeated, nodes that fell silent.
 
 Rolling counter   the counter of a message goes up by one each time and rolls over.  A step of n + 1 is n messages
-                  lost; no step is a message that came twice.  A node that starts again looks like a loss.
+                  lost; no step is a message that came twice, told once for a node that does not count at all.
+                  A node that starts again looks like a loss.
 Silence           a decoder has no clock, so the stamps of all frames on the bus are the clock: at a frame, a node that
                   was heard before is silent when its last message is more than N periods old, N being
                   ``silent_after``.  The period of a node is that of its fastest message: as its DBC states, or else
@@ -36,6 +37,7 @@ class _Stream:
     heard: int = 0
     last_ns: int = 0
     code: int | None = None
+    repeats: bool = False
 
     def take(self, t_rx_ns: int, code: int | None, modulus: int) -> int:
         """How many were lost before this one; -1 when it came twice."""
@@ -101,7 +103,9 @@ class BusWatch:
         missed = stream.take(t_rx_ns, code, modulus)
         speaker.last_ns = t_rx_ns
         if missed:
-            told += self._count(stream.name, missed)
+            told += self._count(stream, missed)
+        elif stream.repeats:
+            stream.repeats = False
         if speaker.is_silent:
             speaker.is_silent = False
             told += (f"node_{speaker.name}_back",)
@@ -129,12 +133,13 @@ class BusWatch:
             node.streams = [stream for stream in node.streams if stream.heard > 1]
         self._nodes = {key: node for key, node in self._nodes.items() if node.streams}
 
-    def _count(self, name: str, missed: int) -> tuple[str, ...]:
+    def _count(self, stream: _Stream, missed: int) -> tuple[str, ...]:
+        before, stream.repeats = stream.repeats, missed < 0
         if missed < 0:
-            self.repeated[name] += 1
-            return (f"{name}_repeated",)
-        self.lost[name] += missed
-        return (f"{name}_lost_{missed}",)
+            self.repeated[stream.name] += 1
+            return NOTHING if before else (f"{stream.name}_repeated",)
+        self.lost[stream.name] += missed
+        return (f"{stream.name}_lost_{missed}",)
 
     def _overdue(self, t_rx_ns: int) -> tuple[str, ...]:
         """Who has become silent; and when to look again: the time at which the next one could be."""

@@ -69,7 +69,7 @@ def _state_maker(name: str, signal: Signal) -> Maker:
         if raw not in names:
             return numbers(stamp, little, big)
         value, valid = (None, False) if measures else (float(raw), True)
-        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names[raw])
+        return quick_reading(stamp, name, value, unit, valid, text=names[raw])
 
     return made
 
@@ -80,6 +80,6 @@ def _float_maker(name: str, signal: Signal) -> Maker:
     def made(stamp: Stamp, little: int, big: int) -> Reading:
         raw = cut(little, big)
         value, valid = physical(raw)
-        return Reading(stamp=stamp, name=name, value=value, unit=unit, valid=valid, text=names.get(raw, ""))
+        return quick_reading(stamp, name, value, unit, valid, text=names.get(raw, ""))
 
     return made

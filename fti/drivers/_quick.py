@@ -31,15 +31,15 @@ def quick_stamp(t_rx_ns: int) -> Stamp:
     return stamp
 
 
-def quick_reading(stamp: Stamp, name: str, value: float, unit: str, valid: bool) -> Reading:
-    """``Reading`` of these fields, without text."""
+def quick_reading(stamp: Stamp, name: str, value: float | None, unit: str, valid: bool, *, text: str = "") -> Reading:
+    """``Reading`` of these fields."""
     reading = _new(Reading)
     _set_stamp(reading, stamp)
     _set_name(reading, name)
     _set_value(reading, value)
     _set_unit(reading, unit)
     _set_valid(reading, valid)
-    _set_text(reading, "")
+    _set_text(reading, text)
     return reading
 
 

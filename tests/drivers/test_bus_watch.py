@@ -26,6 +26,14 @@ def test_every_gap_is_counted_whatever_the_counter_was_at(start: int, gaps: list
     assert looked.lost == Counter({"m": sum(gaps)}) - Counter()
 
 
+def test_a_node_that_does_not_count_is_told_once() -> None:
+    looked = watch()
+    told = [looked.hear(t, 1, "m", code=0) for t in range(1, 9)]
+    assert told == [(), ("m_repeated",), *[()] * 6]
+    assert looked.repeated == {"m": 7}
+    assert (looked.hear(9, 1, "m", code=1), looked.hear(10, 1, "m", code=1)) == ((), ("m_repeated",))
+
+
 @given(st.integers(2, 20), st.integers(5, 500))
 def test_a_node_is_silent_after_so_many_periods_and_not_before(periods: int, period_ms: int) -> None:
     looked = watch(periods)

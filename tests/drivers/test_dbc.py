@@ -338,6 +338,8 @@ def test_what_is_made_quickly_is_the_same() -> None:
         stamp = quick_stamp(t)
         assert stamp == Stamp(t)
         assert quick_reading(stamp, "a.b", value, "V", True) == Reading(stamp=stamp, name="a.b", value=value, unit="V")
+        named = quick_reading(stamp, "a", None, "", False, text="off")
+        assert named == Reading(stamp=stamp, name="a", value=None, valid=False, text="off")
         made = quick_maker(DmeRange, "slant_range", {"station": "dme_1"})
         assert made(stamp, value, False) == DmeRange(stamp=stamp, station="dme_1", slant_range=value, valid=False)
         speed = quick_maker(Airspeed, "tas", {})(stamp, value, True)
