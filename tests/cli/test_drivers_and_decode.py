@@ -87,6 +87,19 @@ def test_a_can_log_is_read_frame_by_frame(capsys: pytest.CaptureFixture[str]) ->
         assert json.loads(out[-1])["counters"]["skipped"] == {"other_id": 64_000}
 
 
+def test_what_never_came_is_counted_where_messages_are_numbered(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log = tmp_path / "can.log"
+    codes = ("00", "01", "05")
+    log.write_text("".join(f"({n}.0) can0 146#010200{code}447D5000\n" for n, code in enumerate(codes)))
+    _, out, err = run(capsys, "decode", str(log), "--driver", "canaerospace")
+    assert err[-2:] == ["lost", "  static_pressure 3"]
+    assert any("static_pressure_lost_3" in line for line in out)
+    _, out, _ = run(capsys, "decode", str(log), "--driver", "canaerospace", "--json")
+    assert json.loads(out[-1])["counters"]["lost"] == {"static_pressure": 3}
+
+
 def test_can_frames_in_binary(capsys: pytest.CaptureFixture[str]) -> None:
     file = str(ROOT / "tests/drivers/vectors/canaerospace_libcanaerospace.bin")
     _, out, _ = run(capsys, "decode", file, "--driver", "canaerospace", "--json")

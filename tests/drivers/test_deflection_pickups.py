@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.canframe import pack_can, unpack_can
+from fti.drivers import canaerospace
 from fti.drivers import deflection_pickups as pickups
 from fti.drivers.deflection_pickups import layout, service
 from fti.drivers.deflection_pickups.table import FEWEST, MOST, Table, read_tables
@@ -364,6 +365,14 @@ def test_the_rate_is_set_and_kept() -> None:
     for n, surface in itertools.product(range(20), sent):
         sent[surface] += bool(rig.nodes.encode(deflection(surface, 2000, t_ns=100 * MS * n)))
     assert sent == {"rudder": 10, "elevator": 20}
+
+
+def test_the_nodes_show_who_they_are_to_any_canaerospace_unit() -> None:
+    nodes, listener = pickups.make_encoder(options()), canaerospace.make_decoder(canaerospace.Options())
+    answers = nodes.respond(canaerospace.command("identify", {"node": "0"}))
+    found = [m for answer in answers for m in listener.feed(answer, 1)]
+    flags = [m.flags[1] for m in found if isinstance(m, DeviceStatus)]
+    assert flags == ["node_21", "node_22", "node_23", "node_24", "node_25"]
 
 
 @pytest.mark.parametrize(

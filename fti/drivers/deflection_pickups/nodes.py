@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from fti.drivers._can import frame_head
 from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers.canaerospace.data_types import UCHAR4
+from fti.drivers.canaerospace.encoder import IDENTIFICATION
 from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.layout import COUNTER, DEFLECTION, NODE_ID, RAW, Bus, Message, Sensor
 from fti.drivers.deflection_pickups.service import Service
@@ -107,6 +108,8 @@ class Encoder:
     def _answers_of(self, node: int, request: Service) -> list[Service]:
         if request.number == wire.TIS:
             return self._set_interval(node, request)
+        if request.number == wire.IDS:
+            return [Service(node, wire.IDS, request.code, UCHAR4, IDENTIFICATION)]
         handle = self._HANDLERS.get(request.number)
         if handle is None:
             return []

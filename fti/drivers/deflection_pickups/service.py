@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from fti.canframe import EXTENDED, EXTENDED_MASK, pack_can
 from fti.drivers.canaerospace.data_types import NODATA, SHORT2, UCHAR4
 
-TIS, INSERT, MODIFY, DELETE, READ, POINT = 5, 100, 101, 102, 103, 104
+IDS, TIS, INSERT, MODIFY, DELETE, READ, POINT = 0, 5, 100, 101, 102, 103, 104
 NAMES = {INSERT: "insert_point", MODIFY: "modify_point", DELETE: "delete_point", READ: "read_table", TIS: "set_rate"}
 NUMBERS = {name: number for number, name in NAMES.items()}
 POINT_TYPE = 100
