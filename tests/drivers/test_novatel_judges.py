@@ -78,8 +78,8 @@ def test_the_same_frames_are_found_as_by_the_makers_framer() -> None:
     assert theirs == {"RAWWAASFRAME": 32, "TRACKSTAT": 20, "BESTPOS": 20, "SATVIS": 19, "RANGECMP": 17,
                       "RAWEPHEM": 9, "GLOEPHEMERIS": 5}  # fmt: skip
     assert {name: ours[name] for name in theirs} == theirs
-    assert ours["response"] == ours["prompt"] == 5  # <OK and [COM1], in front of them
-    assert decoder.counters.skipped == {"no_sync": 10}  # the line ends around them
+    assert ours["response"] == 5
+    assert decoder.counters.skipped == {"prompt": 5 * len("[USB1]"), "no_sync": 10}  # and line ends around the answers
 
 
 def test_ascii_messages_are_framed_and_counted_as_by_the_makers_framer() -> None:

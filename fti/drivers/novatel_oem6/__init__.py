@@ -9,7 +9,7 @@ body, CRC-32 (reflected 0xEDB88320, begun at 0, not inverted at the end) over he
                   24 reserved u16 | 26 version u16
     short header  AA 44 13 | body u8 | message u16 | week u16 | ms u32          framed and counted by name
     ASCII         #NAME,...;...*crc32 CR LF (% for the short form)              framed, checked, counted by name
-    answers       binary, <OK, <ERROR:text: Ack | #NAMER,...;text*crc32: Ack when refused | a prompt [COM1] is counted
+    answers       binary, <OK, <ERROR:text: Ack | #NAMER,...;text*crc32: Ack when refused | a prompt [COM1] is skipped
 
 The bodies are taken apart by tables of our own, and not by the maker's package, so that the package can judge them
 (docs/decisions/0010-novatel.md).  One file per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
@@ -66,7 +66,6 @@ MESSAGES = {
     "SATVIS2": "the same, a message for each system",
     "RXSTATUS": "error and status words, every bit by name",
     "response": "answer to a command",
-    "prompt": "a port is ready for commands",
     "(other)": "framed and counted by name or number",
 }
 CARRIERS = frozenset({"serial", "udp"})
@@ -125,8 +124,6 @@ def _read(frame: bytes, t_rx_ns: int) -> tuple[str, list[Any]]:
         return _read_binary(frame, t_rx_ns)
     if frame.startswith(SHORT_SYNC):
         return name_of(SHORT_HEADER.unpack_from(frame)[2]), []
-    if frame.startswith(b"["):
-        return "prompt", []
     if frame.startswith(b"<"):
         return "response", commands.decode_abbreviated(frame, Stamp(t_rx_ns))
     refused = commands.decode_ascii_answer(frame, Stamp(t_rx_ns))

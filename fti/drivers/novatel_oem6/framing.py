@@ -23,17 +23,17 @@ SOURCE_BITS, SECOND_ANTENNA = 0x1F, 1  # of the message type; OEM4 and OEMV leav
 
 #: Most bytes of a frame; one whose count of entries agrees with its length may have more.
 PLAIN_MAX, COUNTED_MAX = 4096, 24_576
-TEXT_MAX = 20_480
+TEXT_MAX, RESPONSE_MAX = 20_480, 220
 NAME_MAX = 32
 OK, ERROR = b"<OK", b"<ERROR:"
 #: A message may have grown at its end since the document was written.
 GROWTH = 64
 
 _START = re.compile(rb"\xaa(?:\x44(?:[\x12\x13]|\Z)|\Z)|[#%<\[]")
-_ASCII = re.compile(rb"[#%][A-Z][A-Z0-9_]+,[\x20-\x29\x2b-\x7e]*\*[0-9A-Fa-f]{8}\r?\n")
-_RESPONSE = re.compile(rb"<(?:OK|ERROR:[\x20-\x7e]{1,200})\r?\n")
+_ASCII = re.compile(rb"[#%][A-Z][A-Z0-9_]+,[\x20-\x22\x24-\x29\x2b-\x7e]*\*[0-9A-Fa-f]{8}\r?\n")
+_RESPONSE = re.compile(rb"<(?:OK|ERROR:[\x20-\x22\x24-\x7e]{1,200})\r?\n")
 _PROMPT = re.compile(rb"\[[A-Z]{2,6}[0-9]{0,2}(?:_[0-9]{1,2})?\]")
-_PRINTABLE = re.compile(rb"[\x20-\x7e]*")
+_LINE = re.compile(rb"[\x20-\x22\x24-\x7e]*")  # a # begins the next message
 
 
 class Shape(NamedTuple):
@@ -143,11 +143,11 @@ def measure_text(buffer: bytearray) -> int | Skip:
     if buffer[0] == ord("["):
         return _measure_prompt(buffer)
     is_response = buffer[0] == ord("<")
-    found = _PRINTABLE.match(buffer, 1)
+    found = _LINE.match(buffer, 1)
     assert found is not None
     end = found.end()
     named = _could_be_response(buffer) if is_response else end < NAME_MAX or b"," in buffer[:NAME_MAX]
-    if end > TEXT_MAX or not named:
+    if end > (RESPONSE_MAX if is_response else TEXT_MAX) or not named:
         return Skip(1, "bad_text")
     if end == len(buffer) or (buffer[end] == ord("\r") and end + 1 == len(buffer)):
         return 0
@@ -174,9 +174,10 @@ def _could_be_response(buffer: bytearray) -> bool:
 
 
 def _measure_prompt(buffer: bytearray) -> int | Skip:
+    """``[COM1]``: it says nothing, and nothing proves it."""
     found = _PROMPT.match(buffer)
     if found:
-        return found.end()
-    name = _PRINTABLE.match(buffer, 1)
+        return Skip(found.end(), "prompt")
+    name = _LINE.match(buffer, 1)
     assert name is not None
     return 0 if name.end() == len(buffer) < 14 and b"]" not in buffer else Skip(1, "bad_text")
