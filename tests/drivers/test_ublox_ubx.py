@@ -300,9 +300,26 @@ def test_observations_in_metres_cycles_and_seconds() -> None:
     assert found.observations == (
         Pseudorange(
             system="galileo", number=11, signal="L7Q", pseudorange=2e7, pseudorange_sd=0.08, carrier_phase=1e8,
-            carrier_phase_sd=0.02, doppler=-1000.0, cn0_dbhz=44.0, lock_time=1.5,
+            carrier_phase_sd=0.02, doppler=-1000.0, cn0_dbhz=44.0, lock_time=1.5, carrier_hz=1207.14e6,
         ),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("gnss_id", "signal_id", "channel", "expected"),
+    [(0, 0, 0, ("L1C", 1575.42e6)), (0, 3, 0, ("L2L", 1227.6e6)), (6, 0, 0, ("L1C", 1598.0625e6)),
+     (6, 2, 13, ("L2C", 1248.625e6)), (3, 0, 0, ("L2I", 1561.098e6)), (2, 8, 0, ("L6B", 1278.75e6)),
+     (0, 15, 0, ("signal_15", None))],
+)  # fmt: skip
+def test_signals_and_their_carriers(gnss_id: int, signal_id: int, channel: int, expected: tuple[str, float]) -> None:
+    """GLONASS has channels from -7 to 6, 562.5 and 437.5 kHz apart."""
+    signal = struct.pack("<ddfBBBBHBBBBBx", 2e7, 1e8, 0.0, gnss_id, 1, signal_id, channel, 0, 44, 0, 0, 0, 3)
+    data = frame(0x02, 0x15, struct.pack("<dHbBBBxx", 0.25, 2300, 18, 1, 1, 1) + signal)
+    (found,) = one(data, Pseudoranges).observations
+    assert (found.signal, found.carrier_hz) == expected
+    if found.carrier_hz:
+        again = ubx.make_encoder(ubx.Options()).encode(one(data, Pseudoranges))
+        assert one(b"".join(again), Pseudoranges).observations == (found,)
 
 
 def test_older_observations() -> None:
@@ -522,6 +539,13 @@ def test_commands_for_later_receivers_are_what_a_second_parser_understands() -> 
 def test_a_bad_command_teaches(name: str, args: dict[str, str], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         ubx.command(name, args)
+
+
+def test_what_is_asked_at_a_connect_is_asked_again_when_the_options_say_so() -> None:
+    assert ubx.poll(ubx.Options(messages={"NAV-PVT": 1})) is None
+    assert ubx.poll(ubx.Options(ask_again_s=5.0)) is None
+    again = ubx.Options(messages={"NAV-PVT": 1}, ask_again_s=5.0)
+    assert ubx.poll(again) == (5.0, b"".join(ubx.on_connect(again)))
 
 
 def test_only_the_reset_is_not_answered() -> None:

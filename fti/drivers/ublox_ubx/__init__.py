@@ -31,7 +31,7 @@ Time: NAV-PVT and -TIMEUTC say UTC (validDate and validTime), others the GPS wee
 week comes from the others.  RXM-RAWX has the receiver's own clock.  Satellites are numbered within their system, as
 in RINEX.  Messages of class NAV2 (the second solution), and all others, are framed and counted by name.
 
-The decoder is ours and not ``pyubx2``, which takes more than a whole core for a full line (docs/decisions/0011).
+The decoder is ours and not ``pyubx2``, which takes up to nine tenths of a core for a full line (docs/decisions/0011).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers._nmea_sentences import Sentences
 from fti.drivers.ublox_ubx import answers, navigation, raw, sky, times
-from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect
+from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect, poll
 from fti.drivers.ublox_ubx.device import Encoder
 from fti.drivers.ublox_ubx.frames import HEADER, LIMIT, RTCM_START, SYNC, Line, Shape, rtcm_name
 from fti.drivers.ublox_ubx.receiver import Receiver
@@ -132,10 +132,6 @@ def make_decoder(options: Options) -> Decoder:
 def make_encoder(options: Options) -> Encoder:
     """A fresh encoder."""
     return Encoder(options)
-
-
-def poll(options: Options) -> None:
-    """Nothing is asked again and again: what was asked for comes by itself."""
 
 
 __all__ = [

@@ -58,11 +58,14 @@ class Options(StrictModel):
 
     messages : {name: every n-th solution}, asked for after every connect, with the version; nothing is asked when
         empty.  period_ms : between measurements, set after every connect; None leaves it
+    ask_again_s : the same again and again, for a receiver that was switched off and on; 0 is never.  Each time it
+        acknowledges every message
     configure_with : cfg_msg up to u-blox 9, cfg_valset from u-blox 9 on; port : of the receiver, for cfg_valset
     """
 
     messages: Annotated[dict[str, int], AfterValidator(_known)] = Field(default_factory=dict)
     period_ms: Annotated[int, Field(ge=25, le=65535)] | None = None
+    ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     configure_with: Literal["cfg_msg", "cfg_valset"] = "cfg_msg"
     port: Literal["i2c", "uart1", "uart2", "usb", "spi"] = "uart1"
 
@@ -75,6 +78,12 @@ def on_connect(options: Options) -> list[bytes]:
     if options.period_ms is not None:
         asked.append(_measure_every(options.period_ms, 1, options))
     return asked + list(_ask_for(options.messages, options))
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """The same again, when the options ask for it."""
+    asked = b"".join(on_connect(options))
+    return (options.ask_again_s, asked) if asked and options.ask_again_s else None
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:

@@ -41,6 +41,32 @@ SIGNALS = {
     "glonass": {0: "L1C", 2: "L2C"},
     "navic": {0: "L5A"},
 }
+#: Carriers by band; those that are elsewhere; GLONASS by its channel (freqId - 7): carrier of channel 0 and step.
+BANDS = {"1": 1575.42e6, "2": 1227.60e6, "5": 1176.45e6, "6": 1278.75e6, "7": 1207.14e6}
+ELSEWHERE = {("beidou", "L2I"): 1561.098e6, ("beidou", "L6I"): 1268.52e6}
+GLONASS = {"L1C": (1602.0e6, 0.5625e6), "L2C": (1246.0e6, 0.4375e6)}
+CARRIERS = {
+    (name, signal): ELSEWHERE.get((name, signal), BANDS[signal[1]])
+    for name, signals in SIGNALS.items()
+    for signal in signals.values()
+    if name != "glonass"
+}
+
+
+def carrier_hz(name: str, signal: str, frequency_id: int) -> float | None:
+    """Nominal frequency of the carrier [Hz]; None for a signal without a name."""
+    if name == "glonass" and signal in GLONASS:
+        base, step = GLONASS[signal]
+        return base + step * (frequency_id - GLONASS_CHANNEL_0)
+    return CARRIERS.get((name, signal))
+
+
+def frequency_id(o: Pseudorange) -> int:
+    """The freqId of an observation; channel 0 when its carrier is not known, and 0 for other systems than GLONASS."""
+    if o.system != "glonass":
+        return 0
+    base, step = GLONASS[o.signal]
+    return GLONASS_CHANNEL_0 + (0 if o.carrier_hz is None else round((o.carrier_hz - base) / step))
 
 
 def read_rawx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
@@ -55,16 +81,17 @@ def read_rawx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
 
 
 def _signal(wire: tuple[float, float, float, int, int, int, int, int, int, int, int, int, int]) -> Pseudorange:
-    (pseudorange, phase, doppler, gnss_id, number, signal_id, _, lock_ms, cn0, pseudorange_sd, phase_sd, _,
+    (pseudorange, phase, doppler, gnss_id, number, signal_id, channel, lock_ms, cn0, pseudorange_sd, phase_sd, _,
      tracking) = wire  # fmt: skip
     name = system(gnss_id)
+    signal = SIGNALS.get(name, {}).get(signal_id) or f"signal_{signal_id}"
     ranged = tracking & PSEUDORANGE_VALID and math.isfinite(pseudorange)
     phased = tracking & PHASE_VALID and math.isfinite(phase)
     phase_sd &= 0x0F
     return Pseudorange(
         system=name,
         number=number,
-        signal=SIGNALS.get(name, {}).get(signal_id) or f"signal_{signal_id}",
+        signal=signal,
         pseudorange=pseudorange if ranged else None,
         pseudorange_sd=PSEUDORANGE_SD_UNIT * (1 << (pseudorange_sd & 0x0F)) if ranged else None,
         carrier_phase=phase if phased else None,
@@ -72,6 +99,7 @@ def _signal(wire: tuple[float, float, float, int, int, int, int, int, int, int, 
         doppler=doppler if math.isfinite(doppler) else None,
         cn0_dbhz=float(cn0) if cn0 else None,
         lock_time=lock_ms / 1000,
+        carrier_hz=carrier_hz(name, signal, channel),
     )
 
 
@@ -97,6 +125,7 @@ def _raw(wires: Iterable[tuple[float, float, float, int, int, int, int]]) -> Ite
             carrier_phase=phase if quality >= RAW_PHASE_OK and math.isfinite(phase) else None,
             doppler=doppler if ranged and math.isfinite(doppler) else None,
             cn0_dbhz=float(cn0) if cn0 > 0 else None,
+            carrier_hz=BANDS["1"],
         )
 
 
@@ -122,6 +151,6 @@ def _pack(o: Pseudorange, signal_id: int) -> bytes:
     lock_ms = min(round((o.lock_time or 0.0) * 1000), LOCK_TIME_MAX_MS)
     return SIGNAL.pack(
         o.pseudorange or 0.0, o.carrier_phase or 0.0, o.doppler or 0.0, SYSTEMS.index(o.system), o.number, signal_id,
-        GLONASS_CHANNEL_0 if o.system == "glonass" else 0, lock_ms, round(o.cn0_dbhz or 0.0), pseudorange_sd, phase_sd,
+        frequency_id(o), lock_ms, round(o.cn0_dbhz or 0.0), pseudorange_sd, phase_sd,
         DOPPLER_SD_CODE, tracking,
     )  # fmt: skip

@@ -140,6 +140,7 @@ class RawReceiver:
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], signal=self._sky.signals[i],
                 pseudorange=float(code[n]), pseudorange_sd=float(code_sd[n]), carrier_phase=float(phase[n]),
                 carrier_phase_sd=self.PHASE_SD, doppler=float(doppler[n]), cn0_dbhz=float(cn0[n]), lock_time=60.0,
+                carrier_hz=float(carrier[n]),
             )
             for n, i in enumerate(seen.which)
         )  # fmt: skip

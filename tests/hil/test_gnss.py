@@ -1,0 +1,174 @@
+"""The satellites of the emulator and what a receiver makes of them: orbits, ranges, clock, a fix from its ranges."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fti import drivers
+from fti.config import Device
+from fti.drivers import ublox_ubx
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.hil.sensors import Sensor
+from fti.hil.sensors.constellation import SPEED_OF_LIGHT, SYSTEMS, Constellation, dilution
+from fti.hil.sensors.gnss import RawReceiver
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import Measurement, Position, Pseudoranges, ReceiverClock, Satellites, TimeScale, Velocity
+from tests.hil.worlds import world
+
+START_NS = 1_700_000_000_000_000_000
+GPS_EPOCH_NS, LEAP_NS = 315_964_800 * 10**9, 18 * 10**9
+WEEK_NS = 604_800 * 10**9
+SIDEREAL_DAY_S = 86_164.1
+Array = NDArray[np.float64]
+
+
+@cache
+def flown() -> World:
+    return world(duration_s=30.0)
+
+
+def receiver(seed: int = 1) -> Sensor:
+    device = Device.model_validate({"name": "gnss", "link": "line", "driver": "ublox_ubx", "rate_hz": 2})
+    return Sensor(BoundDevice(device, drivers.load("ublox_ubx"), ublox_ubx.Options()), RawReceiver, flown(), seed)
+
+
+def measured(made: Sensor) -> list[Measurement]:
+    return [m for k in range(len(made.t)) for m in made.measure(k, START_NS)]
+
+
+def test_orbits_have_their_period_and_inclination() -> None:
+    sky = Constellation()
+    first = [sky.keys.index((w.system, 1)) for w in SYSTEMS]
+    start, moving = sky.state(0.0)
+    np.testing.assert_allclose(sky.state(SIDEREAL_DAY_S / 2)[0][first[0]], start[first[0]], atol=2e4)  # GPS: half a day
+    for index, walker in zip(first, SYSTEMS, strict=True):
+        normal = np.cross(start[index], moving[index])
+        assert math.acos(normal[2] / np.linalg.norm(normal)) == pytest.approx(walker.inclination)
+    ahead, behind = sky.state(0.5)[0], sky.state(-0.5)[0]
+    np.testing.assert_allclose(ahead - behind, moving, atol=1e-3)
+
+
+def test_every_place_sees_enough_satellites_of_each_system() -> None:
+    sky = Constellation()
+    for lat in np.deg2rad([-80.0, -30.0, 0.0, 50.0]):
+        here, mat = ecef_from_geodetic(lat, 0.3, 100.0), mat_en(lat, 0.3)
+        seen = sky.seen(3000.0, here, np.zeros(3), mat, np.deg2rad(10.0))
+        assert 12 <= len(seen.which) <= 40
+        assert {sky.keys[i][0] for i in seen.which} == {"gps", "glonass", "galileo"}
+        assert dilution(seen.azimuth, seen.elevation)[2] < 2.5
+
+
+def test_the_rate_is_how_the_range_changes() -> None:
+    sky, mat = Constellation(), mat_en(0.8, 0.2)
+    here, moving = ecef_from_geodetic(0.8, 0.2, 1000.0), mat @ np.array([60.0, -30.0, 2.0])
+    before, now, after = (sky.seen(5000.0 + dt, here + moving * dt, moving, mat, 0.2) for dt in (-0.5, 0.0, 0.5))
+    np.testing.assert_allclose(after.distance - before.distance, now.rate, atol=0.02)
+
+
+def test_dilution_of_a_symmetric_sky() -> None:
+    """Three satellites around the horizon and one at the zenith: H = 2/sqrt(3), V = 2/sqrt(3), closed form."""
+    azimuth, elevation = np.deg2rad([0.0, 120.0, 240.0, 0.0]), np.deg2rad([0.0, 0.0, 0.0, 90.0])
+    hdop, vdop, pdop = dilution(azimuth, elevation)
+    assert (hdop, vdop, pdop) == pytest.approx((2 / math.sqrt(3), 2 / math.sqrt(3), math.sqrt(8 / 3)))
+    with pytest.raises(ValueError, match="do not fix"):
+        dilution(azimuth[:3], elevation[:3])
+
+
+def gps_seconds(t_dev_ns: int) -> float:
+    return t_dev_ns % WEEK_NS / 1e9
+
+
+def solve(observations: Pseudoranges, start: Array) -> tuple[Array, float]:
+    """Position and clock of the epoch from its pseudoranges of GPS, by least squares."""
+    sky, solution = Constellation(), np.append(start, 0.0)
+    used = [o for o in observations.observations if o.system == "gps"]
+    places = [sky.keys.index((o.system, o.number)) for o in used]
+    local_s = gps_seconds(observations.stamp.t_dev_ns or 0)
+    for _ in range(6):
+        t = local_s - solution[3] / SPEED_OF_LIGHT
+        rows, misclosures = [], []
+        for o, place in zip(used, places, strict=True):
+            flight_s = ((o.pseudorange or 0.0) - solution[3]) / SPEED_OF_LIGHT
+            x, y, z = sky.state(t - flight_s)[0][place]
+            turn = EARTH_RATE * t
+            at = np.array([x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn), z])
+            line = at - solution[:3]
+            rows.append(np.append(-line / np.linalg.norm(line), 1.0))
+            misclosures.append((o.pseudorange or 0.0) - np.linalg.norm(line) - solution[3])
+        solution += np.linalg.lstsq(np.array(rows), np.array(misclosures), rcond=None)[0]
+    return solution[:3], solution[3] / SPEED_OF_LIGHT
+
+
+def test_the_pseudoranges_give_the_position_and_the_clock_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the atmosphere, which the height would take most of, there is code noise of less than a metre."""
+    monkeypatch.setattr(RawReceiver, "TROPOSPHERE", 0.0)
+    monkeypatch.setattr(RawReceiver, "IONOSPHERE", 0.0)
+    made = receiver()
+    found = measured(made)
+    raw = next(m for m in found if isinstance(m, Pseudoranges))
+    clock = next(m for m in found if isinstance(m, ReceiverClock))
+    truth = flown().state(np.array([(raw.stamp.t_rx_ns - START_NS) / 1e9]))
+    here = ecef_from_geodetic(truth.lat, truth.lon, truth.alt)[0]
+    place, offset = solve(raw, here + 1000.0)
+    north, east, down = mat_en(float(truth.lat[0]), float(truth.lon[0])).T @ (place - here)
+    assert math.hypot(north, east) < 4.0
+    assert abs(down) < 8.0
+    assert offset == pytest.approx(clock.offset, abs=2e-8)
+
+
+def test_doppler_and_phase_follow_the_pseudorange() -> None:
+    first, second = [m for m in measured(receiver()) if isinstance(m, Pseudoranges)][:2]
+    dt = ((second.stamp.t_dev_ns or 0) - (first.stamp.t_dev_ns or 0)) / 1e9
+    later = {(o.system, o.number): o for o in second.observations}
+    for o in first.observations:
+        other = later.get((o.system, o.number))
+        if other is None or o.system == "glonass":
+            continue
+        wavelength = SPEED_OF_LIGHT / 1575.42e6
+        by_doppler = -((o.doppler or 0.0) + (other.doppler or 0.0)) / 2 * wavelength * dt
+        assert (other.pseudorange or 0.0) - (o.pseudorange or 0.0) == pytest.approx(by_doppler, abs=15.0)
+        assert ((other.carrier_phase or 0.0) - (o.carrier_phase or 0.0)) * wavelength == pytest.approx(
+            by_doppler, abs=0.5
+        )
+
+
+def test_what_goes_over_the_line_is_what_was_measured() -> None:
+    made = receiver()
+    decoder = ublox_ubx.make_decoder(ublox_ubx.Options())
+    sent = measured(made)
+    stream = b"".join(data for m in sent for data in made.encoder.encode(m))
+    found = decoder.feed(stream, 1)
+    assert decoder.counters.messages == {"NAV-PVT": 60, "NAV-SAT": 30, "NAV-CLOCK": 30, "RXM-RAWX": 30}
+    assert not decoder.counters.skipped
+
+    def both(kind: type[Measurement]) -> list[tuple[Measurement, Measurement]]:
+        lists = ([m for m in ms if isinstance(m, kind)] for ms in (sent, found))
+        return list(zip(*lists, strict=True))
+
+    for ours, back in both(Position):
+        assert isinstance(ours, Position)
+        assert isinstance(back, Position)
+        assert back.lat == pytest.approx(ours.lat, abs=math.radians(0.51e-7))
+        assert back.alt == pytest.approx(ours.alt, abs=0.00051)
+        assert back.stamp.t_dev_ns == ours.stamp.t_dev_ns
+    for ours, back in both(Pseudoranges):
+        assert back.stamp.t_dev_ns == pytest.approx(ours.stamp.t_dev_ns, abs=1)
+        assert back.stamp.time_scale is TimeScale.GPS
+    assert len(both(Velocity)) == 60
+
+
+def test_a_second_has_one_sky_and_one_clock_which_stays_within_half_a_millisecond() -> None:
+    found = measured(receiver(seed=3))
+    clocks = [m for m in found if isinstance(m, ReceiverClock)]
+    assert len(clocks) == len([m for m in found if isinstance(m, Satellites) and m.satellites]) == 30
+    assert all(abs(c.offset or 0.0) <= 0.5e-3 for c in clocks)
+    assert (clocks[-1].offset or 0.0) - (clocks[0].offset or 0.0) == pytest.approx(
+        29 * (clocks[0].drift or 0.0), rel=0.2
+    )
