@@ -6,6 +6,7 @@ service 100 insert, 101 modify, 102 delete a point: data type 100: raw u16 | 0.0
               what is stored (deleted) now
 service 103 read the table: no data; response, data type 16: number of points u8 | 0 0 0; then the points
 service 104-107 a point of the table of sensor 0-3: data type 100, the message code is its number
+service 0 identification (IDS), as section 4.1 has it
 service 5 transmission interval (TIS): data type 12: identifier u16 | interval [ms] u16; response: message code 0
               accepted, -6 out of range (section 4.6), no data, or the request's data as an echo
 
