@@ -190,8 +190,12 @@ def test_the_emulated_receiver_is_silent_until_it_is_asked() -> None:
         assert decode(reply) == []  # accepted: nothing that anybody must know
     assert sent_in(encoder, 1.0) == 10
     assert encoder.respond(commands.standing_request("range", 1.0).replace(b"RANGE", b"RANGF")) == []
-    encoder.respond(novatel.command("reset", {}))
+    encoder.respond(novatel.command("reset", {}))  # as when it is switched off and on
     assert sent_in(encoder, 1.0) == 0
+    again = novatel.poll(novatel.Options())
+    assert again is not None
+    assert len(encoder.respond(again[1])) == 8
+    assert sent_in(encoder, 1.0) == 10
     assert sent_in(novatel.make_encoder(novatel.Options(unasked=True)), 1.0) == 20
 
 

@@ -27,7 +27,7 @@ WEEK_MS = 604_800_000
 #: Time statuses with which the time is within microseconds, or was and runs on: FREEWHEELING, FINE,
 #: FINEBACKUPSTEERING, FINESTEERING.  COARSE is +-10 ms; SATTIME is the time of a satellite's own message.
 TIME_KNOWN = frozenset({130, 160, 170, 180})
-TIME_UNKNOWN, FINE_STEERING = 20, 180
+FINE_STEERING = 180
 MODEL_VALID, MODEL_INVALID = 0, 3
 UTC_INVALID, UTC_VALID = 0, 1
 UTC_OFFSET = "utc_offset"

@@ -5,7 +5,7 @@
 
 The receiver status word is also in the header of every message.  Names of the bits: OEM6 firmware reference, tables
 "Receiver Error", "Receiver Status" and "Auxiliary 1 Status"; bits 25-28 of the receiver status are those of OEM7
-receivers.  Bits without a name come out as ``aux2_bit_5``.
+receivers, whose bits 8 to 17 mean something else than here.  Bits without a name come out as ``aux2_bit_5``.
 """
 
 from __future__ import annotations
