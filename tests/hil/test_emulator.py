@@ -87,7 +87,8 @@ async def test_every_link_of_the_demonstration_carries_the_flight(tmp_path: Path
         rolls = [a.roll for a in found(device, Attitude) if a.roll is not None]
         assert rolls[len(rolls) // 2] == pytest.approx(float(middle.roll[0]), abs=0.05)
     assert [m for m in found("autopilot", Range) if m.valid]
-    assert len(heard["ahrs_line"].bytes) == pytest.approx(9 * 4 * 25 * FLIGHT_S, abs=3 * 9 * 4)  # nine labels
+    words = len(heard["ahrs_line"].bytes) / 4
+    assert words == pytest.approx(10 * 25 * FLIGHT_S, abs=3 * 10)  # nine labels, and which equipment it is
     pressures = [m.p_static for m in found("air_data", StaticPressure)]
     assert pressures[0] == pytest.approx(float(world.atmosphere.p_static(middle.alt[0] - 47.0)), abs=150.0)
 
