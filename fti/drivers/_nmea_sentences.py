@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from datetime import date, timedelta
 
@@ -39,6 +40,9 @@ PUBX_MEASURED = frozenset({"G2", "G3", "D2", "D3", "RK"})
 #: So long the sigma of a GST holds.
 SIGMA_NS = 10 * SECOND_NS
 KM_PER_HOUR = 1 / 3.6
+#: The weak checksum lets some damaged sentences pass; their names are counted as one.
+STRANGE = "(strange)"
+_NAME = re.compile(r"[A-Z0-9]{3,5}|PUBX,[0-9]{2}")
 
 
 class Calendar:
@@ -228,8 +232,10 @@ class Sentences:
 def _name(f: list[str]) -> str:
     """The formatter, or the whole name of a proprietary sentence; a proprietary talker of GSV and GSA is one."""
     if f[0] == "PUBX" and len(f) > 1:
-        return f"PUBX,{f[1]}"
-    return f[0] if f[0].startswith("P") and f[0][2:] not in ("GSV", "GSA") else f[0][2:]
+        name = f"PUBX,{f[1]}"
+    else:
+        name = f[0] if f[0].startswith("P") and f[0][2:] not in ("GSV", "GSA") else f[0][2:]
+    return name if _NAME.fullmatch(name) else STRANGE
 
 
 def _place(f: list[str], ok: bool) -> tuple[float | None, float | None]:

@@ -319,6 +319,8 @@ def test_encapsulated_data_and_proprietary_sentences_are_framed_by_name() -> Non
     decoder = nmea.make_decoder(nmea.Options())
     decoder.feed(sentence("AIVDM,1,1,,A,13aG?P0P00PD,0").replace(b"$", b"!", 1) + sentence("PUBX,41,1"), 1)
     assert decoder.counters.messages == {"VDM": 1, "PUBX,41": 1}
+    decoder.feed(sentence("GPG~A,1") + sentence("PUBX,~") + sentence("PGRME,1"), 1)
+    assert decoder.counters.messages == {"VDM": 1, "PUBX,41": 1, "(strange)": 2, "PGRME": 1}
 
 
 def test_the_emulated_receiver_speaks_as_other_parsers_expect() -> None:
@@ -380,6 +382,9 @@ def test_a_satellite_on_two_signals_is_told_once_with_the_stronger() -> None:
     for order in (weak + strong, strong + weak):
         last = satellites_of(order)[-1]
         assert {(s.number, s.cn0_dbhz) for s in last.satellites} == {(5, 44.0), (6, 44.0)}
+    moved = [sentence(f"GPGSV,1,1,01,05,{el},020,30,{signal}") for el, signal in ((10, 1), (11, 8), (12, 1))]
+    (seen_last,) = satellites_of(b"".join(moved))[-1].satellites
+    assert seen_last.elevation == math.radians(12)
     without_direction = sentence("GPGSV,1,1,01,05,,,50,8")
     seen = {s.number: s for s in satellites_of(strong + without_direction)[-1].satellites}
     assert (seen[5].cn0_dbhz, seen[5].elevation) == (50.0, math.radians(10))

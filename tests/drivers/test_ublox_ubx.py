@@ -236,6 +236,13 @@ def pvt(**fields: Any) -> bytes:
     return message("NAV-PVT", **{**GOOD, **NOON, "iTOW": 388_818_000, "hAcc": 1000, "vAcc": 2000, **fields})
 
 
+def test_pvt_in_metres_per_second() -> None:
+    """mm/s, 1e-5 degrees: 10 m/s to the south and sinking with 2 m/s."""
+    found = one(pvt(velN=-10_000, velE=0, velD=2000, gSpeed=10_000, headMot=180.0, sAcc=250), Velocity)
+    assert (found.north, found.east, found.down, found.ground_speed, found.sd) == (-10.0, 0.0, 2.0, 10.0, 0.25)
+    assert found.track == pytest.approx(math.pi)
+
+
 def test_posllh_in_metres_and_radians() -> None:
     """1e-7 degrees, mm: 30 degrees north are pi/6."""
     found = one(
@@ -397,8 +404,10 @@ def test_time_of_the_week_is_completed_with_the_week_that_was_told() -> None:
     assert new_week.stamp == Stamp(1, 2301 * 604_800 * 10**9 + 5_000_000, TimeScale.GPS)
     assert late.stamp.t_dev_ns == 2301 * 604_800 * 10**9 - 500_000_000
     assert of(decode(end + message("NAV-CLOCK", iTOW=604_800_000)), ReceiverClock)[0].stamp.t_dev_ns is None
-    after_pvt = of(decode(pvt() + message("NAV-CLOCK", iTOW=388_818_000)), ReceiverClock)[0].stamp.t_dev_ns
-    assert after_pvt == NOON_NS - GPS_EPOCH_NS + LEAP_NS
+    for leap_s in (17, 18, 19):
+        itow = 388_800_000 + 1000 * leap_s
+        after_pvt = of(decode(pvt(iTOW=itow) + message("NAV-CLOCK", iTOW=itow)), ReceiverClock)[0].stamp.t_dev_ns
+        assert after_pvt == NOON_NS - GPS_EPOCH_NS + leap_s * 10**9
 
 
 def test_a_place_without_a_flag_is_as_good_as_the_fix_before_it() -> None:

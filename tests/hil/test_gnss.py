@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
+import shutil
+import subprocess
 from functools import cache
 
 import numpy as np
@@ -172,3 +175,21 @@ def test_a_second_has_one_sky_and_one_clock_which_stays_within_half_a_millisecon
     assert (clocks[-1].offset or 0.0) - (clocks[0].offset or 0.0) == pytest.approx(
         29 * (clocks[0].drift or 0.0), rel=0.2
     )
+
+
+def test_gpsd_reads_the_emulated_receiver() -> None:
+    if not shutil.which("gpsdecode"):
+        pytest.skip("gpsdecode (Debian: gpsd-clients) is not installed; it is the independent decoder")
+    made = receiver()
+    sent = measured(made)
+    stream = b"".join(data for m in sent for data in made.encoder.encode(m))
+    done = subprocess.run(["gpsdecode"], input=stream, capture_output=True, check=True, timeout=60)
+    reports = [json.loads(line) for line in done.stdout.splitlines()]
+    places = {(r["lat"], r["lon"], r["altHAE"]) for r in reports if r["class"] == "TPV" and "lat" in r}
+    ours = [m for m in sent if isinstance(m, Position)]
+    for position in ours[1:-1]:
+        lat, lon, alt = math.degrees(position.lat or 0.0), math.degrees(position.lon or 0.0), position.alt or 0.0
+        assert any(abs(p[0] - lat) < 6e-8 and abs(p[1] - lon) < 6e-8 and abs(p[2] - alt) < 6e-4 for p in places)
+    skies = [m for m in sent if isinstance(m, Satellites) and m.satellites]
+    seen = [r for r in reports if r["class"] == "SKY" and "satellites" in r]
+    assert [len(r["satellites"]) for r in seen] == [len(m.satellites) for m in skies]

@@ -63,7 +63,7 @@ class Options(StrictModel):
     configure_with : cfg_msg up to u-blox 9, cfg_valset from u-blox 9 on; port : of the receiver, for cfg_valset
     """
 
-    messages: Annotated[dict[str, int], AfterValidator(_known)] = Field(default_factory=dict)
+    messages: Annotated[dict[str, int], AfterValidator(_known)] = Field(default={})
     period_ms: Annotated[int, Field(ge=25, le=65535)] | None = None
     ask_again_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     configure_with: Literal["cfg_msg", "cfg_valset"] = "cfg_msg"
