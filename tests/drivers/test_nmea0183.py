@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 import json
 import math
 import operator
@@ -79,6 +80,15 @@ def test_every_sentence_of_a_capture_is_framed_and_no_other_byte(name: str) -> N
     comments = sum(len(line) + 1 for line in data.split(b"\n") if line.startswith(b"#"))
     assert decoder.counters.skipped["comment"] == comments
     assert decoder.counters.held == 0
+
+
+@each_capture
+def test_counts_are_those_of_a_second_parser(name: str) -> None:
+    data = read(name)
+    decoder = nmea.make_decoder(nmea.Options())
+    decoder.feed(data, 1)
+    theirs = [parsed for _, parsed in pynmeagps.NMEAReader(io.BytesIO(data), quitonerror=0) if parsed is not None]
+    assert decoder.counters.messages == Counter(parsed.msgID for parsed in theirs)
 
 
 @each_capture
