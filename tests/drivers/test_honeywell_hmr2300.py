@@ -99,6 +99,12 @@ def test_without_a_boundary_nothing_comes_out_before_four_ends() -> None:
     assert counts_of(decode(stream)[0]) == good[1:]
 
 
+def test_three_ends_are_not_enough() -> None:
+    found, counters = decode(b"\x01" * 9 + b"\r" + pack(*steady(2)) + b"\x01" * 200)
+    assert not counts_of(found)
+    assert not counters.messages
+
+
 noise = st.integers(-20, 20)
 high_0d = st.integers(0x0D00, 0x0DFF)
 axis = st.integers(-9000, 9000)
@@ -213,7 +219,8 @@ def test_the_ok_of_the_write_enable_is_not_the_answer() -> None:
 
 def test_an_ok_long_before_is_forgotten() -> None:
     """The second answer was lost; the next command's write enable is not taken for it."""
-    assert acks(b"OK\r" + pack(*steady(2)) + b"OK\rOK\r") == [("", True)]
+    assert acks(b"OK\r" + pack(*steady(2)) + b"OK\r") == []
+    assert acks(b"OK\r" + pack(*steady(1)) + b"OK\r") == [("", True)]
 
 
 @pytest.mark.parametrize(
