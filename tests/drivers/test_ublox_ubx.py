@@ -621,7 +621,13 @@ def test_the_emulated_receiver_is_silent_until_it_is_asked(way: str) -> None:
 def test_the_emulated_receiver_refuses_what_it_does_not_know_and_never_answers_a_reset() -> None:
     device = ubx.make_encoder(ubx.Options())
     refused = [device.respond(frame(0x06, 0x24, bytes(36))), device.respond(frame(0x06, 0x8A, bytes(9)))]
-    assert [one(b"".join(data), Ack).accepted for data in refused] == [False, False]
+    refused += [
+        device.respond(ubx.command("message", {"name": "NAV-VELNED"})),
+        device.respond(frame(0x06, 0x01, b"\x77\x01\x00")),
+    ]
+    assert [one(b"".join(data), Ack).accepted for data in refused] == [False] * 4
+    taken = device.respond(ubx.command("message", {"name": "NMEA-GGA", "rate": "0"}))
+    assert one(b"".join(taken), Ack).accepted
     assert device.respond(ubx.command("reset", {"kind": "hot"})) == []
     assert device.respond(b"$PUBX,40*00\r\n" + frame(0x01, 0x07, b"")) == []
 

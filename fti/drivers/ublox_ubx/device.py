@@ -123,10 +123,9 @@ class Encoder:
             return len(payload) == 6
         if about == commands.CFG_VALSET:
             return self._set_values(payload[4:])
-        name = _ASKED_BY_ID.get((payload[0], payload[1])) if about == commands.CFG_MSG and len(payload) == 3 else None
-        if name is not None:
-            self._rates[name] = payload[2]
-        return name is not None
+        if about != commands.CFG_MSG or len(payload) != 3:
+            return False
+        return self._set_rates({_ASKED_BY_ID.get((payload[0], payload[1]), ""): payload[2]})
 
     def _set_values(self, data: bytes) -> bool:
         rates, at = {}, 0
@@ -138,8 +137,14 @@ class Encoder:
             if key in _ASKED_BY_KEY:
                 rates[_ASKED_BY_KEY[key]] = data[at + 4]
             at += 4 + size
+        return at == len(data) and self._set_rates(rates)
+
+    def _set_rates(self, rates: Mapping[str, int]) -> bool:
+        """Whether these rates are taken: any known message may be off, but only those that there are may be on."""
+        if any(name not in OUTPUTS or (rate and name not in SENT) for name, rate in rates.items()):
+            return False
         self._rates |= rates
-        return at == len(data)
+        return True
 
 
 # ------------------------------------------------------------------------------------------------------- messages
