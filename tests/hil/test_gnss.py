@@ -167,6 +167,17 @@ def test_what_goes_over_the_line_is_what_was_measured() -> None:
     assert len(both(Velocity)) == 60
 
 
+@pytest.mark.parametrize(("nth", "clocks"), [(1, 30), (2, 30), (6, 10)])
+def test_rates_are_counted_in_solutions(nth: int, clocks: int) -> None:
+    """Two solutions a second for half a minute; the sky and the clock are there once a second."""
+    made = receiver()
+    for name, rate in (("NAV-PVT", 3), ("NAV-CLOCK", nth), ("NAV-SAT", 0), ("RXM-RAWX", 0)):
+        made.encoder.respond(ublox_ubx.command("message", {"name": name, "rate": str(rate)}))
+    decoder = ublox_ubx.make_decoder(ublox_ubx.Options())
+    decoder.feed(b"".join(data for m in measured(made) for data in made.encoder.encode(m)), 1)
+    assert decoder.counters.messages == {"NAV-PVT": 20, "NAV-CLOCK": clocks}
+
+
 def test_a_second_has_one_sky_and_one_clock_which_stays_within_half_a_millisecond() -> None:
     found = measured(receiver(seed=3))
     clocks = [m for m in found if isinstance(m, ReceiverClock)]

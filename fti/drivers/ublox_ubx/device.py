@@ -52,7 +52,8 @@ class Encoder:
 
     def __init__(self, options: commands.Options) -> None:
         self._rates: dict[str, int] = {} if options.messages else dict(SENT)
-        self._epochs: dict[str, int] = {}
+        self._solutions = 0
+        self._sent: dict[str, int] = {}  # the solution with which a message went out last
         self._latest: dict[type, Measurement] = {}
         self._heard = Framer(Line({}).measure, Counters(), limit=LIMIT)
         self._makers: Mapping[type, Callable[[Measurement], list[bytes]]] = {
@@ -73,8 +74,10 @@ class Encoder:
         rate = self._rates.get(name, 0)
         if not rate:
             return []
-        self._epochs[name] = self._epochs.get(name, -1) + 1
-        return [] if self._epochs[name] % rate else [make(measurement)]
+        if rate > 1 and self._solutions - self._sent.get(name, -rate) < rate:
+            return []
+        self._sent[name] = self._solutions
+        return [make(measurement)]
 
     def _satellites(self, measurement: Measurement) -> list[bytes]:
         assert isinstance(measurement, Satellites)
@@ -84,6 +87,7 @@ class Encoder:
         return []
 
     def _solution(self, measurement: Measurement) -> list[bytes]:
+        self._solutions += 1
         return self._due("NAV-PVT", measurement, self._pvt)
 
     def _pvt(self, measurement: Measurement) -> bytes:
