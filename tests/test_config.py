@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti import config
+from fti import config, drivers
 from fti.errors import ConfigError, MissingError
 from fti.service.binding import bind_devices
 from tests.helpers import ROOT
@@ -89,6 +89,10 @@ def test_every_example_loads_and_binds(path: Path) -> None:
 
 def test_there_are_the_examples_that_the_readme_promises() -> None:
     assert {"research_aircraft.toml", "uav_mavlink.toml", "bench.toml"} <= {p.name for p in EXAMPLES}
+
+
+def test_every_driver_is_in_an_example() -> None:
+    assert {d.driver for path in EXAMPLES for d in config.load(path).device} == set(drivers.names())
 
 
 def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
