@@ -36,6 +36,12 @@ def number(text: str) -> float | None:
     return float(text)
 
 
+def dilution(text: str) -> float | None:
+    """A dilution of precision; receivers that have none say 0, 99.0 or 99.99."""
+    value = number(text)
+    return value if value is not None and 0.0 < value < 99.0 else None
+
+
 def integer(text: str) -> int | None:
     """A whole number."""
     if not text:

@@ -28,8 +28,9 @@ from fti.types import (
 SECOND_NS = 1_000_000_000
 DAY_NS = 86_400 * SECOND_NS
 HALF_DAY_NS = DAY_NS // 2
-FIXES = ("no_fix", "gps", "dgps", "pps", "rtk_fixed", "rtk_float", "estimated", "manual", "simulator")
-MEASURED_FIXES = frozenset(FIXES[1:6])
+#: By the quality of GGA; 9 is NovAtel's, of SBAS.
+FIXES = ("no_fix", "gps", "dgps", "pps", "rtk_fixed", "rtk_float", "estimated", "manual", "simulator", "sbas")
+MEASURED_FIXES = frozenset((*FIXES[1:6], "sbas"))
 MEASURED_MODES = frozenset("ADPRF")
 #: Kinds of fix of PUBX,00.
 PUBX_FIXES = {
@@ -42,7 +43,9 @@ SIGMA_NS = 10 * SECOND_NS
 KM_PER_HOUR = 1 / 3.6
 #: The weak checksum lets some damaged sentences pass; their names are counted as one.
 STRANGE = "(strange)"
-_NAME = re.compile(r"[A-Z0-9]{3,5}|PUBX,[0-9]{2}")
+_NAME = re.compile(r"[A-Z0-9]{3,5}|P[A-Z0-9]{5,11}|PUBX,[0-9]{2}")
+#: So many names of other sentences are counted apart.
+MAX_OTHERS = 100
 
 
 class Calendar:
@@ -76,6 +79,8 @@ class Sentences:
         self._calendar = Calendar()
         self._sky = Sky()
         self._sigma: tuple[int, float | None, float | None] | None = None  # time of the day, horizontal, vertical
+        self._fix: bool | None = None  # the newest that was stated
+        self._others: set[str] = set()
         self._readers: dict[str, Callable[[list[str], int], list[Measurement]]] = {
             "GGA": self._gga, "GNS": self._gns, "RMC": self._rmc, "GLL": self._gll, "VTG": self._vtg,
             "GSA": self._gsa, "GSV": self._gsv, "GST": self._gst, "ZDA": self._zda, "HDT": _hdt, "THS": _ths,
@@ -85,7 +90,7 @@ class Sentences:
     def read(self, frame: bytes, t_rx_ns: int) -> tuple[str, list[Measurement]]:
         """The name of a sentence, and what it says; "... malformed" when its fields make no sense."""
         f = split(frame)
-        name = _name(f)
+        name = self._bounded(_name(f))
         reader = self._readers.get(name)
         if name != "GSA":
             self._sky.other()
@@ -94,6 +99,15 @@ class Sentences:
         except (ValueError, IndexError, OverflowError):
             return f"{name} malformed", []
 
+    def _bounded(self, name: str) -> str:
+        """The name, when it is known or one of the first others: what is counted must not grow without end."""
+        if name in self._readers or name in self._others:
+            return name
+        if len(self._others) >= MAX_OTHERS:
+            return STRANGE
+        self._others.add(name)
+        return name
+
     # --------------------------------------------------------------------------------------------------- positions
 
     def _gga(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
@@ -101,16 +115,16 @@ class Sentences:
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
         quality = fields.integer(f[6]) or 0
         fix = FIXES[quality] if 0 <= quality < len(FIXES) else f"fix_{quality}"
-        ok = fix in MEASURED_FIXES
-        used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.number(f[8]))
+        ok = self._fix = fix in MEASURED_FIXES
+        used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.dilution(f[8]))
         position = self._position((stamp, of_day_ns), f[2:6], ok, fields.number(f[9]), fields.number(f[11]))
         return [position, used, DeviceStatus(stamp=stamp, ok=ok, flags=(fix,))]
 
     def _gns(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         of_day_ns = fields.time_of_day(f[1])
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
-        used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.number(f[8]))
-        ok = not MEASURED_MODES.isdisjoint(f[6])
+        used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.dilution(f[8]))
+        ok = self._fix = not MEASURED_MODES.isdisjoint(f[6])
         return [self._position((stamp, of_day_ns), f[2:6], ok, fields.number(f[9]), fields.number(f[10])), used]
 
     def _rmc(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
@@ -118,13 +132,14 @@ class Sentences:
         if day is not None and of_day_ns is not None:
             self._calendar.set(day, of_day_ns)
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
-        ok = f[2] == "A" and _measured(f, 12)
+        ok = self._fix = f[2] == "A" and _measured(f, 12)
         velocity = _velocity(stamp, _knots(f[7]), f[8], ok)
         return [self._position((stamp, of_day_ns), f[3:7], ok), *velocity]
 
     def _gll(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         of_day_ns = fields.time_of_day(f[5]) if len(f) > 5 else None
         ok = len(f) > 6 and f[6] == "A" and _measured(f, 7)
+        self._fix = ok if len(f) > 6 else self._fix
         return [self._position((self._calendar.stamp(t_rx_ns, of_day_ns), of_day_ns), f[1:5], ok)]
 
     def _gst(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
@@ -157,16 +172,18 @@ class Sentences:
     # ---------------------------------------------------------------------------------- velocity, satellites, time
 
     def _vtg(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
+        """Without a mode it is as good as the newest fix that was stated: receivers without one send zeros."""
+        ok = _measured(f, 9) if len(f) > 9 and f[9] else self._fix is not False
         if len(f) <= 6 or f[2] not in ("T", ""):  # before 2.0: without the units
-            return _velocity(Stamp(t_rx_ns), _knots(f[3]), f[1], ok=True)
+            return _velocity(Stamp(t_rx_ns), _knots(f[3]), f[1], ok)
         speed = _knots(f[5])
         if speed is None and len(f) > 7:
             kilometres = fields.number(f[7])
             speed = None if kilometres is None else kilometres * KM_PER_HOUR
-        return _velocity(Stamp(t_rx_ns), speed, f[1], _measured(f, 9))
+        return _velocity(Stamp(t_rx_ns), speed, f[1], ok)
 
     def _gsa(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
-        pdop, hdop, vdop = (fields.number(text) for text in f[15:18])
+        pdop, hdop, vdop = (fields.dilution(text) for text in f[15:18])
         satellites = self._sky.used(f)
         return [Satellites(stamp=Stamp(t_rx_ns), satellites=satellites, hdop=hdop, vdop=vdop, pdop=pdop)]
 
@@ -203,6 +220,7 @@ class Sentences:
         """PUBX,00: the height is above the ellipsoid."""
         stamp = self._calendar.stamp(t_rx_ns, fields.time_of_day(f[2]))
         fix, ok = PUBX_FIXES.get(f[8], f[8]), f[8] in PUBX_MEASURED
+        self._fix = ok
         lat, lon = _place(f[3:7], ok)
         speed, track, down = fields.number(f[11]), _radians(f[12]), fields.number(f[13])
         return [
@@ -210,7 +228,9 @@ class Sentences:
                 stamp=stamp, down=down, ground_speed=None if speed is None else speed * KM_PER_HOUR,
                 track=None if track is None else wrap_heading(track), valid=ok and speed is not None,
             ),
-            Satellites(stamp=stamp, used=fields.integer(f[18]), hdop=fields.number(f[15]), vdop=fields.number(f[16])),
+            Satellites(
+                stamp=stamp, used=fields.integer(f[18]), hdop=fields.dilution(f[15]), vdop=fields.dilution(f[16])
+            ),
             DeviceStatus(stamp=stamp, ok=ok, flags=(fix,)),
             Position(
                 stamp=stamp, lat=lat, lon=lon, alt=fields.number(f[7]), horizontal_sd=fields.number(f[9]),

@@ -24,7 +24,8 @@ here, and not by a package, so that independent parsers can judge all of them.
 Talkers GP GL GA GB BD GQ QZ GI name the system of satellites, GN and others leave it to the number or to the system
 identifier of 4.11.  Satellites are numbered within their system, as in RINEX: GLONASS 65 is 1, SBAS 33 is 120, QZSS 193
 is 1.  Each list of satellites has all systems, each satellite once with the strongest of its signals, and whether the
-GSA before it says that it is used.  The sigma of a GST holds for the positions of the next 10 s.
+GSA before it says that it is used.  The sigma of a GST holds for the positions of the next 10 s.  A VTG without mode is
+as good as the newest fix that was stated.  A dilution of precision of 0, or from 99 on, means that there is none.
 
 alt = altMSL + undulation of the same sentence.  The device time is UTC as soon as RMC or ZDA have told the date; a
 sentence soon after midnight belongs to the new day.  The emulated receiver sends RMC (with the Velocity of the same

@@ -238,7 +238,7 @@ def test_date_and_time_alone() -> None:
 @pytest.mark.parametrize(
     ("quality", "valid", "flag"),
     [("0", False, "no_fix"), ("1", True, "gps"), ("4", True, "rtk_fixed"), ("6", False, "estimated"),
-     ("8", False, "simulator"), ("9", False, "fix_9")],
+     ("8", False, "simulator"), ("9", True, "sbas"), ("10", False, "fix_10")],
 )  # fmt: skip
 def test_kind_of_fix_decides_what_is_valid(quality: str, valid: bool, flag: str) -> None:
     position, _, status = decode(sentence(f"GPGGA,1200,,,,,{quality},,,,,,,,".replace("1200", "120000")))
@@ -331,6 +331,17 @@ def test_encapsulated_data_and_proprietary_sentences_are_framed_by_name() -> Non
     assert decoder.counters.messages == {"VDM": 1, "PUBX,41": 1}
     decoder.feed(sentence("GPG~A,1") + sentence("PUBX,~") + sentence("PGRME,1"), 1)
     assert decoder.counters.messages == {"VDM": 1, "PUBX,41": 1, "(strange)": 2, "PGRME": 1}
+    decoder.feed(sentence("PMTK001,314,3") + sentence("PSTMCPU,42.5") + sentence("PSRFTXTWK:   1488"), 1)
+    assert decoder.counters.messages["PMTK001"] == decoder.counters.messages["PSTMCPU"] == 1
+    assert decoder.counters.messages["(strange)"] == 3
+
+
+def test_names_that_never_end_are_counted_as_one_from_some_hundred_on() -> None:
+    decoder = nmea.make_decoder(nmea.Options())
+    decoder.feed(b"".join(sentence(f"GP{i:05d},1") for i in range(1000)) + sentence("GPHDT,1.0,T"), 1)
+    assert len(decoder.counters.messages) == 102
+    assert decoder.counters.messages["(strange)"] == 900
+    assert decoder.counters.messages["HDT"] == 1
 
 
 def test_the_emulated_receiver_speaks_as_other_parsers_expect() -> None:
@@ -477,6 +488,40 @@ def test_a_velocity_that_was_not_measured_is_not_valid() -> None:
     assert isinstance(found, Velocity)
     assert not found.valid
     assert decode(sentence("GPVTG,,T,,M,,N,,K")) == []
+
+
+@pytest.mark.parametrize(
+    ("lost", "found"),
+    [("GPGGA,120000,,,,,0,00,,,M,,M,,", "GPGGA,120000,4800.0,N,01130.0,E,1,08,1.0,500.0,M,47.0,M,,"),
+     ("GPRMC,120000,V,,,,,,,,,", "GPRMC,120000,A,4800.0,N,01130.0,E,,,010125,,"),
+     ("GPGLL,,,,,120000,V", "GPGLL,4800.0,N,01130.0,E,120000,A"),
+     ("GNGNS,120000,,,,,NN,00,,,,,", "GNGNS,120000,4800.0,N,01130.0,E,AN,05,1.0,500.0,47.0,,"),
+     ("PUBX,00,120000,,,,,0,NF,,,0,0,0,,99.99,99.99,99.99,0,0,0",
+      "PUBX,00,120000,4800.0,N,01130.0,E,1,G3,1,1,0,0,0,,1,1,1,9,0,0")],
+)  # fmt: skip
+def test_a_velocity_that_does_not_say_its_mode_is_as_good_as_the_fix(lost: str, found: str) -> None:
+    """Receivers before 2.3 without a fix go on with zeros."""
+    decoder = nmea.make_decoder(nmea.Options())
+    good = []
+    for body in (lost, found, lost):
+        decoder.feed(sentence(body), 1)
+        good += decoder.feed(sentence("GPVTG,000.0,T,,M,000.0,N,000.0,K") + sentence("GPVTG,0.0,0.0,0.0,0.0"), 1)
+        decoder.feed(sentence("LCGLL,3000.0,S,09000.0,W"), 1)  # says nothing about a fix
+        good += decoder.feed(sentence("GPVTG,90.0,T,,M,10.0,N,18.5,K,A"), 1)
+    assert [m.valid for m in good if isinstance(m, Velocity)] == [False, False, True, *[True] * 3, False, False, True]
+
+
+@pytest.mark.parametrize("nothing", ["0.0", "0", "99.0", "99.99", ""])
+def test_a_dilution_that_stands_for_none_is_none(nothing: str) -> None:
+    bodies = (
+        f"GPGGA,120000,4800.0,N,01130.0,E,1,08,{nothing},500.0,M,47.0,M,,",
+        f"GNGNS,120000,4800.0,N,01130.0,E,AN,05,{nothing},500.0,47.0,,",
+        f"GPGSA,A,1,,,,,,,,,,,,,{nothing},{nothing},{nothing}",
+        f"PUBX,00,120000,4800.0,N,01130.0,E,1,G3,1,1,0,0,0,,{nothing},{nothing},1,9,0,0",
+    )
+    for body in bodies:
+        (found,) = satellites_of(sentence(body))
+        assert (found.hdop, found.vdop, found.pdop) == (None, None, None)
 
 
 def test_headings_and_attitude() -> None:
