@@ -64,6 +64,7 @@ def test_commands_have_the_layout_of_the_document(name: str, args: dict[str, str
             "message = 'nothing': must be a number from 1 to 65535 or one of",
         ),
         ("log", {"message": "70000", "period": "1"}, "message = '70000'"),
+        ("log", {"message": "\u00b2", "period": "1"}, "must be a number from 1 to 65535 or one of"),
         ("log", {"message": "bestpos", "trigger": "now"}, "trigger = 'now': must be one of onnew, onchanged"),
         ("log", {"message": "bestpos", "trigger": "once", "period": "1"}, "only trigger ontime has one"),
         ("log", {"message": "bestpos", "period": "1", "port": "com9"}, "port = 'com9': must be one of thisport, com1"),

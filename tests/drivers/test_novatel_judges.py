@@ -113,7 +113,7 @@ def test_range_says_what_the_receiver_printed(week: bytes) -> None:
     for mine, (number, channel, psr, psr_sd, adr, adr_sd, doppler, cn0, lock, _) in zip(
         found.observations, printed, strict=True
     ):
-        assert mine.number == int(number) - (37 if mine.system == "glonass" else 0)
+        assert mine.number == int(number) - {"glonass": 37, "qzss": 192}.get(mine.system, 0)
         close(mine.pseudorange, float(psr), 5e-4)
         close(mine.pseudorange_sd, float(psr_sd), 5e-4)
         close(mine.carrier_phase, -float(adr), 5e-7)
@@ -219,8 +219,7 @@ def epoch_seconds(fields: list[str]) -> float:
 
 
 def satellite(o: Pseudorange) -> str:
-    shift = {"sbas": 100, "qzss": 192}.get(o.system, 0)
-    return f"{LETTERS[o.system]}{o.number - shift:02d}"
+    return f"{LETTERS[o.system]}{o.number - 100 if o.system == 'sbas' else o.number:02d}"
 
 
 def ours_as_rinex(data: bytes) -> dict[float, Epoch]:

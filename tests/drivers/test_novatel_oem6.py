@@ -202,6 +202,30 @@ def test_satellites_above_the_horizon_have_directions_in_radians() -> None:
     assert found[0].elevation == pytest.approx(math.pi / 4)
 
 
+def test_satellites_of_qzss_are_numbered_within_their_system_as_other_receivers_do() -> None:
+    """193 is J01, as of a u-blox or in NMEA: otherwise the same satellite is two."""
+    entry = sky.ENTRY.pack(193, 0, 0, 10.0, 5.0, 0.0, 0.0)
+    dop = sky.PSRDOP.pack(2.5, 2.0, 1.2, 1.5, 1.0, 5.0, 1) + struct.pack("<I", 193)
+    for number, body in (
+        (messages.SATVIS, sky.SATVIS.pack(1, 1, 1) + entry),
+        (messages.SATVIS2, sky.SATVIS2.pack(7, 1, 1, 1) + entry),
+        (messages.PSRDOP, dop),
+    ):
+        (found,) = only(frame(number, body), Satellites).satellites
+        assert (found.system, found.number) == ("qzss", 1)
+    word = 5 << 16 | 1 << 10 | 1 << 12
+    body = observations.COUNT.pack(1) + observations.RANGE.pack(194, 0, 4e7, 0.1, -2e8, 0.01, 5.0, 45.0, 9.0, word)
+    (o,) = only(frame(messages.RANGE, body), Pseudoranges).observations
+    assert (o.system, o.number) == ("qzss", 2)
+    assert (
+        observations.RANGE.unpack_from(observations.encode_range(Pseudoranges(stamp=Stamp(5), observations=(o,))), 4)[0]
+        == 194
+    )
+    seen = Satellite(system="qzss", number=3, azimuth=0.1, elevation=0.2, used=True)
+    (back,) = sky.encode_satvis2(Satellites(stamp=Stamp(5), satellites=(seen,)))
+    assert sky.ENTRY.unpack_from(back, sky.SATVIS2.size)[0] == 195
+
+
 def test_vertical_dilution_is_what_the_others_leave() -> None:
     body = sky.PSRDOP.pack(2.5, 2.0, 1.2, 1.5, 1.0, 5.0, 2) + struct.pack("<2I", 5, 51)
     found = only(frame(messages.PSRDOP, body), Satellites)
@@ -220,6 +244,8 @@ def test_vertical_dilution_is_what_the_others_leave() -> None:
         {"status": 1},
         {"status": 6},
         {"kind": 0},
+        {"kind": 1},
+        {"kind": 19},
         {"kind": 72},
         {"datum": 63},
         {"lat": math.nan},
@@ -237,12 +263,12 @@ def test_a_position_without_solution_in_wgs84_is_not_valid(changed: dict[str, fl
     assert all(x is None or math.isfinite(x) for x in (found.lat, found.lon, found.alt, found.alt_msl))
 
 
-@pytest.mark.parametrize("kind", [16, 17, 18, 19, 32, 34, 50, 69])
+@pytest.mark.parametrize("kind", [2, 16, 17, 18, 32, 34, 50, 69])
 def test_a_position_of_every_kind_of_solution_is_valid(kind: int) -> None:
     assert only(bestpos(kind=kind), Position).valid
 
 
-@pytest.mark.parametrize("numbers", [(1, 8, 5.0), (0, 0, 5.0), (0, 8, math.nan)])
+@pytest.mark.parametrize("numbers", [(1, 8, 5.0), (0, 0, 5.0), (0, 19, 5.0), (0, 8, math.nan)])
 def test_a_velocity_without_solution_is_not_valid(numbers: tuple[int, int, float]) -> None:
     code, kind, speed = numbers
     body = solution.BESTVEL.pack(code, kind, math.nan, 0.0, speed, 10.0, 0.0, 0.0)

@@ -17,7 +17,8 @@ SATVIS2), ``observations`` (RANGE, RANGECMP), ``clock`` (TIME, CLOCKMODEL), ``st
 header of OEM4 and OEMV receivers is the same; its length is taken as it says.
 
 t_dev_ns is the GPS time of the header where the receiver knows it (FREEWHEELING, FINE, FINEBACKUPSTEERING,
-FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84.  What a
+FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84, and neither
+propagated without satellites (PROPAGATED) nor typed in (FIXEDPOS), as an NMEA fix "estimated" or "manual".  What a
 receiver with two antennas measures at the second one is counted, and not mixed with the first.
 
 The receiver is silent until it is asked: ``logs`` are asked for after every connect and again every ``ask_again_s``,

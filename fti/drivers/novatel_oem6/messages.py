@@ -54,6 +54,6 @@ def number_of(name: str) -> int:
     text = name.strip().upper()
     if text in NUMBERS:
         return NUMBERS[text]
-    if text.isdigit() and 0 < int(text) <= 0xFFFF:
+    if text.isdecimal() and text.isascii() and 0 < int(text) <= 0xFFFF:
         return int(text)
     raise ValueError(f"message = {name!r}: must be a number from 1 to 65535 or one of {', '.join(sorted(NUMBERS))}")

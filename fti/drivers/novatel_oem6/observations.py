@@ -11,7 +11,7 @@
 The accumulated Doppler range grows when the satellite comes nearer; the carrier phase, as in RINEX, is its negative.
 Doppler is positive when it comes nearer, as in RINEX.  Without code lock there is no pseudorange, without phase lock
 neither phase nor Doppler.  While the parity is not known the phase may be wrong by half a cycle.
-Numbers: 38-61 are GLONASS slots + 37.
+Numbers: 38-61 are GLONASS slots + 37, from 193 on QZSS + 192.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from fti.drivers.novatel_oem6.signals import (
     encode_tracking,
     glonass_channel,
 )
-from fti.drivers.novatel_oem6.sky import FIRST_GLONASS, GLONASS_BASE, LAST_GLONASS, to_number
+from fti.drivers.novatel_oem6.sky import to_number, within
 from fti.types import Measurement, Pseudorange, Pseudoranges, Stamp
 
 COUNT = struct.Struct("<I")
@@ -63,10 +63,9 @@ class _Wire:
         t = self.tracking
         ranged = t.code_locked and 0.0 < self.pseudorange < math.inf
         phased = t.phase_locked and math.isfinite(self.phase)
-        is_slot = t.system == "glonass" and FIRST_GLONASS <= self.number <= LAST_GLONASS
         return Pseudorange(
             system=t.system,
-            number=self.number - GLONASS_BASE if is_slot else self.number,
+            number=within(t.system, self.number),
             signal=t.name,
             pseudorange=self.pseudorange if ranged else None,
             pseudorange_sd=self.pseudorange_sd if ranged and math.isfinite(self.pseudorange_sd) else None,

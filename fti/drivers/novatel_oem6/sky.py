@@ -8,7 +8,7 @@
 
 A DOP of 9999 means that there is none.  VDOP^2 = PDOP^2 - HDOP^2.  Satellites below the horizon, which the receiver
 lists too, are left out.  Numbers of PSRDOP and SATVIS: 1-32 GPS, 38-61 GLONASS slot + 37, from 120 SBAS, from 193
-QZSS; a receiver that uses Galileo or BeiDou too lists their numbers among these, and does not say which is which.
+QZSS + 192; a receiver that uses Galileo or BeiDou too lists their numbers among these, and does not say which is which.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SATVIS2 = struct.Struct("<IIII")
 ENTRY = struct.Struct("<HhIdddd")
 NO_DOP = 9999.0
 MASK_DEG = 5.0
-GLONASS_BASE = 37
+GLONASS_BASE, QZSS_BASE = 37, 192
 FIRST_GLONASS, LAST_GLONASS, FIRST_SBAS, FIRST_QZSS = 38, 61, 120, 193
 SYSTEMS = {0: "gps", 1: "glonass", 2: "sbas", 5: "galileo", 6: "beidou", 7: "qzss", 9: "navic"}
 SYSTEM_NUMBERS = {name: number for number, name in SYSTEMS.items()}
@@ -39,13 +39,20 @@ def by_number(number: int) -> tuple[str, int]:
     if FIRST_GLONASS <= number <= LAST_GLONASS:
         return "glonass", number - GLONASS_BASE
     if number >= FIRST_QZSS:
-        return "qzss", number
+        return "qzss", number - QZSS_BASE
     return ("sbas" if number >= FIRST_SBAS else "gps"), number
+
+
+def within(system: str, number: int) -> int:
+    """The number within a system that the message names, as in RINEX: QZSS 193 is 1, a GLONASS slot may be + 37."""
+    if system == "qzss" and number >= FIRST_QZSS:
+        return number - QZSS_BASE
+    return number - GLONASS_BASE if system == "glonass" and FIRST_GLONASS <= number <= LAST_GLONASS else number
 
 
 def to_number(system: str, number: int) -> int:
     """The reverse of ``by_number``."""
-    return number + GLONASS_BASE if system == "glonass" else number
+    return number + {"glonass": GLONASS_BASE, "qzss": QZSS_BASE}.get(system, 0)
 
 
 def decode_psrdop(body: bytes, header: Header, stamp: Stamp) -> list[Measurement]:
@@ -85,7 +92,7 @@ def decode_satvis2(body: bytes, header: Header, stamp: Stamp) -> list[Measuremen
     """SATVIS2: satellites of one system above the horizon; nothing when the receiver does not vouch for it."""
     system, is_valid, _, _ = SATVIS2.unpack_from(body)
     name = SYSTEMS.get(system, f"system_{system}")
-    found = ((name, n, up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :]))
+    found = ((name, within(name, n), up, az) for n, _, _, up, az, _, _ in ENTRY.iter_unpack(body[SATVIS2.size :]))
     return [_view(stamp, found)] if is_valid else []
 
 
@@ -110,7 +117,8 @@ def encode_satvis2(sky: Satellites) -> list[bytes]:
     seen: dict[str, list[bytes]] = {}
     for s in sky.satellites:
         if s.azimuth is not None and s.elevation is not None and s.system in SYSTEM_NUMBERS:
-            entry = ENTRY.pack(s.number, 0, 0, s.elevation / DEGREE, s.azimuth / DEGREE, 0.0, 0.0)
+            number = s.number + QZSS_BASE if s.system == "qzss" else s.number
+            entry = ENTRY.pack(number, 0, 0, s.elevation / DEGREE, s.azimuth / DEGREE, 0.0, 0.0)
             seen.setdefault(s.system, []).append(entry)
     return [
         SATVIS2.pack(SYSTEM_NUMBERS[system], 1, 1, len(entries)) + b"".join(entries) for system, entries in seen.items()

@@ -24,9 +24,10 @@ from fti.types import Measurement, Position, Stamp, Velocity
 BESTPOS = struct.Struct("<IIdddfI3f4s2f8B")
 BESTVEL = struct.Struct("<II2f3df")
 COMPUTED, INSUFFICIENT_OBSERVATIONS = 0, 1
-TYPE_NONE, TYPE_SINGLE, TYPE_DOPPLER, TYPE_OUT_OF_BOUNDS = 0, 16, 8, 72
-#: Types that carry no solution of the moment: none at all, and outside the limits that the user has set.
-NO_SOLUTION = frozenset({TYPE_NONE, TYPE_OUT_OF_BOUNDS})
+TYPE_NONE, TYPE_FIXED, TYPE_DOPPLER, TYPE_SINGLE, TYPE_PROPAGATED, TYPE_OUT_OF_BOUNDS = 0, 1, 8, 16, 19, 72
+#: Types that carry no measurement of the moment: none at all, what the user has typed in, what the filter runs on with
+#: without satellites, and outside the limits that the user has set.
+NO_SOLUTION = frozenset({TYPE_NONE, TYPE_FIXED, TYPE_PROPAGATED, TYPE_OUT_OF_BOUNDS})
 WGS84 = 61
 
 
