@@ -20,6 +20,7 @@ CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "
          "f64": "d"}  # fmt: skip
 At = Annotated[int, pydantic.Field(ge=0, lt=LONGEST)]
 Bits = tuple[Annotated[int, pydantic.Field(ge=0, le=63)], Annotated[int, pydantic.Field(ge=1, le=64)]]
+ByteOrder = Literal["little", "big"]
 Hex = Annotated[str, pydantic.Field(pattern=r"^([0-9A-Fa-f]{2} ?)*$")]
 
 
@@ -48,11 +49,15 @@ class Where(Place):
 
 
 class FrameChecksum(StrictModel):
-    """``kind``; where it stands (from the end when negative; default: the last bytes); ``start`` of what it covers."""
+    """``kind``; where it stands (from the end when negative; default: the last bytes); ``start`` of what it covers.
+
+    byte_order : of the checksum; the frame's when not given
+    """
 
     kind: Kind
     at: Annotated[int, pydantic.Field(ge=-LONGEST, lt=LONGEST)] | None = None
     start: At = 0
+    byte_order: ByteOrder | None = None
 
     def place(self, length: int) -> int:
         """Where it stands in a frame of this length."""
@@ -70,7 +75,7 @@ class FrameOptions(StrictModel):
     length: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] | None = None
     length_in: LengthIn | None = None
     longest: Annotated[int, pydantic.Field(ge=2, le=LONGEST)] = 256
-    byte_order: Literal["little", "big"] = "little"
+    byte_order: ByteOrder = "little"
     trailer: Hex = ""
     checksum: FrameChecksum | None = None
     where: tuple[Where, ...] = ()
@@ -123,6 +128,21 @@ class Number:
             number = others | number << self.low
         self.form.pack_into(frame, self.at, number)
 
+    def on_wire(self, word: float | str) -> float:
+        """The number that is read where the device sends this one.  Raises ValueError where it cannot."""
+        if isinstance(word, str):
+            raise ValueError(f"{word!r} is characters, and a frame has numbers; hexadecimal ones are like 0xFFFF")
+        if not self.whole:
+            try:
+                found: float = self.form.unpack(self.form.pack(word))[0]
+            except OverflowError:
+                raise ValueError(f"{word:g} is too large for this type") from None
+            return found
+        least, most = self._least, self._least + self.mask
+        if word != round(word) or not least <= word <= most:
+            raise ValueError(f"{word:.15g} cannot stand there: whole numbers from {least} to {most} can")
+        return word
+
     @property
     def _least(self) -> int:
         return -(self.mask + 1 >> 1) if self.form.format[-1].islower() else 0
@@ -134,15 +154,18 @@ class Frame:
     def __init__(self, options: FrameOptions) -> None:
         order = options.byte_order
         self.sync, self.trailer = bytes.fromhex(options.sync), bytes.fromhex(options.trailer)
-        self.checksum, self._order = options.checksum, order
+        self.checksum = options.checksum
+        self._checksum_order: ByteOrder = (options.checksum and options.checksum.byte_order) or order
         self.length, self.longest = options.length, options.longest
         told = options.length_in
         self.told = None if told is None else Number.of(told, order, "length_in")
         self.plus = told.plus if told else 0
         self.where = [(Number.of(w, order, f"where[{i}]"), w.value) for i, w in enumerate(options.where)]
         self.numbers = {f.name: Number.of(f, order, f"fields: {f.name}") for f in options.fields}
-        self.known = meanings([f.name for f in options.fields], options.fields)
+        names = [f.name for f in options.fields]
+        self.known = meanings(names, options.fields, lambda name, word: self.numbers[name].on_wire(word))
         self._check()
+        self._check_where()
         self._check_itself()
 
     def _check(self) -> None:
@@ -158,6 +181,13 @@ class Frame:
         for name, number in [*self.numbers.items(), *(("where", number) for number, _ in self.where)]:
             if number.end > self._body_end(self.length):
                 raise ValueError(f"{name}: ends at byte {number.end}, the data at {self._body_end(self.length)}")
+
+    def _check_where(self) -> None:
+        for i, (number, value) in enumerate(self.where):
+            try:
+                number.on_wire(value)
+            except ValueError as error:
+                raise ValueError(f"where[{i}]: value = {error}") from None
 
     def _check_itself(self) -> None:
         """What is written as described must be read back."""
@@ -208,7 +238,7 @@ class Frame:
         size = self._checksum_size
         if not self.checksum.start <= at <= length - size:
             return False
-        told = int.from_bytes(frame[at : at + size], self._order)
+        told = int.from_bytes(frame[at : at + size], self._checksum_order)
         return told == CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
 
     def decode(self, frame: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
@@ -240,5 +270,5 @@ class Frame:
         if self.checksum:
             at = self.checksum.place(length)
             value = CHECKSUMS[self.checksum.kind].of(bytes(frame[self.checksum.start : at]))
-            frame[at : at + self._checksum_size] = value.to_bytes(self._checksum_size, self._order)
+            frame[at : at + self._checksum_size] = value.to_bytes(self._checksum_size, self._checksum_order)
         return bytes(frame)

@@ -9,7 +9,7 @@ carries it, in SI; any other name becomes a ``Reading`` in its unit.  A name tha
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -17,9 +17,13 @@ import pydantic
 
 from fti.config import StrictModel
 from fti.drivers._quantities import QUANTITIES, Quantity, to_si
-from fti.types import Measurement, Reading, Stamp
+from fti.types import DmeRange, Measurement, Range, Reading, Stamp, StaticPressure, Temperature
 
 Wire = float | str | None  # what a field says: a number, characters, or nothing
+#: What a field says where the device sends a word of ``lost`` or ``good``; ValueError where it cannot send that.
+OnWire = Callable[[str, float | str], float | str]
+#: Distances along a beam, absolute pressures and temperatures: below zero they are none.
+NEVER_NEGATIVE = frozenset({Range, DmeRange, StaticPressure, Temperature})
 FieldName = Annotated[str, pydantic.Field(pattern=r"^(_?[a-z][a-z0-9_]*|_)$", max_length=64)]
 
 
@@ -66,7 +70,12 @@ class Meaning:
         if isinstance(wire, str):
             return self.quantity is None
         value = wire * f.scale + f.offset
-        return math.isfinite(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
+        return self._can_be(value) and (f.limits is None or f.limits[0] <= value <= f.limits[1])
+
+    def _can_be(self, value: float) -> bool:
+        if self.quantity is None or self.quantity.measurement not in NEVER_NEGATIVE:
+            return math.isfinite(value)
+        return 0.0 <= value * self.factor + self.shift < math.inf
 
     def measurement(self, wire: Wire, valid: bool, stamp: Stamp) -> Measurement | None:
         """What the field becomes; None where nothing can be said without a value."""
@@ -106,7 +115,7 @@ class Meaning:
         return self.field.good[0] if self.field.good else None
 
 
-def meanings(names: Sequence[str], described: Sequence[Field]) -> dict[str, Meaning]:
+def meanings(names: Sequence[str], described: Sequence[Field], on_wire: OnWire) -> dict[str, Meaning]:
     """The fields of a message by name, in its order.  Raises ValueError saying which is wrong, and what is allowed."""
     by_name = {f.name: f for f in described}
     for f in described:
@@ -117,14 +126,30 @@ def meanings(names: Sequence[str], described: Sequence[Field]) -> dict[str, Mean
                 raise ValueError(f"fields: {f.name}: needs {needed!r}, which is not in the message")
         if sum(other.name == f.name for other in described) > 1:
             raise ValueError(f"fields: {f.name!r} is described twice")
-    found = {name: _meaning(by_name.get(name) or _plain(name)) for name in names}
+    found = {name: _meaning(_as_sent(by_name.get(name) or Field(name=name), by_name, on_wire)) for name in names}
     if all(m.is_silent for m in found.values()):
         raise ValueError("fields: none becomes a measurement; a name without '_' at its beginning does")
     return found
 
 
-def _plain(name: str) -> Field:
-    return Field(name=name)
+def _as_sent(described: Field, by_name: Mapping[str, Field], on_wire: OnWire) -> Field:
+    """The field with its words as they are read, and with all that it needs: what those need, too."""
+
+    def read(key: str, words: Sequence[float | str]) -> tuple[float | str, ...]:
+        try:
+            return tuple(on_wire(described.name, word) for word in words)
+        except ValueError as error:
+            raise ValueError(f"fields: {described.name}: {key}: {error}") from None
+
+    needed: list[str] = []
+    waiting = list(described.needs)
+    while waiting:
+        name = waiting.pop()
+        if name not in needed:
+            needed.append(name)
+            waiting += by_name[name].needs if name in by_name else ()
+    read_words = {"lost": read("lost", described.lost), "good": read("good", described.good)}
+    return described.model_copy(update={**read_words, "needs": tuple(needed)})
 
 
 def _meaning(described: Field) -> Meaning:

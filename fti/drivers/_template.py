@@ -18,6 +18,7 @@ groups).
 
 from __future__ import annotations
 
+import math
 import re
 import string
 from collections.abc import Callable, Mapping, Sequence
@@ -54,7 +55,14 @@ class Template:
             if self.names.count(name) > 1:
                 raise ValueError(f"line: {name!r} stands there twice")
         texts = [*(p.before for p in self.places), self._after][1:]
-        groups = [_group(p, text, (lost or {}).get(p.name, ())) for p, text in zip(self.places, texts, strict=True)]
+        self._lost = {
+            name: {word.encode("latin-1", "replace") for word in words} for name, words in (lost or {}).items()
+        }
+        ends = [*map(re.escape, texts[:-1]), re.escape(texts[-1]) or r"\Z"] if texts else []
+        groups = [
+            _group(p, text, end, (lost or {}).get(p.name, ()))
+            for p, text, end in zip(self.places, texts, ends, strict=True)
+        ]
         parts = [re.escape(p.before) + g for p, g in zip(self.places, groups, strict=True)]
         self._pattern = re.compile(("".join(parts) + re.escape(self._after)).encode("latin-1"))
         self._widths = [(p.name, p.width) for p in self.places if p.width]
@@ -65,12 +73,26 @@ class Template:
         """Which fields are characters."""
         return {p.name: p.kind == "s" for p in self.places}
 
+    def on_wire(self, name: str, word: float | str) -> float | str:
+        """What a field says where this stands in the line.  Raises ValueError where it cannot stand there."""
+        place = next(p for p in self.places if p.name == name)
+        if isinstance(word, str):
+            return _number(word, place.kind)
+        if place.kind == "s":
+            raise ValueError(f"{word:g} is a number, and the field has characters: write it in quotes")
+        if not _can_stand(place, word):
+            raise ValueError(f"{word:.15g} cannot stand in {{{name}:{place.spec}}}")
+        return word
+
     def match(self, line: bytes) -> re.Match[bytes] | None:
         """The match of a whole line; None when it is another line."""
         found = self._pattern.fullmatch(line)
-        if found is None or any(len(found[name]) < width for name, width in self._widths):
+        if found is None or any(self._is_short(name, found[name], width) for name, width in self._widths):
             return None
         return found
+
+    def _is_short(self, name: str, text: bytes, width: int) -> bool:
+        return len(text) < width and text.strip() not in self._lost.get(name, ())
 
     def read(self, found: re.Match[bytes]) -> dict[str, Wire]:
         """What each field of a matched line says."""
@@ -123,8 +145,18 @@ def _place(before: str, name: str, spec: str, conversion: str | None) -> Place:
     return Place(before, name, spec if found[5] else f"{spec}f", kind, int(found[3] or 0))
 
 
-def _group(place: Place, follows: str, lost: Sequence[str]) -> str:
-    """The pattern of a field; follows : the text behind it."""
+def _group(place: Place, follows: str, end: str, lost: Sequence[str]) -> str:
+    """The pattern of a field; follows : the text behind it, end : its pattern.
+
+    A word for a lost signal may be the beginning of a number ("-"): it is one only where its end is.
+    """
+    fill = f" {{0,{place.width}}}" if place.width and place.kind in "dfg" else ""
+    words = "".join(f"{fill}{re.escape(word)}(?={end})|" for word in lost)
+    return f"(?P<{place.name}>(?>{words}{fill}{_core(place, follows)}))"
+
+
+def _core(place: Place, follows: str) -> str:
+    """The pattern of what is no word for a lost signal."""
     decimals = re.search(r"\.(\d)", place.spec)
     if place.kind == "s":
         stop = f"[^{re.escape(follows[0])}]" if follows else "."
@@ -138,19 +170,26 @@ def _group(place: Place, follows: str, lost: Sequence[str]) -> str:
     else:
         core = r"[+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})"
         core += r"(?:[eE][+-]?\d{1,3})?" if place.kind == "g" else ""
-    fill = f" {{0,{place.width}}}" if place.width and place.kind in "dfg" else ""
-    words = "".join(f"{re.escape(word)}|" for word in lost)
-    return f"(?P<{place.name}>(?>{words}{fill}{core}))"
+    return core
 
 
-def _number(text: str, kind: str) -> Wire:
+def _can_stand(place: Place, number: float) -> bool:
+    """Is a number one that a line may have at a place?"""
+    if place.spec.endswith("g") or (place.kind == "f" and "." not in place.spec):
+        return True
+    text = _written(place, number).strip()
+    return bool(re.fullmatch(_core(place, ""), text)) and _number(text, place.kind) == number
+
+
+def _number(text: str, kind: str) -> float | str:
     """What the characters of a field say; those that are no number stand for themselves."""
     if kind == "s":
         return text
     try:
-        return float(int(text, 16)) if kind in "xX" else float(text)
-    except ValueError:
-        return text
+        number = float(int(text, 16)) if kind in "xX" else float(text)
+    except (ValueError, OverflowError):
+        return text.strip()
+    return number if math.isfinite(number) else text.strip()
 
 
 def _written(place: Place, value: Wire) -> str:

@@ -93,31 +93,62 @@ class Line:
         names = [name for name in self.template.names if name != CHECKSUM]
         if not names:
             raise ValueError("line: no {field} stands in it")
-        self.known: dict[str, Meaning] = meanings(names, options.fields)
+        self.known: dict[str, Meaning] = meanings(names, _described(options, names), self.template.on_wire)
+        self._check_text()
         if (CHECKSUM in self.template.names) != (options.checksum is not None):
             raise ValueError("checksum: must be described where {checksum} stands in the line, and only there")
+        if options.checksum:
+            _check_checksum(options.checksum, self.template)
         for text in (options.line, *options.lost_lines):
             if any(end in text for end in options.terminator):
                 raise ValueError(f"line: {text!r} has a character of the terminator {options.terminator!r} in it")
 
+    def _check_text(self) -> None:
+        for name, is_text in self.template.is_text.items():
+            meaning = self.known.get(name)
+            if is_text and meaning and (meaning.quantity or meaning.field.limits):
+                raise ValueError(f"fields: {name}: is characters in the line; a quantity, or limits, need a number")
+
+    def _is_lost(self, line: bytes) -> bool:
+        return any(lost.match(line) for lost in self.lost)
+
     def refuse(self, line: bytes) -> str:
         """Why a line is no message; "" when it is one."""
+        if self._is_lost(line):
+            return ""
         found = self.template.match(line)
         if found is None:
-            if any(lost.match(line) for lost in self.lost):
-                return ""
             return "other_line" if PRINTABLE.fullmatch(line) else "no_match"
         if self.checksum is None:
             return ""
-        told = int(found[CHECKSUM], 16)
+        told = self.template.read(found)[CHECKSUM]
         return "" if told == self.checksum.of(line[: found.start(CHECKSUM)]) else "bad_checksum"
 
     def decode(self, line: bytes, stamp: Stamp) -> tuple[str, list[Measurement]]:
         """Name and measurements of a line that is not refused."""
-        found = self.template.match(line)
+        found = None if self._is_lost(line) else self.template.match(line)
         if found is None:
             return "lost_line", decode_fields(self.known, {}, stamp)
         return "line", decode_fields(self.known, self.template.read(found), stamp)
+
+
+def _described(options: Options, names: list[str]) -> tuple[Field, ...]:
+    """The fields of the options; of the default ones those that stand in the line."""
+    if "fields" in options.model_fields_set:
+        return options.fields
+    return tuple(f for f in options.fields if f.name in names)
+
+
+def _check_checksum(rule: LineChecksum, template: Template) -> None:
+    """Can the line have this checksum?  Raises ValueError."""
+    at = template.names.index(CHECKSUM)
+    place, texts = template.places[at], [p.before for p in template.places[: at + 1]]
+    size = 2 * CHECKSUMS[rule.kind].size
+    if place.kind not in "dxX" or (place.kind != "d" and place.width not in (0, size)):
+        raise ValueError(f"checksum: {rule.kind} is written {{checksum:0{size}X}}, 0{size}x or d")
+    for key, text in (("after", rule.after), ("before", rule.before)):
+        if not any(text in before for before in texts):
+            raise ValueError(f"checksum: {key} = {text!r}: must stand in the line before the checksum")
 
 
 class Decoder:

@@ -8,6 +8,7 @@ has a place, as the maker's table has it: ``at`` counts from the first sync byte
     length     of the whole frame [bytes], or
     length_in  where it is told: at, type, bits; the whole frame has ``plus`` bytes more than is told
     checksum   kind; ``at``: where it stands, negative from the frame's end; over the bytes from ``start`` up to it
+               ``byte_order`` where it is not the frame's
     where      what must stand in a frame for it to be this device's; others are framed, and counted as "(other)"
     bits       [lowest, number]: only these bits of a whole number
 

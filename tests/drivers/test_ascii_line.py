@@ -172,6 +172,67 @@ def test_lines_may_mean_that_there_is_no_measurement() -> None:
     assert decoder.counters.skipped == {"other_line": 11}
 
 
+def test_a_line_for_lost_wins_over_the_template_that_it_is_like() -> None:
+    table = {"line": "{slant_range:f}", "lost_lines": ["130.00", "{_:d}.0"]}
+    decoder = al.make_decoder(options(**table))
+    found = decoder.feed(b"130.00\r\n7.0\r\n7.5\r\n", 1)
+    assert [m.slant_range for m in found if isinstance(m, Range)] == [None, None, 7.5]
+    assert decoder.counters.messages == {"lost_line": 2, "line": 1}
+
+
+@pytest.mark.parametrize(
+    ("spec", "lost", "text"),
+    [
+        (".2f", "130.00", "130.00"),
+        ("04X", "FFFF", "FFFF"),
+        ("04x", "FFFF", "ffff"),
+        ("d", "-1", "-1"),
+        ("f", 130, "130.00"),
+    ],
+)
+def test_a_lost_number_may_be_written_in_quotes(spec: str, lost: object, text: str) -> None:
+    """Quoted as the device prints it, or as a number: it is lost however it is written."""
+    fields = [{"name": "slant_range", "lost": [lost]}]
+    found = decoded(f"{text}\r\n".encode(), line=f"{{slant_range:{spec}}}", fields=fields)
+    assert found == [Range(stamp=S, slant_range=None, valid=False)]
+
+
+def test_a_word_for_lost_may_begin_a_number_and_need_not_fill_the_width() -> None:
+    fields = [{"name": "x", "lost": ["-", "/", "E"]}]
+    assert values(b"-\r\n-0.5\r\nE\r\n", line="{x:.1f}", fields=fields) == [None, -0.5, None]
+    assert values(b"-,1\r\n-5,1\r\n", line="{x:d},1", fields=fields) == [None, -5.0]
+    assert values(b"/m\r\n    /m\r\n  1.0m\r\n 1.0m\r\n", line="{x:5.1f}m", fields=fields) == [None, None, 1.0]
+    assert values(b"/F\r\n1.0F\r\n", line="{x:.1f}{_u:1s}", fields=fields) == [None, 1.0]
+
+
+def test_a_negative_distance_pressure_or_temperature_is_none() -> None:
+    for name, unit in (("slant_range", "m"), ("dme_1_distance", "NM"), ("static_air_temperature", "K")):
+        (found,) = decoded(b"-1.0\r\n", line="{x:f}", fields=[{"name": "x", "quantity": name, "unit": unit}])
+        assert not found.valid  # type: ignore[union-attr]
+    assert decoded(b"-0.1\r\n", line="{static_pressure:f}") == []
+    fields = [{"name": "x", "quantity": "static_air_temperature", "unit": "degC"}]
+    (cold,) = decoded(b"-40.0\r\n", line="{x:f}", fields=fields)
+    assert isinstance(cold, Temperature)
+    assert cold.static == pytest.approx(233.15)
+
+
+def test_what_a_needed_field_needs_is_needed_too() -> None:
+    fields = [
+        {"name": "slant_range", "needs": ["level"]},
+        {"name": "level", "needs": ["_state"]},
+        {"name": "_state", "good": [1], "needs": ["slant_range"]},
+    ]
+    found = decoded(b"9.0,5,1\r\n9.0,5,0\r\n", line="{slant_range:f},{level:d},{_state:d}", fields=fields)
+    assert [m.valid for m in found] == [True, True, False, False]  # type: ignore[union-attr]
+
+
+def test_the_fields_of_the_default_are_those_of_its_line() -> None:
+    own = config.bind(al.Options, {"line": "T={temperature:f}", "first_line": "take"}, "a.toml", "options")
+    assert al.make_decoder(own).feed(b"T=21.5\r\n", 1) == [Reading(stamp=S, name="temperature", value=21.5)]
+    kept = config.bind(al.Options, {"line": "D {slant_range:.2f}", "first_line": "take"}, "a.toml", "options")
+    assert al.make_decoder(kept).feed(b"D 130.00\r\n", 1) == [Range(stamp=S, slant_range=None, valid=False)]
+
+
 def test_limits_good_words_and_needs_decide_on_validity() -> None:
     table = {
         "line": "{slant_range:.2f},{level:d},{_state:1s}",
@@ -214,6 +275,8 @@ def test_characters_are_a_reading_too() -> None:
         ([{"name": "x", "limits": [5, 1]}], "fields: x: limits = [5.0, 1.0]; the first must be below"),
         ([{"name": "x", "needs": ["z"]}], "fields: x: needs 'z', which is not in the message"),
         ([{"name": "x"}, {"name": "x"}], "fields: 'x' is described twice"),
+        ([{"name": "x", "lost": [130.5]}], "fields: x: lost: 130.5 cannot stand in {x:d}"),
+        ([{"name": "x", "good": [0.1]}], "fields: x: good: 0.1 cannot stand in {x:d}"),
     ],
 )
 def test_a_wrong_field_is_one_sentence(fields: list[dict[str, Any]], sentence: str) -> None:
@@ -268,6 +331,46 @@ def test_a_line_with_its_checksum_goes_there_and_back(kind: str) -> None:
 
 
 # ----------------------------------------------------------------------------------------------------- lines, sending
+
+
+@pytest.mark.parametrize(
+    ("line", "fields", "sentence"),
+    [
+        ("{x:s}", [{"name": "x", "lost": [9]}], "x: lost: 9 is a number, and the field has characters"),
+        ("{x:s}", [{"name": "x", "limits": [0, 9]}], "fields: x: is characters in the line"),
+        ("{slant_range:s}", [], "fields: slant_range: is characters in the line"),
+        ("{x:04X}", [{"name": "x", "lost": [-1]}], "x: lost: -1 cannot stand in {x:04X}"),
+        ("{x:.1f}", [{"name": "x", "lost": [0.25]}], "x: lost: 0.25 cannot stand in {x:.1f}"),
+    ],
+)
+def test_a_word_that_the_device_cannot_send_is_one_sentence(
+    line: str, fields: list[dict[str, Any]], sentence: str
+) -> None:
+    with pytest.raises(ValueError) as caught:
+        al.make_decoder(options(line=line, fields=fields))
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("spec", "rule", "sentence"),
+    [
+        (":s", {}, "checksum: xor8 is written {checksum:02X}, 02x or d"),
+        ("", {}, "checksum: xor8 is written"),
+        (":02X", {"kind": "crc16_modbus"}, "checksum: crc16_modbus is written {checksum:04X}"),
+        (":02X", {"after": "!"}, "checksum: after = '!': must stand in the line before the checksum"),
+        (":02X", {"before": ";"}, "checksum: before = ';': must stand in the line before the checksum"),
+    ],
+)
+def test_a_checksum_that_no_line_can_have_is_one_sentence(spec: str, rule: dict[str, str], sentence: str) -> None:
+    checksum = {"kind": "xor8", "after": "$", "before": "*", **rule}
+    with pytest.raises(ValueError) as caught:
+        al.make_decoder(options(line=f"${{x:d}}*{{checksum{spec}}}", checksum=checksum))
+    assert sentence in str(caught.value)
+
+
+def test_a_checksum_may_be_decimal() -> None:
+    table = {"line": "{x:d};{checksum:d}", "checksum": {"kind": "sum8", "before": ";"}}
+    assert values(b"12;99\r\n12;98\r\n12;153\r\n", line=table["line"], checksum=table["checksum"]) == [12.0]
 
 
 def test_the_first_line_is_not_taken_unless_it_is_known_to_be_whole() -> None:

@@ -203,6 +203,30 @@ def test_a_number_that_is_none_is_not_valid() -> None:
             "fields: x: bits = [5, 4]: must lie in a u8",
         ),
         ({"fields": []}, "fields: must be given where length, sync is"),
+        (
+            {"fields": [{"name": "x", "at": 1, "type": "u16", "lost": [-1]}]},
+            "fields: x: lost: -1 cannot stand there: whole numbers from 0 to 65535 can",
+        ),
+        (
+            {"fields": [{"name": "x", "at": 1, "type": "i16", "lost": [0x8000]}]},
+            "fields: x: lost: 32768 cannot stand there: whole numbers from -32768 to 32767 can",
+        ),
+        (
+            {"fields": [{"name": "x", "at": 1, "type": "u8", "bits": [0, 2], "good": [4]}]},
+            "fields: x: good: 4 cannot stand there: whole numbers from 0 to 3 can",
+        ),
+        (
+            {"fields": [{"name": "x", "at": 1, "type": "u16", "lost": ["FFFF"]}]},
+            "fields: x: lost: 'FFFF' is characters, and a frame has numbers",
+        ),
+        (
+            {"length": 5, "fields": [{"name": "x", "at": 1, "type": "f32", "lost": [1e300]}]},
+            "fields: x: lost: 1e+300 is too large for this type",
+        ),
+        (
+            {"where": [{"at": 1, "type": "u8", "value": 300}]},
+            "where[0]: value = 300 cannot stand there: whole numbers from 0 to 255 can",
+        ),
     ],
 )
 def test_a_wrong_description_is_one_sentence(change: dict[str, Any], sentence: str) -> None:
@@ -237,6 +261,26 @@ def test_bytes_can_be_sent_and_asked() -> None:
     encoder = bs.make_encoder(asked)
     assert encoder.encode(Reading(stamp=S, name="x", value=1.0)) == []
     assert encoder.respond(b"\x5a\x04\x04") == [b"\xa5\x01\x00"]
+
+
+def test_a_lost_number_is_what_its_type_makes_of_it() -> None:
+    """999.9 as a float of four bytes is 999.9000244."""
+    fields = [{"name": "slant_range", "at": 1, "type": "f32", "lost": [999.9]}]
+    data = b"\xa5" + struct.pack("<f", 999.9) + b"\xa5" + struct.pack("<f", 999.8)
+    found = decoded(data, {"sync": "a5", "length": 5, "fields": fields})
+    assert [m.valid for m in found if isinstance(m, Range)] == [False, True]
+
+
+def test_numbers_high_byte_first_and_the_checksum_low_byte_first() -> None:
+    """Modbus RTU: the question that the maker of the laser TW10S prints, 01 03, register 15, two of them, F4 08."""
+    fields = [{"name": "register", "at": 2, "type": "u16"}, {"name": "count", "at": 4, "type": "u16"}]
+    checksum = {"kind": "crc16_modbus", "byte_order": "little"}
+    table = {"sync": "0103", "length": 8, "byte_order": "big", "fields": fields, "checksum": checksum}
+    assert values(bytes.fromhex("0103000f0002f408"), table) == [15.0, 2.0]
+    assert values(bytes.fromhex("0103000f000208f4"), table) == []
+    found = decoded(bytes.fromhex("0103000f0002f408"), table)
+    encoder = bs.make_encoder(options(table))
+    assert [frame for m in found for frame in encoder.encode(m)] == [bytes.fromhex("0103000f0002f408")]
 
 
 @given(st.binary(max_size=200))
