@@ -7,6 +7,7 @@
             PortAbsent     no such device
             PortDenied     no permission
             PortBusy       another program holds it
+            SentInPart     sending was given up, and something has gone out, or yet may
         StorageError       the medium refuses; the buffers hold what they can
         RecordingError     a recorded file is damaged or incomplete               exit 3
 
@@ -47,6 +48,10 @@ class PortBusy(LinkError):
     """Another program holds the device exclusively."""
 
     state = "busy"
+
+
+class SentInPart(LinkError):
+    """Sending was given up, and something of it has gone out all the same, or yet may."""
 
 
 class StorageError(FtiError):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.clock import SECOND_NS, Clock, next_beat
-from fti.errors import LinkError
+from fti.errors import LinkError, SentInPart
 from fti.types import LinkState
 
 #: Gets what arrived together, each one read, one datagram or one CAN frame, and their FTI times of arrival [ns].  At
@@ -91,6 +91,7 @@ class BaseLink(ABC):
         self.on_sent: Sink | None = None
         self._on_connect = tuple(on_connect)
         self._send_lock = asyncio.Lock()
+        self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
         self._lost: asyncio.Future[LinkError] | None = None  # pending while the port is open
 
     # -------------------------------------------------------------------------------------------------- transport
@@ -222,27 +223,37 @@ class BaseLink(ABC):
     async def send(self, data: bytes, timeout_s: float = 1.0) -> int:
         """Send bytes (serial), one datagram or one CAN frame; returns its length.
 
-        Raises LinkError when the link is down or the device takes nothing for timeout_s; ValueError when the
-        configuration does not allow this link to send.
+        Raises LinkError when the link is down or the device takes nothing for timeout_s, SentInPart when something
+        has gone out nevertheless; ValueError when the configuration does not allow this link to send.
         """
         if not self._transmit:
             raise ValueError(f"link {self.name}: transmit is false in the configuration")
+        gone: list[str] = []
         try:
             async with asyncio.timeout(timeout_s), self._send_lock:
                 self._require_connection()
+                self._gone = gone
                 await self._write(data)
-        except TimeoutError:
-            text = f"{len(data)} bytes could not be sent within {timeout_s:g} s{self._why_not_sent()}"
-            raise LinkError(f"link {self.name}: {text}") from None
-        except OSError as error:
-            raise LinkError(f"link {self.name}: cannot send: {error.strerror or error}") from None
+        except (OSError, LinkError) as error:
+            text = self._describe_failure(error, len(data), timeout_s)
+            raise (SentInPart if gone else LinkError)("; ".join([text, *gone])) from None
         self._note_sent(data)
         return len(data)
+
+    def _describe_failure(self, error: OSError | LinkError, size: int, timeout_s: float) -> str:
+        if isinstance(error, LinkError):
+            return str(error)
+        if isinstance(error, TimeoutError):
+            return f"link {self.name}: {size} bytes could not be sent within {timeout_s:g} s{self._why_not_sent()}"
+        return f"link {self.name}: cannot send: {error.strerror or error}"
 
     def _require_connection(self) -> None:
         """Raises LinkError when the link is down."""
         if self._lost is None or self._lost.done():
-            raise LinkError(f"link {self.name}: is not connected: {self.status.hint}")
+            raise self._not_connected()
+
+    def _not_connected(self) -> LinkError:
+        return LinkError(f"link {self.name}: is not connected: {self.status.hint}")
 
     def _why_not_sent(self) -> str:
         """What may keep this kind of link from sending in time, for the person who waits."""

@@ -41,6 +41,7 @@ from fti.types import LinkState
 RETRY_S = 0.002  # CAN has no writable event for a full transmit queue (ENOBUFS)
 MAX_ERRORS = 100  # one after the other, without a frame: then the bus is opened again
 MAX_ECHOES = 64
+SEND_S = 1.0  # so long a driver of python-can may try
 LAST_BATCHES = 1000  # from an interface that is gone
 #: In the errors of the link: frames that the library or its driver could not read.
 UNREADABLE = "can_unreadable"
@@ -282,18 +283,38 @@ class BusLink(BaseLink):
                 if error.errno != errno.ENOBUFS:
                     raise
                 await asyncio.sleep(RETRY_S)
+        raise self._not_connected()  # it was lost while we waited
 
     async def _write_bus(self, data: bytes) -> None:
-        assert self._bus
+        if self._bus is None:  # it is being opened
+            raise self._not_connected()
         message = unpack_message(data)
         if self._config.interface == "udp_multicast":
             self._echoes.append(data)  # a multicast group hears itself
+        sending = asyncio.get_running_loop().run_in_executor(None, self._bus.send, message, SEND_S)
         try:
-            await asyncio.to_thread(self._bus.send, message, 1.0)
-        except can.CanError as error:
-            with contextlib.suppress(ValueError):  # heard all the same, or no bus that hears itself
-                self._echoes.remove(data)
+            await asyncio.shield(sending)
+        except asyncio.CancelledError:
+            await self._await_driver(sending, data)
+            raise
+        except Exception as error:  # noqa: BLE001  a vendor's driver may raise anything
+            self._forget_echo(data)
             raise LinkError(f"link {self.name}: cannot send: {error}") from None
+
+    async def _await_driver(self, sending: asyncio.Future[None], data: bytes) -> None:
+        """It was given up, and the driver goes on trying: what it does then is said and recorded all the same."""
+        await asyncio.wait([sending], timeout=2 * SEND_S)
+        if not sending.done():
+            self._gone.append("the driver of the bus still has it")
+        elif sending.exception():
+            self._forget_echo(data)
+        else:
+            self._gone.append("the driver of the bus has sent it after that")
+            self._note_sent(data)
+
+    def _forget_echo(self, data: bytes) -> None:
+        with contextlib.suppress(ValueError):  # heard all the same, or no bus that hears itself
+            self._echoes.remove(data)
 
 
 def _fileno(bus: can.BusABC) -> int:

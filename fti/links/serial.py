@@ -162,6 +162,7 @@ class SerialPortLink(BaseLink):
                     sent += size
         finally:
             if 0 < sent < len(data):
+                self._gone.append(f"its first {sent} bytes are sent")
                 self._on_torn(data[:sent])
 
     def _on_written(self, data: bytes) -> None:

@@ -199,11 +199,12 @@ class SlcanLink(SerialPortLink):
         self._controller = StatusWatch(self.status.errors)
         self._parser = Lawicel(self._receive_frame, self._controller)
         self._rest = b""  # of a line whose begin has been written
+        self._owed = b""  # the frame of that line, when its sender has given up
         self._noise_before = 0
 
     async def _open(self) -> None:
         await super()._open()
-        self._rest = b""
+        self._rest = self._owed = b""
         self._noise_before = self.status.noise_bytes
         self._parser = Lawicel(self._receive_frame, self._controller)
         self._begin_to_watch()
@@ -240,8 +241,13 @@ class SlcanLink(SerialPortLink):
         line = format_frame(data)
         while not self._begin_line(line):
             await self._writable(self._fd)
-        while not self._end_line():
-            await self._writable(self._fd)
+        try:
+            while not self._end_line():
+                await self._writable(self._fd)
+        except BaseException:
+            self._owed = data
+            self._gone.append("its line is begun, and will be ended when the adapter takes more")
+            raise
 
     def _begin_line(self, line: bytes) -> bool:
         """Write what the kernel takes of a line; false when it takes nothing.
@@ -258,6 +264,9 @@ class SlcanLink(SerialPortLink):
 
     def _end_line(self) -> bool:
         self._rest = self._without_written(self._rest)
+        if self._owed and not self._rest:
+            self._note_sent(self._owed)
+            self._owed = b""
         return not self._rest
 
     def _without_written(self, text: bytes) -> bytes:

@@ -16,7 +16,7 @@ import pytest
 from fti.canframe import pack_can
 from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import CanLink
-from fti.errors import ConfigError, LinkError
+from fti.errors import ConfigError, LinkError, SentInPart
 from fti.links import open_link
 from fti.links._batch import Batch
 from fti.links.can import pack_message, unpack_message
@@ -422,6 +422,48 @@ async def test_full_transmit_queue_is_waited_for(fake: list[FakeBus]) -> None:
         opened._socket = Flaky(fake[0].socket, [errno.EIO])
         with pytest.raises(LinkError, match="cannot send"):
             await opened.send(FRAMES[0])
+
+
+async def test_a_frame_that_waits_while_the_bus_is_lost_is_not_told_as_sent(fake: list[FakeBus]) -> None:
+    async with running(link("socketcan", transmit=True)) as (opened, _):
+        opened._socket = Flaky(fake[0].socket, [errno.ENOBUFS] * 100_000)
+        sending = asyncio.create_task(opened.send(FRAMES[0], 30.0))
+        await asyncio.sleep(0)
+        opened._fail(LinkError("lost"))
+        with pytest.raises(LinkError, match="not connected"):
+            await sending
+        assert opened.status.tx_frames == 0
+
+
+async def test_nothing_is_sent_while_the_bus_is_being_opened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver of a vendor takes seconds for that."""
+    go_on, made = threading.Event(), FakeBus()
+    monkeypatch.setattr(can, "Bus", lambda *_, **__: go_on.wait(30.0) and made)
+    async with running(link("udp_multicast", transmit=True), connects=0) as (opened, _):
+        await until_async(lambda: opened._lost is not None)
+        with pytest.raises(LinkError, match="is not connected: not opened yet"):
+            await opened.send(FRAMES[0])
+        go_on.set()
+        await until_async(lambda: opened.status.connects)
+
+
+@pytest.mark.parametrize("sends", [True, False])
+async def test_what_a_driver_does_after_it_was_given_up_is_told(fake: list[FakeBus], sends: bool) -> None:
+    go_on = threading.Event()
+
+    def be_slow(message: can.Message, timeout: float) -> None:
+        go_on.wait(30.0)
+        if not sends:
+            raise RuntimeError("a driver of a vendor")
+
+    async with running(link("udp_multicast", transmit=True)) as (opened, _):
+        fake[0].send = be_slow  # type: ignore[method-assign]
+        asyncio.get_running_loop().call_later(0.05, go_on.set)
+        with pytest.raises(LinkError) as caught:
+            await opened.send(FRAMES[0], timeout_s=0.01)
+        assert opened.status.tx_frames == sends
+        assert isinstance(caught.value, SentInPart) is sends
+        assert len(opened._echoes) == sends
 
 
 async def test_stamps_without_a_kernel_are_those_of_the_read(bus: tuple[CanLink, can.BusABC]) -> None:

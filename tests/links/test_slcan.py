@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,13 +15,13 @@ from hypothesis import strategies as st
 from fti.canframe import CanFrame, pack_can, unpack_can
 from fti.clock import FakeClock
 from fti.config import CanLink
-from fti.errors import ConfigError
+from fti.errors import ConfigError, SentInPart
 from fti.links import open_link
 from fti.links.slcan import LONGEST, Lawicel, format_frame, parse_line
 from fti.links.slcan_status import StatusWatch
 from fti.types import LinkState
 from tests.helpers import until_async
-from tests.links.bench import Peer, running
+from tests.links.bench import Heard, Peer, running
 
 
 class Parsed:
@@ -207,6 +208,36 @@ async def test_frames_are_sent_as_text(adapter: Peer) -> None:
         with pytest.raises(ValueError, match="a CAN frame has"):
             await opened.send(b"no frame")
         assert opened.status.tx_frames == 2
+
+
+async def test_a_line_that_is_ended_after_it_was_given_up_is_told_and_recorded(
+    adapter: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = bytearray()
+    frames = [pack_can(number, b"\x02") for number in (1, 2)]
+    async with running(link(adapter, transmit=True)) as (opened, _):
+        sent = Heard()
+        opened.on_sent = sent
+        room = 3
+
+        def write(fd: int, data: bytes) -> int:
+            nonlocal room
+            size = min(room, len(data))
+            if not size:
+                raise BlockingIOError
+            taken.extend(data[:size])
+            room -= size
+            return size
+
+        monkeypatch.setattr("fti.links.slcan.os.write", write)
+        monkeypatch.setattr(opened, "_writable", lambda fd: asyncio.sleep(0.001))
+        with pytest.raises(SentInPart, match="its line is begun"):
+            await opened.send(frames[0], timeout_s=0.05)
+        assert (bytes(taken), sent.frames) == (b"t00", [])
+        room = 1000
+        await opened.send(frames[1])
+        assert bytes(taken).startswith(b"t001102\rt002102\r")
+        assert sent.frames == frames
 
 
 async def test_hints_say_what_is_wrong(adapter: Peer) -> None:
