@@ -61,6 +61,10 @@ class Turn:
         self._answer_until_s = float("-inf")
         self._changed.set()
 
+    def talking_s(self, now_s: float) -> float:
+        """How long what we send is on the line yet."""
+        return max(0.0, self._busy_until_s - now_s)
+
     def left_s(self, now_s: float) -> float:
         """How long we must be silent yet, as it looks now; 0 or less: not any more."""
         return max(self._busy_until_s + self._quiet_s, self._answer_until_s) - now_s
@@ -148,7 +152,7 @@ class HalfDuplexLink(SerialPortLink):
         now = asyncio.get_running_loop().time()
         self._turn.asked(len(data), now)
         if self._echo:
-            self._echo.expect(data, now + self._turn.left_s(now) + ECHO_S)
+            self._echo.expect(data, now + self._turn.talking_s(now) + ECHO_S)
 
     def _deliver(self, data: bytes, t_rx_ns: int) -> None:
         if self._echo is None:
@@ -182,4 +186,5 @@ class HalfDuplexLink(SerialPortLink):
     def _why_not_sent(self) -> str:
         if not self._config.half_duplex:
             return ""
-        return f"; half_duplex: the line must be quiet for {self._quiet_s * 1000:.0f} ms before"
+        quiet = f"the line must be quiet for {self._quiet_s * 1000:.0f} ms before"
+        return f"; half_duplex: {quiet}, and an answer has {self._config.answer_ms:.0f} ms to begin"

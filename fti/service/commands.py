@@ -133,12 +133,12 @@ class Commander:
     # -------------------------------------------------------------------------------------------- what became of it
 
     def on_sent(self, message: Mapping[str, Any]) -> None:
-        """The recorder says that it has sent a command, or why not.  message : id, fault, t_ns"""
+        """The recorder says that it has sent a command, or why not.  message : id, fault, partly, t_ns"""
         request = self._open.get(message["id"])
         if request is None:
             return
         if message["fault"]:
-            self._end(request, State.NOT_SENT, message["fault"])
+            self._end(request, State.UNKNOWN if message["partly"] else State.NOT_SENT, message["fault"])
         elif not request.answered:
             request.sent_ns = message["t_ns"]
             self._end(request, State.SENT, "the device does not acknowledge it")

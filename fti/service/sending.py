@@ -7,7 +7,7 @@ import functools
 from collections.abc import Callable, Mapping
 
 from fti.clock import SECOND_NS, Clock
-from fti.errors import LinkError
+from fti.errors import LinkError, SentInPart
 from fti.links import Link
 from fti.service.control import Message
 from fti.service.guard import Report, keep_running
@@ -21,7 +21,8 @@ class Sender:
     """Sends on the links of a recorder.
 
     orders : what is asked again and again, by link
-    tell   : says ``{"sent": {"id", "fault", "t_ns"}}`` of each command, exactly once
+    tell   : says ``{"sent": {"id", "fault", "partly", "t_ns"}}`` of each command, exactly once; partly : something has
+             gone out, or yet may, though there was a fault
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class Sender:
         self._links, self._orders, self._clock = links, orders, clock
         self._tell, self._report = tell, report
         self._tasks: set[asyncio.Task[None]] = set()
+        self._stopped = False
 
     def start(self) -> None:
         """Begin to ask."""
@@ -46,10 +48,12 @@ class Sender:
 
     def take(self, request: Message) -> None:
         """Send a command: ``{"link", "data", "id"}``, data in hexadecimal; ``until_ns`` when it can be too late."""
-        self._keep(asyncio.create_task(self._send(request), name="send"))
+        if not self._stopped:
+            self._keep(asyncio.create_task(self._send(request), name="send"))
 
     async def stop(self) -> None:
         """Nothing is sent any more."""
+        self._stopped = True
         tasks = list(self._tasks)
         for task in tasks:
             task.cancel()
@@ -68,12 +72,15 @@ class Sender:
                 continue  # the state of the link tells it; the next period asks again
 
     async def _send(self, request: Message) -> None:
-        fault: str | None = None
+        fault, partly = None, False
         try:
             await self._find(request["link"]).send(bytes.fromhex(request["data"]), self._time_left(request))
         except (LinkError, ValueError) as error:
-            fault = str(error)
-        self._tell({"sent": {"id": request["id"], "fault": fault, "t_ns": self._clock.now_ns()}})
+            fault, partly = str(error), isinstance(error, SentInPart)
+        except Exception as error:
+            self._report("send", error)
+            fault, partly = f"{type(error).__name__}: {error}", True  # nobody knows how far it came
+        self._tell({"sent": {"id": request["id"], "fault": fault, "partly": partly, "t_ns": self._clock.now_ns()}})
 
     def _time_left(self, request: Message) -> float:
         """How long sending may take [s].  Raises ValueError when it is too late: nobody waits for it any more."""

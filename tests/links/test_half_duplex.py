@@ -106,7 +106,8 @@ async def test_a_question_that_nobody_answers_gives_the_line_free(peer: Peer) ->
 
 async def test_who_never_gets_a_turn_is_told_why(peer: Peer) -> None:
     async with running(link(peer, half_duplex=True, quiet_ms=10_000)) as (opened, _):
-        with pytest.raises(LinkError, match="half_duplex: the line must be quiet for 10000 ms before"):
+        words = "half_duplex: the line must be quiet for 10000 ms before, and an answer has 250 ms to begin"
+        with pytest.raises(LinkError, match=words):
             await opened.send(b"x", timeout_s=0.05)
         assert peer.read() == b""
         assert opened.status.tx_frames == 0
@@ -175,6 +176,15 @@ async def test_what_was_taken_for_an_echo_is_not_lost(peer: Peer) -> None:
         await until_async(lambda: heard.bytes == b"\x01\x03ok\x01\x03")
         assert opened.status.errors["echo_missing"] == 1
         assert opened.status.echo_bytes == 0
+
+
+async def test_an_echo_has_half_a_second_however_long_an_answer_may_take(peer: Peer) -> None:
+    """What was taken for its beginning is received soon, while the answer to the next question is far away."""
+    async with running(link(peer, half_duplex=True, echo=True, answer_ms=LONG_MS)) as (opened, heard):
+        await opened.send(b"\x01\x03ask", 30.0)
+        peer.write(b"\x01\x03")
+        await until_async(lambda: heard.bytes == b"\x01\x03")
+        assert opened.status.errors["echo_missing"] == 1
 
 
 def test_the_beginning_of_no_echo_is_received_before_what_follows() -> None:

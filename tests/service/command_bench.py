@@ -86,9 +86,9 @@ class Bench:
         self.recorder_says()
         return asked
 
-    def recorder_says(self, number: int | None = None, fault: str | None = None) -> None:
+    def recorder_says(self, number: int | None = None, fault: str | None = None, partly: bool = False) -> None:
         number = number or self.sent[-1]["id"]
-        self.commander.on_sent({"id": number, "fault": fault, "t_ns": self.clock.now_ns()})
+        self.commander.on_sent({"id": number, "fault": fault, "partly": partly, "t_ns": self.clock.now_ns()})
 
     def answer(self, name: str = "rate", accepted: bool = True, detail: str = "", device: str = "mag") -> None:
         said = {"command": name, "accepted": accepted, "detail": detail, "t_ns": self.clock.now_ns()}

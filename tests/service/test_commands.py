@@ -104,6 +104,15 @@ async def test_what_cannot_be_sent_is_told(bench: Bench) -> None:
     assert bench.events[-1] == ("warning", "1: mag rate rate=10: not sent: link line: is not connected")
 
 
+async def test_what_went_out_in_part_is_not_told_as_not_sent(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    bench.recorder_says(fault="nothing was taken for 3 s; its first 5 bytes are sent", partly=True)
+    assert (await asked)["state"] == "unknown"
+    bench.answer()
+    assert bench.events[-1][1].startswith("1: mag rate rate=10: answered late, acknowledged")
+
+
 # ----------------------------------------------------------------------------------------------------- exactly once
 
 

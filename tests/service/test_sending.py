@@ -9,7 +9,7 @@ import pytest
 
 from fti.clock import FakeClock
 from fti.config import Config, Device, SerialLink, Session
-from fti.errors import LinkError
+from fti.errors import LinkError, SentInPart
 from fti.links import Link, LinkStatus, Sink
 from fti.service.binding import bind_devices
 from fti.service.chain import Chain
@@ -67,8 +67,9 @@ class Rig:
 
 async def test_a_command_is_sent_and_told() -> None:
     rig = Rig()
-    assert await rig.word() == {"id": 4, "fault": None, "t_ns": 5 * SECOND_NS}
-    assert await rig.word(until_ns=6 * SECOND_NS) == {"id": 4, "fault": None, "t_ns": 5 * SECOND_NS}
+    word = {"id": 4, "fault": None, "partly": False, "t_ns": 5 * SECOND_NS}
+    assert await rig.word() == word
+    assert await rig.word(until_ns=6 * SECOND_NS) == word
     assert rig.link.taken == [(b"*1", COMMAND_S), (b"*1", 1.0)]
 
 
@@ -89,6 +90,16 @@ async def test_why_it_was_not_sent_is_told(fault: Exception, said: str) -> None:
     rig.link.fault = fault
     assert said in (await rig.word())["fault"]
     assert "no link 'none'" in (await rig.word(link="none"))["fault"]
+    rig.link.fault = SentInPart("its first 3 bytes are sent")
+    assert (await rig.word())["partly"]
+
+
+async def test_whatever_a_link_does_there_is_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, failed = Rig(), list[str]()
+    monkeypatch.setattr(rig.sender, "_report", lambda unit, error: failed.append(unit))
+    rig.link.fault = AssertionError("a driver of a vendor")
+    word = await rig.word()
+    assert (word["fault"], word["partly"], failed) == ("AssertionError: a driver of a vendor", True, ["send"])
 
 
 async def test_after_stop_nothing_is_sent() -> None:
@@ -98,6 +109,7 @@ async def test_after_stop_nothing_is_sent() -> None:
     rig.sender.take({"link": "line", "data": "2a31", "id": 4})
     await asyncio.sleep(0)
     await rig.sender.stop()
+    rig.sender.take({"link": "line", "data": "2a31", "id": 5})
     rig.link.takes.set()
     await asyncio.sleep(0.01)
     assert (rig.link.taken, rig.told) == ([], [])
