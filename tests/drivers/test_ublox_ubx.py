@@ -16,8 +16,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pyubx2 import GET, POLL, SET, UBX_CONFIG_DATABASE, UBX_MSGIDS, UBXMessage, UBXReader
 
 from fti.config import bind
@@ -498,9 +496,7 @@ def test_three_protocols_on_one_line() -> None:
     assert len(of(found, Position)) == 4
 
 
-@settings(max_examples=20)
-@given(st.randoms(use_true_random=False))
-def test_sentences_between_messages_say_what_they_say_alone(rng: random.Random) -> None:
+def test_sentences_between_messages_say_what_they_say_alone(scale: int) -> None:
     """A capture of UBX and one of NMEA dealt into each other at any place between two messages."""
     messages = [raw for raw, _ in UBXReader(io.BytesIO(read("ublox-neo-m8n")), protfilter=2, quitonerror=0)]
     capture = (ROOT / "tests/captures/ublox-neo-m9n-nmea.log").read_bytes()
@@ -508,13 +504,14 @@ def test_sentences_between_messages_say_what_they_say_alone(rng: random.Random) 
     alone = of_each(
         [nmea0183.make_decoder(nmea0183.Options()).feed(b"".join(sentences), 1), decode(b"".join(messages))]
     )
-    left, dealt = [messages, sentences], []
-    while any(left):
-        dealt.append(rng.choice([kind for kind in left if kind])[0])
-        left = [kind[1:] if kind and kind[0] is dealt[-1] else kind for kind in left]
-    found, counters = feed(b"".join(dealt))
-    assert Counter(map(repr, found)) == alone
-    assert (counters.held, counters.skipped) == (0, {})
+    for seed in range(5 * scale):
+        rng, left, dealt = random.Random(seed), [messages, sentences], []
+        while any(left):
+            dealt.append(rng.choice([kind for kind in left if kind])[0])
+            left = [kind[1:] if kind and kind[0] is dealt[-1] else kind for kind in left]
+        found, counters = feed(b"".join(dealt))
+        assert Counter(map(repr, found)) == alone
+        assert (counters.held, counters.skipped) == (0, {})
 
 
 def of_each(lists: list[list[Measurement]]) -> Counter[str]:
