@@ -20,6 +20,8 @@ Every byte that is fed is framed, held or counted as skipped:
 A message carries the arrival time of its first byte.
 
 A device's answer to a command comes out of the decoder as an ``Ack``.
+
+Where frames are missing a fresh decoder goes on.  What it must know from before, it takes over: ``Remembering``.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from fti.config import StrictModel
 from fti.types import Measurement
@@ -71,6 +73,14 @@ class Decoder(Protocol):
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         """Take one read, datagram or CAN frame that arrived at t_rx_ns; return what is complete now."""
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A decoder whose device has told it what outlasts missing frames: calibration tables, say."""
+
+    def remember(self, before: Any) -> None:
+        """Take over what another decoder of the same device was told.  before : of the same class; asked before feed"""
 
 
 class Encoder(Protocol):

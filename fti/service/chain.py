@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.config import Config
-from fti.drivers import Counters, Decoder
+from fti.drivers import Counters, Decoder, Remembering
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC
 from fti.nav.device_times import DeviceTimes
 from fti.nav.pipeline import Pipeline
@@ -62,9 +62,11 @@ class Chain:
     def pass_gap(self) -> None:
         """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
         for listener in self.listeners:
-            before = listener.decoder.counters
+            before = listener.decoder
             listener.decoder = listener.bound.make_decoder()
-            _go_on(listener.decoder.counters, before)
+            _go_on(listener.decoder.counters, before.counters)
+            if isinstance(listener.decoder, Remembering):
+                listener.decoder.remember(before)
         self._pipeline.pass_gap()
 
     def feed(self, frame: RawFrame) -> Products:

@@ -113,6 +113,8 @@ def test_a_table_is_monotone_or_none(found: list[tuple[int, int]], raw: int) -> 
     ("text", "sentence"),
     [
         ("flaps,1,2\n", "calibration: line 1: must be the header surface,raw,deg"),
+        ("surface,raw,deg\n# flaps,1,2\n", "calibration: there is no point in it; it needs the header surface,raw,deg"),
+        (" ", "calibration: there is no point in it"),
         ("surface,raw,deg\nflaps,1\n", "calibration: line 2: 2 values; must be surface,raw,deg"),
         ("surface,raw,deg\n# a note\nflap,1,2\n", "calibration: line 3: surface 'flap'; there are flaps, rudder"),
         ("surface,raw,deg\nflaps,-1,2\n", "calibration: line 2: raw = '-1'; allowed is 0 to 65535"),
@@ -148,6 +150,17 @@ def test_counts_of_another_sample_do_not_belong_to_a_deflection() -> None:
     first, second = nodes.encode(deflection("rudder", 2000)), nodes.encode(deflection("rudder", 2100))
     found = [m for frame in (first[0], second[1]) for m in decoder.feed(frame, 1)]
     assert one(found, SurfaceDeflection).raw is None
+
+
+def test_a_count_belongs_to_one_deflection_only() -> None:
+    """Where nothing counts, a raw count that came no more would stay beside every later deflection."""
+    uncounted = OWN.replace("BO_ 2147484000 box_values: 8 box\n SG_ left_flap_raw : 0|16@1+",
+                            "BO_ 100 counts: 8 box\n SG_ left_flap_raw : 0|16@1+").replace(
+        " SG_ left_flap_deflection", "\nBO_ 101 angles: 8 box\n SG_ left_flap_deflection")  # fmt: skip
+    decoder = pickups.make_decoder(options(dbc=uncounted))
+    frames = (pack_can(100, bytes([7, *bytes(7)])), pack_can(101, bytes(8)), pack_can(101, bytes(8)))
+    found = [m for frame in frames for m in decoder.feed(frame, 1)]
+    assert [m.raw for m in found if isinstance(m, SurfaceDeflection) and m.surface == "left_flap"] == [7, None]
 
 
 def test_the_ten_pickups_of_table_6_2_are_there_with_their_buses() -> None:
@@ -345,6 +358,43 @@ def test_a_change_that_does_not_fit_shows_that_the_node_has_another_table() -> N
     assert degrees(rig.measure("flaps", 1500)) is None
     rig.send("read_table", surface="flaps")
     assert degrees(rig.measure("flaps", 1000)) == pytest.approx(45.0)
+
+
+@pytest.mark.parametrize(
+    ("node", "name", "args"),
+    [
+        ("flaps,500,0\nflaps,1500,12\nflaps,3500,40\n", "modify_point", {"raw": "1500", "deg": "13"}),
+        ("flaps,400,0\nflaps,3500,40\n", "insert_point", {"raw": "2500", "deg": "25"}),
+    ],
+)
+def test_a_change_of_a_point_that_the_table_here_has_not_shows_it_too(
+    node: str, name: str, args: dict[str, str]
+) -> None:
+    """The node has changed a point that is not here, or had none where there is one here: it has another table."""
+    rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
+    rig.nodes = pickups.make_encoder(options(dbc=RAW_FLAPS, calibration=f"surface,raw,deg\n{node}"))
+    found = rig.send(name, surface="flaps", **args)
+    assert one(found, Ack).accepted
+    assert one(found, DeviceStatus).flags == ("flaps_table_differs",)
+    assert degrees(rig.measure("flaps", 2000)) is None
+
+
+def test_a_table_that_is_edited_while_it_is_read_is_not_taken() -> None:
+    """The points after the edit would be of another table than those before it."""
+    rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
+    read = rig.nodes.respond(pickups.command("read_table", {"surface": "flaps"}, rig.options))
+    rig.take(read[:2])
+    rig.send("modify_point", surface="flaps", raw="500", deg="1")
+    rig.take(read[2:])
+    assert degrees(rig.measure("flaps", 500)) == pytest.approx(1.0)
+
+
+def test_a_node_without_a_table_says_so() -> None:
+    rig = Rig(dbc=RAW_FLAPS, calibration=FLAPS)
+    found = rig.take([pack_can(129, bytes([24, 16, 103, 0, 0, 0, 0, 0]))])
+    assert one(found, Ack).detail == "flaps: the node has no table"
+    assert not one(found, Ack).accepted
+    assert degrees(rig.measure("flaps", 1500)) == pytest.approx(10.0)
 
 
 def test_all_tables_are_read_on_connect_and_every_minute() -> None:

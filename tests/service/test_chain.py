@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 
 from fti import config as configuration
+from fti.drivers import deflection_pickups
 from fti.drivers import freeflight_ra4500 as ra
 from fti.service.binding import bind_devices
 from fti.service.chain import GAP, Chain
-from fti.types import RadioHeight, RawFrame
+from fti.types import RadioHeight, RawFrame, Stamp, SurfaceDeflection
+from tests.drivers.test_deflection_pickups import FLAPS, RAW_FLAPS
 from tests.service.slow_navigation import CONFIG
 
 FRAME = ra.encode_height(30.0, (), ra.Options())
 OTHER = ra.encode_height(90.0, (), ra.Options())
+PICKUPS = """
+[session]
+name = "bus"
+directory = "out"
+
+[[link]]
+name = "bus"
+kind = "can"
+interface = "socketcan"
+channel = "can0"
+
+[[device]]
+name = "pickups"
+link = "bus"
+driver = "deflection_pickups"
+options = { dbc_file = "raw.dbc", calibration_file = "flaps.csv" }
+"""
 
 
 def _chain() -> Chain:
@@ -50,3 +70,24 @@ def test_bytes_and_messages_are_counted_on_across_a_gap() -> None:
     _heights(chain, OTHER)
     assert counters.bytes_in == 5 + 2 * len(FRAME) + 4
     assert counters.bytes_in == counters.framed + counters.held + sum(counters.skipped.values())
+
+
+def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -> None:
+    """The file says 10 degrees; the node was told 12, and it is not the file that the raw counts are read by."""
+    (tmp_path / "raw.dbc").write_text(RAW_FLAPS)
+    (tmp_path / "flaps.csv").write_text(FLAPS)
+    (tmp_path / "bus.toml").write_text(PICKUPS)
+    config = configuration.load(tmp_path / "bus.toml")
+    chain = Chain(config, bind_devices(config), None)
+    nodes = deflection_pickups.make_encoder(deflection_pickups.Options(dbc=RAW_FLAPS, calibration=FLAPS))
+    seen = SurfaceDeflection(stamp=Stamp(0), surface="flaps", deflection=None, raw=1500)
+
+    def fed(*frames: bytes) -> list[float]:
+        found = [m for data in frames for _, m in chain.feed(RawFrame("bus", 0, 1, data)).measurements]
+        return [round(math.degrees(m.deflection or 0.0), 6) for m in found if isinstance(m, SurfaceDeflection)]
+
+    assert fed(*nodes.encode(seen)) == [10.0]
+    args = {"surface": "flaps", "raw": "1500", "deg": "12"}
+    assert fed(*nodes.respond(deflection_pickups.command("insert_point", args))) == []
+    chain.pass_gap()
+    assert fed(*nodes.encode(seen)) == [12.0]

@@ -24,6 +24,10 @@ class Decoder:
         self._raw: dict[str, tuple[int, int | None]] = {}  # last raw count and its message code
         self._watch = BusWatch(silent_after, self.counters.lost)
 
+    def remember(self, before: Decoder) -> None:
+        """Behind missing frames the tables are those of before, not those of the file: see ``drivers.Remembering``."""
+        self._tables.take_over(before._tables)
+
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         self.counters.bytes_in += len(data)
         told = self._watch.tick(t_rx_ns)
@@ -101,9 +105,9 @@ class Decoder:
     def _stated(
         self, surface: str, physical: tuple[float | None, bool], factor: float, sample: tuple[Stamp, int | None]
     ) -> SurfaceDeflection:
-        """By the node; with the raw count of the same sample."""
+        """By the node; with the raw count of the same sample, which belongs to no other one."""
         (value, valid), (stamp, code) = physical, sample
-        raw, counted = self._raw.get(surface, (None, None))
+        raw, counted = self._raw.pop(surface, (None, None))
         return SurfaceDeflection(
             stamp=stamp,
             surface=surface,

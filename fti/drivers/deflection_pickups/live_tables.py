@@ -47,6 +47,10 @@ class LiveTables:
         self._readings: dict[str, _Reading] = {}
         self._nodes = {s.node_id: s.node for s in bus.sensors.values()}
 
+    def take_over(self, before: LiveTables) -> None:
+        """The tables are those that another decoder had in the end; what was half read is not."""
+        self._tables = dict(before._tables)
+
     def deflection(self, surface: str, raw: int) -> float | None:
         """Deflection [rad] by the table; None outside it, or where there is none."""
         table = self._tables.get(surface)
@@ -86,12 +90,19 @@ class LiveTables:
             surface = sensor.surface if sensor else f"node {self._nodes[service.node]}, sensor {service.sensor}"
             return [Ack(stamp=stamp, command=command, accepted=False, detail=f"{surface}: {service.result}")]
         if service.number == READ:
-            self._readings[sensor.surface] = _Reading(unpack_count(service))
-            return []
+            return self._begin_reading(sensor.surface, unpack_count(service), stamp)
         raw, hundredths = unpack_point(service)
         what = f"raw {raw}" if service.number == DELETE else f"raw {raw} = {hundredths / 100:.2f} deg"
         ack = Ack(stamp=stamp, command=command, accepted=True, detail=f"{sensor.surface}: {what}")
+        self._readings.pop(sensor.surface, None)  # what is being read is no more what the node has
         return [ack, *self._edited(sensor, service, (raw, hundredths), f"{command} {what}", stamp)]
+
+    def _begin_reading(self, surface: str, count: int, stamp: Stamp) -> list[Measurement]:
+        self._readings.pop(surface, None)
+        if not count:
+            return [self._read_ack(surface, False, "the node has no table", stamp)]
+        self._readings[surface] = _Reading(count)
+        return []
 
     def _edited(
         self, sensor: Sensor, service: Service, point: tuple[int, int], change: str, stamp: Stamp
@@ -101,7 +112,7 @@ class LiveTables:
         if table is None:
             return []
         try:
-            changed = table.without_point(point[0]) if service.number == DELETE else table.with_point(*point)
+            changed = _with(table, service.number, point)
         except ValueError:
             del self._tables[sensor.surface]
             return [DeviceStatus(stamp=stamp, ok=False, flags=(f"{sensor.surface}_table_differs",))]
@@ -138,3 +149,17 @@ class LiveTables:
             return []
         self._tables[surface] = table
         return [Calibration(stamp=stamp, surface=surface, points=table.as_points(), change=change)]
+
+
+def _with(table: Table, number: int, point: tuple[int, int]) -> Table:
+    """The table after an edit that a node has acknowledged.  Raises ValueError when it is not the node's.
+
+    A node changes only a point that it has, and inserts only one that it has not; the same answer again is no proof.
+    """
+    if number == DELETE:
+        return table.without_point(point[0])
+    if number == MODIFY and not table.has(point[0]):
+        raise ValueError(f"no point with raw count {point[0]}")
+    if number == INSERT and table.has(point[0]) and point not in table.points:
+        raise ValueError(f"another point with raw count {point[0]}")
+    return table.with_point(*point)

@@ -71,10 +71,12 @@ def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, Table]:
     """Tables by surface.  surfaces : those that there are.  Raises ValueError naming the line and what is allowed."""
     known = set(surfaces)
     rows = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
-    if not rows:
+    if not text:
         return {}
-    if _cells(rows[0][1]) != COLUMNS:
+    if rows and _cells(rows[0][1]) != COLUMNS:
         raise ValueError(f"calibration: line {rows[0][0]}: must be the header {','.join(COLUMNS)}")
+    if len(rows) < 2:
+        raise ValueError(f"calibration: there is no point in it; it needs the header {','.join(COLUMNS)} and points")
     points: dict[str, list[tuple[int, int]]] = {}
     for number, line in rows[1:]:
         surface, raw, hundredths = _point(number, _cells(line), known)
