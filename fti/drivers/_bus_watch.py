@@ -6,8 +6,8 @@ Rolling counter   the counter of a message goes up by one each time and rolls ov
 Silence           a decoder has no clock, so the stamps of all frames on the bus are the clock: at a frame, a node that
                   was heard before is silent when its last message is more than N periods old, N being
                   ``silent_after``.  The period of a node is that of its fastest message: as its DBC states, or else
-                  the running mean of its intervals once there are four.  When the whole bus is silent nobody is told
-                  until the next frame; the state of the link says so meanwhile.
+                  the running mean of its intervals once there are four, learned anew after every silence.  When the
+                  whole bus is silent nobody is told until the next frame; the state of the link says so meanwhile.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class _Stream:
     last_ns: int = 0
     code: int | None = None
     repeats: bool = False
+    is_stated: bool = False
 
     def take(self, t_rx_ns: int, code: int | None, modulus: int) -> int:
         """How many were lost before this one; -1 when it came twice."""
@@ -64,6 +65,13 @@ class _Node:
     def period(self) -> float:
         """Of its fastest message; infinite when none is known."""
         return min((s.period_ns for s in self.streams if s.missing <= 0), default=math.inf)
+
+    def come_back(self) -> None:
+        """It speaks again: silence was no interval, and it may speak at another rate; what is not stated is learned."""
+        self.is_silent = False
+        for stream in self.streams:
+            if not stream.is_stated:
+                stream.period_ns, stream.missing, stream.last_ns = 0.0, ENOUGH_INTERVALS, 0
 
 
 class BusWatch:
@@ -107,7 +115,9 @@ class BusWatch:
         elif stream.repeats:
             stream.repeats = False
         if speaker.is_silent:
-            speaker.is_silent = False
+            speaker.come_back()
+            stream.last_ns = t_rx_ns
+            self._look_ns = min(self._look_ns, t_rx_ns)
             told += (f"node_{speaker.name}_back",)
         elif cycle_ns is None and interval > 0 and stream.learn(interval):
             self._look_ns = min(self._look_ns, t_rx_ns)
@@ -119,7 +129,7 @@ class BusWatch:
             self._forget()
             if len(self._streams) >= MOST_STREAMS:
                 return None
-        stream = _Stream(message, cycle_ns or 0.0, 0 if cycle_ns else ENOUGH_INTERVALS)
+        stream = _Stream(message, cycle_ns or 0.0, 0 if cycle_ns else ENOUGH_INTERVALS, is_stated=bool(cycle_ns))
         self._streams[node, message] = stream
         self._nodes.setdefault(node, _Node(str(node))).streams.append(stream)
         if cycle_ns:

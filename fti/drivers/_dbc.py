@@ -31,6 +31,8 @@ MILLISECOND_NS = 1_000_000
 NOBODY = "Vector__XXX"
 #: Where editors keep signals that are in no message.
 NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
+#: Of a step: a raw value at its limit is within it, whatever factor times raw rounds to.
+ROUNDING = 1e-6
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 #: Cuts a raw value out of the little-endian and the big-endian word of a frame.
@@ -43,6 +45,7 @@ class Signal:
 
     low, high  : limits in ``unit``, infinite when the DBC states none; least, most : what fits on the wire, raw
     states     : raw value -> its name in the value table
+    modulus    : values that it takes before it rolls over, where it is a counter
     selector   : signal that must have one of ``choices`` for this one to be in the frame; "" when it always is
     """
 
@@ -167,22 +170,30 @@ def _signal(signal: Any, length: int) -> Signal:
     conversion = signal.conversion
     is_float = conversion.is_float
     least, most = _range(signal.length, signal.is_signed, is_float)
+    slack = 0.0 if is_float else ROUNDING * abs(float(conversion.scale))
     return Signal(
         name=signal.name,
         unit=signal.unit or "",
         cut=_cut(signal, length, is_float),
         factor=float(conversion.scale),
         offset=float(conversion.offset),
-        low=-math.inf if signal.minimum is None else signal.minimum,
-        high=math.inf if signal.maximum is None else signal.maximum,
+        low=-math.inf if signal.minimum is None else signal.minimum - slack,
+        high=math.inf if signal.maximum is None else signal.maximum + slack,
         least=least,
         most=most,
         is_float=is_float,
         states={raw: str(name) for raw, name in (signal.choices or {}).items()},
         selector=signal.multiplexer_signal or "",
         choices=frozenset(signal.multiplexer_ids or ()),
-        modulus=1 << signal.length,
+        modulus=_modulus(signal, is_float),
     )
+
+
+def _modulus(signal: Any, is_float: bool) -> int:
+    """How many values it has as a counter: as many as fit, or fewer where its maximum says so (0 to 14)."""
+    plain = not is_float and (signal.conversion.scale, signal.conversion.offset) == (1, 0)
+    stated = int(signal.maximum) + 1 if plain and signal.maximum else 0
+    return stated if 1 < stated < 1 << signal.length else 1 << signal.length
 
 
 def _range(bits: int, signed: bool, is_float: bool) -> tuple[float, float]:

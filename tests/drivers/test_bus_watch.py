@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,29 @@ def test_a_slower_rate_is_learned() -> None:
     told += [flag for t in range(1000, 20_000, 60) for flag in looked.hear(1 + t * MS, "n", "m")]
     assert told == []
     assert looked.tick(1 + (19_960 + 290) * MS) == ()
+
+
+def test_a_node_that_was_told_to_speak_ten_times_slower_is_silent_once() -> None:
+    looked = watch()
+    told = [flag for t in range(0, 2000, 100) for flag in looked.hear(1 + t * MS, "n", "m")]
+    for t in range(2900, 30_000, 100):  # others speak all the time
+        told += looked.tick(1 + t * MS)
+        if t % 1000 == 900:
+            told += looked.hear(1 + t * MS, "n", "m")
+    assert told == ["node_n_silent", "node_n_back"]
+    assert looked.tick(1 + (29_900 + 5001) * MS) == ("node_n_silent",)
+
+
+@pytest.mark.parametrize("cycle_ns", [None, 100 * MS])
+def test_silence_is_told_every_time(cycle_ns: int | None) -> None:
+    """An hour of silence is no interval either: it would make the period nine minutes."""
+    looked, told = watch(), list[str]()
+    for begin in (0, 3_600_000, 7_200_000):
+        for t in range(begin, begin + 1000, 100):
+            told += looked.hear(1 + t * MS, "n", "m", cycle_ns=cycle_ns)
+            told += looked.hear(1 + t * MS, "n", "another", cycle_ns=cycle_ns)
+        told += looked.tick(1 + (begin + 900 + 501) * MS)
+    assert told == ["node_n_silent", "node_n_back", "node_n_silent", "node_n_back", "node_n_silent"]
 
 
 def test_stamps_that_stand_still_or_go_back_tell_nothing() -> None:

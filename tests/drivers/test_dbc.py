@@ -223,6 +223,33 @@ def told(found: list[Measurement]) -> list[str]:
     return [flag for m in found if isinstance(m, DeviceStatus) for flag in m.flags]
 
 
+ALIVE = """VERSION ""
+
+NS_ :
+
+BS_:
+
+BU_: a
+
+BO_ 291 m: 2 a
+ SG_ alive : 0|4@1+ (1,0) [0|14] "" a
+ SG_ current : 8|8@1+ (0.1,0) [0|0.3] "A" a
+"""
+
+
+def test_a_counter_rolls_over_where_its_maximum_says() -> None:
+    """0 to 14 in four bits is usual on road vehicles: 14 to 0 is no loss."""
+    found, decoder = feed(ALIVE, *(pack_can(291, bytes([n % 15, 0])) for n in range(31)), counter="alive")
+    assert not decoder.counters.lost
+    assert not [m for m in found if isinstance(m, DeviceStatus)]
+
+
+def test_a_value_at_its_limit_is_within_it() -> None:
+    """3 * 0.1 is a little more than 0.3."""
+    found, _ = feed(ALIVE, *(pack_can(291, bytes([0, raw])) for raw in (3, 4)))
+    assert [m.valid for m in found if isinstance(m, Reading) and m.name == "m.current"] == [True, False]
+
+
 def test_a_counter_tells_what_was_lost_and_what_came_twice() -> None:
     codes = (13, 14, 14, 1, 2)  # four bits: 15 and 0 never came
     found, decoder = feed(FEATURES, *(engine(message_code=code) for code in codes))
