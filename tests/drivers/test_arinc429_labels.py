@@ -21,7 +21,18 @@ from fti.drivers.arinc429.word import BnrState, DiscreteState
 from fti.drivers.freeflight_ra4500 import quantisation_step_ft
 from fti.errors import ConfigError
 from fti.service.binding import bind_devices
-from fti.types import Deviation, DeviceStatus, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, Velocity
+from fti.types import (
+    Deviation,
+    DeviceStatus,
+    DmeRange,
+    Measurement,
+    Position,
+    RadioHeight,
+    Reading,
+    Stamp,
+    TimeScale,
+    Velocity,
+)
 
 FOOT = 0.3048
 S = Stamp(7)
@@ -139,7 +150,8 @@ def test_no_label_makes_a_valid_number_of_what_the_equipment_does_not_vouch_for(
 @given(st.data())
 def test_every_bit_of_a_discrete_word_comes_back(label: Label, data: st.DataObject) -> None:
     flags = tuple(name for name in label.flags if data.draw(st.booleans()))
-    fields = {name: data.draw(st.integers(0, 2 ** (high - low + 1) - 1)) for name, (low, high) in label.fields.items()}
+    sizes = {name: bits[1] - bits[0] + len(bits) - 1 for name, bits in label.fields.items()}
+    fields = {name: data.draw(st.integers(0, 2**size - 1)) for name, size in sizes.items()}
     (entry,) = make_entries(LabelSet(labels=(label,)))
     sent: list[Measurement] = [Reading(stamp=S, name=name, value=float(value)) for name, value in fields.items()]
     sent.append(DeviceStatus(stamp=S, ok=True, flags=flags))
@@ -283,6 +295,41 @@ def test_the_fine_word_goes_on_where_the_coarse_one_ends() -> None:
     assert decode_fine(fine, S) == []
 
 
+def test_a_fine_word_of_another_coarse_word_makes_no_position() -> None:
+    """The coarse word before it was lost, or follows it: the position would be up to 19 m off, and look right."""
+    (entry,) = make_entries(LabelSet(labels=(built_in()["gnss_743a"].labels[4],)))
+    decode_coarse, decode_fine = (handler.decode for handler in entry.handlers())
+    coarse, fine = entry.encode(Position(stamp=S, lat=math.radians(48.1)))
+    too_late = (DeviceStatus(stamp=Stamp(1_000_000_001), ok=False, flags=("latitude_fine_too_late",)),)
+    assert decode_coarse(coarse, Stamp(1)) == []
+    assert tuple(decode_fine(fine, Stamp(1_000_000_001))) == too_late
+    in_packets = Stamp(5, 1_000_000_000, TimeScale.BOOT), Stamp(5, 1_200_000_000, TimeScale.BOOT)
+    assert decode_coarse(coarse, in_packets[0]) == []
+    assert [m.stamp for m in decode_fine(fine, in_packets[1]) if isinstance(m, DeviceStatus)] == [in_packets[1]]
+    assert decode_coarse(coarse, Stamp(1)) == []
+    assert isinstance(decode_fine(fine, Stamp(100_000_001))[0], Position)
+
+
+def test_satellites_beyond_fifteen_are_counted() -> None:
+    """Esterline CMA-5024, label 273: visible in bits 16-19, its highest bit is bit 11; used in 20-23 and 29."""
+    (entry,) = make_entries(LabelSet(labels=tuple(x for x in built_in()["gnss_743a"].labels if x.label == "273")))
+    data = 0b0001 << 15 | 1 << 10 | 0b1100 << 19 | 0b01100 << 23
+    word = wire.encode_discrete("273", data, state=DiscreteState.NORMAL)
+    found = entry.handlers()[0].decode(word, S)
+    assert [(m.name, m.value) for m in found if isinstance(m, Reading)] == [
+        ("satellites_visible", 17.0), ("satellites_used", 12.0), ("gnss_mode", 12.0),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_label_of_one_source_goes_before_that_of_any_source(order: int) -> None:
+    labels = [GOOD, {"label": "164", "sdi": 2, "reading": "height_of_the_other", "range": 8192.0, "bits": 16}]
+    decoder = arinc429.make_decoder(bind(arinc429.Options, {"set": "none", "labels": labels[::order]}, "test.toml"))
+    words = [wire.encode_bnr("164", 100.0, 8192.0, 16, state=BnrState.NORMAL, sdi=sdi) for sdi in (1, 2, 1)]
+    found = decoder.feed(b"".join(word.to_bytes(4, "big") for word in words), 1)
+    assert [type(m) for m in found] == [RadioHeight, Reading, RadioHeight]
+
+
 def test_steps_of_the_instrument_are_the_sigma_of_the_height() -> None:
     (entry,) = make_entries(LabelSet(labels=built_in()["freeflight_ra4500"].labels))
     for sent_ft, shown_ft, step_ft in ((57.3, 57.0, 1), (173.2, 174.0, 2), (1234.5, 1250.0, 50)):
@@ -327,6 +374,7 @@ PANEL = {"label": "270", "kind": "discrete", "name": "panel", "flags": {"test": 
         (GOOD | {"unit": "kt"}, "unit 'kt'; allowed here: m, ft"),
         (GOOD | {"bits": None}, "needs range and bits"),
         (GOOD | {"kind": "bcd"}, "needs resolution"),
+        (GOOD | {"kind": "bcd", "resolution": 1.0, "fine_label": "120"}, "a BCD word has no fine_label"),
         (GOOD | {"bits": 21}, "less than or equal to 20"),
         (GOOD | {"bits": 19, "sdi": 1}, "a word of 19 bits has no room for an sdi"),
         (GOOD | {"quantity": "altitude", "steps": "freeflight_ra4500"}, "steps are those of a radio_height"),

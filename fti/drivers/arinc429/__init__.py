@@ -93,6 +93,8 @@ class Decoder:
         for entry in make_entries(chosen_labels(options)):
             for handler in entry.handlers():
                 self._handlers.setdefault(wire.label_byte(handler.label), []).append(handler)
+        for handlers in self._handlers.values():
+            handlers.sort(key=lambda handler: handler.sdi is None)  # one source goes before any source
         self._packets: Packets | None = None
         if options.packets == "none":
             enabled = sum(1.0 if h.sdi is None else 0.25 for found in self._handlers.values() for h in found)

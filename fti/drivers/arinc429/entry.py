@@ -118,8 +118,11 @@ class FineNumber:
     """A BNR number in two words: the fine one, which follows, goes on below the last bit of the coarse one.
 
     The coarse word by itself gives no measurement.  Both together are one two's complement number, so that the fine
-    part is never negative (ARINC 743A, labels 110 and 120).
+    part is never negative (ARINC 743A, labels 110 and 120).  A fine word that comes later than MOST_APART_NS belongs
+    to another coarse word, which was lost or comes after it: together they would be up to 19 m off.
     """
+
+    MOST_APART_NS = 100_000_000
 
     def __init__(self, label: Label, fine_label: str) -> None:
         self._coarse = Number(label)
@@ -149,6 +152,8 @@ class FineNumber:
         if last is None:
             return []
         coarse, at = last
+        if _apart_ns(at, stamp) > self.MOST_APART_NS:
+            return [_status(stamp, self._name, "too_late")]
         fine = wire.decode_steps(word, self._fine_bits) & ((1 << self._fine_bits) - 1)
         steps = (coarse << self._fine_bits) + fine
         return self._coarse.measured(steps * self._scale / (1 << (self._bits + self._fine_bits)), "", at)
@@ -165,6 +170,13 @@ class FineNumber:
             wire.encode_steps(label, coarse, self._bits, state=state, sdi=sdi),
             wire.encode_steps(self._fine_label, fine, self._fine_bits, state=state, sdi=sdi),
         ]
+
+
+def _apart_ns(first: Stamp, second: Stamp) -> int:
+    """Time between two words, by the clock of the packets' maker where there is one."""
+    if first.t_dev_ns is None or second.t_dev_ns is None:
+        return second.t_rx_ns - first.t_rx_ns
+    return second.t_dev_ns - first.t_dev_ns
 
 
 class Discrete:
@@ -186,8 +198,8 @@ class Discrete:
         at = self.label
         what = NOT_NORMAL["discrete"].get(wire.ssm(word), "")
         found: list[Measurement] = []
-        for name, (low, high) in at.fields.items():
-            value = None if what in NO_VALUE else float(wire.decode_field(word, low, high))
+        for name, bits in at.fields.items():
+            value = None if what in NO_VALUE else float(wire.decode_field(word, *bits))
             found.append(Reading(stamp=stamp, name=name, value=value, valid=not what))
         if not at.flags and not what:
             return found
@@ -218,7 +230,7 @@ class Discrete:
     def _word(self, flags: tuple[str, ...]) -> int:
         at = self.label
         data = sum(1 << bit - 1 for name, bit in at.flags.items() if name in flags)
-        data |= sum(wire.encode_field(self._bits[name], low, high) for name, (low, high) in at.fields.items())
+        data |= sum(wire.encode_field(self._bits[name], *bits) for name, bits in at.fields.items())
         return wire.encode_discrete(at.label, data, state=self._state, sdi=at.sdi or 0)
 
 

@@ -45,7 +45,8 @@ class Label(StrictModel):
     fine_label : this label carries the top of the number and that one the next ``fine_bits`` bits of it
     steps      : the instrument quantises; its step at the value gives the sigma
     name       : of a discrete word; flags : {condition: bit}; not_ok : conditions that make the equipment not ok;
-                 fields : {name of a Reading: [lowest bit, highest bit]}
+                 fields : {name of a Reading: [lowest bit, highest bit]}, and a third bit where the most significant
+                 one stands apart
     """
 
     label: Octal
@@ -64,7 +65,7 @@ class Label(StrictModel):
     name: Name | Literal[""] = ""
     flags: dict[Name, Bit] = Field(default_factory=dict)
     not_ok: tuple[str, ...] = ()
-    fields: dict[Name, tuple[Bit, Bit]] = Field(default_factory=dict)
+    fields: dict[Name, Annotated[tuple[Bit, ...], Field(min_length=2, max_length=3)]] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -78,7 +79,7 @@ class Label(StrictModel):
             return "a discrete word needs a name, and flags or fields"
         if unknown := set(self.not_ok) - set(self.flags):
             return f"not_ok names {', '.join(sorted(unknown))}; flags are {', '.join(self.flags) or 'none'}"
-        if backward := [name for name, (low, high) in self.fields.items() if low > high]:
+        if backward := [name for name, bits in self.fields.items() if bits[0] > bits[1]]:
             return f"field {backward[0]}: the lowest bit comes first"
         return ""
 
@@ -94,6 +95,8 @@ class Label(StrictModel):
         return ""
 
     def _wrong_number(self) -> str:
+        if self.kind == "bcd" and self.fine_label:
+            return "a BCD word has no fine_label"
         if self.kind == "bcd":
             return "" if self.resolution is not None else "a BCD word needs resolution"
         if self.range is None or self.bits is None:

@@ -141,14 +141,17 @@ def encode_bcd(label: str, value: float, resolution: float, *, state: BcdState, 
     return with_parity(label_byte(label) | sdi << _SDI_SHIFT | data | state << _SSM_SHIFT)
 
 
-def decode_field(word: int, low: int, high: int) -> int:
-    """The number in bits low..high of the standard, low least significant."""
-    return word >> (low - 1) & ((2 << (high - low)) - 1)
+def decode_field(word: int, low: int, high: int, top: int = 0) -> int:
+    """The number in bits low..high of the standard, low least significant; top : where its highest bit stands apart."""
+    number = word >> (low - 1) & ((2 << (high - low)) - 1)
+    return number | (word >> (top - 1) & 1) << (high - low + 1) if top else number
 
 
-def encode_field(value: int, low: int, high: int) -> int:
-    """The number at bits low..high, saturating."""
-    return max(0, min(value, (2 << (high - low)) - 1)) << (low - 1)
+def encode_field(value: int, low: int, high: int, top: int = 0) -> int:
+    """The number at bits low..high and top, saturating."""
+    size = high - low + 1
+    number = max(0, min(value, (1 << size + (top > 0)) - 1))
+    return (number & ((1 << size) - 1)) << (low - 1) | number >> size << max(top - 1, 0)
 
 
 def encode_discrete(label: str, data: int, *, state: DiscreteState, sdi: int = 0) -> int:
