@@ -42,6 +42,13 @@ def dilution(text: str) -> float | None:
     return value if value is not None and 0.0 < value < 99.0 else None
 
 
+def quantity(text: str, letter: str, unit: str) -> float | None:
+    """A number and the field behind it, the letter of its unit, that may be missing but not be another."""
+    if letter not in ("", unit):
+        raise ValueError(f"{letter!r} is not the unit {unit!r}")
+    return number(text)
+
+
 def integer(text: str) -> int | None:
     """A whole number."""
     if not text:

@@ -117,7 +117,8 @@ class Sentences:
         fix = FIXES[quality] if 0 <= quality < len(FIXES) else f"fix_{quality}"
         ok = self._fix = fix in MEASURED_FIXES
         used = Satellites(stamp=stamp, used=fields.integer(f[7]), hdop=fields.dilution(f[8]))
-        position = self._position((stamp, of_day_ns), f[2:6], ok, fields.number(f[9]), fields.number(f[11]))
+        heights = fields.quantity(f[9], f[10], "M"), fields.quantity(f[11], "".join(f[12:13]), "M")
+        position = self._position((stamp, of_day_ns), f[2:6], ok, *heights)
         return [position, used, DeviceStatus(stamp=stamp, ok=ok, flags=(fix,))]
 
     def _gns(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
@@ -174,11 +175,12 @@ class Sentences:
     def _vtg(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         """Without a mode it is as good as the newest fix that was stated: receivers without one send zeros."""
         ok = _measured(f, 9) if len(f) > 9 and f[9] else self._fix is not False
-        if len(f) <= 6 or f[2] not in ("T", ""):  # before 2.0: without the units
+        if len(f) <= 6:  # before 2.0: without the units
             return _velocity(Stamp(t_rx_ns), _knots(f[3]), f[1], ok)
-        speed = _knots(f[5])
+        fields.quantity(f[1], f[2], "T")
+        speed = _knots(f[5], f[6])
         if speed is None and len(f) > 7:
-            kilometres = fields.number(f[7])
+            kilometres = fields.quantity(f[7], "".join(f[8:9]), "K")
             speed = None if kilometres is None else kilometres * KM_PER_HOUR
         return _velocity(Stamp(t_rx_ns), speed, f[1], ok)
 
@@ -274,6 +276,7 @@ def _measured(f: list[str], at: int) -> bool:
 
 
 def _hdt(f: list[str], t_rx_ns: int) -> list[Measurement]:
+    fields.quantity(f[1], "".join(f[2:3]), "T")
     heading = _radians(f[1])
     return [] if heading is None else [Attitude(stamp=Stamp(t_rx_ns), heading=wrap_heading(heading))]
 
@@ -290,8 +293,8 @@ def _radians(degrees: str) -> float | None:
     return None if value is None else math.radians(value)
 
 
-def _knots(text: str) -> float | None:
-    speed = fields.number(text)
+def _knots(text: str, letter: str = "") -> float | None:
+    speed = fields.quantity(text, letter, "N")
     return None if speed is None else speed * KNOT
 
 
@@ -299,5 +302,7 @@ def _velocity(stamp: Stamp, ground_speed: float | None, course_deg: str, ok: boo
     course = _radians(course_deg)
     if ground_speed is None and course is None and ok:
         return []
+    if ground_speed is not None and ground_speed < 0.0:
+        raise ValueError(f"a ground speed is not {ground_speed} m/s")
     track = None if course is None else wrap_heading(course)
     return [Velocity(stamp=stamp, ground_speed=ground_speed, track=track, valid=ok and ground_speed is not None)]

@@ -291,6 +291,13 @@ def test_satellites_used_come_from_the_sentence_before() -> None:
         "GPZDA,120000.00,31,02,2024,00,00",
         "GPGSV,x,1,1",
         "GPHDT,1e3,T",
+        "GPGGA,120000.00,4800.0,N,01130.0,E,1,08,1.0,1640.4,F,47.0,M,,",
+        "GPGGA,120000.00,4800.0,N,01130.0,E,1,08,1.0,500.0,M,154.2,f,,",
+        "GPVTG,88.0,M,90.0,T,10.0,N,18.5,K,A",
+        "GPVTG,90.0,T,88.0,M,18.5,K,10.0,N,A",
+        "GPVTG,90.0,T,88.0,M,,N,5.14,M,A",
+        "GPHDT,88.0,M",
+        "GPRMC,120000.00,A,4800.0,N,01130.0,E,-1.0,2.0,010125,,,A",
     ],
 )
 def test_fields_without_sense_are_counted_as_malformed(body: str) -> None:
