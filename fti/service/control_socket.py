@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
 import pwd
@@ -18,21 +19,33 @@ from fti.service.guard import Report, guarded
 Answer = dict[str, Any]
 #: Does what a command of somebody says; answers with ``{"fault": ...}`` when it cannot.
 Obey = Callable[[dict[str, Any], str], Awaitable[Answer]]
+LONGEST_LINE = 65536
+NO_COMMAND = {"fault": f"a command is one line of JSON of at most {LONGEST_LINE} bytes"}
 _CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
 
 
 async def serve_commands(path: Path, obey: Obey, report: Report) -> asyncio.Server:
-    """Listen; a client that fails is reported and disturbs nobody.  One connection is answered in order."""
+    """Listen; a client that fails disturbs nobody.  One connection is answered in order.
+
+    report : told of what failed here; the client is told too
+    """
 
     async def attend(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        with guarded("control socket", report):
-            who = _describe_peer(writer.get_extra_info("socket"))
-            while line := await reader.readline():
-                writer.write(json.dumps(await _answer(line, obey, who)).encode() + b"\n")
-                await writer.drain()
+        who = _describe_peer(writer.get_extra_info("socket"))
+        with guarded("control socket", report), contextlib.suppress(ConnectionError):  # a client may go at any time
+            try:
+                while line := await reader.readline():
+                    await _say(writer, await _answer(line, obey, who, report))
+            except ValueError:  # too long; what follows is the rest of it
+                await _say(writer, NO_COMMAND)
         writer.close()
 
-    return await asyncio.start_unix_server(attend, sock=_bind(path))
+    return await asyncio.start_unix_server(attend, sock=_bind(path), limit=LONGEST_LINE)
+
+
+async def _say(writer: asyncio.StreamWriter, answer: Answer) -> None:
+    writer.write(json.dumps(answer).encode() + b"\n")
+    await writer.drain()
 
 
 def _describe_peer(sock: socket.socket) -> str:
@@ -61,9 +74,13 @@ def _bind(path: Path) -> socket.socket:
     return sock
 
 
-async def _answer(line: bytes, obey: Obey, who: str) -> Answer:
+async def _answer(line: bytes, obey: Obey, who: str, report: Report) -> Answer:
     try:
         command = json.loads(line)
-    except ValueError:
-        return {"fault": "a command is one line of JSON"}
-    return await obey(command, who) if isinstance(command, dict) else {"fault": "a command is a JSON object"}
+    except (ValueError, RecursionError):
+        return NO_COMMAND
+    if not isinstance(command, dict):
+        return {"fault": "a command is a JSON object"}
+    with guarded("control socket", report):
+        return await obey(command, who)
+    return {"fault": "the daemon failed at it: see the events"}

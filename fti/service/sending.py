@@ -77,7 +77,7 @@ class Sender:
             await self._find(request["link"]).send(bytes.fromhex(request["data"]), self._time_left(request))
         except (LinkError, ValueError) as error:
             fault, partly = str(error), isinstance(error, SentInPart)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001  what a link should not raise
             self._report("send", error)
             fault, partly = f"{type(error).__name__}: {error}", True  # nobody knows how far it came
         self._tell({"sent": {"id": request["id"], "fault": fault, "partly": partly, "t_ns": self._clock.now_ns()}})

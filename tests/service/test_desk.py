@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import os
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -83,8 +85,61 @@ async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, 
     assert answers[1] == {"t_ns": 7}
     assert [cast(dict[str, str], answer)["fault"] for answer in answers[2:]] == [
         "a command is a JSON object",
-        "a command is one line of JSON",
+        "a command is one line of JSON of at most 65536 bytes",
     ]
     writer.close()
     server.close()
     assert failed == []
+
+
+@pytest.mark.parametrize("line", [b"[" * 60_000 + b"\n", b"{" + b" " * 70_000 + b"}\n", b" " * 300_000, b"\xff\n"])
+async def test_what_is_no_command_is_answered(rig: Rig, tmp_path: Path, line: bytes) -> None:
+    async with client(rig, tmp_path) as (reader, writer, failed):
+        writer.write(line)
+        answer = json.loads(await asyncio.wait_for(reader.readline(), 10.0))
+    assert answer == {"fault": "a command is one line of JSON of at most 65536 bytes"}
+    assert failed == []
+
+
+async def test_a_command_that_fails_here_is_answered_and_the_next_one_too(
+    rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with client(rig, tmp_path) as (reader, writer, failed):
+        with monkeypatch.context() as broken:
+            broken.setattr(rig.bench.commander.catalogue, "describe", lambda: 1 / 0)
+            writer.write(b'{"commands": true}\n')
+            answer = json.loads(await asyncio.wait_for(reader.readline(), 10.0))
+        assert answer == {"fault": "the daemon failed at it: see the events"}
+        assert failed == ["control socket: division by zero"]
+        writer.write(b'{"commands": true}\n')
+        assert "devices" in json.loads(await asyncio.wait_for(reader.readline(), 10.0))
+
+
+async def test_a_client_that_goes_before_its_answer_is_no_failure(rig: Rig, tmp_path: Path) -> None:
+    wish = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
+    async with client(rig, tmp_path) as (_, writer, failed):
+        writer.write((json.dumps({"send": wish}) + "\n").encode() * 20)
+        await until_async(lambda: rig.bench.sent)
+        writer.transport.abort()
+        await asyncio.sleep(0.01)
+        rig.bench.recorder_says()
+        rig.bench.answer()
+        await until_async(lambda: not any("attend" in str(task.get_coro()) for task in asyncio.all_tasks()))
+    assert failed == []
+    assert len(rig.bench.sent) == 1
+
+
+@contextlib.asynccontextmanager
+async def client(
+    rig: Rig, tmp_path: Path
+) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter, list[str]]]:
+    """A connection to a control socket of that desk, and what has failed there."""
+    failed: list[str] = []
+    path = tmp_path / "sock"
+    server = await serve_commands(path, rig.desk.obey, lambda unit, error: failed.append(f"{unit}: {error}"))
+    reader, writer = await asyncio.open_unix_connection(str(path))
+    try:
+        yield reader, writer, failed
+    finally:
+        writer.close()
+        server.close()
