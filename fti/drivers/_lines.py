@@ -5,18 +5,27 @@ means nothing.
 
 A line whose beginning was not seen is not taken: the end of "130.00" is "30.00", and no checksum tells.  The first
 bytes after a connect, or after a gap, are such an end unless it is known that they begin a line.
+
+A port that is lost and opened again goes on with the same decoder, and only the pause shows it.  A line with a pause
+of ``MIDST_NS`` in it is not taken, for its two halves may be of two lines; nor is the first one after a pause that is
+``UNUSUAL`` times as long as those between the lines before it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip
 
 FirstLine = Literal["skip", "take"]
+#: A port is opened again after 0.1 s at the earliest; the bytes of a line come closer to each other.
+MIDST_NS = 100_000_000
+UNUSUAL = 3
+#: The longest pause between lines is forgotten by this factor with each; so many are needed to know what is usual.
+FORGET, FEWEST = 0.98, 10
 
 
 class LineFramer(Framer):
@@ -34,7 +43,27 @@ class LineFramer(Framer):
         self._refuse = refuse
         self._longest = longest
         self._begun = begun
+        self._each_begins = begun
+        self._last_ns: int | None = None
+        self._usual_ns, self._pauses = 0.0, 0
         self._end = re.compile(b"[" + re.escape(ends) + b"]")
+
+    def feed(self, data: bytes, t_rx_ns: int) -> Iterator[tuple[int, bytes]]:
+        if data:
+            pause_ns = t_rx_ns - self._last_ns if self._last_ns is not None else 0
+            self._last_ns = t_rx_ns
+            if self._is_torn(pause_ns):
+                self._begun = False
+        return super().feed(data, t_rx_ns)
+
+    def _is_torn(self, pause_ns: int) -> bool:
+        """May something be missing between the last read and this one?"""
+        if self._counters.held:
+            return pause_ns >= MIDST_NS
+        known, usual_ns = self._pauses >= FEWEST and not self._each_begins, self._usual_ns
+        self._pauses += 1
+        self._usual_ns = max(pause_ns, FORGET * usual_ns)
+        return known and pause_ns >= max(MIDST_NS, UNUSUAL * usual_ns)
 
     def _measure_line(self, buffer: bytearray) -> int | Skip:
         found = self._end.search(buffer, 0, self._longest)

@@ -162,3 +162,37 @@ def test_an_answer_to_something_else_is_counted_by_its_name() -> None:
     assert decoder.feed(b"lt:34.10\r\n$ldf,1:2.50\r\n98.67\r\ndf,1:30.00\r\n", 1) == [Range(stamp=S, slant_range=2.5)]
     assert decoder.counters.messages == {"lt": 1, "distance": 1, "df": 1}
     assert decoder.counters.skipped == {"no_distance": 6}
+
+
+def fed(options: lw.Options, *reads: tuple[float, bytes]) -> list[float | None]:
+    """The ranges of reads at times [s]."""
+    decoder = lw.make_decoder(options)
+    found = [m for t_s, data in reads for m in decoder.feed(data, round(t_s * 1e9))]
+    return [m.slant_range for m in found if isinstance(m, Range)]
+
+
+NINE_HZ = tuple((k / 9, b"130.00\r\n") for k in range(1, 21))
+
+
+def test_the_end_of_a_lost_signal_after_the_port_was_lost_is_no_range() -> None:
+    """The cable comes off behind a line, and the port is open again in the midst of another one."""
+    assert fed(lw.Options(), *NINE_HZ, (4.0, b"30.00\r\n"), (4.1, b"12.34\r\n"))[19:] == [12.34]
+    assert fed(lw.Options(), *NINE_HZ, (4.0, b"\n12.33\r\n"))[19:] == [12.33]  # its beginning was seen
+
+
+@pytest.mark.parametrize("query", ["none", "ldf"])
+def test_halves_of_two_lines_with_the_loss_of_the_port_between_them_are_no_range(query: str) -> None:
+    begin = b"ldf,1:1" if query == "ldf" else b"1"
+    options = lw.Options(query=query)  # type: ignore[arg-type]
+    whole = begin + b"2.34\r\n"
+    assert fed(options, (0.0, b"\n"), (0.1, begin), (0.3, b"0.50\r\n"), (0.4, whole)) == [12.34]
+    assert fed(options, (0.0, b"\n"), (0.1, begin), (0.11, b"2.34\r\n")) == [12.34]
+
+
+def test_a_pause_that_is_usual_loses_nothing() -> None:
+    slow = [(float(k), b"12.34\r\n") for k in range(30)]
+    assert len(fed(lw.Options(), *slow)) == 29
+    bursts = [(t + k / 500, b"12.34\r\n") for t in range(20) for k in range(15)]
+    assert len(fed(lw.Options(), *bursts)) >= 20 * 15 - 2
+    datagrams = [(t, b"12.34\r\n") for t in (*(k / 9 for k in range(20)), 9.0, 9.1)]
+    assert len(fed(lw.Options(first_line="take"), *datagrams)) == 22
