@@ -1,19 +1,15 @@
 """Runs inside the user-mode kernel: a link and a witness listen to vcan0, frames come from python-can and raw sockets.
 
-python -m tests.vcan.probe_socketcan OUT    writes what both saw, with stamps and states, to OUT as JSON.
-Nothing is judged here: ``test_socketcan.py`` does.
+What both saw, with stamps and states, is judged by ``test_socketcan.py``.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import can
@@ -217,7 +213,3 @@ async def probe() -> dict[str, Any]:
     await cancel(task)
     apart = {"sending": await sending(clock), "absent": await absent(clock), "set_clock": await set_clock(clock)}
     return {**found, **apart, "refused": refused}
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(json.dumps(asyncio.run(probe()), indent=1))
