@@ -22,6 +22,8 @@ EXIT_NOT_DONE = 1
 DONE = ("acknowledged", "sent")
 #: The daemon answers so long after the last moment at which it may know more [s].
 PATIENCE_S = 10.0
+#: The daemon takes no wish that waits longer [s].
+LONGEST_S = 600.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -99,7 +101,7 @@ def _send(args: argparse.Namespace) -> int:
 
     wish = {"id": secrets.token_hex(8), "device": args.device, "command": args.name}
     wish |= {"args": _parse(args.args), "timeout_s": args.timeout}
-    found = ask({"send": wish}, args.run_dir, 2 * args.timeout + PATIENCE_S)
+    found = ask({"send": wish}, args.run_dir, 2 * min(args.timeout, LONGEST_S) + PATIENCE_S)
     print(json.dumps(found, indent=1) if args.json else f"{found['title']}: {found['outcome']}")
     return 0 if found["state"] in DONE else EXIT_NOT_DONE
 

@@ -26,7 +26,9 @@ def ask(command: dict[str, Any], run_dir: str | None = None, answer_s: float = A
             line = sock.makefile("rb").readline()
         except OSError as error:
             raise MissingError(f"{info.sock}: the daemon does not answer: {error}") from None
-    answer: dict[str, Any] = json.loads(line or b'{"fault": "the daemon has gone"}')
+    if not line.endswith(b"\n"):
+        raise MissingError(f"{info.sock}: the daemon has gone before it had answered")
+    answer: dict[str, Any] = json.loads(line)
     if "fault" in answer:
         raise FtiError(f"the daemon refuses: {answer['fault']}")
     return answer

@@ -10,6 +10,8 @@ from typing import Any
 
 DEFAULT_TIMEOUT_S, LONGEST_TIMEOUT_S = 3.0, 600.0
 LONGEST_KEY = 100
+#: Characters of everything that a wish says: it is kept, told in an event, and shown on the page.
+LONGEST_WISH = 2000
 MS = 1_000_000
 
 
@@ -58,6 +60,8 @@ def read_wish(message: Mapping[str, Any]) -> Wish | str:
         return "device and command are texts"
     if not isinstance(args, dict) or not all(isinstance(value, str) for value in args.values()):
         return "args are texts by name"
+    if sum(map(len, (device, command, *args, *args.values()))) > LONGEST_WISH:
+        return f"device, command and args have at most {LONGEST_WISH} characters together"
     if not isinstance(timeout_s, int | float) or not 0 < timeout_s <= LONGEST_TIMEOUT_S:
         return f"timeout_s is more than 0 and at most {LONGEST_TIMEOUT_S:g} seconds"
     return Wish(key, device, command, args, float(timeout_s))

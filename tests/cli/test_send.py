@@ -64,6 +64,28 @@ def test_a_command_with_its_arguments(tmp_path: Path, capsys: pytest.CaptureFixt
     assert send(tmp_path, "magnetometer", "set_rate")[1][0]["send"]["id"] != key
 
 
+def test_an_absurd_time_is_the_daemons_to_refuse(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    why = "timeout_s is more than 0 and at most 600 seconds"
+    assert send(tmp_path, "magnetometer", "reset", "--timeout", "1e300", fault=why)[0] == 2
+    assert why in capsys.readouterr().err
+
+
+def test_a_daemon_that_goes_within_its_answer_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def die(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readline()
+        writer.write(b'{"state": "ackn')
+        writer.close()
+
+    async def beside() -> int:
+        sock = tmp_path / "control"
+        publish(tmp_path, DaemonInfo(os.getpid(), "s", "", None, None, 0, str(sock)))
+        async with await asyncio.start_unix_server(die, sock):
+            return await asyncio.to_thread(main, ["send", "magnetometer", "reset", "--run-dir", str(tmp_path)])
+
+    assert asyncio.run(beside()) == 2
+    assert "the daemon has gone before it had answered" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("state", "code"),
     [("acknowledged", 0), ("sent", 0), ("refused", 1), ("timed out", 1), ("not sent", 1), ("unknown", 1)],

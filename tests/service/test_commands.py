@@ -37,6 +37,8 @@ def bench() -> Bench:
         ({"args": {"rate": "21"}}, "mag: rate = 21: must be 1 to 20 Hz"),
         ({"args": {"rate": 10}}, "args are texts by name"),
         ({"args": ["rate"]}, "args are texts by name"),
+        ({"args": {"rate": "1" * 2000}}, "device, command and args have at most 2000 characters together"),
+        ({"device": "m" * 2000}, "device, command and args have at most 2000 characters together"),
         ({"device": 7}, "device and command are texts"),
         ({"key": ""}, "a command has an id of 1 to 100 characters"),
         ({"key": "x" * 101}, "a command has an id of 1 to 100 characters"),

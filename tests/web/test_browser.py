@@ -126,9 +126,15 @@ async def test_a_stopped_daemon_is_announced(page: Page, daemon: FakeDaemon) -> 
 async def test_a_lost_connection_is_unmistakable_and_ends(
     page: Page, daemon: FakeDaemon, display: DisplayProcess
 ) -> None:
+    display.say({"catalogue": CATALOGUE})
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
+    display.process.send_signal(signal.SIGSTOP)
+    await page.eval(f"{by_testid('commands-send')}.click()")
     display.process.kill()
     display.process.wait()
     await page.wait_for("document.body.classList.contains('disconnected')")
+    await page.wait_for(shows("commands-word", "may have been sent"))
+    assert await page.eval(f"{by_testid('commands-send')}.disabled")  # another click would be another command
     box = await page.eval(f"(({by_testid('no-connection')}).firstElementChild.getBoundingClientRect()).toJSON()")
     assert box["width"] == 1440
     assert await page.eval(f"getComputedStyle({by_testid('no-connection')}).display") == "grid"
@@ -146,9 +152,13 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
 
 
 async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:
+    display.say({"catalogue": CATALOGUE})
+    await page.wait_for(f"!{by_testid('commands-open')}.hidden")
     display.process.send_signal(signal.SIGSTOP)
     try:
         await page.wait_for(shows("no-connection-text", "values are frozen since "))
+        await page.eval(f"{by_testid('commands-send')}.click()")  # it would go out when the display goes on
+        await page.wait_for(shows("commands-word", "no connection"))
     finally:
         display.process.send_signal(signal.SIGCONT)
     await page.wait_for(FRESH)
@@ -357,6 +367,9 @@ async def shows_what_the_chosen_command_takes(page: Page, display: DisplayProces
     display.say({"command": make_request("k", 1, "waiting", "waiting")})
     await page.wait_for(shows("commands-answers", "waiting"))
     assert await page.eval(f"{by_testid('commands-argument-surface')}.value") == "m"
+    await page.eval(f"{by_testid('commands-argument-surface')}.value = 'm'.repeat(2000)")
+    await page.eval(f"{by_testid('commands-send')}.click()")
+    await page.wait_for(shows("commands-word", "that is too long"))
 
 
 def choose(testid: str, value: str) -> str:

@@ -1,6 +1,7 @@
 // Commands to devices, where a link may transmit: what each takes, the button, and what became of the last ones.
 // The panel stands in the place of the links while it is open.
 
+import { LOST } from "./connection.js";
 import { clock, title } from "./format.js";
 import { h, panelTitle, setAttribute, setText } from "./dom.js";
 
@@ -88,7 +89,10 @@ export class Commands {
     const filled = [...this.args.querySelectorAll("input")].filter(({ value }) => value.trim());
     const args = Object.fromEntries(filled.map(({ name, value }) => [name, value.trim()]));
     const fault = await this.command({ command: "send", device: this.device.value, name: this.name.value, args, request });
-    if (fault && this.pending === request) {
+    if (!fault || this.pending !== request) return;
+    if (fault === LOST) {
+      this.#say("the connection was lost: it may have been sent", "unknown"); // the daemon says it when it is heard again
+    } else {
       this.#say(fault, "not sent");
       this.#ready();
     }

@@ -5,6 +5,10 @@ import { setClass, setText } from "./dom.js";
 
 const SILENCE_MS = 2000;
 const RETRY_MS = 1000;
+const LONGEST = 2048; // bytes of a message; the server ends the connection at a longer one
+
+// Why a command has no answer: it may have arrived, or not.
+export const LOST = "the connection was lost";
 
 export class Connection {
   constructor(onMessage) {
@@ -20,10 +24,12 @@ export class Connection {
 
   // Gives a command; resolves to why it was refused, or to null.
   command(fields) {
-    if (!this.open) return Promise.resolve("no connection");
+    if (!this.open || this.#isSilent()) return Promise.resolve("no connection");
     this.commands += 1;
     const id = this.commands;
-    this.socket.send(JSON.stringify({ ...fields, id, token: this.token }));
+    const text = JSON.stringify({ ...fields, id, token: this.token });
+    if (new TextEncoder().encode(text).length > LONGEST) return Promise.resolve("that is too long");
+    this.socket.send(text);
     return new Promise((resolve) => this.waiting.set(id, resolve));
   }
 
@@ -46,7 +52,7 @@ export class Connection {
     };
     socket.onclose = () => {
       this.open = false;
-      for (const id of [...this.waiting.keys()]) this.#answer(id, "the connection was lost");
+      for (const id of [...this.waiting.keys()]) this.#answer(id, LOST);
       this.#watch();
       setTimeout(() => this.#connect(), RETRY_MS);
     };
@@ -58,9 +64,12 @@ export class Connection {
     this.token = tokenOf(new DOMParser().parseFromString(await response.text(), "text/html"));
   }
 
+  #isSilent() {
+    return this.lastAt === null || Date.now() - this.lastAt > SILENCE_MS;
+  }
+
   #watch() {
-    const silent = this.lastAt === null || Date.now() - this.lastAt > SILENCE_MS;
-    const lost = !this.open || silent;
+    const lost = !this.open || this.#isSilent();
     setClass(document.body, "disconnected", lost);
     if (lost) setText(document.getElementById("no-connection-text"), this.#since());
   }
