@@ -17,15 +17,23 @@ last line, {"counters": ...}, on standard output; without, it is text on standar
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from io import BufferedReader
+
     from fti.config import StrictModel
     from fti.drivers import Counters, Decoder, Driver
 
 Reads = Iterator[tuple[int, bytes]]  # (t_rx_ns, bytes of one read, datagram or CAN frame)
+CAN_FRAME = 16  # struct can_frame of Linux
+LOOK = 4096
+#: Beginning of a log as ``candump -L`` writes it, behind empty lines and comments; and of any text.
+CANDUMP = re.compile(rb"\s*(?:#[\t -~]*\s+)*\(\d+\.\d+\) ")
+TEXT = re.compile(rb"[\t\r\n -~]+")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,19 +51,26 @@ def run(args: argparse.Namespace) -> int:
     """Decode and print."""
     import sys
 
-    from fti.errors import ConfigError
+    from fti.errors import ConfigError, FtiError
     from fti.logger.schemas import encode
 
     if args.chunk < 1:
         raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")
     driver, decoder = as_device(args) if args.device or args.config else as_driver(args)
-    for t_rx_ns, data in reads(driver, Path(args.file), args.chunk):
-        for measurement in decoder.feed(data, t_rx_ns):
-            line = {"measurement": type(measurement).__name__, "values": measurement}
-            print(encode(line).decode())
-    if args.json:
-        print(encode({"counters": decoder.counters}).decode())
-    else:
+    try:
+        with open_capture(Path(args.file)) as capture:
+            for t_rx_ns, data in reads(driver, capture, args.chunk):
+                for measurement in decoder.feed(data, t_rx_ns):
+                    line = {"measurement": type(measurement).__name__, "values": measurement}
+                    print(encode(line).decode())
+        if args.json:
+            print(encode({"counters": decoder.counters}).decode())
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise FtiError(f"{args.file}: decoding stopped: {error.strerror}") from None
+    if not args.json:
         print("\n".join(_counted(decoder.counters)), file=sys.stderr)
     return 0
 
@@ -104,41 +119,62 @@ def read_options(driver: Driver, pairs: list[str]) -> StrictModel:
         key, equals, text = pair.partition("=")
         if not equals:
             raise ConfigError(f"--option = {pair!r}: must be KEY=VALUE")
-        table[key] = _value(text)
+        field = driver.Options.model_fields.get(key)
+        table[key] = _value(text, is_text=field is not None and field.annotation is str)
         if key.endswith(FILE_ENDING):
             table[key.removesuffix(FILE_ENDING)] = read_text(Path(text))
     return config.bind(driver.Options, table, "--option")
 
 
-def _value(text: str) -> object:
+def _value(text: str, *, is_text: bool) -> object:
     import tomllib
 
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value: object = tomllib.loads(f"value = {text}")["value"]
     except (tomllib.TOMLDecodeError, KeyError):
         return text
+    return text if is_text and not isinstance(value, str) else value
 
 
-def reads(driver: Driver, file: Path, chunk: int) -> Reads:
-    """The capture in reads of ``chunk`` bytes, or in CAN frames.  Raises MissingError or ConfigError."""
+def open_capture(file: Path) -> BufferedReader:
+    """The capture, open.  Raises MissingError."""
     from fti.errors import MissingError
 
     try:
-        data = file.read_bytes()
+        return file.open("rb")
     except OSError as error:
         raise MissingError(f"{file}: cannot be read: {error.strerror}") from None
+
+
+def reads(driver: Driver, capture: BufferedReader, chunk: int) -> Reads:
+    """The capture in reads of ``chunk`` bytes, or in CAN frames.  Raises ConfigError."""
+    from fti.errors import ConfigError
+
     if "can" not in driver.CARRIERS:
-        return ((0, data[at : at + chunk]) for at in range(0, len(data), chunk))
-    if data.lstrip()[:1] == b"(":
-        return candump_frames(data.decode("ascii", errors="replace"), file)
-    return ((0, data[at : at + 16]) for at in range(0, len(data), 16))
+        return _pieces(capture, chunk)
+    beginning, file = capture.peek(LOOK)[:LOOK], Path(capture.name)
+    if CANDUMP.match(beginning):
+        return candump_frames((line.decode("ascii", errors="replace") for line in capture), file)
+    if TEXT.fullmatch(beginning):
+        raise ConfigError(f"{file}: is text, and not as candump -L writes it: {_first_line(beginning)!r}")
+    return _pieces(capture, CAN_FRAME)
 
 
-def candump_frames(text: str, file: Path) -> Reads:
+def _pieces(capture: BufferedReader, size: int) -> Reads:
+    """The bytes to the end, ``size`` at a time."""
+    while data := capture.read(size):
+        yield 0, data
+
+
+def _first_line(text: bytes) -> str:
+    return text.decode("ascii").strip().partition("\n")[0][:60]
+
+
+def candump_frames(lines: Iterable[str], file: Path) -> Reads:
     """Frames of a ``candump -L`` log: ``(seconds.micros) channel ID#DATA``.  Raises ConfigError naming the line."""
     from fti.errors import ConfigError
 
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         if not line.strip() or line.startswith("#"):
             continue
         try:

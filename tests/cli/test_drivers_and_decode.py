@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from fti import drivers
-from fti.canframe import unpack_can
-from fti.cli.decode import candump_frames
+from fti.canframe import pack_can, unpack_can
+from fti.cli.decode import candump_frames, open_capture, reads
 from fti.cli.main import main
 from tests.helpers import ROOT
 
@@ -109,7 +111,7 @@ def test_can_frames_in_binary(capsys: pytest.CaptureFixture[str]) -> None:
 def test_lines_of_candump_are_frames() -> None:
     first = "(1410714882.622188) can0 09F80102#36729A16021AB80D\n\n"
     text = first + "(1.5) can0 123#\n(1.5) can0 123#R\n(1.5) vcan0 12345678##1AA"
-    found = list(candump_frames(text, Path("x.log")))
+    found = list(candump_frames(text.splitlines(), Path("x.log")))
     assert found[0][0] == 1_410_714_882_622_188_000
     frames = [unpack_can(data) for _, data in found]
     assert (frames[0].can_id, frames[0].extended, frames[0].data.hex()) == (0x09F80102, True, "36729a16021ab80d")
@@ -121,6 +123,7 @@ def test_lines_of_candump_are_frames() -> None:
 @pytest.mark.parametrize(
     ("args", "sentence"),
     [
+        (("decode", CAPTURE, "--driver", "canaerospace"), "is text, and not as candump -L writes it: '# "),
         (("drivers", "nmea"), "no driver 'nmea'; there are arinc429"),
         (("decode", CAPTURE, "--driver", "nmea"), "no driver 'nmea'; there are arinc429"),
         (("decode", "no_such_file", "--driver", "nmea0183"), "no_such_file: cannot be read: No such file"),
@@ -151,3 +154,50 @@ def test_a_damaged_can_log_names_the_line(capsys: pytest.CaptureFixture[str], tm
     code, _, err = run(capsys, "decode", str(log), "--driver", "canaerospace")
     assert code == 2
     assert "line 2: is no candump line" in err[0]
+
+
+def test_a_can_log_may_begin_with_comments(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    log = tmp_path / "can.log"
+    log.write_text("# flight 7\n\n# bus 1\n(1.5) can0 146#01020000447D5000\n")
+    code, out, _ = run(capsys, "decode", str(log), "--driver", "canaerospace", "--json")
+    assert code == 0
+    assert json.loads(out[-1])["counters"]["messages"] == {"static_pressure": 1}
+    assert json.loads(out[0])["values"]["stamp"]["t_rx_ns"] == 1_500_000_000
+
+
+@pytest.mark.parametrize("can_id", [0x28, 0x128, 0x123])
+def test_binary_frames_whose_identifier_looks_like_text_are_binary(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, can_id: int
+) -> None:
+    """0x28 is "(", and 0x23 is "#"."""
+    file = tmp_path / "frames.bin"
+    file.write_bytes(pack_can(can_id, b"\1") + pack_can(0x146, bytes.fromhex("01020000447D5000")))
+    code, out, _ = run(capsys, "decode", str(file), "--driver", "canaerospace", "--json")
+    assert code == 0
+    assert json.loads(out[-1])["counters"]["messages"] == {"static_pressure": 1}
+
+
+def test_a_capture_is_read_piece_by_piece(tmp_path: Path) -> None:
+    """One that is larger than the memory is decoded, too: here 64 GB that take no room on the medium."""
+    file = tmp_path / "large.bin"
+    with file.open("wb") as large:
+        large.truncate(1 << 36)
+    with open_capture(file) as capture:
+        assert next(reads(drivers.load("nmea0183"), capture, 4096)) == (0, bytes(4096))
+
+
+def test_an_option_that_is_text_may_look_like_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--option", "sync=5959", "--option", "length=4", "--option", 'fields=[{name="x", at=2, type="u16"}]')
+    code, out, _ = run(capsys, "decode", CAPTURE, "--driver", "binary_struct", "--json", *options)
+    assert code == 0
+    assert json.loads(out[-1])["counters"]["framed"] == 0
+
+
+def test_an_output_that_is_full_is_one_sentence() -> None:
+    command = [sys.executable, "-m", "fti.cli.main", "decode", CAPTURE, "--driver", "nmea0183"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[0] == f"fti: {CAPTURE}: decoding stopped: No space left on device"

@@ -103,7 +103,7 @@ def test_one_node_can_be_chosen() -> None:
 def test_a_vessel_speaks_of_other_things() -> None:
     """A real capture (NMEA 2000): every frame is taken, none is understood."""
     file = ROOT / "tests/captures/nmea2000_part1.candump.log"
-    frames = [data for _, data in candump_frames(file.read_text(), file)]
+    frames = [data for _, data in candump_frames(file.read_text().splitlines(), file)]
     assert len(frames) == 4000
     assert feed(*frames) == ([], {"other_id": 4000 * 16})
 

@@ -13,7 +13,7 @@ import can
 import cantools
 import pytest
 from cantools.database.errors import DecodeError
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fti.canframe import EXTENDED, pack_can
@@ -81,6 +81,7 @@ def layouts(draw: st.DrawFn) -> str:
     return f'VERSION ""\n\nNS_ :\n\nBS_:\n\nBU_: a\n\nBO_ 291 m: 16 a\n{signal_lines(found)}\n'
 
 
+@settings(max_examples=settings().max_examples // 3)  # two readings of a DBC each
 @given(layouts(), st.binary(min_size=16, max_size=16))
 def test_any_signal_is_cut_out_as_cantools_does(text: str, data: bytes) -> None:
     database: Any = cantools.database.load_string(text)
@@ -147,7 +148,7 @@ def test_a_vessels_bus_through_a_dbc() -> None:
                 counted[known.name] += 1
                 decoded = known.decode(bytes(message.data), decode_choices=False)
                 expected += [float(value) for value in decoded.values()]
-    found, decoder = feed(VESSEL, *(data for _, data in candump_frames(CAPTURE.read_text(), CAPTURE)))
+    found, decoder = feed(VESSEL, *(data for _, data in candump_frames(CAPTURE.read_text().splitlines(), CAPTURE)))
     assert decoder.counters.messages == counted == {
         "position": 787, "course_and_speed": 315, "water_depth": 74, "battery": 53,
     }  # fmt: skip
