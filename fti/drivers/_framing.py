@@ -62,37 +62,37 @@ class Framer:
         """Yield (arrival of the first byte [ns], frame) for every frame that is complete with these bytes."""
         if not data:
             return
-        self._stamps.append((self._base + len(self._buffer), t_rx_ns))
+        buffer, counters = self._buffer, self._counters
+        self._stamps.append((self._base + len(buffer), t_rx_ns))
         self._forget_old_stamps()
-        self._buffer += data
-        self._counters.bytes_in += len(data)
-        while self._buffer:
+        buffer += data
+        counters.bytes_in += len(data)
+        while buffer:
             seen = self._look()
-            if seen == 0:
-                break
             if isinstance(seen, Skip):
-                self._counters.skipped[seen.reason] += seen.size
+                counters.skipped[seen.reason] += seen.size
                 self._drop(seen.size)
-            else:
-                frame = bytes(self._buffer[:seen])
+            elif seen:
+                frame = bytes(buffer if seen == len(buffer) else buffer[:seen])
                 stamp = self._stamps[0][1]
-                self._counters.framed += seen
+                counters.framed += seen
                 self._drop(seen)
-                self._counters.held = len(self._buffer)
+                counters.held = len(buffer)
                 yield stamp, frame
-        self._counters.held = len(self._buffer)
+            else:
+                break
+        counters.held = len(buffer)
 
     def _look(self) -> int | Skip:
         window = self._buffer if len(self._buffer) <= self._limit else self._buffer[: self._limit]
         seen = self._measure(window)
-        if seen == 0 and len(window) >= self._limit:
-            return Skip(1, "too_long")
-        return seen
+        return seen or (Skip(1, "too_long") if len(window) >= self._limit else 0)
 
     def _drop(self, count: int) -> None:
         del self._buffer[:count]
         self._base += count
-        self._forget_old_stamps()
+        if len(self._stamps) > 1:
+            self._forget_old_stamps()
 
     def _forget_old_stamps(self) -> None:
         """Keep the read that the first byte held came with, and later ones."""

@@ -7,11 +7,12 @@ decoding takes 0.4.  Here the slots are filled directly, which takes 0.7; what c
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
-from typing import Any
+from dataclasses import field, fields, make_dataclass
+from typing import Any, TypeVar, cast
 
 from fti.types import Reading, Stamp
 
+T = TypeVar("T")
 _new = object.__new__
 _slots = vars(Stamp)
 _set_t_rx, _set_t_dev = _slots["t_rx_ns"].__set__, _slots["t_dev_ns"].__set__
@@ -60,3 +61,18 @@ def quick_maker(kind: type[Any], name: str, fixed: Mapping[str, object]) -> Call
         return made
 
     return make
+
+
+def quick_class(kind: type[T]) -> type[T]:
+    """What is called like ``kind``, a frozen class with slots, and makes the same in less than half the time.
+
+    It has the same slots and is not frozen while its fields are set; what it makes is of ``kind`` then.
+    """
+
+    def freeze(made: Any) -> None:
+        made.__class__ = kind
+
+    known: Any = kind
+    names = [(f.name, f.type, field(default=f.default, kw_only=f.kw_only)) for f in fields(known)]
+    twin = make_dataclass(kind.__name__, names, namespace={"__post_init__": freeze}, slots=True, eq=False, repr=False)
+    return cast("type[T]", twin)

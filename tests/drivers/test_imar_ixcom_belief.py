@@ -35,6 +35,35 @@ def test_a_better_source_silences_the_others_for_five_seconds() -> None:
         assert any(isinstance(m, Position) for m in decoder.feed(gnss, at_s * 10**9)) is heard
 
 
+def positions_over_time(*told: tuple[float, bytes]) -> list[tuple[float | None, bool]]:
+    """Latitude and validity of the positions of frames that come at these times [s]."""
+    decoder = ix.make_decoder(ix.Options())
+    found = [m for at_s, data in told for m in decoder.feed(data, round(at_s * 1e9))]
+    return [(m.lat, m.valid) for m in found if isinstance(m, Position)]
+
+
+POSITION_UNDEFINED = GOOD | 0xC000
+INS, LOST_INS = frame("INSSOL", **INSSOL | {"lat": 0.5}), frame("INSSOL", **INSSOL, footer=POSITION_UNDEFINED)
+RECEIVER, LOST_RECEIVER = (frame("GNSSSOL", **GNSS | {"lat": 0.75, "solStatus": solved}) for solved in (0, 1))
+
+
+def test_a_better_source_that_is_not_valid_does_not_hide_a_valid_one_for_ever() -> None:
+    told = [(0, INS), *((at, data) for at in range(1, 8) for data in (LOST_INS, RECEIVER)), (8, INS), (8, RECEIVER)]
+    assert positions_over_time(*told) == [
+        (0.5, True), *[(0.84, False)] * 6, (0.75, True), (0.75, True), (0.5, True)
+    ]  # fmt: skip
+
+
+def test_before_the_better_source_was_ever_valid_the_other_counts_at_once() -> None:
+    told = [(0, LOST_INS), (0.1, RECEIVER), (0.2, LOST_INS), (0.3, RECEIVER), (0.4, INS), (0.5, RECEIVER)]
+    assert positions_over_time(*told) == [(0.84, False), (0.75, True), (0.75, True), (0.5, True)]
+
+
+def test_while_no_source_is_valid_the_last_one_says_so_alone() -> None:
+    told = [(0, INS), (1, LOST_RECEIVER), (2, LOST_INS), (6.9, LOST_RECEIVER), (7, LOST_INS), (12.1, LOST_RECEIVER)]
+    assert positions_over_time(*told) == [(0.5, True), (0.84, False), (0.84, False), (0.75, False)]
+
+
 def test_what_gives_way_is_kept_under_its_own_name() -> None:
     ins, gnss = frame("INSSOL", **INSSOL), frame("GNSSSOL", **GNSS | {"lat": 0.75, "stdDevPos": [1.0, 2.0, 3.0]})
     found = decode(ins, gnss, frame("IMURAW", acc=[0.0, 0.5, -9.75]))

@@ -147,6 +147,21 @@ def test_only_a_computed_gnss_solution_is_valid(solved: int, kind: int, valid: b
     assert f"gnss_type_{TYPES.get(kind, kind)}" in flags
 
 
+def test_a_gnss_solution_that_the_system_calls_invalid_is_not_valid() -> None:
+    invalid = 1 << 6
+    status = {"footer": GOOD | invalid}, {"gnssStatus": 1 << 17}
+    for said in status:
+        found = decode(frame("GNSSSOL", **GNSS | said))
+        assert (only(Position, found).valid, only(Velocity, found).valid) == (False, False)
+    timeout = frame("SYSSTAT", varsize=0, statMode=0, sysStat=1 << 17)
+    assert not only(Position, decode(timeout, frame("GNSSSOL", **GNSS))).valid
+
+
+def test_a_velocity_from_the_doppler_shift_is_no_position() -> None:
+    found = decode(frame("GNSSSOL", **GNSS | {"posType": 8}))
+    assert (only(Position, found).valid, only(Velocity, found).valid) == (False, True)
+
+
 def test_a_gnss_solution_without_numbers_is_none() -> None:
     lost = {"lat": math.nan, "velNED": [math.nan] * 3, "pdop": math.inf}
     found = decode(frame("GNSSSOL", **GNSS | lost))

@@ -24,8 +24,9 @@ convention, an undulation of exactly 0 is read as "no geoid model", and while GN
 there is no device time.
 
 Several messages may carry the same quantity.  Of one device only one kind counts, so that a consumer never sees two
-solutions mixed (see ``belief``): for five seconds after a better message the others become Readings.  Who wants the
-receiver's solution beside that of the system gives the line two devices, the second one with ``only = ["GNSSSOL"]``.
+solutions mixed (see ``belief``): for five seconds after a better, valid message the others become Readings.  Who wants
+the receiver's solution beside that of the system gives the line two devices, the second one with
+``only = ["GNSSSOL"]``.
 
 The system is silent until a channel was opened and messages were asked for, unless it was configured to start by
 itself.  ``ask = true`` does that after every connect; commands are taken on the serial line (over UDP the system only

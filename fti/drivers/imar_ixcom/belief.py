@@ -3,12 +3,15 @@
 A measurement does not say which message it comes from, so a consumer must never get two kinds of it from one device:
 the position of the system and that of its receiver's antenna, raw inertial data and corrected ones.  What gives way
 becomes Readings with the names of message and field: nothing is lost, and nothing is mixed.
+
+A better message takes over as soon as it is valid, a lesser one when no better one was valid for five seconds; while
+neither is, the one that counted last goes on to say so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 from fti.types import ImuSample, Measurement, Position, PressureAltitude, Reading, Velocity
 
@@ -19,7 +22,12 @@ PREFERRED: dict[type, tuple[tuple[str, ...], ...]] = {
     Position: (("INSSOL", "INSPOSLLH"), ("GNSSSOL",)),
     PressureAltitude: (("AIRDATA",), ("INSSOL",)),
 }
-RANKS = {(kind, name): rank for kind, lines in PREFERRED.items() for rank, names in enumerate(lines) for name in names}
+#: Message -> quantity -> its place in that order.
+RANKS: dict[str, dict[type, int]] = {}
+for _kind, _lines in PREFERRED.items():
+    for _rank, _names in enumerate(_lines):
+        for _name in _names:
+            RANKS.setdefault(_name, {})[_kind] = _rank
 #: For so long after a better message the others give way [ns].
 PATIENCE_NS = 5_000_000_000
 
@@ -33,29 +41,54 @@ UNITS = {
 UNIT_OF = {name: unit for unit, names in UNITS.items() for name in names}
 
 
+@dataclass(slots=True)
+class Source:
+    """The message that counts: its rank, when it came last, when it was valid last (None: never) [ns]."""
+
+    rank: int
+    heard_ns: int
+    valid_ns: int | None = None
+
+
 class Belief:
     """Remembers which message last carried each quantity."""
 
     def __init__(self) -> None:
-        self._best: dict[type, tuple[int, int]] = {}
+        self._sources: dict[type, Source] = {}
 
     def sift(self, name: str, found: list[Measurement]) -> list[Measurement]:
         """The measurements of a message; those that give way as Readings."""
+        ranks = RANKS.get(name)
+        if ranks is None:
+            return found
         out: list[Measurement] = []
         for m in found:
-            rank = RANKS.get((type(m), name))
-            if rank is None or self._counts(type(m), rank, m.stamp.t_rx_ns):
+            rank = ranks.get(type(m))
+            if rank is None or self._counts(rank, m):
                 out.append(m)
             else:
                 out += as_readings(name.lower(), m)
         return out
 
-    def _counts(self, kind: type, rank: int, now: int) -> bool:
-        best, since = self._best.get(kind, (rank, now))
-        if rank > best and 0 <= now - since <= PATIENCE_NS:
-            return False
-        self._best[kind] = rank, now
+    def _counts(self, rank: int, m: Measurement) -> bool:
+        now, valid = m.stamp.t_rx_ns, getattr(m, "valid", True)
+        source = self._sources.get(type(m))
+        if source is None or source.rank != rank:
+            if source and not _takes_over(rank, valid, now, source):
+                return False
+            source = self._sources[type(m)] = Source(rank, now)
+        source.heard_ns = now
+        if valid:
+            source.valid_ns = now
         return True
+
+
+def _takes_over(rank: int, valid: bool, now: int, source: Source) -> bool:
+    """Does a message of another rank count from now on?"""
+    if valid and rank < source.rank:
+        return True
+    since = source.valid_ns if valid else source.heard_ns
+    return since is None or not 0 <= now - since <= PATIENCE_NS
 
 
 def as_readings(prefix: str, measurement: Measurement) -> Iterator[Reading]:

@@ -8,7 +8,7 @@ from fti.drivers.imar_ixcom.belief import Belief
 from fti.drivers.imar_ixcom.commands import decode_response
 from fti.drivers.imar_ixcom.heard import Heard
 from fti.drivers.imar_ixcom.messages import BY_NUMBER, Message
-from fti.drivers.imar_ixcom.options import NAMES, NUMBERS, RESERVED, Options
+from fti.drivers.imar_ixcom.options import NUMBERS, RESERVED, Options
 from fti.drivers.imar_ixcom.sysstat import SHORTEST
 from fti.drivers.imar_ixcom.wire import FRAME_MAX, Frame, measure, read_frame
 from fti.types import Measurement
@@ -33,8 +33,7 @@ class Decoder:
         return found
 
     def _take(self, frame: Frame) -> list[Measurement]:
-        name = NAMES.get(frame.number, f"0x{frame.number:02X}")
-        message = BY_NUMBER.get(frame.number)
+        name, message = BY_NUMBER[frame.number]
         taken = not self._only or name in self._only
         found = self._decode(message, frame) if message and taken else []
         if found is None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from itertools import chain
+
+from fti.drivers._quick import quick_class
 from fti.drivers.imar_ixcom.deviations import UNKNOWN, Deviations
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import SYSTEM_ERRORS
@@ -10,6 +14,7 @@ from fti.types import DeviceStatus, Stamp
 
 #: What was said so long ago counts no more [ns].
 KEPT_NS = 5_000_000_000
+new_status = quick_class(DeviceStatus)
 
 
 class Heard:
@@ -39,8 +44,8 @@ class Heard:
         if not self._words:
             return frame.footer.flags
         now = frame.stamp.t_rx_ns
-        said = (flags for since, flags in self._words.values() if 0 <= now - since <= KEPT_NS)
-        return tuple(dict.fromkeys((*frame.footer.flags, *(flag for flags in said for flag in flags))))
+        said = [flags for since, flags in self._words.values() if 0 <= now - since <= KEPT_NS]
+        return _joined(frame.footer.flags, *said)
 
     def status(self, frame: Frame, always: bool) -> list[DeviceStatus]:
         """The status, if it is another than before, or always."""
@@ -49,4 +54,10 @@ class Heard:
             return []
         self._told = flags
         ok = frame.footer.ok and SYSTEM_ERRORS.isdisjoint(flags)
-        return [DeviceStatus(stamp=frame.stamp, ok=ok, flags=flags)]
+        return [new_status(stamp=frame.stamp, ok=ok, flags=flags)]
+
+
+@lru_cache(maxsize=256)
+def _joined(*words: tuple[str, ...]) -> tuple[str, ...]:
+    """The flags of all words, each once."""
+    return tuple(dict.fromkeys(chain.from_iterable(words)))

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import struct
 
+from fti.drivers._quick import quick_class
 from fti.drivers.imar_ixcom.heard import Heard
 from fti.drivers.imar_ixcom.readings import decode_items, finite, xyz
 from fti.drivers.imar_ixcom.selection import IMU_CORRECTED, IMU_GRAVITY_FREE, IMU_RAW
@@ -25,6 +26,7 @@ from fti.drivers.imar_ixcom.wire import Frame
 from fti.types import ImuSample, Measurement, Stamp
 
 IMU = struct.Struct("<3f3f")
+new_sample = quick_class(ImuSample)
 LOST = (math.nan, math.nan, math.nan)
 #: Readings of IMUCOMP.
 GRAVITY_FREE = (*xyz("accel_gravity_free", "m/s^2"), *xyz("gyro_earth_rate_free", "rad/s"))
@@ -36,7 +38,7 @@ def decode_imu(stamp: Stamp, accel: Triple, gyro: Triple, selection: int) -> lis
         return [*decode_items(stamp, GRAVITY_FREE, (*accel, *gyro))]
     if not selection & (IMU_RAW | IMU_CORRECTED) or not finite(*accel, *gyro):
         return []
-    return [ImuSample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
+    return [new_sample(stamp=stamp, accel_b=accel, gyro_b=gyro)]
 
 
 def decode_imuraw(frame: Frame, heard: Heard) -> list[Measurement]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from fti.drivers.imar_ixcom import inertial, satellites, solution, surroundings, sysstat
 from fti.drivers.imar_ixcom.deviations import EKFSTDDEV, ITEMS, decode_deviations
 from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.options import NUMBERS
+from fti.drivers.imar_ixcom.options import NAMES
 from fti.drivers.imar_ixcom.readings import decode_items
 from fti.drivers.imar_ixcom.wire import Frame
 from fti.types import Measurement
@@ -60,4 +60,8 @@ TABLE = (
     Message("EXTHEIGHT", "height from outside, in and out: readings",
             surroundings.EXTHEIGHT.size, surroundings.decode_extheight),
 )  # fmt: skip
-BY_NUMBER: Mapping[int, Message] = {NUMBERS[message.name]: message for message in TABLE}
+BY_NAME = {message.name: message for message in TABLE}
+#: Every number that a frame can have: its name, and its message where that is understood.
+BY_NUMBER: Mapping[int, tuple[str, Message | None]] = {
+    number: (name, BY_NAME.get(name)) for number in range(256) for name in [NAMES.get(number, f"0x{number:02X}")]
+}

@@ -35,8 +35,8 @@ def encode_items(items: Iterable[Item], known: Mapping[str, float | None]) -> li
 
 
 def finite(*values: float) -> bool:
-    """All are numbers."""
-    return all(map(math.isfinite, values))
+    """All are numbers: one that is not makes the sum none."""
+    return math.isfinite(sum(values))
 
 
 def or_nan(value: float | None) -> float:

@@ -6,7 +6,9 @@
                   68 satellites used u8 | 69 tracked u8 | 70 base station u16 | 72 differential age f [s]
                   76 solution age f [s] | 80 receiver status u32
 
-It is valid when a solution of some type was computed.  An undulation of exactly 0 is read as "no geoid model".
+It is valid when a solution of some type was computed, and neither the footer nor the words of the receiver and the
+system call it invalid or timed out; a solution of the Doppler shift is a velocity and no position.  An undulation of
+exactly 0 is read as "no geoid model".
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ ITEMS = (
     Item("gnss_differential_age", "s"),
     Item("gnss_solution_age", "s"),
 )
+DOPPLER = 8
+INVALID = frozenset({"gnss_invalid", "gnss_solution_invalid", "sysstat_gnss_invalid", "gnss_timeout"})
 SOLUTION, TYPE = "gnss_solution_", "gnss_type_"
 
 
@@ -48,12 +52,12 @@ def decode_gnsssol(frame: Frame, heard: Heard) -> list[Measurement]:
     solution, kind, pdop, used, tracked, base, differential_age, age, word = v[13:22]
     flags = (f"{SOLUTION}{SOLUTIONS.get(solution, solution)}", f"{TYPE}{TYPES.get(kind, kind)}")
     heard.keep_words("GNSSSOL", frame.stamp, flags + decode_word(word, GNSS))
-    valid = solution == 0 and kind != 0
+    valid = solution == 0 and kind != 0 and INVALID.isdisjoint(heard.flags(frame))
     return [
         *decode_items(frame.stamp, ITEMS, (tracked, base, differential_age, age)),
         Satellites(stamp=frame.stamp, used=used, pdop=pdop if math.isfinite(pdop) else None),
         *_velocity(frame, v, valid),
-        *_position(frame, v, valid),
+        *_position(frame, v, valid and kind != DOPPLER),
     ]
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import struct
 
+from fti.drivers._quick import quick_class
 from fti.drivers._units import wrap_heading
 from fti.drivers.imar_ixcom.deviations import Deviations
 from fti.drivers.imar_ixcom.heard import Heard
@@ -31,14 +32,17 @@ from fti.drivers.imar_ixcom.selection import (
     USUAL,
     VEL_BODY,
     VEL_ECEF,
+    VEL_ENU,
+    VEL_NED,
 )
-from fti.drivers.imar_ixcom.turning import VELOCITY_FRAMES, Triple
+from fti.drivers.imar_ixcom.turning import Triple, from_body, from_ecef
 from fti.drivers.imar_ixcom.wire import Frame
 from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, Velocity
 
 INSSOL = struct.Struct("<3f3f3f3fddfhH")
 THREE = struct.Struct("<3f")
 POSITION = struct.Struct("<ddf")
+new_attitude, new_velocity, new_position = quick_class(Attitude), quick_class(Velocity), quick_class(Position)
 Place = tuple[float | None, float | None, float | None]  # lat, lon, alt
 LOST = THREE.pack(math.nan, math.nan, math.nan)
 
@@ -50,18 +54,20 @@ def decode_inssol(frame: Frame, heard: Heard) -> list[Measurement]:
     """Inertial sample, attitude, velocity, position."""
     v = INSSOL.unpack(frame.payload)
     selection, sd = v[16] or heard.options.data_selection, heard.deviations(frame.stamp)
-    angles_known = not selection & RPY_DIN70000 and finite(*v[6:9])
-    found: list[Measurement] = [*decode_imu(frame.stamp, v[0:3], v[3:6], selection)]
-    if angles_known:
-        found.append(_attitude(frame, v[6:9], sd))
-    if ned := _north_east_down(v, selection, angles_known):
+    rpy: Triple | None = v[6:9]
+    if selection & RPY_DIN70000 or not finite(v[6], v[7], v[8]):
+        rpy = None
+    found = decode_imu(frame.stamp, v[0:3], v[3:6], selection)
+    if rpy:
+        found.append(_attitude(frame, rpy, sd))
+    if finite(v[9], v[10], v[11]) and (ned := _north_east_down(v[9:12], selection, rpy, v[13], v[12])):
         found.append(_velocity(frame, ned, sd))
     return found + _places(frame, v, selection, sd)
 
 
 def _attitude(frame: Frame, rpy: Triple, sd: Deviations) -> Attitude:
     roll, pitch, yaw = rpy
-    return Attitude(
+    return new_attitude(
         stamp=frame.stamp,
         roll=roll,
         pitch=pitch,
@@ -74,35 +80,33 @@ def _attitude(frame: Frame, rpy: Triple, sd: Deviations) -> Attitude:
 
 
 def _velocity(frame: Frame, ned: Triple, sd: Deviations) -> Velocity:
-    return Velocity(
+    return new_velocity(
         stamp=frame.stamp, north=ned[0], east=ned[1], down=ned[2], sd=sd.velocity, valid=frame.footer.aligned
     )
 
 
-def _north_east_down(v: tuple[float, ...], selection: int, angles_known: bool) -> Triple | None:
-    """The velocity of INSSOL; None where there is none, or what turns it is not known."""
-    lon, lat = v[12:14]
-    if not finite(*v[9:12]):
-        return None
-    for bit, turn in VELOCITY_FRAMES:
-        if selection & bit:
-            known = finite(lon, lat) if bit == VEL_ECEF else bit != VEL_BODY or angles_known
-            return turn((v[9], v[10], v[11]), (v[6], v[7], v[8]), lat, lon) if known else None
-    return None
+def _north_east_down(vel: Triple, selection: int, rpy: Triple | None, lat: float, lon: float) -> Triple | None:
+    """The velocity of INSSOL; None where nothing says which it is, or what turns it is not known."""
+    if selection & VEL_NED:
+        return vel
+    if selection & VEL_ENU:
+        return vel[1], vel[0], -vel[2]
+    if selection & VEL_ECEF:
+        return from_ecef(vel, lat, lon) if finite(lat, lon) else None
+    return from_body(vel, rpy) if selection & VEL_BODY and rpy else None
 
 
 def _places(frame: Frame, v: tuple[float, ...], selection: int, sd: Deviations) -> list[Measurement]:
     """The position of INSSOL, and its altitude where that is barometric."""
-    height, undulation = v[14] if finite(v[14]) else None, v[15] / 100 if v[15] else None
+    lon, lat = v[12:14] if selection & LON_LAT and finite(v[12], v[13]) else (None, None)
+    height, undulation = v[14] if math.isfinite(v[14]) else None, v[15] / 100 if v[15] else None
     alt = alt_msl = None
     if selection & ALT_WGS84:
         alt, alt_msl = height, None if height is None or undulation is None else height - undulation
     elif selection & ALT_MSL:
         alt, alt_msl = None if height is None or undulation is None else height + undulation, height
     found: list[Measurement] = []
-    placed = selection & LON_LAT and finite(*v[12:14])
-    if placed or alt is not None or alt_msl is not None:
-        lon, lat = v[12:14] if placed else (None, None)
+    if lat is not None or alt is not None or alt_msl is not None:
         found.append(_position(frame, (lat, lon, alt), sd, alt_msl, undulation))
     if selection & ALT_BARO and height is not None:
         found.append(PressureAltitude(stamp=frame.stamp, alt_press=height, valid=frame.footer.placed))
@@ -112,7 +116,7 @@ def _places(frame: Frame, v: tuple[float, ...], selection: int, sd: Deviations) 
 def _position(
     frame: Frame, place: Place, sd: Deviations, alt_msl: float | None = None, undulation: float | None = None
 ) -> Position:
-    return Position(
+    return new_position(
         stamp=frame.stamp,
         lat=place[0],
         lon=place[1],

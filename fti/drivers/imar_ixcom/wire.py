@@ -7,14 +7,16 @@ import struct
 from typing import NamedTuple
 
 from fti.drivers._framing import Skip, skip_to
+from fti.drivers._quick import quick_class
 from fti.drivers._times import SECOND_NS, gps_ns, gps_week
 from fti.drivers.imar_ixcom.status import Footer, decode_footer
 from fti.types import Stamp, TimeScale
 
 SYNC = b"\x7e"
 HEADER = struct.Struct("<BBBBHHII")
-FOOTER = struct.Struct("<HH")
-FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER.size, 4096
+FOOTER_SIZE = 4
+FRAME_MIN, FRAME_MAX = HEADER.size + FOOTER_SIZE, 4096
+new_stamp = quick_class(Stamp)
 
 
 class Frame(NamedTuple):
@@ -29,8 +31,8 @@ class Frame(NamedTuple):
 
 def measure(buffer: bytearray) -> int | Skip:
     """Framing; see ``fti.drivers._framing``."""
-    if skip := skip_to(buffer, SYNC):
-        return skip
+    if buffer[0] != SYNC[0]:
+        return skip_to(buffer, SYNC) or 0
     if len(buffer) < 6:
         return 0
     length = buffer[4] | buffer[5] << 8
@@ -45,17 +47,17 @@ def measure(buffer: bytearray) -> int | Skip:
 def read_frame(data: bytes, t_rx_ns: int) -> Frame:
     """The parts of a frame that ``measure`` let pass; without a device time while GNSS has not set the clock."""
     _, number, counter, _, _, week, seconds, micros = HEADER.unpack_from(data)
-    footer = decode_footer(FOOTER.unpack_from(data, len(data) - FOOTER.size)[0])
+    footer = decode_footer(data[-4] | data[-3] << 8)
     t_gps_ns = gps_ns(week, seconds * SECOND_NS + micros * 1000)
-    stamp = Stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.timed else Stamp(t_rx_ns)
-    return Frame(number, counter, stamp, data[HEADER.size : -FOOTER.size], footer)
+    stamp = new_stamp(t_rx_ns, t_gps_ns, TimeScale.GPS) if footer.timed else new_stamp(t_rx_ns)
+    return Frame(number, counter, stamp, data[HEADER.size : -FOOTER_SIZE], footer)
 
 
 def encode_frame(number: int, counter: int, t_gps_ns: int, status: int, payload: bytes) -> bytes:
     """Any frame of the protocol.  t_gps_ns : GPS time [ns]; status : the footer's word."""
     week, in_week_ns = gps_week(t_gps_ns + 500)  # to the nearest microsecond
     seconds, rest_ns = divmod(in_week_ns, SECOND_NS)
-    length = HEADER.size + len(payload) + FOOTER.size
+    length = HEADER.size + len(payload) + FOOTER_SIZE
     body = HEADER.pack(SYNC[0], number, counter & 0xFF, 0, length, week & 0xFFFF, seconds, rest_ns // 1000)
     body += payload + status.to_bytes(2, "little")
     return body + binascii.crc_hqx(body, 0).to_bytes(2, "little")
