@@ -32,7 +32,8 @@ async def serve_commands(path: Path, obey: Obey, report: Report) -> asyncio.Serv
 
     async def attend(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         who = _describe_peer(writer.get_extra_info("socket"))
-        with guarded("control socket", report), contextlib.suppress(ConnectionError):  # a client may go at any time
+        gone = contextlib.suppress(ConnectionError, asyncio.CancelledError)  # a client may go at any time, and we too
+        with guarded("control socket", report), gone:
             try:
                 while line := await reader.readline():
                     await _say(writer, await _answer(line, obey, who, report))

@@ -124,9 +124,27 @@ async def test_a_client_that_goes_before_its_answer_is_no_failure(rig: Rig, tmp_
         await asyncio.sleep(0.01)
         rig.bench.recorder_says()
         rig.bench.answer()
-        await until_async(lambda: not any("attend" in str(task.get_coro()) for task in asyncio.all_tasks()))
+        await until_async(lambda: not attending())
     assert failed == []
     assert len(rig.bench.sent) == 1
+
+
+async def test_a_daemon_that_ends_while_a_client_is_there_says_nothing(rig: Rig, tmp_path: Path) -> None:
+    wrong: list[dict[str, Any]] = []
+    asyncio.get_running_loop().set_exception_handler(lambda loop, context: wrong.append(context))
+    async with client(rig, tmp_path):
+        await until_async(attending)
+        tasks = attending()
+        for task in tasks:  # as the end of the loop does
+            task.cancel()
+        await asyncio.wait(tasks)
+        await asyncio.sleep(0)
+    assert wrong == []
+
+
+def attending() -> list[asyncio.Task[Any]]:
+    """Those who answer a client."""
+    return [task for task in asyncio.all_tasks() if "attend" in str(task.get_coro())]
 
 
 @contextlib.asynccontextmanager
