@@ -148,7 +148,13 @@ def read_dbc(text: str) -> Database:
 @cache
 def read_layouts(text: str) -> tuple[Layout, ...]:
     """The messages of a DBC.  Raises ValueError naming what is wrong."""
-    return tuple(_layout(message) for message in read_dbc(text).messages if message.name != NO_MESSAGE)
+    layouts = tuple(_layout(message) for message in read_dbc(text).messages if message.name != NO_MESSAGE)
+    first: dict[tuple[int, bool], str] = {}
+    for layout in layouts:
+        other = first.setdefault((layout.can_id, layout.extended), layout.name)
+        if other != layout.name:
+            raise ValueError(f"dbc: messages {other!r} and {layout.name!r} have the same identifier {layout.can_id}")
+    return layouts
 
 
 def _layout(message: Any) -> Layout:

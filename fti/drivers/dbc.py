@@ -109,6 +109,9 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._plans = read_plans(text_of(options), options.counter)
+        stated = options.counter if "counter" in options.model_fields_set else ""
+        if stated and not any(plan.counter for plan in self._plans.values()):
+            raise ValueError(f"counter = {stated!r}: no message of the DBC has such a signal")
         self._watch = BusWatch(options.silent_after, self.counters.lost)
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:

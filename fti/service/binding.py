@@ -103,6 +103,9 @@ def _bind(config: Config, index: int, device: Device, texts: Mapping[str, str]) 
         )
     if twice := [name for name in device.options if f"{name}{FILE_ENDING}" in device.options]:
         raise ConfigError(f"{config.path}: {key}.options: {twice[0]} and {twice[0]}{FILE_ENDING}: give one of them")
+    if blank := [name for name in device.options if not texts.get(f"{key}.options.{name}", "full").strip()]:
+        # Without a text the driver would take what is built in.
+        raise ConfigError(f"{config.path}: {key}.options.{blank[0]} = {device.options[blank[0]]!r}: the file is empty")
     table = _with_texts(device.options, f"{key}.options", texts)
     options = configuration.bind(driver.Options, table, config.path, f"{key}.options")
     bound = BoundDevice(device, driver, options)

@@ -390,6 +390,11 @@ def test_a_wrong_label_is_refused_in_a_sentence(label: dict[str, object], senten
         bind(arinc429.Options, {"labels": [label]}, "test.toml")
 
 
+def test_a_wrong_label_is_named_by_its_place() -> None:
+    with pytest.raises(ConfigError, match=r"^test.toml: options.labels.list\[1\].bits = 21: [^;]*$"):
+        bind(arinc429.Options, {"labels": [GOOD, GOOD | {"bits": 21}]}, "test.toml", "options")
+
+
 @pytest.mark.parametrize(
     ("text", "error", "sentence"),
     [

@@ -7,6 +7,7 @@ import random
 import re
 import struct
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import can
@@ -16,11 +17,14 @@ from cantools.database.errors import DecodeError
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fti import config
 from fti.canframe import EXTENDED, pack_can
 from fti.cli.decode import candump_frames
 from fti.config import bind
 from fti.drivers import dbc
 from fti.drivers._quick import quick_maker, quick_reading, quick_stamp
+from fti.errors import ConfigError
+from fti.service.binding import bind_devices
 from fti.types import (
     Airspeed,
     DeviceStatus,
@@ -343,12 +347,35 @@ def test_signals_may_overlap_and_those_of_no_message_are_left_alone() -> None:
             "dbc: signal 'sideslip' does not fit into the 8 bytes of its message",
         ),
         (re.sub(r"BO_ .*", "", AIR_DATA, flags=re.DOTALL), "dbc: there is no message in it"),
+        (
+            ALIVE + ALIVE.partition("BU_: a\n")[2].replace(" m:", " n:"),
+            "dbc: messages 'm' and 'n' have the same identifier 291",
+        ),
     ],
 )
 def test_a_wrong_dbc_is_refused_in_a_sentence(text: str, sentence: str) -> None:
     for make in (dbc.make_decoder, dbc.make_encoder):
         with pytest.raises(ValueError, match=sentence):
             make(dbc.Options(dbc=text))
+
+
+def test_a_counter_that_no_message_has_is_refused_where_it_is_stated() -> None:
+    with pytest.raises(ValueError, match="counter = 'alife': no message of the DBC has such a signal"):
+        dbc.make_decoder(dbc.Options(dbc=ALIVE, counter="alife"))
+    assert dbc.make_decoder(dbc.Options(dbc=ALIVE))
+    assert dbc.make_decoder(dbc.Options(dbc=ALIVE, counter=""))
+
+
+def test_an_empty_file_is_not_the_built_in_dbc(tmp_path: Path) -> None:
+    text = """
+        session = { name = "bus", directory = "out" }
+        link = [{ name = "bus", kind = "can", interface = "socketcan", channel = "can0" }]
+        device = [{ name = "unit", link = "bus", driver = "canaerospace", options = { dbc_file = "unit.dbc" } }]
+    """
+    (tmp_path / "bus.toml").write_text(text)
+    (tmp_path / "unit.dbc").write_text("\n")
+    with pytest.raises(ConfigError, match=r"device\[0\].options.dbc_file = 'unit.dbc': the file is empty"):
+        bind_devices(config.load(tmp_path / "bus.toml"))
 
 
 def test_the_option_names_a_file_and_carries_its_text() -> None:

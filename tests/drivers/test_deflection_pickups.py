@@ -130,6 +130,10 @@ def test_a_wrong_calibration_is_refused_in_a_sentence(text: str, sentence: str) 
         read_tables(text, ["flaps", "rudder"])
 
 
+def test_a_calibration_from_a_spreadsheet_is_read() -> None:
+    assert read_tables("\ufeff" + FLAPS.replace("\n", "\r\n"), ["flaps"]) == read_tables(FLAPS, ["flaps"])
+
+
 def test_the_shipped_calibration_has_a_table_for_every_surface() -> None:
     assert set(read_tables(CALIBRATION, SURFACES)) == set(SURFACES)
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from fti.config import StrictModel
 from fti.drivers import Counters
@@ -69,7 +69,10 @@ class Options(StrictModel):
     bus: Annotated[int, Field(ge=0, le=255)] | None = None
     set: str = "radio_altimeter"
     labels_file: str | None = None
-    labels: tuple[Label, ...] | str = ()
+    labels: Annotated[
+        Annotated[tuple[Label, ...], Tag("list")] | Annotated[str, Tag("text")],
+        Discriminator(lambda labels: "text" if isinstance(labels, str) else "list"),
+    ] = ()
 
 
 def chosen_labels(options: Options) -> LabelSet:

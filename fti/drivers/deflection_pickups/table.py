@@ -70,7 +70,8 @@ class Table:
 def read_tables(text: str, surfaces: Iterable[str]) -> dict[str, Table]:
     """Tables by surface.  surfaces : those that there are.  Raises ValueError naming the line and what is allowed."""
     known = set(surfaces)
-    rows = [(n, line) for n, line in enumerate(text.splitlines(), 1) if line.strip() and not line.startswith("#")]
+    lines = text.removeprefix("\ufeff").splitlines()  # spreadsheets begin UTF-8 with a mark
+    rows = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not text:
         return {}
     if rows and _cells(rows[0][1]) != COLUMNS:
