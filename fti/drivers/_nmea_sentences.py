@@ -59,6 +59,10 @@ class Calendar:
         """The receiver has said date and time."""
         self._day, self._of_day_ns = day, of_day_ns
 
+    def forget(self) -> None:
+        """The receiver does not know the date: it was switched off and on."""
+        self._day = None
+
     def stamp(self, t_rx_ns: int, of_day_ns: int | None) -> Stamp:
         """The stamp of a sentence with a time of the day; without device time when there is no date."""
         if of_day_ns is None or self._day is None:
@@ -132,6 +136,8 @@ class Sentences:
         of_day_ns, day = fields.time_of_day(f[1]), fields.day(f[9])
         if day is not None and of_day_ns is not None:
             self._calendar.set(day, of_day_ns)
+        elif f[2] != "A":
+            self._calendar.forget()
         stamp = self._calendar.stamp(t_rx_ns, of_day_ns)
         ok = self._fix = f[2] == "A" and _measured(f, 12)
         velocity = _velocity(stamp, _knots(f[7]), f[8], ok)

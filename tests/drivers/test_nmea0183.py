@@ -227,6 +227,14 @@ def test_a_late_sentence_is_of_the_old_day() -> None:
     assert times(DAY_1 + day_2 + late + GGA_0)[1:] == [NEW_YEAR_NS, NEW_YEAR_NS - 500_000_000, NEW_YEAR_NS]
 
 
+def test_a_date_does_not_outlast_the_receiver_that_told_it() -> None:
+    """One that was switched off and on has some time of the day, but no date, until it has a fix."""
+    started = sentence("GPRMC,000001.00,V,,,,,,,,,,N")
+    no_date = sentence("GPRMC,000000.00,A,4800.0,N,01130.0,E,1.0,2.0,,,,A")  # ZDA says it
+    assert times(DAY_1 + no_date + GGA_0)[1:] == [NEW_YEAR_NS, NEW_YEAR_NS]
+    assert times(DAY_1 + started + GGA_0)[1:] == [None, None]
+
+
 def test_date_and_time_alone() -> None:
     (found,) = decode(sentence("GPZDA,120000.25,29,02,2024,00,00"))
     assert found == DeviceTime(stamp=Stamp(1, unix_ns("2024-02-29T12:00:00.250"), TimeScale.UTC))

@@ -398,6 +398,25 @@ def test_a_time_that_is_not_valid_is_none(missing: str) -> None:
     assert one(pvt(**{missing: 0}), Position).stamp.t_dev_ns is None
 
 
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        pvt(validDate=0, validTime=0),
+        pvt(validDate=1, validTime=0),
+        message("NAV-SOL", iTOW=1000, week=2300, towSet=1, wknSet=0),
+        message("NAV-TIMEGPS", iTOW=1000, week=2300, towValid=1, weekValid=0),
+    ],
+    ids=["pvt", "pvt_date", "sol", "timegps"],
+)
+def test_a_week_does_not_outlast_the_receiver_that_told_it(unknown: bytes) -> None:
+    """A receiver that was switched off and on counts iTOW from anywhere until it knows the time."""
+    clock = message("NAV-CLOCK", iTOW=5000, tAcc=1)
+    before, after, again = of(decode(pvt() + clock + unknown + clock + pvt() + clock), ReceiverClock)
+    assert before.stamp.t_dev_ns is not None
+    assert after.stamp == Stamp(1)
+    assert again.stamp == before.stamp
+
+
 def test_time_of_the_week_is_completed_with_the_week_that_was_told() -> None:
     clock = message("NAV-CLOCK", iTOW=5, tAcc=1)
     assert one(clock, ReceiverClock).stamp.t_dev_ns is None

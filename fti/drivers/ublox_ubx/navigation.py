@@ -40,7 +40,11 @@ def read_pvt(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     (itow, year, month, day, hour, minute, second, valid, _, nano, kind, flags, _, used, lon, lat, height, h_msl,
      h_acc, v_acc, north, east, down, speed, track, s_acc, _, pdop) = PVT.unpack_from(p)  # fmt: skip
     calendar = (year, month, day, hour, minute, second)
-    stamp = _utc(receiver, (t_rx_ns, itow), calendar, nano) if valid & VALID_TIMES == VALID_TIMES else Stamp(t_rx_ns)
+    stamp = Stamp(t_rx_ns)
+    if valid & VALID_TIMES == VALID_TIMES:
+        stamp = _utc(receiver, (t_rx_ns, itow), calendar, nano)
+    else:
+        receiver.forget_week()
     status = _status(stamp, kind, flags, CARRIER[flags >> 6] if flags >> 6 < len(CARRIER) else "")
     receiver.fix = status.ok
     lost = len(p) > PVT.size and bool(p[PVT.size] & INVALID_LLH)
@@ -121,6 +125,8 @@ def read_sol(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
     if flags & WEEK_SET and flags & TOW_SET and week > 0 and itow < WEEK_MS:
         receiver.tell_week(week, itow)
         stamp = Stamp(t_rx_ns, gps_ns(week, itow * 1_000_000 + fraction), TimeScale.GPS)
+    else:
+        receiver.forget_week()
     status = _status(stamp, kind, flags)
     receiver.fix = status.ok
     lat, lon, alt = geodetic(x / 100, y / 100, z / 100)

@@ -25,6 +25,10 @@ class Receiver:
         """The receiver has said the week of this time."""
         self._week, self._itow_ms = week, itow_ms
 
+    def forget_week(self) -> None:
+        """The receiver has said that it does not know the time: it was switched off and on."""
+        self._week = None
+
     def stamp(self, t_rx_ns: int, itow_ms: int) -> Stamp:
         """GPS time of a message that says the time of the week [ms]; without device time when the week is unknown."""
         if self._week is None or itow_ms >= WEEK_MS:
