@@ -27,6 +27,8 @@ WORD_S = 1.0
 MARGIN_NS = 20_000_000
 #: Commands of one device that wait for their end.
 MOST_OPEN = 32
+#: Answers that wait for the word that a command was sent; the oldest of more was not for it.
+MOST_EARLY = 100
 #: Wishes that are known again by their ``id``, and those among them that the page shows.
 MOST_KNOWN = 4096
 RECENT = 20
@@ -156,6 +158,8 @@ class Commander:
             self._settle(sent[0], ack)
         elif asked:
             asked[0].early.append(ack)
+            if len(asked[0].early) > MOST_EARLY:
+                self._unasked.tell(asked[0].early.pop(0))
         else:
             self._tell_unasked(ack)
 

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from fti.service.catalogue import Denied
-from fti.service.commands import LATE_NS, MOST_OPEN, MOST_UNASKED
+from fti.service.commands import LATE_NS, MOST_EARLY, MOST_OPEN, MOST_UNASKED
 from fti.service.requests import State
 from tests.helpers import until_async
 from tests.service.command_bench import SECOND_NS, Bench, make_catalogue
@@ -184,6 +184,16 @@ async def test_an_answer_may_come_before_the_word_that_it_was_sent(bench: Bench)
     bench.recorder_says()
     assert (await asked)["state"] == "acknowledged"
     assert bench.events[-2] == ("warning", "mag: refused something, which no command waits for")
+
+
+async def test_a_device_that_answers_without_end_fills_no_memory(bench: Bench) -> None:
+    asked = bench.ask()
+    await until_async(lambda: bench.sent)
+    for _ in range(MOST_EARLY + 5):
+        bench.answer("")
+    assert sum("no command waits" in text for _, text in bench.events) == 5
+    bench.recorder_says()
+    assert (await asked)["state"] == "acknowledged"
 
 
 async def test_an_answer_before_a_fault_was_to_something_else(bench: Bench) -> None:
