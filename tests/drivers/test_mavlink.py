@@ -20,6 +20,7 @@ from fti.types import (
     Attitude,
     DeviceStatus,
     DeviceTime,
+    ImpactPressure,
     ImuSample,
     Measurement,
     Position,
@@ -27,6 +28,7 @@ from fti.types import (
     Range,
     Reading,
     Stamp,
+    StaticPressure,
     TimeScale,
     Velocity,
 )
@@ -115,6 +117,22 @@ def test_each_link_of_a_source_has_its_own_time() -> None:
     frame[-6:] = signature(KEY, frame)
     _, counters = decode(SIGNED + bytes(frame), key=KEY.hex())
     assert not counters.skipped
+
+
+def test_an_old_record_of_a_link_that_was_not_heard_yet_is_not_believed() -> None:
+    """As the specification says: a new source or link may be a minute behind the others, not more."""
+
+    def signed(link: int, time: int) -> bytes:
+        frame = bytearray(SIGNED[: len(pack(ATTITUDE)) + 13])
+        frame[-13:-6] = bytes([link]) + time.to_bytes(6, "little")
+        frame[-6:] = signature(KEY, frame)
+        return bytes(frame)
+
+    now, minute = 10**9, 6_000_000
+    stream = signed(1, now) + signed(2, now - minute) + signed(3, now - minute + 1) + signed(2, now) + signed(4, 0)
+    _, counters = decode(stream, key=KEY.hex())
+    assert counters.messages == {"ATTITUDE": 3}
+    assert counters.skipped == {"replayed": 2 * len(signed(1, 0))}
 
 
 @pytest.mark.parametrize("key", ["", "00", "zz" * 32])
@@ -282,6 +300,7 @@ def test_one_system_can_be_chosen() -> None:
         ({"signal_quality": 1}, (15.0, 0.04, False)),  # 1 is an invalid signal
         ({"current_distance": 5001}, (None, 0.04, False)),
         ({"current_distance": 19}, (None, 0.04, False)),
+        ({"current_distance": 65535, "max_distance": 65535}, (None, 0.04, False)),
     ],
 )
 def test_distance_limits_and_quality_decide_what_is_valid(changes: dict[str, int], expected: tuple[Any, ...]) -> None:
@@ -345,6 +364,37 @@ def test_the_time_is_utc_where_the_autopilot_knows_it() -> None:
     known, unknown = (common.MAVLink_system_time_message(t, 5000) for t in (1_700_000_000_000_000, 0))
     assert decode(pack(known))[0] == [DeviceTime(stamp=Stamp(1, 1_700_000_000_000_000_000, TimeScale.UTC))]
     assert decode(pack(unknown))[0] == [DeviceTime(stamp=Stamp(1, 5_000_000_000, TimeScale.BOOT))]
+
+
+def test_a_time_of_zero_is_none() -> None:
+    assert decode(pack(common.MAVLink_system_time_message(0, 0)))[0] == []
+    attitude = common.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03)
+    gps = common.MAVLink_gps_raw_int_message(0, 3, 1, 1, 1, 65535, 65535, 65535, 65535, 255)
+    found = decode(pack(attitude) + pack(gps))[0]
+    assert {m.stamp for m in found if not isinstance(m, Reading)} == {Stamp(1)}
+
+
+def test_a_second_inertial_sensor_is_not_mixed_with_the_first() -> None:
+    first, second = (common.MAVLink_highres_imu_message(1, *(0.5,) * 13, 0xFFFF, id=which) for which in (0, 1))
+    assert sum(isinstance(m, ImuSample) for m in decode(pack(first) + pack(second))[0]) == 1
+    found, counters = decode(pack(common.MAVLink_raw_imu_message(1, *(7,) * 9, id=1)), raw_imu="scaled")
+    assert (found, counters.messages) == ([], {"RAW_IMU": 1})
+
+
+def test_pressures_of_zero_are_those_of_no_sensor() -> None:
+    """ArduPilot leaves press_diff at 0 where it has no airspeed sensor."""
+    (impact, static), _ = decode(pack(common.MAVLink_scaled_pressure_message(1, 950.0, 0.0, 0)))
+    assert isinstance(impact, ImpactPressure)
+    assert (impact.q_c, impact.valid) == (0.0, False)
+    assert isinstance(static, StaticPressure)
+    found, _ = decode(pack(common.MAVLink_scaled_pressure_message(1, 0.0, 5.0, 0)))
+    assert found == [ImpactPressure(stamp=Stamp(1, 1_000_000, TimeScale.BOOT), q_c=500.0)]
+
+
+def test_a_course_of_a_whole_turn_is_north() -> None:
+    message = common.MAVLink_gps_raw_int_message(1000, 3, 1, 1, 1, 65535, 65535, 1000, 36_000, 255)
+    velocity = next(m for m in decode(pack(message))[0] if isinstance(m, Velocity))
+    assert velocity.track == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_heartbeat_of_what_is_no_autopilot_says_nothing_about_it() -> None:
@@ -482,6 +532,15 @@ def test_the_emulated_autopilot_obeys_and_acknowledges() -> None:
     (refused,) = tell("request_message", message="VFR_HUD")
     assert isinstance(refused, Ack)
     assert not refused.accepted
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("number", [400, 511, 512])
+def test_the_emulated_autopilot_refuses_parameters_that_are_no_numbers(number: int, bad: float) -> None:
+    """NaN in a COMMAND_LONG means "not given"; many ground stations send it."""
+    order = common.MAVLink_command_long_message(1, 1, number, 0, bad, bad, 0, 0, 0, 0, 0)
+    (answer,) = mavlink.make_encoder(mavlink.Options()).respond(pack(order, system=255))
+    assert common.MAVLink(None).parse_char(answer).result == common.MAV_RESULT_UNSUPPORTED
 
 
 # ------------------------------------------------------------------------------------------------------ emulator

@@ -15,7 +15,7 @@ A message that the dialect does not know has no known seed, so its CRC proves no
 
 Signatures: without ``key`` a signed frame is taken as any other, and counted as "signed, not verified".  With ``key``
 (64 hexadecimal digits, or ``key_file``) only frames that are signed with it are taken, and of each source and link only
-later ones than the last; version 1 cannot be signed.
+later ones than the last, of a new one those at most a minute behind all others; version 1 cannot be signed.
 
 Sources: each system and component has its own sequence number; what is missing is counted in ``lost`` and told as a
 Reading "lost_from_S_C".  One that starts again looks like a loss; a number that comes twice is none.
@@ -36,13 +36,13 @@ Reading "lost_from_S_C".  One that starts again looks like a loss; a number that
     136 TERRAIN_REPORT      the autopilot's map: readings        253 STATUSTEXT  a reading with the text
     77 COMMAND_ACK          of our commands
 
-``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken; SCALED_IMU2 and 3
-are other sensors of the same autopilot and are counted only.  The emulated autopilot sends ATTITUDE (with the rates of
-an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample with accelerations (with the MagneticField of the same
-t_rx_ns), GLOBAL_POSITION_INT for a Position that has a Velocity of the same t_rx_ns, GPS_RAW_INT beside it when both
-heights are known, SCALED_PRESSURE for a StaticPressure (with the ImpactPressure of the same t_rx_ns), HEARTBEAT for a
-DeviceStatus.  ``emulate`` "simulator" sends HIL_SENSOR and HIL_GPS instead, for an autopilot that flies in a
-laboratory.
+``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken; SCALED_IMU2 and 3,
+and 27, 105 and 107 with another ``id`` than 0, are other sensors of the same autopilot and are counted only.  The
+emulated autopilot sends ATTITUDE (with the rates of an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample
+with accelerations (with the MagneticField of the same t_rx_ns), GLOBAL_POSITION_INT for a Position that has a Velocity
+of the same t_rx_ns, GPS_RAW_INT beside it when both heights are known, SCALED_PRESSURE for a StaticPressure (with the
+ImpactPressure of the same t_rx_ns), HEARTBEAT for a DeviceStatus.  ``emulate`` "simulator" sends HIL_SENSOR and HIL_GPS
+instead, for an autopilot that flies in a laboratory.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from fti.drivers._framing import Framer
 from fti.drivers._times import device_time_ns
 from fti.drivers._units import DEGREE, HECTOPASCAL, wrap_half_turn, wrap_heading
 from fti.drivers.mavlink.commands import REQUEST_MESSAGE, SET_MESSAGE_INTERVAL, Options
-from fti.drivers.mavlink.fields import UNKNOWN_U16
+from fti.drivers.mavlink.fields import UNKNOWN_U16, finite
 from fti.drivers.mavlink.motion import FIX_3D, NO_SATELLITES
 from fti.drivers.mavlink.sensors import (
     DOWNWARD,
@@ -238,9 +238,9 @@ class Orders:
 
     def _obey(self, m: Any, system: int, component: int) -> list[Any]:
         """A message that is wanted once is the last one of its number."""
-        wanted = self._last.get(int(m.param1))
+        wanted = self._last.get(m.param1)
         result, told = common.MAV_RESULT_ACCEPTED, []
-        if m.command == SET_MESSAGE_INTERVAL:
+        if m.command == SET_MESSAGE_INTERVAL and finite(m.param1, m.param2):
             self._intervals[int(m.param1)] = int(m.param2 * 1000)
         elif m.command == REQUEST_MESSAGE and wanted is not None:
             told = [wanted]

@@ -30,8 +30,8 @@ Reader = Callable[[Any, int, Settings], list[Measurement]]
 
 
 def boot(t_rx_ns: int, milliseconds: int) -> Stamp:
-    """A stamp of the time since the autopilot was switched on."""
-    return Stamp(t_rx_ns, milliseconds * 1_000_000, TimeScale.BOOT)
+    """A stamp of the time since the autopilot was switched on; 0 is what a sender fills in that tells no time."""
+    return Stamp(t_rx_ns, milliseconds * 1_000_000, TimeScale.BOOT) if milliseconds else Stamp(t_rx_ns)
 
 
 def micros(t_rx_ns: int, microseconds: int) -> Stamp:
@@ -41,6 +41,8 @@ def micros(t_rx_ns: int, microseconds: int) -> Stamp:
 
 def nanos(t_rx_ns: int, nanoseconds: int) -> Stamp:
     """The same in ns."""
+    if not nanoseconds:
+        return Stamp(t_rx_ns)
     return Stamp(t_rx_ns, nanoseconds, TimeScale.UTC if nanoseconds > UNIX_US * 1000 else TimeScale.BOOT)
 
 

@@ -18,6 +18,7 @@ from fti.types import (
     Reading,
     Satellites,
     Stamp,
+    TimeScale,
     Velocity,
 )
 
@@ -95,7 +96,8 @@ def decode_gps_raw(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement
         vertical_sd=known(m.v_acc, 0, 1e-3),
         valid=ok,
     )
-    speed, track = known(m.vel, UNKNOWN_U16, 1e-2), known(m.cog, UNKNOWN_U16, 1e-2 * DEGREE)
+    speed = known(m.vel, UNKNOWN_U16, 1e-2)
+    track = None if m.cog == UNKNOWN_U16 else wrap_heading(m.cog * 1e-2 * DEGREE)
     velocity = Velocity(stamp=stamp, ground_speed=speed, track=track, sd=known(m.vel_acc, 0, 1e-3), valid=ok)
     return [velocity, position, *_receiver(m, stamp, ok)]
 
@@ -135,9 +137,11 @@ def decode_hud(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
 
 
 def decode_time(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """SYSTEM_TIME 2; without UTC the time since boot."""
+    """SYSTEM_TIME 2; without UTC the time since boot; without both nothing."""
     told = micros(t_rx_ns, m.time_unix_usec)
-    return [DeviceTime(stamp=told if told.time_scale == "utc" else boot(t_rx_ns, m.time_boot_ms))]
+    if told.time_scale != TimeScale.UTC:
+        told = boot(t_rx_ns, m.time_boot_ms)
+    return [] if told.t_dev_ns is None else [DeviceTime(stamp=told)]
 
 
 def decode_timesync(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:

@@ -24,6 +24,7 @@ from fti.types import (
 DOWNWARD = 25
 LASER, RADAR = 0, 3
 INVALID_SIGNAL = 1
+FULL_SCALE = 0xFFFF  # where a range that is too long ends, whatever the largest one is said to be
 UNKNOWN_VARIANCE = 255
 GAUSS = 1e-4
 MILLI_G = 9.80665e-3
@@ -36,7 +37,7 @@ def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measuremen
     if m.orientation != DOWNWARD:
         return []
     stamp = boot(t_rx_ns, m.time_boot_ms)
-    inside = m.min_distance <= m.current_distance <= m.max_distance
+    inside = m.min_distance <= m.current_distance <= m.max_distance and m.current_distance != FULL_SCALE
     value = m.current_distance * 1e-2 if inside else None
     sd = math.sqrt(m.covariance) * 1e-2 if 0 < m.covariance < UNKNOWN_VARIANCE else None
     valid = inside and m.signal_quality != INVALID_SIGNAL
@@ -46,12 +47,12 @@ def decode_distance(m: Any, t_rx_ns: int, settings: Settings) -> list[Measuremen
 
 
 def decode_pressure(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """SCALED_PRESSURE 29."""
+    """SCALED_PRESSURE 29; exactly 0 is what an autopilot sends that has no pitot tube, or no sensor of pressure."""
     stamp = boot(t_rx_ns, m.time_boot_ms)
     found: list[Measurement] = []
     if finite(m.press_diff):
-        found.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL))
-    if finite(m.press_abs):
+        found.append(ImpactPressure(stamp=stamp, q_c=m.press_diff * HECTOPASCAL, valid=m.press_diff != 0.0))
+    if m.press_abs and finite(m.press_abs):
         found.append(StaticPressure(stamp=stamp, p_static=m.press_abs * HECTOPASCAL))
     return found
 
@@ -72,7 +73,9 @@ def _second_pressure(number: int) -> Reader:
 
 
 def decode_highres_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """HIGHRES_IMU 105 and HIL_SENSOR 107."""
+    """HIGHRES_IMU 105 and HIL_SENSOR 107, of the first sensor (``id`` 0) only."""
+    if m.id:
+        return []
     stamp, updated = micros(t_rx_ns, m.time_usec), m.fields_updated
     accel, gyro, mag = (m.xacc, m.yacc, m.zacc), (m.xgyro, m.ygyro, m.zgyro), (m.xmag, m.ymag, m.zmag)
     found: list[Measurement] = []
@@ -101,7 +104,9 @@ def decode_scaled_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurem
 
 
 def decode_raw_imu(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
-    """RAW_IMU 27: counts, unless the autopilot sends the units of SCALED_IMU (ArduPilot: ``raw_imu`` "scaled")."""
+    """RAW_IMU 27 of the first sensor (``id`` 0): counts, or the units of SCALED_IMU (ArduPilot: ``raw_imu`` scaled)."""
+    if m.id:
+        return []
     stamp = micros(t_rx_ns, m.time_usec)
     if settings.raw_imu == "scaled":
         return _scaled(m, stamp)

@@ -19,6 +19,7 @@ V1, V2 = 0xFE, 0xFD
 HEADER_V1, HEADER_V2 = 6, 10
 SIGNED = 0x01
 SIGNATURE = 13
+SLOWEST_CLOCK = 6_000_000  # [10 us]: a source or link that was not heard yet may be a minute behind the others
 FRAME_MAX = HEADER_V2 + 255 + 2 + SIGNATURE
 _START = re.compile(rb"[\xfd\xfe]")
 #: Length of the payload in version 1, which has no extensions, of the messages that are decoded.
@@ -127,6 +128,7 @@ class Frames:
     def __init__(self, dialect: str, key: bytes | None) -> None:
         self._dialect, self._key = dialect, key
         self._signed_at: dict[bytes, int] = {}  # (system, component, link) -> time of the last signature
+        self._newest = 0  # of all
 
     def measure(self, buffer: bytearray) -> int | Skip:
         if buffer[0] not in (V1, V2):
@@ -161,13 +163,14 @@ class Frames:
         return known
 
     def _authentic(self, frame: bytearray, key: bytes) -> int | Skip:
-        """Signed with the key, and later than the last of its source and link."""
+        """Signed with the key, and later than the last of its source and link; a new one may be a minute behind all."""
         if frame[0] == V1 or not frame[2] & SIGNED:
             return Skip(len(frame), "unsigned")
         if frame[-6:] != signature(key, frame):
             return Skip(len(frame), "bad_signature")
         source, time = bytes(frame[5:7] + frame[-13:-12]), int.from_bytes(frame[-12:-6], "little")
-        if time <= self._signed_at.get(source, -1):
+        if time <= self._signed_at.get(source, self._newest - SLOWEST_CLOCK):
             return Skip(len(frame), "replayed")
+        self._newest = max(self._newest, time)
         self._signed_at[source] = time
         return len(frame)
