@@ -10,7 +10,8 @@ airborne logger decodes (third party):
 
 Open, therefore options: the rule of byte 6 (default: not checked) and DLE stuffing (default: none).  The baud rate is
 the link's.  0x10 may stand inside the data; the trailer decides what is a frame.  Its ARINC 429 output is label 164,
-which is the driver ``arinc429``'s.
+which is the driver ``arinc429``'s.  That reaches to 8192 ft, so a height from there on is not valid: all bits set, or
+a few feet below zero on the ground if the number has a sign, which is open, would be 20 km.
 
 Quantisation [ft]: to 119: 1; to 199: 2; to 499: 5; to 999: 20; to 2099: 50; above: 100 (84629, as Spiegel 2018 prints
 it in table 7.9, first column as corrected in docs/errata.md).  Sigma is the root of the sum of squares of step /
@@ -43,6 +44,7 @@ DLE = 0x10
 BODY = 4  # altitude, status, checksum
 STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: "in_air"}
 INVALIDATING = ("self_test", "failure", "unlocked")
+FULL_SCALE_FT = 8192
 NotNegative = Annotated[float, Field(ge=0)]
 QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
 
@@ -91,7 +93,7 @@ def decode_height(body: bytes, t_rx_ns: int, options: Options) -> list[Measureme
     sd = sigma_ft(height_ft, options) * FOOT
     return [
         DeviceStatus(stamp=stamp, ok=ok, flags=flags),
-        RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok),
+        RadioHeight(stamp=stamp, height_agl=height_ft * FOOT, sd=sd, valid=ok and height_ft < FULL_SCALE_FT),
     ]
 
 

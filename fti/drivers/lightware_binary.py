@@ -26,8 +26,10 @@ guide, version 0, pages 21-32 (the same packet, another table of outputs, which 
 A packet does not say which outputs it has: they are those that the device was told after the connect (``outputs``).
 One of another length is counted as "distance_of_other_outputs", and nothing is made of it.
 
-Open: what stands for "no return" is not in these documents.  Lost is what is negative or in ``lost_m``, the distances
-of the text protocol (``lightware_ascii``); a true distance of just that centimetre is lost, too.
+Without a return the distance is -1000 mm (SF20 product guide of the newer firmware, command 95; how often it must be
+missed before that is told is its setting).  Lost is what is negative or in ``lost_m``, the distances of the text
+protocol (``lightware_ascii``), for what older firmware says is open; a true distance of just that centimetre is lost,
+too.  The stream's number is a byte in the LW20's guide and a uint32 in the others: four bytes are sent.
 """
 
 from __future__ import annotations

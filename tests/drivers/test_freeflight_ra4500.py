@@ -70,6 +70,12 @@ def test_the_device_says_when_it_is_not_to_be_believed(status: int, flag: str) -
     assert seen[0].flags == (flag,)
 
 
+@pytest.mark.parametrize(("altitude", "valid"), [(8191, True), (8192, False), (0xFFFE, False), (0xFFFF, False)])
+def test_a_height_that_the_instrument_does_not_reach_is_not_valid(altitude: int, valid: bool) -> None:
+    """FFFE is 20 km, or -2 ft of an aircraft that stands on its wheels."""
+    assert [m.valid for m in heights(frame(altitude))] == [valid]
+
+
 @pytest.mark.parametrize("rule", ["xor", "sum"])
 def test_a_checksum_rule_refuses_a_changed_byte(rule: str) -> None:
     options = ra.Options(checksum=rule)  # type: ignore[arg-type]

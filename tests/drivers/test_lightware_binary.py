@@ -38,6 +38,12 @@ def test_what_means_a_lost_signal_is_lost(cm: int) -> None:
     assert found == [Range(stamp=S, slant_range=None, valid=False)]
 
 
+def test_what_the_newer_guide_says_for_lost_is_lost_in_millimetres() -> None:
+    """SF20 product guide, command 95: "The distance output lost signal indication -1000"."""
+    found = decoded(lw.make_packet(45, struct.pack("<i", -1000)), unit="mm", outputs=("first_raw",))
+    assert found == [Range(stamp=S, slant_range=None, valid=False)]
+
+
 def test_outputs_stand_in_the_order_of_their_bits_and_one_is_the_distance() -> None:
     """SF45: first return raw (bit 0), last return raw (3), temperature (7), yaw (8), however they are listed."""
     outputs = ("yaw_angle", "last_raw", "temperature", "first_raw")
