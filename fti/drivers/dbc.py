@@ -57,7 +57,7 @@ BUILT_IN = importlib.resources.files("fti.drivers.canaerospace").joinpath("param
 class Options(StrictModel):
     """``dbc_file`` names the DBC (``dbc`` is its text, filled in from the file).
 
-    ``counter``: signal that counts the messages of an identifier and rolls over; empty: none does.
+    ``counter``: signal that counts the messages of an identifier and rolls over at its maximum; empty: none does.
     ``silent_after``: periods without a message after which a node is told to be silent.
     """
 
