@@ -337,6 +337,12 @@ async def test_a_command_goes_down_once_and_its_end_comes_back(
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
         await page.screenshot(tmp_path / f"commands_{width}.png")
+    await page.resize(360, 640)
+    widths = (
+        "[...document.querySelectorAll('#commands :is(select, .arguments small, li span)')].map((e) => e.offsetWidth)"
+    )
+    assert min(await page.eval(widths)) >= 130
+    await page.resize(1440, 900)
     await shows_what_the_chosen_command_takes(page, display)
     await page.eval(f"{by_testid('commands-close')}.click()")
     assert await page.text("link-gnss_line-state") == "absent"
