@@ -20,8 +20,8 @@ from fti.service.binding import BoundDevice
 from fti.service.guard import guarded
 from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame
 
-#: Why bytes are no frame that a decoder held when frames went missing.
-GAP = "gap"
+#: Why bytes are no frame that a decoder held when frames went missing, or had when it failed.
+GAP, FAILURE = "gap", "failure"
 
 
 @dataclass(slots=True)
@@ -47,6 +47,14 @@ class Listener:
         """Name of the device."""
         return self.bound.device.name
 
+    def start_afresh(self, reason: str) -> None:
+        """Another decoder goes on; what this one had begun with is skipped for that reason."""
+        before = self.decoder
+        self.decoder = self.bound.make_decoder()
+        _go_on(self.decoder.counters, before.counters, reason)
+        if isinstance(self.decoder, Remembering):
+            self.decoder.remember(before)
+
 
 class Chain:
     """Decoders of all links and the navigation pipeline behind them."""
@@ -62,11 +70,7 @@ class Chain:
     def pass_gap(self) -> None:
         """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
         for listener in self.listeners:
-            before = listener.decoder
-            listener.decoder = listener.bound.make_decoder()
-            _go_on(listener.decoder.counters, before.counters)
-            if isinstance(listener.decoder, Remembering):
-                listener.decoder.remember(before)
+            listener.start_afresh(GAP)
         self._pipeline.pass_gap()
 
     def feed(self, frame: RawFrame) -> Products:
@@ -101,7 +105,7 @@ class Chain:
             found = listener.decoder.feed(frame.data, frame.t_rx_ns)
             whole = True
         if not whole:  # a decoder must not fail; if one does, it alone starts again
-            listener.decoder = listener.bound.make_decoder()
+            listener.start_afresh(FAILURE)
         if found:
             listener.messages += len(found)
             listener.last_ns = frame.t_rx_ns
@@ -117,11 +121,11 @@ class Chain:
         return guarded(unit, tell)
 
 
-def _go_on(counters: Counters, before: Counters) -> None:
-    """Count on from where another decoder ended; what that one held was skipped."""
+def _go_on(counters: Counters, before: Counters, reason: str) -> None:
+    """Count on from where another decoder ended; what that one neither framed nor skipped is skipped now."""
     counters.bytes_in, counters.framed = before.bytes_in, before.framed
     counters.messages.update(before.messages)
     counters.skipped.update(before.skipped)
     counters.lost.update(before.lost)
-    if before.held:
-        counters.skipped[GAP] += before.held
+    if rest := before.bytes_in - before.framed - before.skipped.total():
+        counters.skipped[reason] += rest

@@ -6,12 +6,14 @@ import math
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from fti import config as configuration
 from fti.drivers import deflection_pickups
 from fti.drivers import freeflight_ra4500 as ra
 from fti.service.binding import bind_devices
 from fti.service.chain import GAP, Chain
-from fti.types import RadioHeight, RawFrame, Stamp, SurfaceDeflection
+from fti.types import Event, RadioHeight, RawFrame, Stamp, SurfaceDeflection
 from tests.drivers.test_deflection_pickups import FLAPS, RAW_FLAPS
 from tests.service.slow_navigation import CONFIG
 
@@ -70,6 +72,24 @@ def test_bytes_and_messages_are_counted_on_across_a_gap() -> None:
     _heights(chain, OTHER)
     assert counters.bytes_in == 5 + 2 * len(FRAME) + 4
     assert counters.bytes_in == counters.framed + counters.held + sum(counters.skipped.values())
+
+
+def test_bytes_are_counted_on_when_a_decoder_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A decoder must not fail; if one does, the ledger still adds up and the next frame is decoded."""
+    chain = _chain()
+    assert _heights(chain, FRAME) == [30]
+    with monkeypatch.context() as patch:
+        patch.setattr(chain.listeners[0].decoder, "_body", _fail)
+        products = chain.feed(RawFrame("line", 1, 1, FRAME))
+    assert [event.level for event in products.outputs if isinstance(event, Event)] == ["error"]
+    assert _heights(chain, OTHER) == [90]
+    counters = chain.listeners[0].decoder.counters
+    assert counters.bytes_in == 3 * len(FRAME)
+    assert counters.bytes_in == counters.framed + counters.held + sum(counters.skipped.values())
+
+
+def _fail(*_: object) -> None:
+    raise ZeroDivisionError
 
 
 def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -> None:
