@@ -31,7 +31,7 @@ class Link(Protocol):
         """Send; LinkError when it cannot be done now, ValueError when this link may not send."""
 
     async def drain(self) -> None:
-        """Read what the kernel still holds, before ``run`` is cancelled."""
+        """Read what the kernel still holds, before ``run`` is cancelled; nothing is sent from now on."""
 
 
 def open_link(link: config.Link, clock: Clock, sink: Sink, *, on_connect: Sequence[bytes] = ()) -> Link:

@@ -93,6 +93,7 @@ class BaseLink(ABC):
         self._send_lock = asyncio.Lock()
         self._gone: list[str] = []  # what has gone out of that which is being written, should it be given up
         self._lost: asyncio.Future[LinkError] | None = None  # pending while the port is open
+        self._ending = False
 
     # -------------------------------------------------------------------------------------------------- transport
 
@@ -209,7 +210,8 @@ class BaseLink(ABC):
         self._sink(frames, times_ns)
 
     async def drain(self) -> None:
-        """Read what the kernel still holds, before the link is cancelled."""
+        """Read what the kernel still holds, before the link is cancelled; nothing is sent from now on."""
+        self._ending = True
         loop = asyncio.get_running_loop()
         end, quiet = loop.time() + DRAIN_S, 0
         while self._lost and not self._lost.done() and quiet < 2 and loop.time() < end:
@@ -248,7 +250,9 @@ class BaseLink(ABC):
         return f"link {self.name}: cannot send: {error.strerror or error}"
 
     def _require_connection(self) -> None:
-        """Raises LinkError when the link is down."""
+        """Raises LinkError when the link is down, or about to be."""
+        if self._ending:
+            raise LinkError(f"link {self.name}: the session ends")
         if self._lost is None or self._lost.done():
             raise self._not_connected()
 

@@ -113,6 +113,20 @@ async def test_who_never_gets_a_turn_is_told_why(peer: Peer) -> None:
         assert opened.status.tx_frames == 0
 
 
+async def test_when_the_session_ends_nothing_is_sent_nor_a_greeting(peer: Peer) -> None:
+    async with running(link(peer, half_duplex=True, quiet_ms=30, answer_ms=0), [b"hello\r"]) as (opened, _):
+        await peer.expect(b"hello\r")
+        await opened.drain()
+        connects = opened.status.connects
+        peer.die()
+        peer.connect()
+        await until_async(lambda: opened.status.connects > connects)
+        with pytest.raises(LinkError, match="the session ends"):
+            await opened.send(b"x", 30.0)
+        assert peer.read() == b""
+        assert opened.status.tx_frames == 1
+
+
 async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) -> None:
     async with running(link(peer, half_duplex=True, quiet_ms=200, answer_ms=0)) as (opened, _):
         sending = asyncio.create_task(opened.send(b"x", 30.0))
