@@ -86,9 +86,13 @@ class Line:
     """The templates and fields of the options, checked.  Raises ValueError that says what is wrong."""
 
     def __init__(self, options: Options) -> None:
+        _check_characters(options)
         lost = {f.name: tuple(word for word in f.lost if isinstance(word, str)) for f in options.fields}
         self.template = Template(options.line, lost)
-        self.lost = [Template(text) for text in options.lost_lines]
+        self.lost = [_lost_line(text) for text in options.lost_lines]
+        least = len(self.template.write({})) + 1
+        if options.longest < least:
+            raise ValueError(f"longest = {options.longest}: a line with its end has at least {least} characters")
         self.checksum = options.checksum
         names = [name for name in self.template.names if name != CHECKSUM]
         if not names:
@@ -130,6 +134,21 @@ class Line:
         if found is None:
             return "lost_line", decode_fields(self.known, {}, stamp)
         return "line", decode_fields(self.known, self.template.read(found), stamp)
+
+
+def _check_characters(options: Options) -> None:
+    """What is sent has one byte for each character.  Raises ValueError."""
+    told = {"terminator": options.terminator, "poll.send": options.poll.send if options.poll else ""}
+    for key, text in (*told.items(), *(("on_connect", text) for text in options.on_connect)):
+        if any(ord(character) > 255 for character in text):
+            raise ValueError(f"{key} = {text!r}: each character must be one byte, up to U+00FF")
+
+
+def _lost_line(text: str) -> Template:
+    try:
+        return Template(text)
+    except ValueError as error:
+        raise ValueError(f"lost_lines: {text!r}: {str(error).removeprefix('line: ')}") from None
 
 
 def _described(options: Options, names: list[str]) -> tuple[Field, ...]:
@@ -211,12 +230,12 @@ def make_encoder(options: Options) -> Encoder:
 
 def on_connect(options: Options) -> list[bytes]:
     """What the options say."""
-    return [text.encode("latin-1", errors="replace") for text in options.on_connect]
+    return [text.encode("latin-1") for text in options.on_connect]
 
 
 def poll(options: Options) -> tuple[float, bytes] | None:
     """What the options say."""
-    return (options.poll.every_s, options.poll.send.encode("latin-1", errors="replace")) if options.poll else None
+    return (options.poll.every_s, options.poll.send.encode("latin-1")) if options.poll else None
 
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import io
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -193,11 +194,16 @@ def test_an_option_that_is_text_may_look_like_a_number(capsys: pytest.CaptureFix
     assert json.loads(out[-1])["counters"]["framed"] == 0
 
 
-def test_an_output_that_is_full_is_one_sentence() -> None:
-    command = [sys.executable, "-m", "fti.cli.main", "decode", CAPTURE, "--driver", "nmea0183"]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(
-            command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False
-        )
-    assert done.returncode == 2
-    assert done.stderr.splitlines()[0] == f"fti: {CAPTURE}: decoding stopped: No space left on device"
+class Full(io.StringIO):
+    """A medium without room."""
+
+    def write(self, text: str) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_an_output_that_is_full_is_one_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdout", Full())
+    code, _, err = run(capsys, "decode", CAPTURE, "--driver", "nmea0183")
+    assert (code, err) == (2, [f"fti: {CAPTURE}: decoding stopped: No space left on device"])

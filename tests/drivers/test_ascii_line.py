@@ -352,6 +352,22 @@ def test_a_word_that_the_device_cannot_send_is_one_sentence(
 
 
 @pytest.mark.parametrize(
+    ("table", "sentence"),
+    [
+        ({"on_connect": ["€"]}, "on_connect = '€': each character must be one byte"),
+        ({"poll": {"every_s": 1, "send": "€"}}, "poll.send = '€': each character must be one byte"),
+        ({"terminator": "€"}, "terminator = '€': each character must be one byte"),
+        ({"longest": 8, "line": "AAAAAAAA{x:d}"}, "longest = 8: a line with its end has at least 10 characters"),
+        ({"lost_lines": ["{x"]}, "lost_lines: '{x': expected '}'"),
+    ],
+)
+def test_what_cannot_be_sent_or_read_is_one_sentence(table: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError) as caught:
+        al.make_decoder(options(**{"line": "{x:d}", **table}))
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
     ("spec", "rule", "sentence"),
     [
         (":s", {}, "checksum: xor8 is written {checksum:02X}, 02x or d"),
