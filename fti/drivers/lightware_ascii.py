@@ -38,11 +38,13 @@ from fti.types import Ack, Measurement, Range, Stamp
 DOCUMENT = "LightWare SF11 product manual (menu n, command set); LW20 / SF20 product manual, appendix C"
 MESSAGES = {
     "distance": "slant range to the first return, or a lost signal",
-    "(other)": "another answer of an LW20, by its name",
+    "(other)": "another answer of an LW20, by its name; many different ones together",
 }
 CARRIERS = frozenset({"serial", "udp"})
 
 LONGEST = 64
+#: So many names are counted; noise has more, and they are "(other)" together.
+MOST_NAMES = 64
 DISTANCE = re.compile(rb" *(-?\d{1,4}\.\d\d) *")
 ANSWER = re.compile(rb"\$?(%?[a-z]{1,4})(?:,\d)?:([\x20-\x7e]{0,32})")
 LDF_ANSWER = re.compile(rb"\$?ldf,1:(-?\d{1,4}\.\d\d)")
@@ -118,7 +120,8 @@ class Decoder:
             self.counters.messages["distance"] += 1
             return [make_range(stamp, distance, self._options.lost_m)]
         name, found = decode_answer(line, stamp)
-        self.counters.messages[name] += 1
+        messages = self.counters.messages
+        messages[name if name in messages or len(messages) < MOST_NAMES else "(other)"] += 1
         return found
 
 

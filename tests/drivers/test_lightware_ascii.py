@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -196,3 +198,11 @@ def test_a_pause_that_is_usual_loses_nothing() -> None:
     assert len(fed(lw.Options(), *bursts)) >= 20 * 15 - 2
     datagrams = [(t, b"12.34\r\n") for t in (*(k / 9 for k in range(20)), 9.0, 9.1)]
     assert len(fed(lw.Options(first_line="take"), *datagrams)) == 22
+
+
+def test_names_on_the_line_do_not_fill_the_memory() -> None:
+    decoder = lw.make_decoder(LDF)
+    for first, second, third in itertools.product("abcdefgh", repeat=3):
+        decoder.feed(f"{first}{second}{third}:1\r\n".encode(), 1)
+    assert len(decoder.counters.messages) == lw.MOST_NAMES + 1
+    assert decoder.counters.messages.total() == 8**3
