@@ -14,7 +14,8 @@ product manual, appendix C.  What ArduPilot reads (AP_RangeFinder_LightWareSeria
 Without a return the device still says a distance: 130.00 (SF11, menu n), and on other models 160.00, 230.00, 250.00
 (ArduPilot; which model says which is open) or a negative one.  All of these are a lost signal by default
 (``lost_m``).  A true distance of just that centimetre cannot be told from it and is lost, too; with a model that
-reaches further than 130 m, name the one that it says.  Menu n offers "hold last result": never choose it.
+reaches further than 130 m, name the one that it says.  Whether a zero offset moves them, too, is open: look, and
+say what you see in ``lost_m``.  Menu n offers "hold last result": never choose it.
 
 Nothing protects a line: a digit lost in its middle by the line's noise goes unnoticed.  What can be seen is refused:
 other than two decimals, signs, letters, and a line whose beginning was not seen.
