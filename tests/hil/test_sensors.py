@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import TypeVar
 
@@ -125,20 +126,22 @@ def spread(driver: str, error_of: str) -> float:
 
 
 def north_error(made: Sensor) -> Array:
-    lat = np.array([p.lat for p in all_of(made, Position)])
-    return (lat - flown().state(times(made, Position)).lat) * SEMI_MAJOR
+    found = all_of(made, Position)
+    return (np.array([p.lat for p in found]) - flown().state(times(found)).lat) * SEMI_MAJOR
 
 
 def height_error(made: Sensor) -> Array:
-    return np.array([p.alt for p in all_of(made, Position)]) - flown().state(times(made, Position)).alt
+    found = all_of(made, Position)
+    return np.array([p.alt for p in found]) - flown().state(times(found)).alt
 
 
 def roll_error(made: Sensor) -> Array:
-    return np.array([a.roll for a in all_of(made, Attitude)]) - flown().state(times(made, Attitude)).roll
+    found = all_of(made, Attitude)
+    return np.array([a.roll for a in found]) - flown().state(times(found)).roll
 
 
-def times(made: Sensor, kind: type[Measurement]) -> Array:
-    return np.array([(m.stamp.t_rx_ns - START_NS) * 1e-9 for m in all_of(made, kind)])
+def times(found: Sequence[Measurement]) -> Array:
+    return np.array([(m.stamp.t_rx_ns - START_NS) * 1e-9 for m in found])
 
 
 ERRORS = {"north": north_error, "height": height_error, "roll": roll_error}
