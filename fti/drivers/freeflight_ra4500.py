@@ -45,6 +45,8 @@ BODY = 4  # altitude, status, checksum
 STATUS_FLAGS = {0: "ascending", 1: "self_test", 2: "failure", 3: "unlocked", 4: "in_air"}
 INVALIDATING = ("self_test", "failure", "unlocked")
 FULL_SCALE_FT = 8192
+#: A port is opened again after 0.1 s at the earliest; the bytes of a frame come closer to each other.
+MIDST_NS = 100_000_000
 NotNegative = Annotated[float, Field(ge=0)]
 QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
 
@@ -114,13 +116,23 @@ class Decoder:
         self.counters = Counters()
         self._options = options
         self._framer = Framer(self._measure, self.counters, limit=64)
+        self._last_ns = 0
 
     def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
         found: list[Measurement] = []
+        if self.counters.held and t_rx_ns - self._last_ns >= MIDST_NS:
+            self._forget()
+        self._last_ns = t_rx_ns
         for stamp, frame in self._framer.feed(data, t_rx_ns):
             self.counters.messages["height"] += 1
             found += decode_height(self._body(frame)[:BODY], stamp, self._options)
         return found
+
+    def _forget(self) -> None:
+        """Half a frame before a pause and half of another one behind it would be a height of both."""
+        self.counters.skipped["pause"] += self.counters.held
+        self.counters.held = 0
+        self._framer = Framer(self._measure, self.counters, limit=64)
 
     def _body(self, buffer: bytes | bytearray) -> bytes:
         """The body without stuffing, as far as it has arrived."""

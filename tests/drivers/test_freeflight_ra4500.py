@@ -120,3 +120,14 @@ def test_a_frame_without_its_trailer_is_not_believed(at: int) -> None:
     found = decoder.feed(bytes(bad) + frame(400), 1)
     assert [m.height_agl for m in found if isinstance(m, RadioHeight)] == [pytest.approx(400 * FOOT)]
     assert decoder.counters.skipped["bad_trailer"] == 1
+
+
+def test_halves_of_two_frames_with_the_loss_of_the_port_between_them_are_no_height() -> None:
+    """0x02FF ft before, 0x0300 ft behind it: the halves together would be 0x0200 or 0x03FF ft."""
+    before, behind = frame(0x02FF), frame(0x0300)
+    decoder = ra.make_decoder(ra.Options())
+    assert decoder.feed(before[:4], 0) == []
+    assert decoder.feed(behind[4:], 500_000_000) == []
+    assert len(decoder.feed(behind[:4], 540_000_000) + decoder.feed(behind[4:], 550_000_000)) == 2
+    assert decoder.counters.skipped["pause"] == 4
+    assert decoder.counters.bytes_in == decoder.counters.framed + decoder.counters.skipped.total()
