@@ -49,6 +49,13 @@ class Catalogue:
         """Of ``describe``: the devices that take commands, on links that may transmit."""
         return [device for device in self.describe() if device["transmit"] and device["commands"]]
 
+    def is_polled(self, device: str) -> bool:
+        """The recorder repeats a question to it, so it answers without a command."""
+        bound = self._devices.get(device)
+        if bound is None or not self._transmit[bound.device.link]:
+            return False
+        return bound.driver.poll(bound.options) is not None
+
     def plan(self, device: str, command: str, args: Mapping[str, str]) -> Plan:
         """The bytes of a command.  Raises Denied."""
         bound = self._devices.get(device)

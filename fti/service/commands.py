@@ -169,7 +169,7 @@ class Commander:
         if late:
             self._given_up.remove(late)
             self._tell("warning", f"{late.title()}: answered late, {late.describe_answer(ack)}")
-        else:
+        elif not (ack["accepted"] and self.catalogue.is_polled(ack["device"])):
             self._unasked.tell(ack)
 
     def _settle(self, request: Request, ack: Mapping[str, Any]) -> None:

@@ -33,8 +33,8 @@ def command(name: str, args: Mapping[str, str], options: StrictModel | None = No
 
 def make_catalogue() -> Catalogue:
     links = tuple(SerialLink(name=n, kind="serial", port="x", transmit=n != "mute") for n in ("line", "mute"))
-    speaking = cast(Driver, SimpleNamespace(COMMANDS=COMMANDS, command=command))
-    deaf = cast(Driver, SimpleNamespace(COMMANDS={}))
+    speaking = cast(Driver, SimpleNamespace(COMMANDS=COMMANDS, command=command, poll=lambda options: None))
+    deaf = cast(Driver, SimpleNamespace(COMMANDS={}, poll=lambda options: (60.0, b"?")))
     devices = [
         BoundDevice(Device(name=name, link=link, driver="d"), driver, StrictModel())
         for name, link, driver in (

@@ -205,6 +205,13 @@ async def test_an_answer_before_a_fault_was_to_something_else(bench: Bench) -> N
     assert bench.events[-1] == ("info", "mag: acknowledged something, which no command waits for")
 
 
+async def test_what_answers_the_questions_of_the_recorder_is_no_news_unless_it_is_a_refusal(bench: Bench) -> None:
+    bench.answer("read_table", device="gnss")
+    assert bench.events == []
+    bench.answer("read_table", device="gnss", accepted=False)
+    assert bench.events == [("warning", "gnss: refused read_table, which no command waits for")]
+
+
 async def test_answers_that_nobody_asked_for_do_not_flood_the_log(bench: Bench) -> None:
     for _ in range(100):
         bench.answer("", detail="OK")
