@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from datetime import date, timedelta
+from datetime import date
 
 from fti.drivers import _nmea_fields as fields
+from fti.drivers._nmea_calendar import DAY_NS, Calendar
 from fti.drivers._nmea_framing import split
 from fti.drivers._nmea_sky import Sky
-from fti.drivers._times import utc_ns
+from fti.drivers._times import SECOND_NS
 from fti.drivers._units import KNOT, wrap_heading
 from fti.types import (
     Attitude,
@@ -21,13 +22,9 @@ from fti.types import (
     ReceiverClock,
     Satellites,
     Stamp,
-    TimeScale,
     Velocity,
 )
 
-SECOND_NS = 1_000_000_000
-DAY_NS = 86_400 * SECOND_NS
-HALF_DAY_NS = DAY_NS // 2
 #: By the quality of GGA; 9 is NovAtel's, of SBAS.
 FIXES = ("no_fix", "gps", "dgps", "pps", "rtk_fixed", "rtk_float", "estimated", "manual", "simulator", "sbas")
 MEASURED_FIXES = frozenset((*FIXES[1:6], "sbas"))
@@ -46,34 +43,6 @@ STRANGE = "(strange)"
 _NAME = re.compile(r"[A-Z0-9]{3,5}|P[A-Z0-9]{5,11}|PUBX,[0-9]{2}")
 #: So many names of other sentences are counted apart.
 MAX_OTHERS = 100
-
-
-class Calendar:
-    """The date of the receiver, as far as it has told it."""
-
-    def __init__(self) -> None:
-        self._day: date | None = None
-        self._of_day_ns = 0
-
-    def set(self, day: date, of_day_ns: int) -> None:
-        """The receiver has said date and time."""
-        self._day, self._of_day_ns = day, of_day_ns
-
-    def forget(self) -> None:
-        """The receiver does not know the date: it was switched off and on."""
-        self._day = None
-
-    def stamp(self, t_rx_ns: int, of_day_ns: int | None) -> Stamp:
-        """The stamp of a sentence with a time of the day; without device time when there is no date."""
-        if of_day_ns is None or self._day is None:
-            return Stamp(t_rx_ns)
-        if of_day_ns < self._of_day_ns - HALF_DAY_NS:
-            self.set(self._day + timedelta(days=1), of_day_ns)
-        elif of_day_ns <= self._of_day_ns + HALF_DAY_NS:
-            self._of_day_ns = of_day_ns
-        else:  # late by a midnight
-            return Stamp(t_rx_ns, utc_ns(self._day - timedelta(days=1), of_day_ns), TimeScale.UTC)
-        return Stamp(t_rx_ns, utc_ns(self._day, of_day_ns), TimeScale.UTC)
 
 
 class Sentences:
