@@ -253,7 +253,8 @@ def test_vertical_dilution_is_what_the_others_leave() -> None:
         {"height": math.nan},
         {"undulation": math.nan},
         {"lat": 90.1},
-        {"lon": -400.0},
+        {"lon": -180.1},
+        {"lon": 180.1},
     ],
     ids=str,
 )

@@ -39,7 +39,7 @@ def decode_bestpos(body: bytes, header: Header, stamp: Stamp) -> list[Measuremen
     """BESTPOS in radians; in another datum than WGS84, or out of range, it is not valid."""
     v = BESTPOS.unpack_from(body)
     lat, lon, height, undulation = (finite(x) for x in v[2:6])
-    whole = None not in (lat, lon, height, undulation) and abs(v[2]) <= 90.0 and abs(v[3]) <= 360.0
+    whole = None not in (lat, lon, height, undulation) and abs(v[2]) <= 90.0 and abs(v[3]) <= 180.0
     lat_sd, lon_sd, height_sd = v[7:10]
     return [
         Position(
