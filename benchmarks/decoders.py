@@ -5,7 +5,8 @@
 The bytes are those of the drivers' test vectors, again and again, in reads as the line brings them: up to 64 bytes of
 a serial line, a datagram, a CAN frame.  "Full line" is what the line can carry (baud rate / 10 bytes; 2778 words/s of
 ARINC 429 at 100 kbit/s; 8000 frames/s of CAN at 1 Mbit/s); "10 x" is ten times the update rate of Spiegel 2018,
-table 6.1, or of the device's own document.  Target of both: 10 % of a core.
+table 6.1, or of the device's own document.  Target of both: 10 % of a core.  Of nine rounds over all decoders
+the quickest counts: what the machine takes for others is not theirs.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from benchmarks.parts.machine import Verdict, machine
 from tests.drivers.vectorfiles import Vector, load
 
 MOST_OF_A_CORE = 10.0  # %
+ROUNDS = 9
 SERIAL_READ = 64
 WORD_BYTES, WORDS_HZ = 4, 2778
 CAN_BYTES, CAN_HZ = 16, 8000
@@ -94,38 +96,51 @@ def parse(parser: parsers.Parser, reads: Sequence[bytes]) -> tuple[float, int]:
     return time.process_time() - begin, count
 
 
-def measure(name: str, case: Case, seconds: float, verdict: Verdict) -> None:
-    """Print a row."""
-    vector = load(case.vector)
-    reads = reads_of(vector, int(case.full_line * seconds), case.read)
-    size = sum(map(len, reads))
-    taken, count = min(decode(vector, reads) for _ in range(3))
-    each, full = taken / count, 100 * taken / (size / case.full_line)
-    tenfold = 100 * each * 10 * case.rate_hz
-    other = ""
-    if case.parser:
-        parsed, found = min(parse(case.parser, reads) for _ in range(3))
-        other = f"{1e6 * parsed / found:9.1f} {case.parser.__name__.removeprefix('run_')}"
-    print(
-        f"{name:20} {case.line:14} {1e6 * each:7.1f} {full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %  {other}",
-        flush=True,
-    )
-    verdict.judge(f"{name}: at most {MOST_OF_A_CORE:g} % of a core", max(full, tenfold) <= MOST_OF_A_CORE)
+class Bench:
+    """A case made ready; ``taken`` and ``parsed`` are the quickest (processor time [s], messages) so far."""
+
+    def __init__(self, name: str, seconds: float) -> None:
+        self.name, self.case = name, CASES[name]
+        self._vector = load(self.case.vector)
+        self._reads = reads_of(self._vector, int(self.case.full_line * seconds), self.case.read)
+        self.line_s = sum(map(len, self._reads)) / self.case.full_line
+        self.taken = self.parsed = (float("inf"), 1)
+
+    def round(self) -> None:
+        """Once more."""
+        self.taken = min(self.taken, decode(self._vector, self._reads))
+        if self.case.parser:
+            self.parsed = min(self.parsed, parse(self.case.parser, self._reads))
+
+    def tell(self, verdict: Verdict) -> None:
+        """Print a row."""
+        case, (taken, count) = self.case, self.taken
+        full, tenfold = 100 * taken / self.line_s, 100 * taken / count * 10 * case.rate_hz
+        other = ""
+        if case.parser:
+            other = f"{1e6 * self.parsed[0] / self.parsed[1]:9.1f} {case.parser.__name__.removeprefix('run_')}"
+        loads = f"{full:9.2f} % {case.rate_hz:6g}/s {tenfold:8.2f} %"
+        print(f"{self.name:20} {case.line:14} {1e6 * taken / count:7.1f} {loads}  {other}".rstrip(), flush=True)
+        verdict.judge(f"{self.name}: at most {MOST_OF_A_CORE:g} % of a core", max(full, tenfold) <= MOST_OF_A_CORE)
 
 
 def main() -> int:
     """Measure and judge."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("drivers", nargs="*", metavar="DRIVER", help=f"of {', '.join(CASES)}")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of a full line that are decoded (default 10)")
+    parser.add_argument("--seconds", type=float, default=2.0, help="of a full line in a round (default 2)")
     args = parser.parse_args()
     if unknown := sorted(set(args.drivers) - set(CASES)):
         parser.error(f"no case for {', '.join(unknown)}; there are {', '.join(CASES)}")
+    benches = [Bench(name, args.seconds) for name in args.drivers or CASES]
+    for _ in range(ROUNDS):
+        for bench in benches:
+            bench.round()
     print(machine())
     print(f"{'driver':20} {'line':14} {'us each':>7} {'full line':>11} {'rate':>8} {'10 x that':>10}  instead: us each")
     verdict = Verdict()
-    for name in args.drivers or CASES:
-        measure(name, CASES[name], args.seconds, verdict)
+    for bench in benches:
+        bench.tell(verdict)
     return verdict.code
 
 
