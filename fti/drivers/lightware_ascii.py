@@ -31,6 +31,7 @@ from pydantic import Field
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
+from fti.drivers._arguments import check_complete
 from fti.drivers._asked import Asked
 from fti.drivers._laser import LOST_M, make_range, told_distance
 from fti.drivers._lines import FirstLine, LineFramer
@@ -188,26 +189,14 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command to an LW20 or SF20.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+    check_complete(COMMANDS, name, args)
     if options is not None and options.query != "ldf":
         raise ValueError(f"{name}: only an LW20 or SF20 takes commands, and query = {options.query!r} is none")
-    _check_names(name, args)
     if name == "laser":
         return b"#LF,%d\r\n" % _switch(args["state"])
     if name == "zero_offset":
         return f"#LO,{_metres(args['metres']):.2f}\r\n".encode("ascii")
     return b"?P\r\n" if name == "identify" else b"%P\r\n"
-
-
-def _check_names(name: str, args: Mapping[str, str]) -> None:
-    wanted = COMMANDS[name].arguments
-    for key in wanted:
-        if key not in args:
-            raise ValueError(f"{name}: {key} is missing: {wanted[key]}")
-    for key in args:
-        if key not in wanted:
-            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(wanted) or 'none'}")
 
 
 def _switch(text: str) -> bool:

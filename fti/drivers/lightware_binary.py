@@ -43,6 +43,7 @@ from pydantic import Field
 
 from fti.config import StrictModel
 from fti.drivers import Command, Counters
+from fti.drivers._arguments import check_complete
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._laser import LOST_M, make_range, told_distance
 from fti.drivers._units import DEGREE
@@ -253,11 +254,7 @@ def poll(options: Options) -> None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
-    wanted = COMMANDS[name].arguments
-    if set(args) != set(wanted):
-        raise ValueError(f"{name}: takes {_told(wanted)}; was given {', '.join(args) or 'nothing'}")
+    check_complete(COMMANDS, name, args)
     if name == "identify":
         return make_packet(NAME)
     if name == "zero_offset":
@@ -268,10 +265,6 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
     if name == "laser":
         return make_packet(FIRING, bytes([on]), write=True)
     return make_packet(STREAM, struct.pack("<I", _stream(options or Options()) if on else 0), write=True)
-
-
-def _told(wanted: Mapping[str, str]) -> str:
-    return ", ".join(f"{key} ({meaning})" for key, meaning in wanted.items()) or "no arguments"
 
 
 def _millimetres(text: str) -> int:

@@ -101,7 +101,7 @@ def test_commands_are_writes_and_are_acknowledged(name: str, args: dict[str, str
     ("name", "args", "sentence"),
     [
         ("fire", {}, "no command 'fire'; there are identify"),
-        ("laser", {}, r"laser: takes state \(on or off\); was given nothing"),
+        ("laser", {}, r"laser: state is missing: on or off"),
         ("laser", {"state": "x"}, "laser: state = 'x': must be on or off"),
         ("zero_offset", {"mm": "0.5"}, "must be a whole number from -10000 to 10000"),
     ],

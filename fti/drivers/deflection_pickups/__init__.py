@@ -34,6 +34,7 @@ from pydantic import Field
 
 from fti.config import StrictModel
 from fti.drivers import Command
+from fti.drivers._arguments import check_complete
 from fti.drivers.deflection_pickups import service as wire
 from fti.drivers.deflection_pickups.decoder import Decoder
 from fti.drivers.deflection_pickups.factory import factory_tables
@@ -116,15 +117,7 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The frame of a command.  Raises ValueError when it or an argument is unknown, missing or out of range."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
-    wanted = COMMANDS[name].arguments
-    for given in args:
-        if given not in wanted:
-            raise ValueError(f"{name}: no argument {given!r}; there are {', '.join(wanted)}")
-    for missing in wanted:
-        if missing not in args:
-            raise ValueError(f"{name}: {missing} is missing: {wanted[missing]}")
+    check_complete(COMMANDS, name, args)
     bus = _bus(options or Options())
     if bus.request is None:
         raise ValueError(f"{name}: the DBC has no message node_service_request")

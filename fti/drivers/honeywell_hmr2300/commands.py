@@ -21,6 +21,7 @@ from pydantic import Field
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command
+from fti.drivers._arguments import check_names
 
 RATES = (10, 20, 25, 30, 40, 50, 60, 100, 123, 154)
 EVERYBODY = 99
@@ -115,8 +116,7 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+    check_names(COMMANDS, name, args)
     options = options or Options()
     letters = _letters(name, args)
     if name == "stop":
@@ -130,9 +130,6 @@ def command(name: str, args: Mapping[str, str], options: Options | None = None) 
 
 def _letters(name: str, args: Mapping[str, str]) -> str:
     wanted = COMMANDS[name].arguments
-    for key in args:
-        if key not in wanted:
-            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(wanted) or 'none'}")
     if name not in CHOICES:
         return PLAIN.get(name, "")
     key, choices = CHOICES[name]

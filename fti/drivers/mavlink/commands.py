@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import common
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command
+from fti.drivers._arguments import check_complete
 from fti.drivers.mavlink.wire import dialect_map
 
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
@@ -66,16 +67,8 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
+    check_complete(COMMANDS, name, args)
     options = options or Options()
-    wanted = COMMANDS[name].arguments
-    for key in wanted:
-        if key not in args:
-            raise ValueError(f"{name}: {key} is missing: {wanted[key]}")
-    for key in args:
-        if key not in wanted:
-            raise ValueError(f"{name}: no argument {key!r}; there are {', '.join(wanted)}")
     number = _number(name, args["message"], options.dialect)
     if name == "request_message":
         return _long(REQUEST_MESSAGE, number, 0.0, options)

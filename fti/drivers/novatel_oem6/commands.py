@@ -18,6 +18,7 @@ import struct
 from collections.abc import Callable, Mapping
 
 from fti.drivers import Command
+from fti.drivers._arguments import check_names
 from fti.drivers.novatel_oem6 import messages
 from fti.drivers.novatel_oem6.framing import RESPONSE_BIT, Header, encode_frame, encode_text
 from fti.types import Ack, Stamp
@@ -78,11 +79,7 @@ ASCII_LOG = "LOGA,THISPORT,0,0,UNKNOWN,0,0.0,0,0,0"
 
 def command(name: str, args: Mapping[str, str]) -> bytes:
     """The bytes of a command.  Raises ValueError naming what is wrong and what is allowed."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
-    unknown = [key for key in args if key not in COMMANDS[name].arguments]
-    if unknown:
-        raise ValueError(f"{name}: no argument {unknown[0]!r}; there are {', '.join(COMMANDS[name].arguments)}")
+    check_names(COMMANDS, name, args)
     return encode_frame(TO_RECEIVER._replace(message_id=NUMBERS[name]), _BODIES[name](args))
 
 

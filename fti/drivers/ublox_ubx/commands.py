@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field
 
 from fti.config import StrictModel
 from fti.drivers import Command
+from fti.drivers._arguments import check_names
 from fti.drivers.ublox_ubx.frames import frame
 from fti.drivers.ublox_ubx.table import OUTPUTS, PORTS
 
@@ -88,11 +89,7 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there are {', '.join(COMMANDS)}")
-    allowed = COMMANDS[name].arguments
-    if unknown := sorted(set(args) - set(allowed)):
-        raise ValueError(f"{name}: no argument {unknown[0]!r}; there are {', '.join(allowed) or 'none'}")
+    check_names(COMMANDS, name, args)
     return _MAKERS[name](args, options or Options())
 
 
