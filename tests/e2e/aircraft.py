@@ -162,7 +162,7 @@ def _configure(ports: dict[str, int]) -> str:
     text = TEMPLATE.read_text()
     text = re.sub(r'bind = "[^"]*"', f'bind = "{HOST}:{ports["ins_ethernet"]}"', text)
     text = re.sub(r'source = "[^"]*"', 'source = "127.0.0.1"', text)
-    text = text.replace('"socketcan"', '"slcan"')
+    text = text.replace('"socketcan"', '"slcan"').replace('"calibrations/', f'"{TEMPLATE.parent}/calibrations/')
     others = [f'[[link]]\nname = "{n}"\nkind = "udp"\nbind = "{HOST}:{ports[n]}"\n' for n in OTHERS]
     return "\n".join([text, *others, "[display]\nport = 0\n"])
 
