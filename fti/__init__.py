@@ -19,8 +19,9 @@ Time
 
 Frames (a vector names its frame, ``vel_n``; a matrix names two, ``mat_nb`` takes b to n)
     e   earth-centred earth-fixed            i   inertial
-    n   north, east, down at the point       m   local east, north, up (terrain and ray casting)
+    n   north, east, down at the point       l   local east, north, up (terrain and ray casting)
     b   body: forward, right, down           s   sensor: boresight along +z
+    m   measurement: at the sensor, +z along one measured direction
     ``lat lon`` [rad], ``alt`` = height above the WGS84 ellipsoid; otherwise ``alt_msl``, ``alt_press``.
     ``roll`` right wing down, ``pitch`` nose up, ``heading`` clockwise from true north in [0, 2 pi).
     ``lever_arm_b`` leads from the reference point P of the aircraft to the sensor.

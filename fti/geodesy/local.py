@@ -1,4 +1,4 @@
-"""The local frame m: east, north, up in the plane that touches the ellipsoid's normal at one point."""
+"""The local frame l: east, north, up in the plane that touches the ellipsoid's normal at one point."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MAT_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 class LocalFrame:
     """A Cartesian east, north, up frame at lat0, lon0 [rad], alt0 [m] above the ellipsoid.
 
-        x_m = mat_me (x_e - x_e0)
+        x_l = mat_le (x_e - x_e0)
 
     It is a rigid rotation of the earth frame, so distances and rays are true.  ``up`` is not a height: a point
     at distance d with the height alt has up = alt - alt0 - d^2 / 2R and a little (the exact value is computed).
@@ -30,24 +30,24 @@ class LocalFrame:
     lon0: float
     alt0: float
     origin_e: Array = field(init=False, repr=False, compare=False)
-    mat_me: Array = field(init=False, repr=False, compare=False)
+    mat_le: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "origin_e", ecef_from_geodetic(self.lat0, self.lon0, self.alt0))
-        object.__setattr__(self, "mat_me", MAT_ENU_NED @ mat_en(self.lat0, self.lon0).T)
+        object.__setattr__(self, "mat_le", MAT_ENU_NED @ mat_en(self.lat0, self.lon0).T)
 
     def to_local(self, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Array:
         """East, north, up [m], shape (..., 3), of geodetic positions (lat, lon [rad], alt above the ellipsoid [m])."""
-        return np.asarray((ecef_from_geodetic(lat, lon, alt) - self.origin_e) @ self.mat_me.T)
+        return np.asarray((ecef_from_geodetic(lat, lon, alt) - self.origin_e) @ self.mat_le.T)
 
     def to_geodetic(self, enu: ArrayLike) -> tuple[Array, Array, Array]:
         """lat, lon [rad] and alt above the ellipsoid [m] of east, north, up positions of shape (..., 3) [m]."""
-        return geodetic_from_ecef(np.asarray(enu, dtype=np.float64) @ self.mat_me + self.origin_e)
+        return geodetic_from_ecef(np.asarray(enu, dtype=np.float64) @ self.mat_le + self.origin_e)
 
-    def mat_mn(self, lat: ArrayLike, lon: ArrayLike) -> Array:
+    def mat_ln(self, lat: ArrayLike, lon: ArrayLike) -> Array:
         """North, east, down at lat, lon [rad] to this frame, shape (..., 3, 3).
 
         At the origin it only reorders the axes; elsewhere it holds the turn of the vertical along the Earth's
         curvature too (0.9 mrad at 6 km).
         """
-        return np.asarray(self.mat_me @ mat_en(lat, lon))
+        return np.asarray(self.mat_le @ mat_en(lat, lon))

@@ -142,7 +142,7 @@ class Trajectory:
             lon=lon,
             alt=alt,
             vel_n=self._in_n(self._spline(times, 1), lat, lon),
-            accel_e=np.asarray(self._spline(times, 2) @ self._frame.mat_me),
+            accel_e=np.asarray(self._spline(times, 2) @ self._frame.mat_le),
             roll=now.roll,
             pitch=now.pitch,
             heading=now.heading,
@@ -151,9 +151,9 @@ class Trajectory:
             aoa=now.aoa,
         )
 
-    def _in_n(self, vector_m: Array, lat: Array, lon: Array) -> Array:
-        mat_nm = np.swapaxes(self._frame.mat_mn(lat, lon), -1, -2)
-        return np.asarray(np.einsum("nij,nj->ni", mat_nm, vector_m))
+    def _in_n(self, vector_l: Array, lat: Array, lon: Array) -> Array:
+        mat_nl = np.swapaxes(self._frame.mat_ln(lat, lon), -1, -2)
+        return np.asarray(np.einsum("nij,nj->ni", mat_nl, vector_l))
 
     def _motion(self, times: Array) -> _Motion:
         lat, lon, _ = self._frame.to_geodetic(self._spline(times))

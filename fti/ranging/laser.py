@@ -27,7 +27,7 @@ class Laser(RangingSensor):
         if not self.max_range > 0.0:
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
 
-    def ranges(self, terrain: Terrain, origins_m: ArrayLike, mats_ms: ArrayLike) -> Array:
+    def ranges(self, terrain: Terrain, origins_l: ArrayLike, mats_ls: ArrayLike) -> Array:
         """Slant range [m], shape (n,); NaN without a return; poses as in ``RangingSensor``."""
-        origins, mats = checked_poses(origins_m, mats_ms)
+        origins, mats = checked_poses(origins_l, mats_ls)
         return cast.cast_rays(terrain.pyramid, origins, np.ascontiguousarray(mats[:, :, 2]), float(self.max_range))

@@ -61,9 +61,9 @@ class RadarAltimeter(RangingSensor):
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
         object.__setattr__(self, "_angles", ring_angles(self.beam_width, self.rings))
 
-    def ranges(self, terrain: Terrain, origins_m: ArrayLike, mats_ms: ArrayLike) -> Array:
+    def ranges(self, terrain: Terrain, origins_l: ArrayLike, mats_ls: ArrayLike) -> Array:
         """Range of the leading edge [m], shape (n,); NaN without a return; poses as in ``RangingSensor``."""
-        origins, mats = checked_poses(origins_m, mats_ms)
+        origins, mats = checked_poses(origins_l, mats_ls)
         half = 0.5 * self.beam_width
         return cast.cast_bundle_min(
             terrain.pyramid, origins, mats, self._angles, half, REFINE_STEPS, float(self.max_range)

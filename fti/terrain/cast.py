@@ -188,7 +188,7 @@ def _cast_angle(p: Pyramid, o: Array, mat: Array, ax: float, ay: float, max_rang
 
 @_kernel
 def cast_bundle_min(
-    p: Pyramid, origins: Array, mats_ms: Array, angles: Array, half_width: float, steps: int, max_range: float
+    p: Pyramid, origins: Array, mats_ls: Array, angles: Array, half_width: float, steps: int, max_range: float
 ) -> Array:
     """The nearest return of a bundle of rays, for many poses; NaN where no ray meets the surface.
 
@@ -196,13 +196,13 @@ def cast_bundle_min(
     the spacing of the bundle and inside its half width; the search moves while one is nearer, and otherwise halves
     the spacing, ``steps`` times in all.
 
-    origins : (n, 3) [m] east, north, up; mats_ms : (n, 3, 3) sensor to local frame; half_width [rad]
+    origins : (n, 3) [m] east, north, up; mats_ls : (n, 3, 3) sensor to local frame; half_width [rad]
     angles  : (k, 2) [rad] angle from the boresight times the direction across it: the centre first, then a
               neighbour of the centre, whose distance is the spacing of the bundle
     """
     ranges = np.empty(len(origins))
     for i in range(len(origins)):
-        o, mat = origins[i], mats_ms[i]
+        o, mat = origins[i], mats_ls[i]
         nearest, at_x, at_y = math.inf, 0.0, 0.0
         for k in range(len(angles)):
             r = _cast_angle(p, o, mat, angles[k, 0], angles[k, 1], min(nearest, max_range))

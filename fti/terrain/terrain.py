@@ -1,6 +1,6 @@
 """A terrain surface: posts on a regular grid of a local frame, bilinear in between.
 
-The posts' heights are ``up`` coordinates of the tangent frame m, not heights above the ellipsoid, so the curvature of
+The posts' heights are ``up`` coordinates of the tangent frame l, not heights above the ellipsoid, so the curvature of
 the Earth is in the surface and a ray is a straight line.  A point at distance d from the frame's origin with the
 ellipsoidal height alt has
 
@@ -36,7 +36,7 @@ class Terrain:
     heights       : ndarray, shape (rows, columns), float64 [m]  ``up`` of the posts; row 0 south, column 0 west
     cell_m        : distance between posts, both ways [m]
     east0, north0 : the post [0, 0] in the frame [m]
-    frame         : the local frame m
+    frame         : the local frame l
     """
 
     heights: Array

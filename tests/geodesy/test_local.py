@@ -40,16 +40,16 @@ def test_up_drops_with_the_square_of_the_distance(frame: LocalFrame) -> None:
 
 def test_navigation_axes_at_the_origin_are_reordered(frame: LocalFrame) -> None:
     expected = [[0, 1, 0], [1, 0, 0], [0, 0, -1]]
-    assert frame.mat_mn(LAT0, LON0) == pytest.approx(np.array(expected), abs=1e-15)
+    assert frame.mat_ln(LAT0, LON0) == pytest.approx(np.array(expected), abs=1e-15)
 
 
 def test_navigation_axes_elsewhere_are_the_derivatives_of_position(frame: LocalFrame) -> None:
     lat, lon, alt = frame.to_geodetic([5000.0, -7000.0, 300.0])
-    mat = frame.mat_mn(lat, lon)
+    mat = frame.mat_ln(lat, lon)
     down = (frame.to_local(lat, lon, alt - 50) - frame.to_local(lat, lon, alt + 50)) / 100
     north = frame.to_local(lat + 1e-6, lon, alt) - frame.to_local(lat - 1e-6, lon, alt)
     east = frame.to_local(lat, lon + 1e-6, alt) - frame.to_local(lat, lon - 1e-6, alt)
     axes = np.stack((north / np.linalg.norm(north), east / np.linalg.norm(east), down), axis=-1)
     assert mat == pytest.approx(axes, abs=1e-8)
     assert (mat @ mat_from_rpy(0.1, 0.2, 0.3)).shape == (3, 3)
-    assert frame.mat_mn(np.full(7, lat), np.full(7, lon)).shape == (7, 3, 3)
+    assert frame.mat_ln(np.full(7, lat), np.full(7, lon)).shape == (7, 3, 3)
