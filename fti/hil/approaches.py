@@ -19,7 +19,8 @@ from fti.nav.approach import ApproachPath
 from fti.nav.clearance import ClearanceMonitor, ClearanceSample
 from fti.nav.reference import Sensor
 from fti.ranging.laser import Laser
-from fti.ranging.radar import RadarAltimeter
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity
 
@@ -81,11 +82,11 @@ class AltimeterModel:
     quantise: Callable[[float], float]
     step: Callable[[float], float]
 
-    def beam(self) -> RadarAltimeter | Laser:
+    def beam(self) -> NearestReturn | Laser:
         """The range model."""
         if self.sensor.kind == "laser":
             return Laser(max_range=2000.0)
-        return RadarAltimeter(beam_width=float(np.deg2rad(self.sensor.beam_deg)))
+        return NearestReturn(beam_width=float(np.deg2rad(self.sensor.beam_deg)))
 
     def sd(self, height: Array) -> Array:
         """One sigma of a sample at heights [m]: noise, and the step over root 12."""
@@ -178,7 +179,8 @@ def _ranges(path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, pos
     s, y, alt, roll, pitch, crab = pose
     lat, lon = path.geodetic(s, y)
     heading = np.deg2rad(path.airfield.course_deg) + crab
-    return altimeter.beam().along(terrain, lat, lon, alt, roll, pitch, heading)
+    poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading)
+    return altimeter.beam().measure(terrain, poses).slant_range
 
 
 def _projected(altimeter: AltimeterModel, measured: Array, roll: Array, pitch: Array) -> Array:

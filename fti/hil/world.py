@@ -16,7 +16,8 @@ from fti.hil.scenario import Flight, Obstacle, Scenario
 from fti.hil.trajectory import State, Trajectory
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
-from fti.ranging.radar import RadarAltimeter
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class World:
         self.atmosphere = Atmosphere(qnh=flight.qnh_hpa * 100.0, deviation=flight.isa_deviation_k)
         self.duration = flight.duration_s
         self._trajectory = Trajectory(path, path.x_gpi, scenario.plan, scenario.seed)
-        self._radars = functools.cache(RadarAltimeter)
+        self._radars = functools.cache(NearestReturn)
 
     def state(self, t: Array) -> State:
         """Truth at t [s], shape (n,)."""
@@ -93,10 +94,11 @@ class World:
         """Slant range [m] along the boresight of a laser altimeter at times t [s]; NaN without return."""
         return self._ranges(Laser(max_range=LASER_RANGE), t, device)
 
-    def _ranges(self, sensor: RadarAltimeter | Laser, t: Array, device: Device) -> Array:
+    def _ranges(self, sensor: NearestReturn | Laser, t: Array, device: Device) -> Array:
         now = self.state(t)
         pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
-        return sensor.along(self.terrain, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device))
+        poses = sensor_poses(self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device))
+        return sensor.measure(self.terrain, poses).slant_range
 
     def ground(self, state: State) -> Array:
         """Height of the surface below the aircraft above the ellipsoid [m]."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fti.ranging.sensor import RangingSensor, checked_poses
-from fti.terrain import cast
+from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -27,7 +26,9 @@ class Laser(RangingSensor):
         if not self.max_range > 0.0:
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
 
-    def ranges(self, terrain: Terrain, origins_l: ArrayLike, mats_ls: ArrayLike) -> Array:
-        """Slant range [m], shape (n,); NaN without a return; poses as in ``RangingSensor``."""
-        origins, mats = checked_poses(origins_l, mats_ls)
-        return cast.cast_rays(terrain.pyramid, origins, np.ascontiguousarray(mats[:, :, 2]), float(self.max_range))
+    def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
+        """Slant range along the boresight at each pose."""
+        ranges, outcomes = terrain.trace(poses.origins_l, poses.mats_ls[:, :, 2], float(self.max_range))
+        known = np.isfinite(ranges)
+        directions = np.where(known[:, None], [0.0, 0.0, 1.0], np.nan)
+        return Returns(ranges, directions, np.where(known, 0.0, np.nan), np.where(known, 1.0, np.nan), outcomes)

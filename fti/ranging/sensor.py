@@ -1,19 +1,74 @@
-"""What every ranging sensor has: a place and a direction on the aircraft, and ranges along a flown path."""
+"""What every ranging sensor has: where it is, which way it looks, and what it measures there.
+
+A sensor is a frozen value with the parameters of a make; ``measure`` is a pure function of terrain, poses and random
+numbers.  Without random numbers (``rng=None``) it says what an instrument without noise would say.
+"""
 
 # ruff: noqa: PLR0917 - a pose is six numbers in the field's order
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy
+from fti.terrain.outcome import Outcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+
+
+class Validity(IntEnum):
+    """Whether a measurement is one, and why not; the first are those of a ray."""
+
+    VALID = Outcome.HIT
+    NO_RETURN = Outcome.NOTHING
+    OUTSIDE = Outcome.OUTSIDE
+    HOLE = Outcome.HOLE
+    BURIED = Outcome.BURIED
+    UNKNOWN = Outcome.UNKNOWN
+    TOO_NEAR = 6  #: nearer than the instrument resolves
+    TOO_FAR = 7  #: beyond the instrument's range
+    WEAK = 8  #: the return lies below the receiver's threshold
+    AMBIGUOUS = 9  #: more than one answer fits what was received
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Where a sensor is at n moments, which way it looks and how it moves.
+
+    origins_l : ndarray, shape (n, 3)     [m]    sensor in the terrain's frame: east, north, up
+    mats_ls   : ndarray, shape (n, 3, 3)         sensor frame to that frame; +z is the boresight
+    vels_l    : ndarray, shape (n, 3)     [m/s]  velocity over the ground
+    Raises ValueError for other shapes.
+    """
+
+    origins_l: Array
+    mats_ls: Array
+    vels_l: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.origins_l)
+        for name, shape in (("origins_l", (n, 3)), ("mats_ls", (n, 3, 3)), ("vels_l", (n, 3))):
+            value = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if value.shape != shape:
+                raise ValueError(f"{name} has the shape {value.shape}, must be {shape}")
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def still(cls, origins_l: ArrayLike, mats_ls: ArrayLike) -> Poses:
+        """Poses without velocity."""
+        origins = np.asarray(origins_l, dtype=np.float64)
+        return cls(origins, np.asarray(mats_ls, dtype=np.float64), np.zeros_like(origins))
+
+    def __len__(self) -> int:
+        return len(self.origins_l)
 
 
 def sensor_poses(
@@ -26,8 +81,9 @@ def sensor_poses(
     heading: ArrayLike,
     lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
     mat_bs: ArrayLike | None = None,
-) -> tuple[Array, Array]:
-    """Positions and attitudes of a sensor in a local frame.
+    vel_n: ArrayLike = (0.0, 0.0, 0.0),
+) -> Poses:
+    """Poses of a sensor along a flown path.
 
         x_l = x_l(P) + mat_ln mat_nb lever_arm_b,      mat_ls = mat_ln mat_nb mat_bs
 
@@ -35,49 +91,45 @@ def sensor_poses(
     roll, pitch, heading [rad]        : attitude of the body; floats or (n,)
     lever_arm_b : ndarray, shape (3,) [m]  reference point P to sensor
     mat_bs      : ndarray, shape (3, 3)    sensor to body; None: the sensor's axes are the body's (looks down)
-    Returns     : origins_l (n, 3) [m], mats_ls (n, 3, 3)
+    vel_n       : ndarray, shape (3,) or (n, 3) [m/s]  of P; the turning of the lever arm is left out
     Source      : Spiegel 2018, eq. 2.38-2.40 with the sign of the lever arm as in the conventions of ``fti``.
     """
-    mat_lb = frame.mat_ln(lat, lon) @ mat_from_rpy(roll, pitch, heading)
+    mat_ln = frame.mat_ln(lat, lon)
+    mat_lb = mat_ln @ mat_from_rpy(roll, pitch, heading)
     origins = frame.to_local(lat, lon, alt) + mat_lb @ np.asarray(lever_arm_b, dtype=np.float64)
     mats = mat_lb if mat_bs is None else mat_lb @ np.asarray(mat_bs, dtype=np.float64)
-    origins, _ = np.broadcast_arrays(origins, mats[..., 0])
+    vels = (mat_ln @ np.asarray(vel_n, dtype=np.float64)[..., None])[..., 0]
+    origins, _, vels = np.broadcast_arrays(origins, mats[..., 0], vels)
     _, mats = np.broadcast_arrays(origins[..., None], mats)
-    return np.ascontiguousarray(origins.reshape(-1, 3)), np.ascontiguousarray(mats.reshape(-1, 3, 3))
+    return Poses(origins.reshape(-1, 3), mats.reshape(-1, 3, 3), vels.reshape(-1, 3))
 
 
-def checked_poses(origins_l: ArrayLike, mats_ls: ArrayLike) -> tuple[Array, Array]:
-    """The poses as the compiled kernels read them, which check nothing.  Raises ValueError for other shapes."""
-    origins = np.ascontiguousarray(origins_l, dtype=np.float64)
-    mats = np.ascontiguousarray(mats_ls, dtype=np.float64)
-    if origins.shape != (len(origins), 3) or mats.shape != (len(origins), 3, 3):
-        raise ValueError(f"poses have the shapes {origins.shape}, {mats.shape}, must be (n, 3), (n, 3, 3)")
-    return origins, mats
+@dataclass(frozen=True, eq=False)
+class Returns:
+    """What a sensor measured: shape (n,) for one return per pose, (n, k) for k of them.
+
+    slant_range : [m] NaN where not valid, or the value by which the instrument says so
+    direction_s : shape (..., 3)  unit vector from the sensor to where the return came from; NaN where not valid
+    dispersion  : [m] standard deviation of the ranges across the beam, weighted by their power; 0 for a pencil beam
+    power       : received power over transmitted power; NaN where nothing came back
+    validity    : numbers of ``Validity``
+    """
+
+    slant_range: Array
+    direction_s: Array
+    dispersion: Array
+    power: Array
+    validity: Codes
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where there is a measurement."""
+        return np.asarray(self.validity == Validity.VALID)
 
 
 class RangingSensor(ABC):
     """A sensor that measures the distance to a terrain; boresight along +z of its frame."""
 
     @abstractmethod
-    def ranges(self, terrain: Terrain, origins_l: ArrayLike, mats_ls: ArrayLike) -> Array:
-        """Range [m], shape (n,); NaN without a return and where the pose is NaN.
-
-        origins_l : ndarray, shape (n, 3)     [m]  sensor in the terrain's frame: east, north, up
-        mats_ls   : ndarray, shape (n, 3, 3)       sensor to that frame
-        """
-
-    def along(
-        self,
-        terrain: Terrain,
-        lat: ArrayLike,
-        lon: ArrayLike,
-        alt: ArrayLike,
-        roll: ArrayLike,
-        pitch: ArrayLike,
-        heading: ArrayLike,
-        lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
-        mat_bs: ArrayLike | None = None,
-    ) -> Array:
-        """Range [m], shape (n,), along a flown path; the arguments are those of ``sensor_poses``."""
-        poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading, lever_arm_b, mat_bs)
-        return self.ranges(terrain, *poses)
+    def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
+        """What the instrument says at each pose; the same generator gives the same, None leaves the noise out."""

@@ -189,8 +189,8 @@ def _cast_angle(p: Pyramid, o: Array, mat: Array, ax: float, ay: float, max_rang
 @_kernel
 def cast_bundle_min(
     p: Pyramid, origins: Array, mats_ls: Array, angles: Array, half_width: float, steps: int, max_range: float
-) -> Array:
-    """The nearest return of a bundle of rays, for many poses; NaN where no ray meets the surface.
+) -> tuple[Array, Array]:
+    """The nearest return of a bundle of rays for many poses: range (n,) [m] and angles (n, 2) [rad]; NaN without one.
 
     Each ray is cast only as far as the nearest return so far.  Then six rays around the nearest one are tried, at half
     the spacing of the bundle and inside its half width; the search moves while one is nearer, and otherwise halves
@@ -200,7 +200,7 @@ def cast_bundle_min(
     angles  : (k, 2) [rad] angle from the boresight times the direction across it: the centre first, then a
               neighbour of the centre, whose distance is the spacing of the bundle
     """
-    ranges = np.empty(len(origins))
+    ranges, places = np.full(len(origins), np.nan), np.full((len(origins), 2), np.nan)
     for i in range(len(origins)):
         o, mat = origins[i], mats_ls[i]
         nearest, at_x, at_y = math.inf, 0.0, 0.0
@@ -224,8 +224,9 @@ def cast_bundle_min(
             if at_x == centre_x and at_y == centre_y:
                 step *= 0.5
                 halved += 1
-        ranges[i] = nearest if nearest < math.inf else math.nan
-    return ranges
+        if nearest < math.inf:
+            ranges[i], places[i, 0], places[i, 1] = nearest, at_x, at_y
+    return ranges, places
 
 
 def warm_up() -> None:

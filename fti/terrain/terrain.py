@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.terrain import cast as casting
+from fti.terrain.outcome import Outcome
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -133,9 +134,14 @@ class Terrain:
         """
         origins, rays = np.broadcast_arrays(np.asarray(origin, np.float64), np.asarray(directions, np.float64))
         norm = np.linalg.norm(rays, axis=-1, keepdims=True)
-        if not (norm > 0.0).all():
+        if (norm == 0.0).any():
             raise ValueError("a direction has no length")
         if not max_range > 0.0:
             raise ValueError(f"max_range is {max_range}, must be positive")
         flat = np.ascontiguousarray(origins.reshape(-1, 3)), np.ascontiguousarray((rays / norm).reshape(-1, 3))
         return casting.cast_rays(self.pyramid, *flat, float(max_range)).reshape(origins.shape[:-1])
+
+    def trace(self, origin: ArrayLike, directions: ArrayLike, max_range: float) -> tuple[Array, NDArray[np.uint8]]:
+        """Ranges as ``cast`` gives them, and what became of each ray: numbers of ``Outcome``, same shape."""
+        ranges = self.cast(origin, directions, max_range)
+        return ranges, np.where(np.isfinite(ranges), Outcome.HIT, Outcome.NOTHING).astype(np.uint8)

@@ -217,7 +217,7 @@ def test_bundle_is_the_nearest_of_its_rays() -> None:
     off = np.linalg.norm(angles, axis=1)
     rays = np.column_stack((angles * np.sinc(off / np.pi)[:, None], np.cos(off))) @ mats[0].T
     expected = [np.nanmin(ground.cast(origin, rays, 500.0)) for origin in origins]
-    found = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 0, 500.0)
+    found, _ = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 0, 500.0)
     assert found == pytest.approx(expected, abs=1e-11)
-    refined = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 4, 500.0)
+    refined, _ = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 4, 500.0)
     assert (refined <= found).all() and (refined < found - 1e-3).any()

@@ -4,7 +4,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from fti.ranging.radar import RadarAltimeter
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.sensor import sensor_poses
 from fti.terrain.grid import load_jacksboro
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene, track_point
 from fti.terrain.synthetic import with_obstacle
@@ -30,8 +31,9 @@ def profile(scene: Terrain, before: np.ndarray, right: float = 0.0) -> np.ndarra
     """The ground as the radar altimeter sees it from the glide path, or as much to the right of it [m]."""
     east, north = track_point(before, right)
     up = path_up(before)
-    poses = scene.frame.to_geodetic(np.stack((east, north, up), axis=-1))
-    return np.asarray(up - RadarAltimeter().along(scene, *poses, 0.0, 0.0, COURSE))
+    place = scene.frame.to_geodetic(np.stack((east, north, up), axis=-1))
+    poses = sensor_poses(scene.frame, *place, 0.0, 0.0, COURSE)
+    return np.asarray(up - NearestReturn().measure(scene, poses).slant_range)
 
 
 def test_same_seed_same_bytes_another_seed_another_surface(scene: Terrain) -> None:

@@ -1,4 +1,4 @@
-"""Leading-edge radar altimeter, first form: the nearest return within the beam.
+"""The nearest return within a beam: a leading-edge radar altimeter without antenna, power and receiver, and fast.
 
 The beam is a cone of the full width ``beam_width`` around the boresight (sensor +z), sampled by a centre ray and
 concentric rings of 6, 12, 18 ... rays at equal angular steps: 1 + 3 r (r + 1) rays for r rings.  A leading-edge
@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from fti.ranging.sensor import RangingSensor, checked_poses
+from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain import cast
 from fti.terrain.terrain import Terrain
 
@@ -39,8 +39,8 @@ def ring_angles(beam_width: float, rings: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class RadarAltimeter(RangingSensor):
-    """A radar altimeter with a fixed antenna.
+class NearestReturn(RangingSensor):
+    """A radar altimeter with a fixed antenna that locks to the nearest point inside its beam.
 
     beam_width : full width of the beam [rad], in (0, pi)
     rings      : rings of rays; 8 rings are 217 rays, 2.5 deg apart in a beam of 40 deg
@@ -61,10 +61,19 @@ class RadarAltimeter(RangingSensor):
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
         object.__setattr__(self, "_angles", ring_angles(self.beam_width, self.rings))
 
-    def ranges(self, terrain: Terrain, origins_l: ArrayLike, mats_ls: ArrayLike) -> Array:
-        """Range of the leading edge [m], shape (n,); NaN without a return; poses as in ``RangingSensor``."""
-        origins, mats = checked_poses(origins_l, mats_ls)
-        half = 0.5 * self.beam_width
-        return cast.cast_bundle_min(
-            terrain.pyramid, origins, mats, self._angles, half, REFINE_STEPS, float(self.max_range)
+    def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
+        """The leading edge at each pose; no noise, and neither dispersion nor power, which this form does not know."""
+        half, farthest = 0.5 * self.beam_width, float(self.max_range)
+        found, angles = cast.cast_bundle_min(
+            terrain.pyramid, poses.origins_l, poses.mats_ls, self._angles, half, REFINE_STEPS, farthest
         )
+        unknown = np.full_like(found, np.nan)
+        validity = np.where(np.isfinite(found), Validity.VALID, Validity.NO_RETURN).astype(np.uint8)
+        return Returns(found, directions(angles), unknown, unknown, validity)
+
+
+def directions(angles: Array) -> Array:
+    """Unit vectors (n, 3) in the sensor frame of angles (n, 2) off the boresight, as in ``ring_angles``."""
+    off = np.linalg.norm(angles, axis=-1)
+    scale = np.sinc(off / np.pi)[:, None]
+    return np.concatenate((angles * scale, np.cos(off)[:, None]), axis=-1)
