@@ -25,6 +25,7 @@ import pydantic
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
+from fti.drivers._arguments import check_complete
 from fti.drivers._asked import Asked
 from fti.drivers._checksums import CHECKSUMS, Kind
 from fti.drivers._fields import Field, Meaning, Teller, decode_fields, meanings
@@ -240,10 +241,7 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a line.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there is send")
-    if set(args) != {"text"}:
-        raise ValueError(f"send: takes text and nothing else, was given {', '.join(args) or 'nothing'}")
+    check_complete(COMMANDS, name, args)
     text, end = args["text"], (options or Options()).terminator
     if not 1 <= len(text) <= LONGEST_COMMAND or not text.isascii() or any(c in text for c in end):
         raise ValueError(f"send: text = {text[:60]!r}: must be 1 to 256 ASCII characters without the terminator")

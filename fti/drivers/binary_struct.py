@@ -26,6 +26,7 @@ from collections.abc import Mapping
 
 from fti.config import Positive, StrictModel
 from fti.drivers import Command, Counters
+from fti.drivers._arguments import check_complete
 from fti.drivers._asked import Asked
 from fti.drivers._binary_frame import LONGEST, BinaryField, Frame, FrameChecksum, FrameOptions, Hex
 from fti.drivers._fields import Meaning, Teller
@@ -137,10 +138,7 @@ def poll(options: Options) -> tuple[float, bytes] | None:
 
 def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
     """The bytes of a command.  Raises ValueError."""
-    if name not in COMMANDS:
-        raise ValueError(f"no command {name!r}; there is send")
-    if set(args) != {"hex"}:
-        raise ValueError(f"send: takes hex and nothing else, was given {', '.join(args) or 'nothing'}")
+    check_complete(COMMANDS, name, args)
     try:
         data = bytes.fromhex(args["hex"])
     except ValueError:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from fti.drivers import Counters
-from fti.drivers._bus_watch import BusWatch, status
-from fti.drivers._can import frame_head, why_skipped
-from fti.drivers._quick import quick_stamp
+from fti.drivers._bus_decoder import BusDecoder
+from fti.drivers._bus_watch import status
 from fti.drivers.canaerospace.data_types import DOUBLEH, DOUBLEL, ERROR, UCHAR4, decode_values, join_double
 from fti.drivers.canaerospace.parameters import Parameter, unknown
 from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
@@ -89,27 +87,14 @@ def decode_identification(data: bytes, stamp: Stamp) -> list[Measurement]:
     ]
 
 
-class Decoder:
+class Decoder(BusDecoder):
     """node : only frames of this node; None: of all."""
 
     def __init__(self, parameters: Mapping[int, Parameter], node: int | None, silent_after: float) -> None:
-        self.counters = Counters()
+        super().__init__(silent_after)
         self._node = node
         self._parameters = parameters
-        self._watch = BusWatch(silent_after, self.counters.lost)
         self._halves: dict[tuple[int, int], float] = {}  # DOUBLEH by word and node, until the DOUBLEL comes
-
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        self.counters.bytes_in += len(data)
-        told = self._watch.tick(t_rx_ns)
-        found: list[Measurement] = [status(quick_stamp(t_rx_ns), told)] if told else []
-        word, length = frame_head(data)
-        reason = self._take(word, data[8 : 8 + length], quick_stamp(t_rx_ns), found)
-        if reason:
-            self.counters.skipped[why_skipped(data) if reason == "other_id" else reason] += len(data)
-        else:
-            self.counters.framed += len(data)
-        return found
 
     def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         """Add what is in a frame; why the frame is skipped, "" when it is not."""

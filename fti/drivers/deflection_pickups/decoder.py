@@ -4,41 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from fti.drivers import Counters
-from fti.drivers._bus_watch import BusWatch, status
-from fti.drivers._can import frame_head, why_skipped
-from fti.drivers._quick import quick_stamp
+from fti.drivers._bus_decoder import BusDecoder
+from fti.drivers._bus_watch import status
 from fti.drivers.deflection_pickups.layout import REQUEST, Bus, Message
 from fti.drivers.deflection_pickups.live_tables import LiveTables
 from fti.drivers.deflection_pickups.table import Table
 from fti.types import Measurement, Stamp, SurfaceDeflection
 
 
-class Decoder:
+class Decoder(BusDecoder):
     """tables : as the calibration file has them; from then on they change when a node says so."""
 
     def __init__(self, bus: Bus, tables: Mapping[str, Table], silent_after: float) -> None:
-        self.counters = Counters()
+        super().__init__(silent_after)
         self._bus = bus
         self._tables = LiveTables(bus, tables)
         self._raw: dict[str, tuple[int, int | None]] = {}  # last raw count and its message code
-        self._watch = BusWatch(silent_after, self.counters.lost)
 
     def remember(self, before: Decoder) -> None:
         """Behind missing frames the tables are those of before, not those of the file: see ``drivers.Remembering``."""
         self._tables.take_over(before._tables)
-
-    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
-        self.counters.bytes_in += len(data)
-        told = self._watch.tick(t_rx_ns)
-        found: list[Measurement] = [status(quick_stamp(t_rx_ns), told)] if told else []
-        word, length = frame_head(data)
-        reason = self._take(word, data[8 : 8 + length], quick_stamp(t_rx_ns), found)
-        if reason:
-            self.counters.skipped[why_skipped(data) if reason == "other_id" else reason] += len(data)
-        else:
-            self.counters.framed += len(data)
-        return found
 
     def _take(self, word: int, data: bytes, stamp: Stamp, found: list[Measurement]) -> str:
         """Add what is in a frame; why the frame is skipped, "" when it is not."""
