@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device
+from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.scenario import Flight, Obstacle, Scenario
 from fti.hil.trajectory import State, Trajectory
@@ -22,36 +23,8 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-#: Standard atmosphere (ISO 2533): sea level temperature [K], pressure [Pa], lapse [K/m], gas constant [J/(kg K)].
-ISA_TEMPERATURE, ISA_PRESSURE, ISA_LAPSE, GAS_CONSTANT = 288.15, 101325.0, 0.0065, 287.05287
-ISA_EXPONENT = 9.80665 / (ISA_LAPSE * GAS_CONSTANT)
 HEAT_RATIO = 1.4
 LASER_RANGE = 2000.0
-
-
-@dataclass(frozen=True, slots=True)
-class Atmosphere:
-    """Standard atmosphere with another pressure at sea level and another temperature.
-
-    qnh [Pa]; deviation [K] from the standard temperature
-    """
-
-    qnh: float = ISA_PRESSURE
-    deviation: float = 0.0
-
-    def p_static(self, alt_msl: ArrayLike) -> Array:
-        """Static pressure [Pa] at a height above mean sea level [m]."""
-        at_qnh = np.asarray(alt_msl) + pressure_altitude(self.qnh)
-        return np.asarray(ISA_PRESSURE * (1.0 - ISA_LAPSE * at_qnh / ISA_TEMPERATURE) ** ISA_EXPONENT)
-
-    def temperature(self, alt_msl: ArrayLike) -> Array:
-        """Static air temperature [K]."""
-        return np.asarray(ISA_TEMPERATURE + self.deviation - ISA_LAPSE * np.asarray(alt_msl))
-
-
-def pressure_altitude(p_static: ArrayLike) -> Array:
-    """Altitude [m] in the standard atmosphere of a static pressure [Pa]."""
-    return np.asarray(ISA_TEMPERATURE / ISA_LAPSE * (1.0 - (np.asarray(p_static) / ISA_PRESSURE) ** (1 / ISA_EXPONENT)))
 
 
 def impact_pressure(tas: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
@@ -115,11 +88,9 @@ def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obs
     """The terrain with boxes on it, aligned with the track; at least one post each."""
     if not obstacles:
         return terrain
-    heights = terrain.heights.copy()
-    rows, columns = heights.shape
-    east = terrain.east0 + terrain.cell_m * np.arange(columns)
-    north = terrain.north0 + terrain.cell_m * np.arange(rows)
-    grid = np.stack(np.broadcast_arrays(east[None, :], north[:, None], 0.0), axis=-1)
+    layer = terrain.finest
+    heights = layer.heights.copy()
+    grid = np.stack(np.broadcast_arrays(layer.east[None, :], layer.north[:, None], 0.0), axis=-1)
     lat, lon, _ = terrain.frame.to_geodetic(grid)
     s, y = path.along(lat, lon)
     for box in obstacles:
@@ -128,4 +99,4 @@ def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obs
         if not inside.any():
             raise ValueError(f"an obstacle {box.before_threshold_m} m before the threshold is outside the terrain")
         heights[inside] += box.height_m
-    return replace(terrain, heights=heights)
+    return terrain.with_finest(heights)

@@ -9,24 +9,10 @@ import pytest
 
 from fti.config import Device
 from fti.hil.scenario import Obstacle
-from fti.hil.world import Atmosphere, calibrated_airspeed, impact_pressure, pressure_altitude, with_obstacles
+from fti.hil.world import calibrated_airspeed, impact_pressure, with_obstacles
 from tests.hil.worlds import flat_terrain, path, world
 
 DEVICE = Device(name="altimeter", link="line", driver="freeflight_ra4500")
-
-
-def test_standard_atmosphere_at_tabulated_heights() -> None:
-    """ISO 2533, table: pressure and temperature at 0, 1000, 3000 m (geopotential)."""
-    air, heights = Atmosphere(), np.array([0.0, 1000.0, 3000.0])
-    np.testing.assert_allclose(air.p_static(heights), [101325.0, 89874.6, 70108.5], rtol=1e-5)
-    np.testing.assert_allclose(air.temperature(heights), [288.15, 281.65, 268.65])
-
-
-def test_pressure_at_sea_level_is_the_qnh() -> None:
-    assert Atmosphere(qnh=98000.0).p_static(0.0) == pytest.approx(98000.0)
-    assert pressure_altitude(Atmosphere(qnh=98000.0).p_static(500.0)) == pytest.approx(
-        500.0 + float(pressure_altitude(98000.0))
-    )
 
 
 def test_calibrated_equals_true_airspeed_in_the_standard_at_sea_level() -> None:
@@ -63,8 +49,8 @@ def test_an_obstacle_stands_where_it_was_put_and_nowhere_else() -> None:
     lat, lon = path().geodetic(path().x_gpi + 3000.0 + offsets, sides)
     rise = raised.height(lat, lon) - ground.height(lat, lon)
     np.testing.assert_allclose(rise, [150.0, 150.0, 0.0, 0.0, 0.0, 0.0], atol=1e-3)
-    assert np.count_nonzero(raised.heights != ground.heights) == pytest.approx(16, abs=4)
-    assert not ground.heights.any()
+    assert np.count_nonzero(raised.finest.heights != ground.finest.heights) == pytest.approx(16, abs=4)
+    assert not ground.finest.heights.any()
 
 
 def test_an_obstacle_outside_the_ground_is_refused() -> None:
