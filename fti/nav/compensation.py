@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from fti.config import Device, Vector
+from fti.geodesy.rotations import mat_from_rpy
 
 #: One sigma of roll and pitch when the attitude source does not say [rad]: a small MEMS unit, 0.5 deg.
 ATTITUDE_SD_UNKNOWN = math.radians(0.5)
@@ -43,9 +44,8 @@ def mounting_of(device: Device) -> Mounting:
 
 def boresight(rpy_bs_deg: Vector) -> Vector:
     """The beam axis in the body frame: mat_bs (0 0 1)^T for the mounting angles roll, pitch, yaw [deg]."""
-    r, p, y = (math.radians(a) for a in rpy_bs_deg)
-    sr, cr, sp, cp, sy, cy = math.sin(r), math.cos(r), math.sin(p), math.cos(p), math.sin(y), math.cos(y)
-    return (cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp)
+    forward, right, down = mat_from_rpy(*(math.radians(a) for a in rpy_bs_deg))[:, 2].tolist()
+    return forward, right, down
 
 
 def down_row(roll: float, pitch: float) -> Vector:
@@ -77,9 +77,10 @@ def height_at_p(
 
         h_agl(P) = d cos(max(0, tilt - half_beam)) + (0 0 1) mat_nb lever_arm_b
 
-    Laser (half_beam 0): the full projection (0 0 1) mat_nb (mat_bs d_s + lever_arm_b).  Radar: a leading-edge receiver
-    reports the nearest return; as long as the vertical lies inside the beam that is the height itself, and only the
-    lever arm is compensated; beyond, the nearest return lies at the excess angle.  Never compensated for terrain.
+    Laser (half_beam 0): the full projection (0 0 1) mat_nb (mat_bs d_s + lever_arm_b), which is eq. 2.39 as
+    ``fti.ranging.frames`` has it, in plain floats for the live path.  Radar: a leading-edge receiver reports the
+    nearest return; as long as the vertical lies inside the beam that is the height itself, and only the lever arm is
+    compensated; beyond, the nearest return lies at the excess angle.  Never compensated for terrain.
 
     slant_range : [m], >= 0, first return     roll, pitch : [rad]     *_sd : one sigma [m, rad]
     Returns     : height of P [m], positive up, and its sigma: Var = (dh/dd sd_d)^2 + (dh/droll sd_roll)^2
