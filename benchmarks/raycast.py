@@ -50,12 +50,12 @@ def make_rays(terrain: Terrain, count: int) -> tuple[Array, Array]:
 def marching(terrain: Terrain, step: float = 0.5, chunk: int = 500) -> Caster:
     """Sample the surface every ``step`` metres along each ray and interpolate the first crossing."""
     t = np.arange(0.0, MAX_RANGE, step)
-    corner = np.array([terrain.east0, terrain.north0])
+    corner = np.array([terrain.finest.east0, terrain.finest.north0])
 
     def some(origins: Array, rays: Array) -> Array:
         points = origins[:, None, :] + t[None, :, None] * rays[:, None, :]
-        places = (points[..., :2] - corner) / terrain.cell_m
-        up = map_coordinates(terrain.heights, [places[..., 1], places[..., 0]], order=1, cval=np.nan)
+        places = (points[..., :2] - corner) / terrain.finest.cell_m
+        up = map_coordinates(terrain.finest.heights, [places[..., 1], places[..., 0]], order=1, cval=np.nan)
         above = points[..., 2] - up
         first = np.argmax(above <= 0, axis=1)
         row = np.arange(len(origins))
@@ -69,14 +69,15 @@ def marching(terrain: Terrain, step: float = 0.5, chunk: int = 500) -> Caster:
 
 def triangles(terrain: Terrain) -> tuple[Array, NDArray[np.int64]]:
     """Posts and two triangles per cell."""
-    rows, columns = terrain.heights.shape
+    rows, columns = terrain.finest.heights.shape
     east, north = np.meshgrid(
-        terrain.east0 + terrain.cell_m * np.arange(columns), terrain.north0 + terrain.cell_m * np.arange(rows)
+        terrain.finest.east0 + terrain.finest.cell_m * np.arange(columns),
+        terrain.finest.north0 + terrain.finest.cell_m * np.arange(rows),
     )
     index = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
     faces = np.concatenate((np.stack((a, b, d), -1), np.stack((a, d, c), -1)))
-    return np.stack((east, north, terrain.heights), -1).reshape(-1, 3), faces
+    return np.stack((east, north, terrain.finest.heights), -1).reshape(-1, 3), faces
 
 
 def embree(terrain: Terrain) -> Caster:
@@ -155,7 +156,7 @@ def main() -> None:
         print(json.dumps({"name": "raycast", "results": rows, "absent": absent}))
         return
     print(machine())
-    print(f"{shape[0]} x {shape[1]} posts of {terrain.cell_m} m, quadtree built in {built:.3f} s, one thread")
+    print(f"{shape[0]} x {shape[1]} posts of {terrain.finest.cell_m} m, quadtree built in {built:.3f} s, one thread")
     for row in rows:
         print(
             f"{row['name']:22s} {row['krays_per_s']:9.1f} krays/s   we are {row['ratio']:7.1f} x   "

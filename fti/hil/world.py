@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,7 +49,8 @@ class World:
         self.path = path
         self.terrain = with_obstacles(terrain, path, scenario.obstacles)
         self.undulation = undulation
-        self.atmosphere = Atmosphere(qnh=flight.qnh_hpa * 100.0, deviation=flight.isa_deviation_k)
+        station = path.airfield.threshold_alt_m - undulation
+        self.atmosphere = Atmosphere(flight.qnh_hpa * 100.0, flight.isa_deviation_k, station)
         self.duration = flight.duration_s
         self._trajectory = Trajectory(path, path.x_gpi, scenario.plan, scenario.seed)
         self._radars = functools.cache(NearestReturn)

@@ -6,8 +6,6 @@ the same bytes.  The figures are those of wooded hill country; they are stated, 
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,11 +106,9 @@ def with_obstacle(terrain: Terrain, east: float, north: float, height: float, wi
     roof = float(terrain.up(east, north)) + height
     if np.isnan(roof):
         raise ValueError(f"an obstacle at east {east:.1f} m, north {north:.1f} m is outside the terrain")
-    rows, columns = terrain.heights.shape
-    posts_east = terrain.east0 + terrain.cell_m * np.arange(columns)
-    posts_north = terrain.north0 + terrain.cell_m * np.arange(rows)
-    under_east, under_north = np.abs(posts_east - east) <= width / 2, np.abs(posts_north - north) <= width / 2
+    layer = terrain.finest
+    under_east, under_north = np.abs(layer.east - east) <= width / 2, np.abs(layer.north - north) <= width / 2
     inside = under_north[:, None] & under_east[None, :]
     if not inside.any():
-        raise ValueError(f"an obstacle {width:.1f} m wide holds no post of a grid of {terrain.cell_m:.1f} m")
-    return dataclasses.replace(terrain, heights=np.where(inside, np.maximum(terrain.heights, roof), terrain.heights))
+        raise ValueError(f"an obstacle {width:.1f} m wide holds no post of a grid of {layer.cell_m:.1f} m")
+    return terrain.with_finest(np.where(inside, np.maximum(layer.heights, roof), layer.heights))

@@ -1,4 +1,4 @@
-"""A terrain surface: posts on a regular grid of a local frame, bilinear in between.
+"""A terrain: layers of posts in one local frame, the finest first, bilinear in between.
 
 The posts' heights are ``up`` coordinates of the tangent frame l, not heights above the ellipsoid, so the curvature of
 the Earth is in the surface and a ray is a straight line.  A point at distance d from the frame's origin with the
@@ -14,37 +14,44 @@ Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 (bilinear tile; the printed d
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.terrain import cast as casting
+from fti.terrain import surface
+from fti.terrain.layer import Layer
 from fti.terrain.outcome import Outcome
+from fti.terrain.seams import check_stack
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+Numbers = NDArray[np.uint8]
 
 #: The place above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.
 _HEIGHT_STEPS = 4
+
+#: What ``Terrain.source`` says where no source says anything.
+NO_SOURCE = 255
 
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
     """A bilinear surface over the east, north plane of a local frame.
 
-    heights       : ndarray, shape (rows, columns), float64 [m]  ``up`` of the posts; row 0 south, column 0 west
-    cell_m        : distance between posts, both ways [m]
-    east0, north0 : the post [0, 0] in the frame [m]
-    frame         : the local frame l
+    layers : finest first; where several lie above each other the first one counts.  The edge of a finer layer runs
+             along posts of the coarser one and its outermost posts lie on the coarser surface, so nothing gapes
+    frame  : the local frame l
+    Raises ValueError for layers that do not fit each other.
     """
 
-    heights: Array
-    cell_m: float
-    east0: float
-    north0: float
+    layers: tuple[Layer, ...]
     frame: LocalFrame
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "layers", tuple(self.layers))
+        check_stack(self.layers)
 
     @classmethod
     def from_array(
@@ -52,67 +59,75 @@ class Terrain:
         heights: ArrayLike,
         cell_m: float,
         *,
-        lat0: float,
-        lon0: float,
+        lat0: float = 0.0,
+        lon0: float = 0.0,
         alt0: float = 0.0,
         east0: float = 0.0,
         north0: float = 0.0,
     ) -> Terrain:
-        """A terrain from posts [m, ``up`` of the frame at lat0, lon0 [rad], alt0 [m]]; row 0 south, column 0 west.
+        """A terrain of one layer, from posts [m, ``up`` of the frame at lat0, lon0 [rad], alt0 [m]].
 
-        Raises ValueError for fewer than 2 x 2 posts, a post that is not finite or a cell that is not positive.
+        heights : row 0 south, column 0 west; NaN is a hole.  Raises ValueError for what is no ``Layer``.
         """
-        posts = np.ascontiguousarray(heights, dtype=np.float64)
-        if posts.ndim != 2 or min(posts.shape) < 2:
-            raise ValueError(f"a terrain needs at least 2 x 2 posts, not {posts.shape}")
-        if not np.isfinite(posts).all():
-            raise ValueError(f"{np.count_nonzero(~np.isfinite(posts))} posts are not finite")
-        if not cell_m > 0.0:
-            raise ValueError(f"cell_m is {cell_m}, must be positive")
-        return cls(posts, float(cell_m), float(east0), float(north0), LocalFrame(lat0, lon0, alt0))
+        layer = Layer(np.asarray(heights, dtype=np.float64), float(cell_m), float(east0), float(north0))
+        return cls((layer,), LocalFrame(lat0, lon0, alt0))
+
+    @property
+    def finest(self) -> Layer:
+        """The first layer: the only one of a terrain made from one array."""
+        return self.layers[0]
+
+    def with_finest(self, heights: Array) -> Terrain:
+        """The terrain with other heights on the posts of its finest layer."""
+        return replace(self, layers=(replace(self.finest, heights=heights), *self.layers[1:]))
+
+    @functools.cached_property
+    def posts(self) -> surface.Posts:
+        """The layers as the look-up kernels read them."""
+        return surface.gather(self.layers)
 
     @functools.cached_property
     def pyramid(self) -> casting.Pyramid:
         """The surface as the ray caster reads it: posts, origin, cell and the quadtree of cell maxima."""
-        return casting.build_pyramid(self.heights, self.cell_m, self.east0, self.north0)
-
-    def _cell(self, east: ArrayLike, north: ArrayLike) -> tuple[Indices, Indices, Array, Array]:
-        """Row, column and the fractions east and north inside that cell; fractions are NaN outside the coverage."""
-        x = (np.asarray(east, dtype=np.float64) - self.east0) / self.cell_m
-        y = (np.asarray(north, dtype=np.float64) - self.north0) / self.cell_m
-        rows, columns = self.heights.shape
-        inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
-        column = np.where(inside, np.minimum(x, columns - 2), 0).astype(np.intp)
-        row = np.where(inside, np.minimum(y, rows - 2), 0).astype(np.intp)
-        return row, column, np.where(inside, x - column, np.nan), np.where(inside, y - row, np.nan)
-
-    def _corners(self, row: Indices, column: Indices) -> tuple[Array, Array, Array, Array]:
-        """South-west post, rise to the east, rise to the north, and the twist of each cell [m]."""
-        south_west, south_east = self.heights[row, column], self.heights[row, column + 1]
-        north_west, north_east = self.heights[row + 1, column], self.heights[row + 1, column + 1]
-        twist = north_east - north_west - south_east + south_west
-        return south_west, south_east - south_west, north_west - south_west, twist
+        layer = self.finest
+        return casting.build_pyramid(layer.heights, layer.cell_m, layer.east0, layer.north0)
 
     def up(self, east: ArrayLike, north: ArrayLike) -> Array:
-        """``up`` [m] of the surface at east, north [m]; NaN outside the coverage."""
-        row, column, u, v = self._cell(east, north)
-        base, rise_east, rise_north, twist = self._corners(row, column)
-        return np.asarray(base + u * rise_east + v * (rise_north + u * twist))
+        """``up`` [m] of the surface at east, north [m]; NaN outside the coverage and in a hole."""
+        shape, to_east, to_north = _flat(east, north)
+        return surface.look_up(self.posts, to_east, to_north, 0).reshape(shape)
 
     def gradient(self, east: ArrayLike, north: ArrayLike) -> tuple[Array, Array]:
-        """d up / d east and d up / d north at east, north [m]; one-sided on a cell's edge, NaN outside."""
-        row, column, u, v = self._cell(east, north)
-        _, rise_east, rise_north, twist = self._corners(row, column)
-        return np.asarray((rise_east + v * twist) / self.cell_m), np.asarray((rise_north + u * twist) / self.cell_m)
+        """d up / d east and d up / d north at east, north [m]; one-sided on a cell's edge, NaN where ``up`` is."""
+        shape, to_east, to_north = _flat(east, north)
+        slope_east, slope_north = surface.slopes(self.posts, to_east, to_north)
+        return slope_east.reshape(shape), slope_north.reshape(shape)
 
     def normal(self, east: ArrayLike, north: ArrayLike) -> Array:
-        """Unit vector away from the ground, shape (..., 3), east, north, up; NaN outside."""
+        """Unit vector away from the ground, shape (..., 3), east, north, up; NaN where ``up`` is."""
         slope_east, slope_north = self.gradient(east, north)
         normal = np.stack((-slope_east, -slope_north, np.ones_like(slope_east)), axis=-1)
         return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
+    def source(self, east: ArrayLike, north: ArrayLike) -> Numbers:
+        """Number of the source of the nearest post at east, north [m]; ``NO_SOURCE`` where ``up`` is NaN."""
+        shape, to_east, to_north = _flat(east, north)
+        of_layer, posts = surface.nearest_posts(self.posts, to_east, to_north)
+        found = np.full(len(posts), NO_SOURCE, dtype=np.uint8)
+        for k, layer in enumerate(self.layers):
+            here = of_layer == k
+            found[here] = 0 if layer.origin is None else layer.origin.ravel()[posts[here]]
+        found[np.isnan(surface.look_up(self.posts, to_east, to_north, 0))] = NO_SOURCE
+        return found.reshape(shape)
+
+    def cell(self, east: ArrayLike, north: ArrayLike) -> Array:
+        """Distance between the posts [m] of the layer that counts at east, north [m]; NaN outside the coverage."""
+        shape, to_east, to_north = _flat(east, north)
+        of_layer, _ = surface.nearest_posts(self.posts, to_east, to_north)
+        return np.append(self.posts.cell, np.nan)[of_layer].reshape(shape)
+
     def height(self, lat: ArrayLike, lon: ArrayLike) -> Array:
-        """Height of the surface above the ellipsoid [m] at lat, lon [rad]; NaN outside the coverage.
+        """Height of the surface above the ellipsoid [m] at lat, lon [rad]; NaN outside the coverage and in a hole.
 
         The surface is met on the ellipsoid's normal through lat, lon, found by fixed-point steps that contract
         with slope x distance / R.
@@ -145,3 +160,10 @@ class Terrain:
         """Ranges as ``cast`` gives them, and what became of each ray: numbers of ``Outcome``, same shape."""
         ranges = self.cast(origin, directions, max_range)
         return ranges, np.where(np.isfinite(ranges), Outcome.HIT, Outcome.NOTHING).astype(np.uint8)
+
+
+def _flat(east: ArrayLike, north: ArrayLike) -> tuple[tuple[int, ...], Array, Array]:
+    """The common shape of places, and east and north in one row each."""
+    places = np.broadcast_arrays(np.asarray(east, dtype=np.float64), np.asarray(north, dtype=np.float64))
+    to_east, to_north = (np.ascontiguousarray(place).reshape(-1) for place in places)
+    return places[0].shape, to_east, to_north

@@ -86,7 +86,7 @@ def test_rays_are_counted_symmetric_and_evenly_spaced() -> None:
 
 
 def test_mast_is_seen_by_the_beam_and_missed_by_the_laser() -> None:
-    heights = FLAT.heights.copy()
+    heights = FLAT.finest.heights.copy()
     heights[80, 82] = 120.0  # 50 m east of the origin
     ground = Terrain.from_array(heights, 25.0, lat0=LAT0, lon0=LON0, east0=-2000.0, north0=-2000.0)
     at = poses(300.0, 0.0, 0.0)

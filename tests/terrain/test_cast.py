@@ -35,13 +35,16 @@ def smallest_root(f0: Long, b: Long, a: Long, low: Long, high: Long) -> Long:
 
 def brute_force(ground: Terrain, origin: Array, direction: Array, max_range: float) -> float:
     """The first hit among all cells, each solved on its own in long double; inf without one; starts above."""
-    z = ground.heights.astype(np.longdouble)
+    z = ground.finest.heights.astype(np.longdouble)
     base, rise_x, rise_y = z[:-1, :-1], z[:-1, 1:] - z[:-1, :-1], z[1:, :-1] - z[:-1, :-1]
     twist = z[1:, 1:] - z[1:, :-1] - rise_x
     o, d = origin.astype(np.longdouble), direction.astype(np.longdouble)
     iy, ix = np.indices(base.shape)
-    u0, v0 = (o[0] - ground.east0) / ground.cell_m - ix, (o[1] - ground.north0) / ground.cell_m - iy
-    vx, vy = d[0] / ground.cell_m, d[1] / ground.cell_m
+    u0, v0 = (
+        (o[0] - ground.finest.east0) / ground.finest.cell_m - ix,
+        (o[1] - ground.finest.north0) / ground.finest.cell_m - iy,
+    )
+    vx, vy = d[0] / ground.finest.cell_m, d[1] / ground.finest.cell_m
     low, high = np.zeros_like(base), np.full_like(base, max_range)
     for at, speed in ((u0, vx), (v0, vy)):
         if speed == 0:
@@ -67,8 +70,8 @@ def check_ray(ground: Terrain, origin: Array, direction: Array, max_range: float
     assert np.isnan(found) == (expected == np.inf), (found, expected)
     if not np.isnan(found):
         point = origin + found * direction
-        size = np.array(ground.heights.shape[::-1]) - 1
-        inside = np.clip(point[:2], 0, ground.cell_m * size)
+        size = np.array(ground.finest.heights.shape[::-1]) - 1
+        inside = np.clip(point[:2], 0, ground.finest.cell_m * size)
         assert np.abs(inside - point[:2]).max() < 1e-9
         assert abs(point[2] - ground.up(*inside)) <= 1e-9
         grazing = incidence(ground, np.append(inside, 0), direction)
@@ -77,8 +80,8 @@ def check_ray(ground: Terrain, origin: Array, direction: Array, max_range: float
 
 
 def random_ray(rng: np.random.Generator, ground: Terrain) -> tuple[Array, Array]:
-    rows, columns = ground.heights.shape
-    place = rng.uniform(0, 1, 2) * ground.cell_m * np.array([columns - 1, rows - 1])
+    rows, columns = ground.finest.heights.shape
+    place = rng.uniform(0, 1, 2) * ground.finest.cell_m * np.array([columns - 1, rows - 1])
     above = float(ground.up(*place)) + rng.choice([1e-3, 1.0, 30.0])
     flatness = rng.choice([0.01, 0.1, 1.0])
     return np.array([*place, above]), rng.normal(0, 1, 3) * [1, 1, flatness]

@@ -37,9 +37,9 @@ def profile(scene: Terrain, before: np.ndarray, right: float = 0.0) -> np.ndarra
 
 
 def test_same_seed_same_bytes_another_seed_another_surface(scene: Terrain) -> None:
-    digest = hashlib.sha256(scene.heights.tobytes()).hexdigest()
-    assert hashlib.sha256(demo_scene().heights.tobytes()).hexdigest() == digest
-    assert np.abs(demo_scene(seed=7).heights - scene.heights).max() > 10
+    digest = hashlib.sha256(scene.finest.heights.tobytes()).hexdigest()
+    assert hashlib.sha256(demo_scene().finest.heights.tobytes()).hexdigest() == digest
+    assert np.abs(demo_scene(seed=7).finest.heights - scene.finest.heights).max() > 10
 
 
 def test_covers_the_approach(scene: Terrain) -> None:
@@ -141,9 +141,9 @@ def test_obstacle_stands_where_it_was_put(scene: Terrain) -> None:
     east, north = track_point(3000.0)
     with_it = with_obstacle(scene, float(east), float(north), 150.0, 40.0)
     assert with_it.up(east, north) == pytest.approx(scene.up(east, north) + 150.0)
-    changed = np.argwhere(with_it.heights != scene.heights)
+    changed = np.argwhere(with_it.finest.heights != scene.finest.heights)
     assert 49 <= len(changed) <= 81
-    assert np.ptp(changed, axis=0).max() * scene.cell_m <= 40.0
+    assert np.ptp(changed, axis=0).max() * scene.finest.cell_m <= 40.0
     before = np.arange(2500.0, 3500.0, 10.0)
     raised = profile(with_it, before) - profile(scene, before)
     assert raised.max() > 100 and raised.min() > -0.3 and (raised[np.abs(before - 3000) > 200] < 1e-6).all()

@@ -81,7 +81,7 @@ def test_curvature_of_the_earth_is_in_the_surface() -> None:
     [
         (np.zeros((1, 5)), 5.0, "2 x 2"),
         (np.zeros(7), 5.0, "2 x 2"),
-        (np.array([[0.0, np.nan], [0.0, 1.0]]), 5.0, "1 posts are not finite"),
+        (np.array([[0.0, np.inf], [0.0, 1.0]]), 5.0, "1 posts are infinite"),
         (np.zeros((3, 3)), 0.0, "cell_m"),
     ],
 )
