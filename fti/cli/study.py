@@ -3,6 +3,7 @@
   fti study --list
   fti study device_clock
   fti study device_clock --runs 400 --seed 7 --json
+  fti study slant-range --plots figures       # the results, and pictures of them
 
 The same seed gives the same figures.  Exit code 1 when a target is not reached.
 """
@@ -12,20 +13,24 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fti.study import Result
+    from collections.abc import Callable
+
+    from fti.study import Draw, Result, Study
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """NAME, --list, --runs, --seed, --json."""
+    """NAME, --list, --runs, --seed, --plots, --json."""
     from fti.cli._arguments import count
 
     parser.add_argument("name", metavar="NAME", nargs="?", help="the study")
     parser.add_argument("--list", action="store_true", help="list the studies")
     parser.add_argument("--runs", metavar="N", type=count, help="how many runs (default: the study's own)")
     parser.add_argument("--seed", metavar="K", type=int, help="seed of the random numbers (default: the study's own)")
+    parser.add_argument("--plots", metavar="DIR", type=Path, help="draw the study's pictures into DIR (PNG)")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
@@ -41,17 +46,45 @@ def run(args: argparse.Namespace) -> int:
     if args.name is None:
         raise MissingError(f"name a study; there are {', '.join(study.names())}")
     chosen = study.load(args.name)
-    runs = args.runs or chosen.RUNS
+    name, runs = study.name_of(chosen), args.runs or chosen.RUNS
     seed = chosen.SEED if args.seed is None else args.seed
+    pictures = _pictures(chosen, seed, args.plots) if args.plots else {}
     with progress_bar() as bar:
-        task = bar.add_task(args.name, total=1.0)
+        task = bar.add_task(name, total=1.0)
         results = chosen.study(runs, seed, lambda share: bar.update(task, completed=share))
+        if pictures:
+            drawn = bar.add_task("pictures", total=len(pictures))
+            _draw(pictures, lambda: bar.advance(drawn))
     if args.json:
-        table = {"name": args.name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
-        print(json.dumps(table, indent=1))
+        table = {"name": name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
+        print(json.dumps(table | ({"plots": list(map(str, pictures))} if pictures else {}), indent=1))
     else:
-        print("\n".join([f"{args.name}: {runs} runs, seed {seed}", *map(as_line, results)]))
+        wrote = (f"wrote {file}" for file in pictures)
+        print("\n".join([f"{name}: {runs} runs, seed {seed}", *map(as_line, results), *wrote]))
     return 0 if all(result.holds for result in results) else 1
+
+
+def _pictures(chosen: Study, seed: int, folder: Path) -> dict[Path, Draw]:
+    """Which files will be written, and what draws them.  A file that is there stays: better known before than after."""
+    from fti.errors import MissingError, StorageError
+    from fti.study import Illustrated, name_of
+
+    name = name_of(chosen)
+    if not isinstance(chosen, Illustrated):
+        raise MissingError(f"the study {name} has no pictures")
+    pictures = {folder / f"{name}-{what}.png": draw for what, draw in chosen.drawings(seed).items()}
+    there = [str(file) for file in pictures if file.exists()]
+    if there:
+        raise StorageError(f"{', '.join(there)}: cannot be written: there already; name another folder")
+    return pictures
+
+
+def _draw(pictures: dict[Path, Draw], done: Callable[[], None]) -> None:
+    from fti.study._plots import write
+
+    for file, draw in pictures.items():
+        write(draw, file)
+        done()
 
 
 def as_line(result: Result) -> str:

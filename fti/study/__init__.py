@@ -6,6 +6,11 @@ A study is a module of this package whose name does not begin with ``_``.  It ha
     ``RUNS``    how many runs it takes unless told otherwise
     ``SEED``    seed of its random numbers unless told otherwise; the same seed gives the same results
     ``study(runs, seed, progress) -> [Result]``   progress is told the share that is done, 0 to 1
+
+and, where there is something to see,
+
+    ``drawings(seed) -> {name: draw}``   figures by name; each is computed and drawn when its ``draw()`` is called, in
+                                         the look of ``fti.study._plots``
 """
 
 from __future__ import annotations
@@ -15,12 +20,17 @@ import inspect
 import pkgutil
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from fti.errors import MissingError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 #: Told the share that is done, 0 to 1.
 Progress = Callable[[float], None]
+#: Draws one figure.
+Draw = Callable[[], "Figure"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,17 +54,31 @@ class Study(Protocol):
         """Do it."""
 
 
+@runtime_checkable
+class Illustrated(Study, Protocol):
+    """A study with figures."""
+
+    def drawings(self, seed: int) -> dict[str, Draw]:
+        """What draws each figure, by its name."""
+
+
 def names() -> list[str]:
     """Names of the studies there are, sorted."""
     return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
 
 
 def load(name: str) -> Study:
-    """The study of that name.  Raises MissingError naming those that exist."""
-    if name not in names():
+    """The study of that name, written with ``-`` or ``_``.  Raises MissingError naming those that exist."""
+    wanted = name.replace("-", "_")
+    if wanted not in names():
         raise MissingError(f"no study {name!r}; there are {', '.join(names())}")
-    module: Study = importlib.import_module(f"{__name__}.{name}")
+    module: Study = importlib.import_module(f"{__name__}.{wanted}")
     return module
+
+
+def name_of(study: Study) -> str:
+    """Its name."""
+    return str(vars(study)["__name__"]).rpartition(".")[2]
 
 
 def title(study: Study) -> str:

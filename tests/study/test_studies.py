@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from fti import study
 from fti.cli.main import main
 from fti.errors import MissingError
-from fti.study import Result, device_clock, triple_buffer
+from fti.study import Result, device_clock, ranging, triple_buffer
 
 #: Runs with --scale quick; twenty times as many with --scale full.
-RUNS = {"device_clock": 5, "triple_buffer": 1}
+RUNS = {"device_clock": 5, "ranging": 1, "triple_buffer": 1}
 
 
 def test_every_study_has_its_count_here() -> None:
@@ -82,9 +83,65 @@ def test_studies_are_listed_and_others_refused(capsys: pytest.CaptureFixture[str
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == study.names()
     assert main(["study", "no_such"]) == 2
     assert main(["study"]) == 2
-    assert "there are device_clock, triple_buffer" in capsys.readouterr().err
+    assert f"there are {', '.join(study.names())}" in capsys.readouterr().err
     with pytest.raises(MissingError, match="no_such"):
         study.load("no_such")
+
+
+def test_a_name_is_written_with_either_line() -> None:
+    assert study.load("device-clock") is study.load("device_clock")
+    assert study.name_of(study.load("device-clock")) == "device_clock"
+
+
+def _one_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ranging, "study", lambda runs, seed, progress: ranging.pulses())
+
+
+def test_pictures_are_written_and_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    _one_result(monkeypatch)
+    monkeypatch.setattr(ranging, "drawings", lambda seed: {"first": Figure, "second": Figure})
+    folder = tmp_path / "new" / "figures"
+    assert main(["study", "ranging", "--plots", str(folder)]) == 0
+    files = [folder / "ranging-first.png", folder / "ranging-second.png"]
+    assert [line for line in capsys.readouterr().out.splitlines() if line.startswith("wrote")] == [
+        f"wrote {file}" for file in files
+    ]
+    assert sorted(folder.iterdir()) == files
+    assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)
+
+
+def test_json_names_the_pictures(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    _one_result(monkeypatch)
+    monkeypatch.setattr(ranging, "drawings", lambda seed: {"first": Figure})
+    assert main(["study", "ranging", "--json", "--plots", str(tmp_path)]) == 0
+    assert json.loads(capsys.readouterr().out)["plots"] == [str(tmp_path / "ranging-first.png")]
+
+
+def test_a_picture_that_is_there_stays(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(ranging, "study", lambda *_: pytest.fail("found out before the work is done"))
+    monkeypatch.setattr(ranging, "drawings", lambda seed: {"first": Figure, "second": Figure})
+    (tmp_path / "ranging-second.png").write_bytes(b"mine")
+    assert main(["study", "ranging", "--plots", str(tmp_path)]) == 2
+    assert "ranging-second.png: cannot be written: there already" in capsys.readouterr().err
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("ranging-second.png", b"mine")]
+
+
+def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_said(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    _one_result(monkeypatch)
+    monkeypatch.setattr(ranging, "drawings", lambda seed: {"first": Figure})
+    (tmp_path / "file").touch()
+    assert main(["study", "ranging", "--plots", str(tmp_path / "file")]) == 2
+    assert "file: cannot be written: File exists" in capsys.readouterr().err
+    assert main(["study", "triple_buffer", "--plots", str(tmp_path)]) == 2
+    assert "the study triple_buffer has no pictures" in capsys.readouterr().err
 
 
 def test_a_study_is_a_module_and_nothing_else() -> None:

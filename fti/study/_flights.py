@@ -1,0 +1,137 @@
+"""Flights of the studies: legs of turning and climbing, rolled in and out smoothly, turns coordinated.
+
+What a leg commands (turn rate, speed, path angle, extra roll) is smoothed by a Hann window of unit area as long as the
+aircraft takes to answer, so a turn ends exactly on its heading.  Then
+
+    roll = atan(turn rate x speed / g) + extra,     pitch = path angle + aoa cos(roll),     aoa = trim / cos(roll)
+
+with the load factor 1 / cos(roll) of a coordinated turn, at most ``MAX_LOAD``.  No wind, no vibration.  Positions are
+east, north, up in the terrain's flat frame l; the study leaves the curvature of the Earth out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.local import MAT_ENU_NED
+from fti.geodesy.rotations import mat_from_rpy
+from fti.ranging.sensor import Poses
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.80665
+MAX_LOAD = 6.0
+TRIM_AOA = np.deg2rad(3.0)
+STEP_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """seconds : how long; speed : over ground [m/s]; path : climb angle [rad]; extra : roll beside the turn's [rad].
+
+    bank : of the turn, right positive, 0 straight on [rad], below 90 degrees
+    """
+
+    seconds: float
+    speed: float
+    bank: float = 0.0
+    path: float = 0.0
+    extra: float = 0.0
+
+    @property
+    def turn_rate(self) -> float:
+        """Right positive [rad/s]."""
+        return float(GRAVITY * np.tan(self.bank) / self.speed)
+
+
+def turn(heading_change: float, bank: float, speed: float, path: float = 0.0) -> Leg:
+    """The leg that changes the heading by so much, right positive [rad], with that bank, always positive [rad]."""
+    rate = GRAVITY * np.tan(bank) / speed
+    return Leg(float(abs(heading_change) / rate), speed, float(np.copysign(bank, heading_change)), path)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flown path: t [s], origins_l (n, 3) [m], roll, pitch, heading [rad], vels_l (n, 3) [m/s]."""
+
+    t: Array
+    origins_l: Array
+    roll: Array
+    pitch: Array
+    heading: Array
+    vels_l: Array
+
+    @property
+    def mats_lb(self) -> Array:
+        """Body to l, shape (n, 3, 3)."""
+        return np.asarray(MAT_ENU_NED @ mat_from_rpy(self.roll, self.pitch, self.heading))
+
+    def poses(self) -> Poses:
+        """Of a sensor at P that looks down along the body's axis."""
+        return Poses(self.origins_l, self.mats_lb, self.vels_l)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The ground track of a flight and what it commands, at ``STEP_S``; speed [m/s], path and extra [rad]."""
+
+    t: Array
+    east: Array
+    north: Array
+    heading: Array
+    turn_rate: Array
+    speed: Array
+    path: Array
+    extra: Array
+
+    @property
+    def climbed(self) -> Array:
+        """Height over the first point, when the path angles are flown [m]."""
+        return _integrated(self.speed * np.tan(self.path))
+
+    def flown(self, up: Array, every_s: float) -> Flight:
+        """The flight over this track at heights ``up`` [m], one sample every so many seconds."""
+        climb = np.gradient(up, STEP_S)
+        roll = np.arctan(self.turn_rate * self.speed / GRAVITY) + self.extra
+        load = np.minimum(1.0 / np.maximum(np.abs(np.cos(roll)), 1.0 / MAX_LOAD), MAX_LOAD)
+        pitch = np.arctan2(climb, self.speed) + TRIM_AOA * load * np.cos(roll)
+        vels = np.stack((self.speed * np.sin(self.heading), self.speed * np.cos(self.heading), climb), axis=-1)
+        origins = np.stack((self.east, self.north, up), axis=-1)
+        at = slice(None, None, round(every_s / STEP_S))
+        return Flight(self.t[at], origins[at], roll[at], pitch[at], self.heading[at], vels[at])
+
+
+def track(legs: list[Leg], heading: float, answer_s: float, end: tuple[float, float] = (0.0, 0.0)) -> Track:
+    """Fly the legs one after the other from a heading [rad]; the last point lies at ``end``, east and north [m].
+
+    answer_s : how long a command takes to be followed [s]
+    """
+    rate, speed, path, extra = (
+        _commanded(legs, [getattr(leg, name) for leg in legs], answer_s)
+        for name in ("turn_rate", "speed", "path", "extra")
+    )
+    headings = heading + _integrated(rate)
+    east, north = _integrated(speed * np.sin(headings)), _integrated(speed * np.cos(headings))
+    t = np.arange(len(rate), dtype=np.float64) * STEP_S
+    return Track(t, east - east[-1] + end[0], north - north[-1] + end[1], headings, rate, speed, path, extra)
+
+
+def _commanded(legs: list[Leg], values: list[float], answer_s: float) -> Array:
+    """Values held through their legs and smoothed; as long as the legs together."""
+    seconds = np.array([leg.seconds for leg in legs])
+    ends = np.concatenate(([0.0], np.cumsum(seconds)))
+    edges = STEP_S * np.arange(np.ceil(ends[-1] / STEP_S) + 1)
+    total = np.interp(edges, ends, np.concatenate(([0.0], np.cumsum(seconds * values))))
+    held = np.diff(total) / STEP_S  # the mean over each step: a leg ends between two of them
+    window = np.hanning(round(answer_s / STEP_S) + 2)[1:-1]
+    half = len(window) // 2
+    padded = np.pad(held, (half, len(window) - 1 - half), mode="edge")
+    return np.asarray(np.convolve(padded, window / window.sum(), mode="valid"), dtype=np.float64)
+
+
+def _integrated(rate: Array) -> Array:
+    """From 0, by the trapezoid rule."""
+    return np.asarray(STEP_S * np.concatenate(([0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1])))))

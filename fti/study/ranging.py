@@ -1,0 +1,77 @@
+"""Ranging sensors: closed forms, receivers, beam, and a level run over forest and buildings.
+
+Source 003, chapter 2.  Elevation and records of the source are not public: what follows from geometry and physics is
+exact here, and what depends on the terrain is a ratio over synthetic terrains.
+
+    T3   what a pulse does not resolve (eq. 2.5) and how often 1000 m can be measured (eq. 2.36)
+    T5   a level surface: d = h / cos (eq. 2.67), for every ray within 75 deg of the boresight
+    T6   triangles, corners and rays of the geodesic dome (eq. 2.65, 2.66)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fti.ranging.radar.dome import half_dome, sphere
+from fti.ranging.radar.waveform import SPEED_OF_LIGHT
+from fti.study import Draw, Progress, Result
+from fti.terrain.terrain import Terrain
+
+RUNS = 20
+SEED = 3
+
+#: Pulses of a radar and of a laser altimeter (2.1.1.3, 2.1.2) [s], and the range of eq. 2.36 [m].
+PULSES_S = (100e-9, 10e-9)
+FARTHEST_M = 1000.0
+#: Order of the dome of fig. 2.30, and how far off the boresight its rays are compared with eq. 2.67.
+ORDER = 12
+WIDEST = np.radians(75.0)
+LEVEL_HEIGHT_M = 100.0
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """Closed forms, the beam, the receivers; then ``runs`` terrains."""
+    progress(1.0)
+    return [*pulses(), *beam()]
+
+
+def drawings(seed: int) -> dict[str, Draw]:
+    """Pictures like those of the source."""
+    from fti.study import _beam_plots  # noqa: PLC0415 - matplotlib is loaded by who draws
+
+    return {"dome": _beam_plots.dome}
+
+
+def pulses() -> list[Result]:
+    """T3."""
+    radar, laser = (0.5 * SPEED_OF_LIGHT * pulse for pulse in PULSES_S)
+    rate = 1e-3 * SPEED_OF_LIGHT / (2.0 * FARTHEST_M)
+    near = "nearest range of a pulse of"
+    return [
+        Result("T3.radar", f"{near} 100 ns [m] (eq. 2.5)", radar, "14.990", f"{radar:.3f}" == "14.990"),
+        Result("T3.laser", f"{near} 10 ns [m] (eq. 2.5)", laser, "1.499", f"{laser:.3f}" == "1.499"),
+        Result("T3.rate", "pulses to 1000 m and back [kHz] (eq. 2.36)", rate, "150", round(rate) == 150),
+    ]
+
+
+def level_ranges() -> tuple[np.ndarray, np.ndarray]:
+    """Angle off the boresight [rad] and range [m] of the rays of a beam that looks straight down on a level surface."""
+    rays_s = half_dome(ORDER).within(WIDEST).rays_s
+    ground = Terrain.from_array(np.zeros((51, 51)), 20.0, lat0=0.8, lon0=0.2, east0=-500.0, north0=-500.0)
+    rays_l = rays_s * [1.0, 1.0, -1.0]
+    found = ground.cast(np.array([3.0, 4.0, LEVEL_HEIGHT_M]), rays_l, 1000.0)
+    return np.arccos(rays_s[:, 2]), found
+
+
+def beam() -> list[Result]:
+    """T5 and T6."""
+    angle, found = level_ranges()
+    error = float(np.max(np.abs(found * np.cos(angle) / LEVEL_HEIGHT_M - 1.0)))
+    whole, half = sphere(ORDER), half_dome(ORDER)
+    triangles, corners, rays = len(whole.triangles), len(whole.rays), len(half)
+    return [
+        Result("T5", f"worst of {len(found)} ranges to a level surface, relative", error, "< 1e-9", error < 1e-9),
+        Result("T6.triangles", "triangles of the dome of order 12 (eq. 2.65)", triangles, "2880", triangles == 2880),
+        Result("T6.corners", "its corners (eq. 2.66)", corners, "1442", corners == 1442),
+        Result("T6.rays", "rays of its half with the equator", rays, "751", rays == 751),
+    ]
