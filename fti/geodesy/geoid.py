@@ -1,0 +1,87 @@
+"""Undulation of the geoid: the height of mean sea level above the WGS84 ellipsoid, from PROJ's grids.
+
+    alt = alt_msl + undulation(lat, lon)
+
+PROJ replaces a grid that it does not find by no shift at all and says nothing: 47 m in central Europe.  Here the grid
+is looked for by us, named to PROJ by its path, and refused where it is missing.  Nothing is fetched over a network.
+
+Between the posts of the grid the undulation is bilinear: with EGM96's of 15 arc minutes up to a few centimetres off the
+model in rough country (4 cm at the test points of NGA, whose own program goes between the posts by splines).
+
+Source: Lemoine et al. 1998, NASA/TP-1998-206861 (EGM96); Pavlis et al. 2012 (EGM2008).
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyproj
+from numpy.typing import ArrayLike, NDArray
+from pyproj.datadir import get_data_dir, get_user_data_dir  # type: ignore[attr-defined]  # public in its documents
+
+from fti.errors import MissingError
+
+Array = NDArray[np.float64]
+
+#: The files that may hold each model, and how to get one.
+GRIDS = {
+    "egm96": (("egm96_15.gtx", "us_nga_egm96_15.tif"), "Debian's package proj-data has it: apt install proj-data"),
+    "egm2008": (("us_nga_egm08_25.tif", "egm08_25.gtx"), "PROJ fetches it: projsync --file us_nga_egm08_25.tif"),
+}
+#: Where Debian's package puts its grids.
+SYSTEM = Path("/usr/share/proj")
+
+
+def grid_directories() -> tuple[Path, ...]:
+    """Where grids are looked for: $PROJ_DATA, the user's and pyproj's own directory, the system's."""
+    named = os.environ.get("PROJ_DATA", "").split(os.pathsep)
+    places = [*filter(None, named), get_user_data_dir(), *get_data_dir().split(os.pathsep), str(SYSTEM)]
+    return tuple(map(Path, dict.fromkeys(places)))
+
+
+def find_grid(model: str, directories: Sequence[Path]) -> Path:
+    """The file of a model's grid.  Raises ValueError for a model that is not known, MissingError without a file."""
+    if model not in GRIDS:
+        raise ValueError(f"the geoid {model!r} is not known; there are {', '.join(GRIDS)}")
+    names, remedy = GRIDS[model]
+    for path in _candidates(names, directories):
+        if path.is_file():
+            return path
+    looked = ", ".join(map(str, directories)) or "no directory at all"
+    raise MissingError(f"the geoid grid of {model} ({' or '.join(names)}) is not in {looked}; {remedy}")
+
+
+def _candidates(names: Sequence[str], directories: Sequence[Path]) -> Iterator[Path]:
+    return (directory / name for name in names for directory in directories)
+
+
+class Geoid:
+    """One geoid model.
+
+    model : egm96 or egm2008; path : the file of its grid
+    """
+
+    def __init__(self, model: str, path: Path) -> None:
+        self.model = model
+        self.path = path
+        try:  # a pipeline that names its grid by path fails without it
+            self._shift = pyproj.Transformer.from_pipeline(f'+proj=vgridshift +grids="{path}" +multiplier=1')
+        except pyproj.exceptions.ProjError as error:
+            raise MissingError(f"{path}: PROJ cannot read this geoid grid: {error}") from None
+
+    def undulation(self, lat: ArrayLike, lon: ArrayLike) -> Array:
+        """Height of the geoid above the ellipsoid [m] at lat, lon [rad], shapes broadcast; NaN off the grid."""
+        to_lat, to_lon = np.broadcast_arrays(np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64))
+        flat = to_lon.ravel(), to_lat.ravel(), np.zeros(to_lat.size)
+        _, _, shift = self._shift.transform(*flat, radians=True)
+        return np.where(np.isfinite(shift), shift, np.nan).reshape(to_lat.shape)
+
+
+@functools.cache
+def load_geoid(model: str) -> Geoid:
+    """The geoid of a model (egm96, egm2008) from the grids of this machine.  Raises ValueError or MissingError."""
+    return Geoid(model, find_grid(model, grid_directories()))
