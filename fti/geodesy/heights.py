@@ -1,0 +1,225 @@
+"""Heights that know what they are counted from, so that 47 m of geoid or 83 m of altimeter setting are not lost.
+
+    Height(536.2, MSL("egm96")) - Height(489.0, ELLIPSOID)      ValueError: mixed
+
+A difference of two heights of one kind is a length (a plain number); a height plus a length is a height.  Everything
+else raises.  From one kind to another lead only functions with a name, which ask for what they need:
+
+    to_ellipsoid, to_msl             the geoid
+    to_ellipsoid_by_message          the undulation that came in the same message
+    pressure_to_msl, msl_to_pressure the air: QNH, its station and the temperature
+    reset_altimeter                  the new setting: no air is needed, an altimeter does the same
+    above_ground, from_ground        the height of the terrain there
+
+All values [m], all settings [Pa]; arrays as numbers.  A height says nothing of the place: whoever converts says it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere, pressure_altitude
+from fti.geodesy.geoid import Geoid
+from fti.types import Datum, Point
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a height is counted from, and what belongs to that.
+
+    detail : geoid model for MSL (or ``receiver``: the one inside a GNSS receiver), altimeter setting [Pa] for
+             PRESSURE, for AGL the point of the aircraft whose height it is, None for the ellipsoid
+    """
+
+    datum: Datum
+    detail: str | float | Point | None = None
+
+    def __str__(self) -> str:
+        match self.datum:
+            case Datum.ELLIPSOID:
+                return "ELLIPSOID"
+            case Datum.PRESSURE:
+                return f"PRESSURE({float(self.detail or 0.0) / 100.0:g} hPa)"
+            case _:
+                return f"{self.datum.name}({self.detail})"
+
+
+#: Above the WGS84 ellipsoid.
+ELLIPSOID = Kind(Datum.ELLIPSOID)
+#: The model of MSL where a receiver says mean sea level and not which.
+RECEIVER = "receiver"
+
+
+def MSL(model: str) -> Kind:  # noqa: N802 - a kind of height, as ELLIPSOID is
+    """Above mean sea level as a geoid model has it."""
+    return Kind(Datum.MSL, model)
+
+
+def PRESSURE(setting: float = ISA_PRESSURE) -> Kind:  # noqa: N802
+    """What an altimeter shows that is set to a pressure [Pa].  Raises ValueError for one that is not positive."""
+    if not setting > 0.0:
+        raise ValueError(f"an altimeter setting of {setting} Pa; must be positive")
+    return Kind(Datum.PRESSURE, float(setting))
+
+
+def AGL(point: Point) -> Kind:  # noqa: N802
+    """Above the ground right below one point of the aircraft."""
+    return Kind(Datum.AGL, point)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Height:
+    """One height or an array of them, and what they are counted from.
+
+    metres : float or ndarray (read-only) [m]
+    Raises ValueError when two kinds meet in a difference or a comparison, and when two heights are added.
+    """
+
+    metres: float | Array
+    kind: Kind
+
+    __hash__ = None  # type: ignore[assignment]  # it may hold an array
+    #: numpy leaves ``array + height`` and ``array - height`` to this class.
+    __array_ufunc__ = None
+
+    def __post_init__(self) -> None:
+        values = np.array(self.metres, dtype=np.float64)
+        values.flags.writeable = False
+        object.__setattr__(self, "metres", values if values.ndim else float(values))
+
+    def __str__(self) -> str:
+        return f"{self.metres} m {self.kind}"
+
+    def __add__(self, length: ArrayLike) -> Height:
+        if isinstance(length, Height):
+            raise ValueError(f"a {length.kind} height cannot be added to a {self.kind} height: only a length can")
+        return Height(self.metres + np.asarray(length, dtype=np.float64), self.kind)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Height | ArrayLike) -> float | Array | Height:
+        if not isinstance(other, Height):
+            return Height(self.metres - np.asarray(other, dtype=np.float64), self.kind)
+        self.must_match(other, "subtracted from")
+        return self.metres - other.metres
+
+    def __rsub__(self, other: ArrayLike) -> Height:
+        raise ValueError(f"a {self.kind} height cannot be subtracted from a length")
+
+    def __lt__(self, other: Height) -> bool | NDArray[np.bool_]:
+        return self._compare(other, np.less)
+
+    def __le__(self, other: Height) -> bool | NDArray[np.bool_]:
+        return self._compare(other, np.less_equal)
+
+    def __gt__(self, other: Height) -> bool | NDArray[np.bool_]:
+        return self._compare(other, np.greater)
+
+    def __ge__(self, other: Height) -> bool | NDArray[np.bool_]:
+        return self._compare(other, np.greater_equal)
+
+    def __eq__(self, other: object) -> bool | NDArray[np.bool_]:  # type: ignore[override]
+        return self._compare(other, np.equal) if isinstance(other, Height) else NotImplemented
+
+    def _compare(self, other: Height, how: Callable[..., NDArray[np.bool_]]) -> bool | NDArray[np.bool_]:
+        if not isinstance(other, Height):
+            raise ValueError(f"a {self.kind} height cannot be compared with a plain number")
+        self.must_match(other, "compared with")
+        result = how(self.metres, other.metres)
+        return result if np.ndim(result) else bool(result)
+
+    def must_match(self, other: Height, what: str) -> None:
+        """Raises ValueError when the other height is of another kind; what : was to be done with it, in words."""
+        if other.kind != self.kind:
+            raise ValueError(f"a {other.kind} height cannot be {what} a {self.kind} height: convert one of them first")
+
+
+def _metres(height: Height, datum: Datum, wanted: str) -> float | Array:
+    """The values of a height that must be of one datum."""
+    if height.kind.datum is not datum:
+        raise ValueError(f"{wanted} asks for a height of the kind {datum.name}, not {height.kind}")
+    return height.metres
+
+
+# ------------------------------------------------------------------------------------------------------------ geoid
+
+
+def to_ellipsoid(height: Height, lat: ArrayLike, lon: ArrayLike, geoid: Geoid) -> Height:
+    """A height above mean sea level at lat, lon [rad] as one above the ellipsoid.
+
+    Raises ValueError when the height is counted from another geoid model.
+    """
+    metres = _metres(height, Datum.MSL, "to_ellipsoid")
+    if height.kind.detail != geoid.model:
+        raise ValueError(f"a {height.kind} height cannot be converted with the geoid {geoid.model}")
+    return Height(metres + geoid.undulation(lat, lon), ELLIPSOID)
+
+
+def to_msl(height: Height, lat: ArrayLike, lon: ArrayLike, geoid: Geoid) -> Height:
+    """A height above the ellipsoid at lat, lon [rad] as one above mean sea level."""
+    return Height(_metres(height, Datum.ELLIPSOID, "to_msl") - geoid.undulation(lat, lon), MSL(geoid.model))
+
+
+def to_ellipsoid_by_message(height: Height, undulation: ArrayLike) -> Height:
+    """A height above mean sea level, whatever the model, with the undulation [m] that came in the same message.
+
+    The receiver subtracted that very undulation, so its geoid, coarse or old as it may be, drops out.
+    """
+    return Height(_metres(height, Datum.MSL, "to_ellipsoid_by_message") + np.asarray(undulation), ELLIPSOID)
+
+
+# --------------------------------------------------------------------------------------------------------- pressure
+
+
+def reset_altimeter(height: Height, setting: float) -> Height:
+    """What the altimeter would show when set to another pressure [Pa]: 83 m more for 10 hPa more, at sea level."""
+    metres = _metres(height, Datum.PRESSURE, "reset_altimeter")
+    return Height(metres + _standard(height.kind) - _standard(PRESSURE(setting)), PRESSURE(setting))
+
+
+def pressure_to_msl(height: Height, air: Atmosphere, model: str) -> Height:
+    """What an altimeter shows as a height above mean sea level.
+
+    air : QNH, its station and the temperature; model : of the mean sea level that the station's height refers to
+    """
+    metres = _metres(height, Datum.PRESSURE, "pressure_to_msl")
+    return Height(air.alt_msl(metres + _standard(height.kind)), MSL(model))
+
+
+def msl_to_pressure(height: Height, air: Atmosphere, setting: float) -> Height:
+    """What an altimeter that is set to a pressure [Pa] shows at a height above mean sea level."""
+    shown = air.pressure_altitude(_metres(height, Datum.MSL, "msl_to_pressure")) - _standard(PRESSURE(setting))
+    return Height(shown, PRESSURE(setting))
+
+
+def _standard(kind: Kind) -> float:
+    """Pressure altitude [m] at which an altimeter of this setting shows 0."""
+    return float(pressure_altitude(float(kind.detail or 0.0)))
+
+
+# ---------------------------------------------------------------------------------------------------------- terrain
+
+
+def above_ground(height: Height, ground: Height, point: Point) -> Height:
+    """Height of a point of the aircraft above the ground below it; both heights of one kind, but not AGL.
+
+    ground : of the terrain at the same latitude and longitude, as ``Terrain.height`` has it (above the ellipsoid)
+    """
+    if height.kind.datum is Datum.AGL:
+        raise ValueError(f"above_ground asks for a height that is not yet above ground, not {height.kind}")
+    height.must_match(ground, "subtracted from")
+    return Height(height.metres - ground.metres, AGL(point))
+
+
+def from_ground(height: Height, ground: Height) -> Height:
+    """A height above ground, of the kind in which the ground's own height is given."""
+    metres = _metres(height, Datum.AGL, "from_ground")
+    if ground.kind.datum is Datum.AGL:
+        raise ValueError(f"from_ground asks for the ground's height above ELLIPSOID or MSL, not {ground.kind}")
+    return ground + metres
