@@ -13,10 +13,9 @@ the link's.  0x10 may stand inside the data; the trailer decides what is a frame
 which is the driver ``arinc429``'s.  That reaches to 8192 ft, so a height from there on is not valid: all bits set, or
 a few feet below zero on the ground if the number has a sign, which is open, would be 20 km.
 
-Quantisation [ft]: to 119: 1; to 199: 2; to 499: 5; to 999: 20; to 2099: 50; above: 100 (84629, as Spiegel 2018 prints
-it in table 7.9, first column as corrected in docs/errata.md).  Sigma is the root of the sum of squares of step /
-sqrt(12) and of what the instrument's own accuracy is taken to be: ``sd_ft`` and ``sd_percent`` of the height.  How the
-maker states it is not public: both are 0 by default, so that sigma is that of the step alone.
+Quantisation: ``fti.ranging.radar.quantise``.  Sigma is the root of the sum of squares of step / sqrt(12) and of what
+the instrument's own accuracy is taken to be: ``sd_ft`` and ``sd_percent`` of the height.  How the maker states it is
+not public: both are 0 by default, so that sigma is that of the step alone.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._units import FOOT
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 
 DOCUMENT = "FreeFlight 84629 (interface); layout as decoded by a public airborne logger"
@@ -48,7 +48,6 @@ FULL_SCALE_FT = 8192
 #: A port is opened again after 0.1 s at the earliest; the bytes of a frame come closer to each other.
 MIDST_NS = 100_000_000
 NotNegative = Annotated[float, Field(ge=0)]
-QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
 
 
 class Options(StrictModel):
@@ -61,17 +60,6 @@ class Options(StrictModel):
     dle_stuffing: bool = False
     sd_ft: NotNegative = 0.0
     sd_percent: NotNegative = 0.0
-
-
-def quantisation_step_ft(height_ft: float) -> int:
-    """Step of the altitude [ft] at a height [ft]."""
-    return next((step for top, step in QUANTISATION_FT if height_ft <= top), QUANTISATION_FT[-1][1])
-
-
-def quantise_ft(height_ft: float) -> int:
-    """The altitude [ft] that the instrument would show, 0..65535."""
-    step = quantisation_step_ft(max(height_ft, 0.0))
-    return min(max(round(height_ft / step) * step, 0), 65535)
 
 
 def _checksum(rule: str, data: bytes) -> int:

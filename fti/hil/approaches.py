@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers._units import FOOT
-from fti.drivers.freeflight_ra4500 import quantisation_step_ft, quantise_ft
 from fti.hil.sensors.errors import slow, white
 from fti.nav.approach import ApproachPath
 from fti.nav.clearance import ClearanceMonitor, ClearanceSample
 from fti.nav.reference import Sensor
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity

@@ -18,8 +18,8 @@ from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.entry import Number, make_entries
 from fti.drivers.arinc429.labels import Label, LabelSet, built_in, choose, read_sets
 from fti.drivers.arinc429.word import BnrState, DiscreteState
-from fti.drivers.freeflight_ra4500 import quantisation_step_ft
 from fti.errors import ConfigError
+from fti.ranging.radar.quantise import quantisation_step_ft
 from fti.service.binding import bind_devices
 from fti.types import (
     Deviation,

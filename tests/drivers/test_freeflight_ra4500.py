@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.drivers import freeflight_ra4500 as ra
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, RadioHeight, Stamp
 
 FOOT = 0.3048
@@ -39,8 +40,8 @@ def frame(altitude: int, status: int = 0x10) -> bytes:
     ],
 )
 def test_quantisation_is_the_corrected_table(height: int, step: int) -> None:
-    assert ra.quantisation_step_ft(height) == step
-    assert ra.quantise_ft(height) % step == 0
+    assert quantisation_step_ft(height) == step
+    assert quantise_ft(height) % step == 0
 
 
 def test_sigma_is_that_of_the_step() -> None:
@@ -93,7 +94,7 @@ def test_stuffing_takes_every_height_there_and_back(feet: list[int], rule: str) 
     encoder = ra.make_encoder(options)
     data = b"".join(b for h in feet for b in encoder.encode(RadioHeight(stamp=S, height_agl=h * FOOT)))
     found = heights(data, options)
-    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [ra.quantise_ft(h * FOOT / FOOT) for h in feet]
+    assert [round((m.height_agl or 0.0) / FOOT) for m in found] == [quantise_ft(h * FOOT / FOOT) for h in feet]
 
 
 def test_a_lone_escape_in_a_stuffed_frame_is_not_a_frame() -> None:

@@ -11,10 +11,10 @@ from fti import drivers
 from fti.config import Altimeter, Device, bind
 from fti.drivers import arinc429
 from fti.drivers.arinc429.labels import built_in
-from fti.drivers.freeflight_ra4500 import quantisation_step_ft
 from fti.hil.sensors import Sensor
 from fti.hil.sensors.arinc_units import ArincUnit, IlsReceiver
 from fti.hil.world import World
+from fti.ranging.radar.quantise import quantisation_step_ft
 from fti.service.binding import BoundDevice
 from fti.types import Deviation, DmeRange, Measurement, Position, RadioHeight, Reading, Stamp, TimeScale
 from tests.hil.worlds import world

@@ -16,7 +16,7 @@ from fti.drivers._units import FOOT
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.labels import EQUIPMENT_LABEL, Label, LabelSet
 from fti.drivers.arinc429.word import BcdState, BnrState, DiscreteState
-from fti.drivers.freeflight_ra4500 import quantisation_step_ft, quantise_ft
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, Measurement, RadioHeight, Reading, Stamp
 
 Decode = Callable[[int, Stamp], list[Measurement]]
