@@ -1,0 +1,111 @@
+"""Ground, what stands on it, and of what kind it is: the reason why two sensors over one place see two surfaces.
+
+Bare ground is what a terrain model (DTM) holds, the tops of trees and roofs what a surface model (DSM) holds.  A laser
+returns from the top first and from the ground last, a radar from somewhere in between, and none looks through a roof.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+
+#: What ``Landscape.cover_at`` says outside the coverage.
+NO_COVER = 255
+
+
+class Cover(IntEnum):
+    """Land cover of a post."""
+
+    BARE = 0
+    GRASS = 1
+    CROP = 2
+    FOREST = 3
+    BUILDING = 4
+    WATER = 5
+    TARMAC = 6
+
+
+class Sees(IntEnum):
+    """Which surface a kind of sensor returns from."""
+
+    TOP = 0  #: the first return of a laser, photogrammetry: tree tops and roofs
+    RADAR = 1  #: a share of the canopy's height above the ground, by land cover; roofs
+    LAST = 2  #: the last return of a laser: the ground between the plants, but roofs
+    GROUND = 3  #: a terrain model: the ground alone
+
+
+#: Height at which a radar returns, as a share of the canopy's: 0.3 where it is sparse to 0.9 where it is dense; stated,
+#: not measured.
+RADAR_SHARE: Mapping[Cover, float] = MappingProxyType({Cover.GRASS: 0.3, Cover.CROP: 0.5, Cover.FOREST: 0.7})
+
+_ROOF = frozenset({Cover.BUILDING})
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """Ground with land cover on the same posts.
+
+    ground : Terrain of one layer, the bare ground
+    canopy : ndarray, shape (rows, columns) [m]    height of plants and buildings above it, >= 0
+    cover  : ndarray, shape (rows, columns), uint8  numbers of ``Cover``
+    Raises ValueError for another shape, a canopy that is negative or no number, a number that is no ``Cover``.
+    """
+
+    ground: Terrain
+    canopy: Array
+    cover: Codes
+
+    def __post_init__(self) -> None:
+        shape = self.ground.finest.heights.shape
+        if len(self.ground.layers) != 1:
+            raise ValueError(f"a landscape stands on one layer of ground, not {len(self.ground.layers)}")
+        for name in ("canopy", "cover"):
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has the shape {getattr(self, name).shape}, must be that of ground, {shape}")
+        if not (self.canopy >= 0.0).all():
+            raise ValueError("canopy has posts that are negative or no number")
+        if self.cover.max() > max(Cover):
+            raise ValueError(f"cover has the number {self.cover.max()}, must be one of Cover, 0 to {max(Cover)}")
+
+    @functools.cached_property
+    def surface(self) -> Terrain:
+        """Tree tops and roofs: ``seen_by(Sees.TOP)``."""
+        return self.seen_by(Sees.TOP)
+
+    def seen_by(self, sees: Sees, radar_share: Mapping[Cover, float] = RADAR_SHARE) -> Terrain:
+        """The surface from which a kind of sensor returns.
+
+        radar_share : height of the return over height of the canopy for ``Sees.RADAR``, in [0, 1]; a cover that is
+                      not named returns from its ground, a building always from its roof
+        """
+        share = self._shares(sees, radar_share)[self.cover]
+        return self.ground.with_finest(self.ground.finest.heights + share * self.canopy)
+
+    @staticmethod
+    def _shares(sees: Sees, radar_share: Mapping[Cover, float]) -> Array:
+        if sees is Sees.RADAR and not all(0.0 <= share <= 1.0 for share in radar_share.values()):
+            raise ValueError(f"radar_share is {dict(radar_share)}, must lie in [0, 1]")
+        plants = {Sees.TOP: dict.fromkeys(Cover, 1.0), Sees.RADAR: radar_share}.get(sees, {})
+        roof = 0.0 if sees is Sees.GROUND else 1.0
+        return np.array([roof if cover in _ROOF else plants.get(cover, 0.0) for cover in Cover])
+
+    def cover_at(self, east: ArrayLike, north: ArrayLike) -> Codes:
+        """Land cover of the nearest post at east, north [m]; ``NO_COVER`` outside the coverage."""
+        layer = self.ground.finest
+        column = (np.asarray(east, dtype=np.float64) - layer.east0) / layer.cell_m
+        row = (np.asarray(north, dtype=np.float64) - layer.north0) / layer.cell_m
+        rows, columns = self.cover.shape
+        inside = (column >= 0) & (column <= columns - 1) & (row >= 0) & (row <= rows - 1)
+        nearest = (np.rint(np.where(inside, at, 0.0)).astype(np.intp) for at in (row, column))
+        return np.where(inside, self.cover[tuple(nearest)], NO_COVER).astype(np.uint8)
