@@ -127,6 +127,10 @@ def test_what_was_decoded_is_encoded_to_the_same_bytes(vector: Vector) -> None:
 # ------------------------------------------------------------------------------------------------------- streams
 
 
+#: There are so many vectors and round trips that a third of the usual examples of each is plenty.
+FEWER = settings(max_examples=settings().max_examples // 3)
+
+
 def outcome(vector: Vector, reads: list[bytes]) -> tuple[list[Measurement], Any]:
     decoder = vector.decoder()
     return feed_all(decoder, reads), decoder.counters
@@ -139,6 +143,7 @@ def test_how_the_bytes_are_cut_changes_nothing(vector: Vector) -> None:
     assert whole[0]
     assert outcome(vector, [stream[i : i + 1] for i in range(len(stream))]) == whole
 
+    @FEWER
     @given(st.lists(st.integers(1, len(stream) - 1), max_size=20))
     def cut_anywhere(cuts: list[int]) -> None:
         edges = [0, *sorted(set(cuts)), len(stream)]
@@ -200,8 +205,8 @@ def flip(data: bytearray, hits: list[tuple[int, int]]) -> bytearray:
 
 
 def check_garbage(vector: Vector, check: Callable[[bytes], None]) -> None:
-    """With a third of the usual examples: each takes 5 kB to settle, and test_fuzz damages far more."""
-    settings(max_examples=settings().max_examples // 3)(given(damaged(vector.data))(check))()
+    """Each example takes 5 kB to settle, and test_fuzz damages far more."""
+    FEWER(given(damaged(vector.data))(check))()
 
 
 @byte_streams
@@ -287,4 +292,4 @@ def test_a_value_comes_back_to_half_the_resolution_of_the_wire(vector: Vector, t
 
     for edge in (trip["low"], trip["high"]):
         come_back(float(edge))
-    given(st.floats(trip["low"], trip["high"]))(come_back)()
+    FEWER(given(st.floats(trip["low"], trip["high"]))(come_back))()
