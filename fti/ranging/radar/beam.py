@@ -148,7 +148,7 @@ def range_bins(ranges: Array, powers: Array, bin_m: float, n_bin: int) -> Array:
     """Power per range bin, shape (n, n_bin), of the rays of n poses: the powers of the rays, spread by the window.
 
     The kernel of a Hann window, +-8 bins: what the spectrum of the beat signal has on average over the phases of the
-    rays.  Where a ray lies in its bin is rounded to 1/1024 of it: 0.004 dB on the flank of a lone ray.
+    rays.  Where a ray lies in its bin is rounded to 1/1024 of it: 0.02 dB within 20 dB of the strongest.
 
     ranges, powers : (n, rays)  [m], received over transmitted; a range that is NaN, negative or beyond is left out
     bin_m          : range of one bin [m]; bin k is centred at the range k bin_m
