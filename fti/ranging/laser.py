@@ -1,34 +1,197 @@
-"""Laser altimeter: a pencil beam, one ray along the boresight (sensor +z)."""
+"""Laser altimeter: one pulse along the boresight (sensor +z), answered by ground, by the edge of a roof, or by a cloud.
+
+How far it sees.  A diffuse surface that is wider than the beam returns, through an aperture of the diameter D,
+
+    P_rx / P_tx = rho cos(i) D^2 / (4 d^2) exp(-2 tau)
+
+with the reflectance rho, the angle of incidence i (Lambert) and the optical depth tau of fog or cloud: it falls with
+the square of the distance, not with the fourth power of eq. 2.18, because the surface is wider than the beam.  The
+receiver answers above a threshold.  So a laser that reaches ``max_range`` on a surface with ``reflectance``, at normal
+incidence in clear air, reaches
+
+    d_max = max_range sqrt(rho cos(i) / reflectance) exp(-tau)
+
+How near.  While the pulse leaves, the receiver is blind: d_min = c T_p / 2, 1.5 m at 10 ns (eq. 2.5).
+
+How wide.  The footprint has the diameter divergence x d, 0.5 to 1.5 m at 500 m for 1 to 3 mrad.  Its light is taken as
+even (a top hat) and sampled by ``footprint_rays`` of equal solid angle.  Parts of it that lie nearer together than
+c T_p / 2 are one echo at their mean range, weighted by power; others are echoes of their own, of which the receiver
+tells the first or the last that is strong enough (fig. 2.16).
+
+Sources: Spiegel 2018, sections 2.1.2 and 2.1.4, eq. 2.5, 2.67; Wehr and Lohr 1999 (power and range of a laser over
+extended diffuse targets).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.ranging.sensor import Poses, RangingSensor, Returns
+from fti.ranging.echoes import Echoes, beams, merged, outcome
+from fti.ranging.error_model import RangeError
+from fti.ranging.radar.waveform import SPEED_OF_LIGHT
+from fti.ranging.reflectance import CoverAt, reflectance_at
+from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
+from fti.ranging.weather import Air, Cloud, air_along
+from fti.terrain.landscape import Cover
+from fti.terrain.outcome import Outcome
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+Mask = NDArray[np.bool_]
+
+#: The instrument tells what it sees.
+EXACT = RangeError()
+#: What an instrument means that says its value for "no return".
+SILENT = (Validity.NO_RETURN, Validity.WEAK, Validity.TOO_NEAR)
 
 
 @dataclass(frozen=True)
 class Laser(RangingSensor):
-    """A laser altimeter without divergence; ``max_range`` [m]: beyond it there is no return.
+    """A laser altimeter; as it stands a pencil beam that sees any surface up to ``max_range``.
 
-    Over a plane d = h / cos(angle to the normal).  Source: Spiegel 2018, eq. 2.67.
+    max_range    : [m] how far it sees a surface with ``reflectance``
+    reflectance  : of the surface that ``max_range`` is stated for; None: it sees every surface as far, at any incidence
+    cover        : land cover, for the reflectance of the ground: one kind, or ``Landscape.cover_at``
+    pulse_length : T_p [s]; nearer than c T_p / 2 it sees nothing, and echoes nearer to each other are one
+    divergence   : full width of the beam [rad]; 0 is one ray
+    returns      : "first" or "last" echo, shape (n,), or "both", shape (n, 2)
+    aperture     : diameter of the receiver's lens [m], for the power; its optics lose nothing
+    weather      : clouds and fog; they need ``reflectance``, and to be seen ``pulse_length``
+    error        : of a range that is told
+    sentinel     : what the instrument says without a return [m] (LightWare SF11: 130.00); None: nothing, NaN
+    Raises ValueError for figures out of range.
     """
 
     max_range: float = 300.0
+    reflectance: float | None = None
+    cover: CoverAt = Cover.GRASS
+    pulse_length: float = 0.0
+    divergence: float = 0.0
+    returns: Literal["first", "last", "both"] = "first"
+    aperture: float = 0.05
+    weather: tuple[Cloud, ...] = ()
+    error: RangeError = EXACT
+    sentinel: float | None = None
 
     def __post_init__(self) -> None:
-        if not self.max_range > 0.0:
-            raise ValueError(f"max_range is {self.max_range} m, must be positive")
+        for name in ("max_range", "aperture"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} is {getattr(self, name)} m, must be positive")
+        if self.reflectance is not None and not 0.0 < self.reflectance <= 1.0:
+            raise ValueError(f"reflectance is {self.reflectance}, must lie in (0, 1]")
+        if not 0.0 <= self.pulse_length < np.inf:
+            raise ValueError(f"pulse_length is {self.pulse_length} s, must not be negative")
+        if not 0.0 <= self.divergence < 0.1:
+            raise ValueError(f"divergence is {self.divergence} rad, must lie in [0, 0.1)")
+        if self.returns not in {"first", "last", "both"}:
+            raise ValueError(f"returns is {self.returns!r}, must be first, last or both")
+        if self.weather and self.reflectance is None:
+            raise ValueError("weather needs reflectance: the surface that max_range is stated for")
+
+    @property
+    def min_range(self) -> float:
+        """The nearest range that is seen, c T_p / 2 [m].  Eq. 2.5."""
+        return 0.5 * SPEED_OF_LIGHT * self.pulse_length
+
+    @property
+    def reach(self) -> float:
+        """The farthest that anything can be seen [m]: a white surface at normal incidence in clear air."""
+        return self.max_range if self.reflectance is None else self.max_range / float(np.sqrt(self.reflectance))
+
+    @property
+    def threshold(self) -> float:
+        """P_rx / P_tx that the receiver needs to answer."""
+        return 0.0 if self.reflectance is None else self.reflectance * float(self._collected(self.max_range))
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
-        """Slant range along the boresight at each pose."""
-        ranges, outcomes = terrain.trace(poses.origins_l, poses.mats_ls[:, :, 2], float(self.max_range))
-        known = np.isfinite(ranges)
-        directions = np.where(known[:, None], [0.0, 0.0, 1.0], np.nan)
-        return Returns(ranges, directions, np.where(known, 0.0, np.nan), np.where(known, 1.0, np.nan), outcomes)
+        """Slant range along the boresight at each pose: shape (n,), with both returns (n, 2)."""
+        boresight = np.broadcast_to([0.0, 0.0, 1.0], (len(poses), 3))
+        return self.along(terrain, poses.origins_l, poses.mats_ls[:, :, 2], boresight, rng)
+
+    def along(
+        self,
+        terrain: Terrain,
+        origins_l: Array,
+        directions_l: Array,
+        directions_s: Array,
+        rng: np.random.Generator | None = None,
+    ) -> Returns:
+        """What pulses return, of any leading shape: (...), with both returns (..., 2).
+
+        origins_l    : (..., 3) [m]   where they leave
+        directions_l : (..., 3)       unit vectors
+        directions_s : (..., 3)       the same in the sensor frame, for ``direction_s``
+        """
+        shape = directions_l.shape[:-1]
+        starts, rays, rays_s = (
+            np.ascontiguousarray(np.broadcast_to(vectors, (*shape, 3))).reshape(-1, 3)
+            for vectors in (origins_l, directions_l, directions_s)
+        )
+        air = air_along(self.weather, starts, rays, rng)
+        echoes, code = self._ground(terrain, starts, rays, air)
+        if self.weather:
+            echoes = echoes.beside(self._clouds(echoes, air))
+        told = self._told(echoes, code, rays_s, rng)
+        return _shaped(told, (*shape, 2) if self.returns == "both" else shape)
+
+    def _collected(self, ranges: Array | float) -> Array:
+        """The share of diffusely scattered light that the lens collects at ranges [m]."""
+        with np.errstate(divide="ignore"):
+            return np.minimum(self.aperture**2 / (4.0 * np.square(ranges)), 1.0)
+
+    def _ground(self, terrain: Terrain, origins_l: Array, directions_l: Array, air: Air) -> tuple[Echoes, Codes]:
+        """Echoes of the ground (n, m), m rays in a footprint, and the outcome of each pulse (n,)."""
+        rays = beams(directions_l, self.divergence)
+        shape = rays.shape[:2]
+        flat, starts = rays.reshape(-1, 3), np.repeat(origins_l, shape[1], axis=0)
+        ranges, codes = terrain.trace(starts, flat, self.reach)
+        points = starts + ranges[:, None] * flat
+        facing = np.maximum(-np.sum(flat * terrain.normal(points[:, 0], points[:, 1]), axis=-1), 0.0)
+        scattered = facing * reflectance_at(self.cover, points[:, 0], points[:, 1])
+        codes = np.where((codes == Outcome.HIT) & np.isnan(scattered), Outcome.OUTSIDE, codes)
+        ranges = ranges.reshape(shape)
+        power = (scattered * self._collected(ranges.ravel())).reshape(shape) * air.transmission(ranges) / shape[1]
+        echoes = merged(ranges, power, self.min_range) if shape[1] > 1 else Echoes.sharp(ranges, power)
+        return echoes, outcome(codes.reshape(shape))
+
+    def _clouds(self, ground: Echoes, air: Air) -> Echoes:
+        """What clouds answer (n, k) before the ground does."""
+        nearest = np.fmin.reduce(ground.ranges, axis=1, initial=np.inf)
+        where, reflectance = air.echoes(self.min_range, nearest)
+        return Echoes.sharp(where, reflectance * self._collected(where))
+
+    def _told(self, echoes: Echoes, code: Codes, directions_s: Array, rng: np.random.Generator | None) -> Returns:
+        """What the receiver makes of the echoes: shape (n, 1), with both (n, 2)."""
+        seen = echoes.ranges >= self.min_range
+        heard = seen & (echoes.power >= self.threshold) & (code <= Outcome.NOTHING)[:, None]
+        told = echoes.told(heard, self.returns)
+        ranges = self.error.applied(told.ranges, rng)
+        validity = np.repeat(_validity(code, echoes, seen, heard)[:, None], ranges.shape[1], axis=1)
+        directions = np.where(np.isfinite(ranges)[..., None], directions_s[:, None, :], np.nan)
+        if self.sentinel is not None:
+            ranges = np.where(np.isin(validity, SILENT), self.sentinel, ranges)
+        return Returns(ranges, directions, told.spread, told.power, validity)
+
+
+def _validity(code: Codes, echoes: Echoes, seen: Mask, heard: Mask) -> Codes:
+    """Of each pulse (n,), from its outcome and from which echoes (n, m) are far and strong enough."""
+    there = np.isfinite(echoes.ranges)
+    silence = np.where(seen.any(axis=1), Validity.WEAK, np.where(there.any(axis=1), Validity.TOO_NEAR, code))
+    silence = np.where(heard.any(axis=1), Validity.VALID, silence)
+    return np.where(code > Outcome.NOTHING, code, silence).astype(np.uint8)
+
+
+def _shaped(found: Returns, shape: tuple[int, ...]) -> Returns:
+    """The same returns in another shape."""
+    return Returns(
+        found.slant_range.reshape(shape),
+        found.direction_s.reshape(*shape, 3),
+        found.dispersion.reshape(shape),
+        found.power.reshape(shape),
+        found.validity.reshape(shape),
+    )

@@ -1,0 +1,157 @@
+"""Range scanner: a laser whose beam a rotating polygon sweeps across the track, line after line.
+
+The line lies in the sensor's y z plane: direction_s = (0, sin a, cos a), a from -fov/2 (left) to +fov/2 (right).  A
+beam that meets the facets in the plane of rotation turns twice as fast as the mirror, so each of N facets sweeps
+4 pi / N.  Where that is more than the field of view the rest is dead time: the beam meets an edge or the housing, and
+nothing is measured.  With f pulses and n_l = N x revolutions lines per second
+
+    angle step     da  = (4 pi / N) n_l / f                                   (eq. 5.1: alpha n_l / f without dead time)
+    in-line        ds_y = s_y / (points per line) = 2 tan(fov / 2) h / cos(pitch) da / fov          (mean; eq. 5.2)
+                   ds_y(a) = h / cos(pitch) da / cos(a)^2                                           (at the angle a)
+    line distance  ds_x = v / n_l                                                                   (eq. 5.3)
+
+over level ground h below a sensor pitched by its mounting.  A pulse must be back before the next one leaves:
+f <= c / (2 d_max), 150 kHz at 1000 m (eq. 2.36); a faster scanner needs a coded or continuous wave.
+
+Sources: Spiegel 2018, sections 2.1.4 and 5.1; Marshall and Stutz 2011, Optical and Laser Scanning (polygons).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.ranging.interpolation import interpolated
+from fti.ranging.laser import Laser
+from fti.ranging.radar.waveform import SPEED_OF_LIGHT
+from fti.ranging.sensor import Poses, RangingSensor, Returns
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+
+def fastest_rate(max_range: float) -> float:
+    """Pulses per second [Hz] of which each is back from ``max_range`` [m] before the next one leaves.  Eq. 2.36."""
+    return SPEED_OF_LIGHT / (2.0 * max_range)
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """k measurements of a scanner: times (k,) [s], sensor poses at these times, and the returns."""
+
+    times: Array
+    poses: Poses
+    returns: Returns
+
+    def points_l(self) -> Array:
+        """Where the returns came from, (k, 3) or with both returns (k, 2, 3) [m]; NaN where not valid."""
+        return points_l(self.poses, self.returns)
+
+
+def points_l(poses: Poses, returns: Returns) -> Array:
+    """Where returns came from, (n, ..., 3) [m], east, north, up: x_l = x_l(S) + mat_ls d_s; NaN where not valid."""
+    d_s = returns.slant_range[..., None] * returns.direction_s
+    n = len(poses)
+    d_l = d_s.reshape(n, -1, 3) @ np.swapaxes(poses.mats_ls, -1, -2)
+    return np.asarray((poses.origins_l[:, None] + d_l).reshape(d_s.shape))
+
+
+@dataclass(frozen=True)
+class RangeScanner(RangingSensor):
+    """A scanner with a rotating polygon.
+
+    laser       : what measures; its ``reach`` limits the pulse rate
+    pulse_rate  : f, pulses per second [Hz]
+    line_rate   : n_l, lines per second [Hz]
+    field_of_view : of the line [rad]
+    facets      : of the polygon
+    Raises ValueError for a pulse rate above ``fastest_rate``, a field of view that is not positive or that a facet
+    cannot sweep, and a line without a pulse.
+    """
+
+    laser: Laser = field(default_factory=lambda: Laser(max_range=1000.0))
+    pulse_rate: float = 10_000.0
+    line_rate: float = 50.0
+    field_of_view: float = float(np.radians(80.0))
+    facets: int = 8
+
+    def __post_init__(self) -> None:
+        for name in ("pulse_rate", "line_rate"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"{name} is {getattr(self, name)} Hz, must be positive")
+        limit = fastest_rate(self.laser.reach)
+        if self.pulse_rate > limit:
+            raise ValueError(f"pulse_rate is {self.pulse_rate} Hz; over {self.laser.reach} m it is at most {limit:.0f}")
+        if self.facets < 3:
+            raise ValueError(f"facets is {self.facets}, a polygon has at least 3")
+        if not 0.0 < self.field_of_view <= min(self.swept, np.pi):
+            raise ValueError(f"field_of_view is {self.field_of_view} rad; {self.facets} facets sweep {self.swept:.3f}")
+        if self.angle_step > self.field_of_view:
+            raise ValueError(
+                f"{self.pulse_rate} pulses in {self.line_rate} lines per second leave lines without a pulse"
+            )
+
+    @property
+    def swept(self) -> float:
+        """What one facet sweeps, dead time included [rad]."""
+        return 4.0 * np.pi / self.facets
+
+    @property
+    def angle_step(self) -> float:
+        """Between measurements of a line [rad]."""
+        return self.swept * self.line_rate / self.pulse_rate
+
+    @property
+    def angles(self) -> Array:
+        """Of the measurements of one line that is centred on the boresight, left to right (k,) [rad]."""
+        half = int(np.floor(0.5 * self.field_of_view / self.angle_step * (1.0 + 1e-12)))
+        return np.asarray(self.angle_step * np.arange(-half, half + 1))
+
+    def in_line_distance(self, height: ArrayLike, pitch: ArrayLike = 0.0) -> Array:
+        """Mean distance of neighbours in a line over level ground ``height`` [m] below; pitch of the mounting [rad]."""
+        width = 2.0 * np.tan(0.5 * self.field_of_view) * np.asarray(height) / np.cos(pitch)
+        return np.asarray(width * self.angle_step / self.field_of_view)
+
+    def line_distance(self, speed: ArrayLike) -> Array:
+        """Distance of the lines along the track at a ground speed [m/s]."""
+        return np.asarray(np.asarray(speed) / self.line_rate)
+
+    def square_line_rate(self, height: ArrayLike, speed: ArrayLike, pitch: ArrayLike = 0.0) -> Array:
+        """Lines per second [Hz] that make both distances equal.  Eq. 5.5, with the dead time."""
+        per_line = self.in_line_distance(height, pitch) / self.line_rate
+        return np.asarray(np.sqrt(np.asarray(speed) / per_line))
+
+    def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
+        """One line at each pose, shape (n, k), with both returns (n, k, 2).
+
+        The pose is that of the middle of the line; during the line the sensor moves on at its velocity and does not
+        turn.  For a flight that turns, ``scan``.
+        """
+        angles = self.angles
+        since = (np.arange(len(angles)) - len(angles) // 2) / self.pulse_rate
+        origins = poses.origins_l[:, None] + poses.vels_l[:, None] * since[:, None]
+        rays_s = line_directions(angles)
+        return self.laser.along(terrain, origins, rays_s @ np.swapaxes(poses.mats_ls, -1, -2), rays_s, rng)
+
+    def scan(self, terrain: Terrain, times: ArrayLike, epochs: Poses, rng: np.random.Generator | None = None) -> Scan:
+        """Everything that is measured from the first to the last epoch at ``times`` (n,) [s], k measurements.
+
+        The first pulse leaves at the first epoch, when a facet begins its sweep.  Each measurement has its own pose,
+        ``interpolated`` between the epochs.
+        """
+        knots = np.asarray(times, dtype=np.float64)
+        pulses = np.arange(np.floor((knots[-1] - knots[0]) * self.pulse_rate) + 1)
+        angles = self.swept * ((pulses * (self.line_rate / self.pulse_rate)) % 1.0 - 0.5)
+        seen = np.abs(angles) <= 0.5 * self.field_of_view
+        when = knots[0] + pulses[seen] / self.pulse_rate
+        poses = interpolated(knots, epochs, when)
+        rays_s = line_directions(angles[seen])
+        rays_l = (poses.mats_ls @ rays_s[..., None])[..., 0]
+        return Scan(when, poses, self.laser.along(terrain, poses.origins_l, rays_l, rays_s, rng))
+
+
+def line_directions(angles: Array) -> Array:
+    """Unit vectors (k, 3) in the sensor frame of angles (k,) [rad] across the track, right positive."""
+    return np.stack((np.zeros_like(angles), np.sin(angles), np.cos(angles)), axis=-1)
