@@ -1,0 +1,200 @@
+"""Radar altimeter: a wide beam on a bilinear surface, the radar equation ray by ray, range bins, and a leading edge.
+
+    dome and antenna -> rays cast -> power of each (radar equation) -> range bins -> leading edge -> error -> steps
+
+The bins are the power spectrum of the beat signal.  By default they hold the rays' powers added, which is the mean over
+all phases, what an instrument that averages many ramps tends to.  With ``coherent`` they are one spectrum of one ramp,
+rays added with the phase of the carrier: speckle.
+
+What the edge is.  It is where the spectrum first rises above a share of its peak, so over level ground it lies a little
+behind the nearest point: the echoes of a wide beam rise within a bin and stay.  The rays make a comb of it: the nearest
+ones are h delta^2 / 2 apart, delta their angle, 1.6 bins at 800 m and 2051 rays.  Both are in the tests, in metres.
+
+What is left out: multiple reflections, penetration of vegetation and snow, reflectivity by land cover, the turning of
+the lever arm, tracking from one measurement to the next.
+
+Source: Spiegel 2018, sections 2.1.3 and 2.2.5 to 2.2.7, fig. 2.50 and 2.53.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.ranging.error_model import RangeError
+from fti.ranging.radar.antenna import WIDE, Antenna
+from fti.ranging.radar.baseband import Baseband, hann_kernel, thermal_noise
+from fti.ranging.radar.beam import Backscatter, Beam, Echoes, make_beam, range_bins, trace_beam
+from fti.ranging.radar.dome import half_dome
+from fti.ranging.radar.doppler import range_error
+from fti.ranging.radar.edge import LeadingEdge
+from fti.ranging.radar.quantise import quantised
+from fti.ranging.radar.waveform import Waveform
+from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
+from fti.terrain.outcome import Outcome
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Codes = NDArray[np.uint8]
+
+#: Poses at a time: what lies between the steps stays in the processor's cache.
+_CHUNK = 16
+#: Bins behind the farthest range told: the peak of an edge at the farthest range is among them.
+_BEHIND_BINS = 32
+#: Share of the beam (gain both ways x solid angle) that may look at ground nobody knows.
+_UNKNOWN_SHARE = 0.01
+_UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN)
+#: Transmitted power 0.4 W and a noise factor of 10: figures of this class of instruments, stated, not measured.
+_NOISE = thermal_noise(Waveform(), 0.4, 10.0)
+
+
+class Beams(NamedTuple):
+    """Of each pose: slant range of the edge [m], the ray it came from (-1: none), dispersion [m], power, validity."""
+
+    slant_range: Array
+    ray: NDArray[np.intp]
+    dispersion: Array
+    power: Array
+    validity: Codes
+
+
+@dataclass(frozen=True, eq=False)
+class RadarAltimeter(RangingSensor):
+    """An FMCW radar altimeter that follows the leading edge.
+
+    antenna    : gain for transmission and for reception; boresight +z
+    order      : of the geodesic dome: 12, 20, 40 for 751, 2051, 8101 rays before those without gain are left out
+    turn       : rotation of the dome, (3, 3): the same beam by other rays; None leaves one ray on the boresight
+    ground     : backscatter of the ground
+    waveform   : of the saw tooth; one range bin is c / (2 delta_f), 0.5 m at 300 MHz
+    edge       : detector, with the threshold under the peak and the receiver's noise in a bin
+    error      : of what is told, on top of geometry and signal
+    min_range, max_range [m] : what is told at all; the defaults are 0 and 2500 ft
+    coherent   : one ramp with the phases of the carrier, not the mean of many
+    quantised  : told in the steps of an RA-4500
+    Raises ValueError for figures out of range.
+    """
+
+    antenna: Antenna = WIDE
+    order: int = 20
+    turn: Array | None = None
+    ground: Backscatter = field(default_factory=Backscatter)
+    waveform: Waveform = field(default_factory=Waveform)
+    edge: LeadingEdge = field(default_factory=lambda: LeadingEdge(noise=_NOISE))
+    error: RangeError = field(default_factory=RangeError)
+    min_range: float = 0.0
+    max_range: float = 762.0
+    coherent: bool = False
+    quantised: bool = False
+    beam: Beam = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.min_range < self.max_range < np.inf:
+            raise ValueError(f"ranges from {self.min_range} to {self.max_range} m: must be positive and ascend")
+        if self.max_range + self._behind > self.waveform.unambiguous_range:
+            raise ValueError(f"max_range is {self.max_range} m, ambiguous with {self.waveform}")
+        dome = half_dome(self.order, self.turn)
+        object.__setattr__(self, "beam", make_beam(self.antenna, dome, self.waveform.wavelength))
+
+    @property
+    def _behind(self) -> float:
+        return _BEHIND_BINS * self.waveform.range_bin
+
+    @functools.cached_property
+    def baseband(self) -> Baseband:
+        """The receiver behind the last mixer, wide enough for the farthest range."""
+        return Baseband.reaching(self.max_range + self._behind, self.waveform)
+
+    def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
+        """The leading edge at each pose.  direction_s is that of the ray which gives most of the power at the edge.
+
+        Besides a ray's reasons: TOO_NEAR, TOO_FAR, WEAK (under the noise); HOLE, OUTSIDE or UNKNOWN where more than
+        1 % of the beam looks at ground that nobody knows; BURIED where the antenna is.
+        """
+        parts = [self._edges(echoes, rng) for echoes in self._traced(terrain, poses)]
+        found = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
+        told = self.error.applied(found.slant_range, rng)
+        told = quantised(told) if self.quantised else told
+        validity = found.validity.copy()
+        validity[told < self.min_range] = Validity.TOO_NEAR
+        validity[told > self.max_range] = Validity.TOO_FAR
+        valid = validity == Validity.VALID
+        told, dispersion = np.where(valid, told, np.nan), np.where(valid, found.dispersion, np.nan)
+        directions = np.where(valid[:, None], self.beam.rays_s[found.ray], np.nan)
+        return Returns(told, directions, dispersion, found.power, validity)
+
+    def spectra(self, echoes: Echoes, rng: np.random.Generator | None = None) -> Array:
+        """Power per range bin over the transmitted power, shape (n, bins), of the echoes of n poses.
+
+        Receiver noise is in it: its mean, or with ``coherent`` and ``rng`` its own draw.
+        """
+        if not self.coherent:
+            shifted = echoes.ranges + range_error(echoes.range_rates, self.waveform)
+            bins = range_bins(shifted, echoes.powers, self.waveform.range_bin, self.baseband.n_bin)
+            return bins + self.edge.noise
+        return np.stack([self._ramp(*one, rng) for one in zip(*echoes[:3], strict=True)])
+
+    def _ramp(self, ranges: Array, rates: Array, powers: Array, rng: np.random.Generator | None) -> Array:
+        """Spectrum of one ramp.  With ``rng`` each patch has a phase of its own, too: it is no mirror."""
+        phases = np.zeros_like(ranges) if rng is None else rng.uniform(0.0, 2.0 * np.pi, len(ranges))
+        signal = self.baseband.beat_signal(ranges, powers, phases, rates)
+        if rng is not None:
+            per_sample = self.edge.noise * self.baseband.n_sample / 6.0  # a white sample's share of a Hann bin: 6 / n
+            signal += np.sqrt(per_sample) * rng.standard_normal(len(signal))
+        return self.baseband.spectrum(signal)
+
+    def _traced(self, terrain: Terrain, poses: Poses) -> Iterator[Echoes]:
+        for i in range(0, len(poses), _CHUNK):
+            some = slice(i, i + _CHUNK)
+            part = Poses(poses.origins_l[some], poses.mats_ls[some], poses.vels_l[some])
+            yield trace_beam(terrain, part, self.beam, self.ground, self.max_range + self._behind)
+
+    def _edges(self, echoes: Echoes, rng: np.random.Generator | None) -> Beams:
+        edges = self.edge.find(self.spectra(echoes, rng))
+        slant_range = self.waveform.range_of_bin(edges.position)
+        power = echoes.powers.sum(axis=1)
+        validity = np.where(power > 0.0, edges.validity, _first_reason(echoes.outcomes))
+        unknown = self._unknown(echoes.outcomes)
+        validity = np.where(unknown != Outcome.HIT, unknown, validity).astype(np.uint8)
+        slant_range[validity != Validity.VALID] = np.nan
+        ray = _strongest_at(slant_range, echoes, self.waveform)
+        return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
+
+    def _unknown(self, outcomes: Codes) -> Codes:
+        """Why a beam cannot be told, or HIT: the antenna is buried, or too much of the ground is not known."""
+        share = np.stack([(outcomes == reason) @ self.beam.weights for reason in _UNKNOWN]) / self.beam.weights.sum()
+        reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
+        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE, reason, Outcome.HIT)
+        return np.where((outcomes == Outcome.BURIED).any(axis=1), Outcome.BURIED, found).astype(np.uint8)
+
+
+_NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))
+
+
+def dispersion(echoes: Echoes) -> Array:
+    """Standard deviation [m] of the ranges across the beam, weighted by power, of n poses; NaN without power."""
+    power = echoes.powers.sum(axis=1)
+    weights = np.divide(echoes.powers, power[:, None], out=np.zeros_like(echoes.powers), where=power[:, None] > 0.0)
+    ranges = np.nan_to_num(echoes.ranges)
+    mean = np.sum(weights * ranges, axis=1, keepdims=True)
+    spread = np.sqrt(np.sum(weights * (ranges - mean) ** 2, axis=1))
+    return np.where(power > 0.0, spread, np.nan)
+
+
+def _first_reason(outcomes: Codes) -> Codes:
+    """Of a beam without any power: the reason of the ray nearest to the boresight; on the ground, TOO_NEAR."""
+    return np.where(outcomes[:, 0] == Outcome.HIT, Validity.TOO_NEAR, outcomes[:, 0]).astype(np.uint8)
+
+
+def _strongest_at(slant_range: Array, echoes: Echoes, waveform: Waveform) -> NDArray[np.intp]:
+    """The ray that gives most of the power at a range, for each pose; any where there is none."""
+    off = (echoes.ranges - slant_range[:, None]) / waveform.range_bin
+    near = np.abs(off) < 8.0
+    share = np.zeros_like(off)
+    share[near] = echoes.powers[near] * hann_kernel(off[near])
+    return np.asarray(np.argmax(share, axis=1))
