@@ -14,6 +14,8 @@ Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 (bilinear tile; the printed d
 from __future__ import annotations
 
 import functools
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +27,7 @@ from fti.terrain import surface
 from fti.terrain.layer import Layer
 from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
+from fti.terrain.source import Source
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -40,14 +43,16 @@ NO_SOURCE = 255
 class Terrain:
     """A bilinear surface over the east, north plane of a local frame.
 
-    layers : finest first; where several lie above each other the first one counts.  The edge of a finer layer runs
-             along posts of the coarser one and its outermost posts lie on the coarser surface, so nothing gapes
-    frame  : the local frame l
+    layers  : finest first; where several lie above each other the first one counts.  The edge of a finer layer runs
+              along posts of the coarser one and its outermost posts lie on the coarser surface, so nothing gapes
+    frame   : the local frame l
+    sources : the files that the posts were read from; ``Layer.origin`` and ``source`` count in them
     Raises ValueError for layers that do not fit each other.
     """
 
     layers: tuple[Layer, ...]
     frame: LocalFrame
+    sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "layers", tuple(self.layers))
@@ -71,6 +76,42 @@ class Terrain:
         """
         layer = Layer(np.asarray(heights, dtype=np.float64), float(cell_m), float(east0), float(north0))
         return cls((layer,), LocalFrame(lat0, lon0, alt0))
+
+    @classmethod
+    def open(
+        cls,
+        paths: Sequence[str | os.PathLike[str]],
+        *,
+        centre: tuple[float, float] | None = None,
+        radius_m: float | None = None,
+        cell_m: float | None = None,
+        vertical: str | Mapping[str, str] | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Terrain:
+        """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, whatever GDAL reads, in any mixture.
+
+        paths    : the files; where several know the ground the finest one counts, then the first one
+        centre   : latitude, longitude of the frame's origin [rad]; with radius_m [m] the area is the square around it.
+                   Neither: all that the files cover.  The frame lies on the ellipsoid, ``alt0`` is 0
+        cell_m   : between the posts of the finest layer [m]; None: as far apart as those of the finest file
+        vertical : what the heights are counted from where a file does not say it: ``egm96``, ``egm2008`` or
+                   ``ellipsoid``; or such words by path, ``*`` for the others
+        progress : hears how far it is, 0 to 1
+        Raises MissingError for a file or a geoid grid that is not there; ConfigError for what is no elevation file,
+        one without coordinate system or vertical datum, one that does not touch the area, and an area too large for
+        its cell; ValueError for arguments that make no sense.
+        """
+        from fti.terrain.opening import open_layers  # noqa: PLC0415 - GDAL and PROJ are slow to load
+
+        layers, frame, sources = open_layers(
+            [os.fspath(path) for path in paths],
+            centre=centre,
+            radius_m=radius_m,
+            cell_m=cell_m,
+            vertical=vertical,
+            progress=progress,
+        )
+        return cls(layers, frame, sources)
 
     @property
     def finest(self) -> Layer:

@@ -1,5 +1,6 @@
 """Undulation: against published values, against an independent reading of the grid, and what happens without it."""
 
+import os
 import struct
 from pathlib import Path
 
@@ -72,9 +73,18 @@ def test_a_missing_grid_is_refused_where_proj_would_shift_by_nothing(tmp_path: P
     with pytest.raises(MissingError, match="cannot read this geoid grid"):
         Geoid("egm96", tmp_path / "egm96_15.gtx")
 
+
+def test_proj_itself_shifts_by_nothing_where_the_grid_is_missing(tmp_path: Path) -> None:
+    """Why the grid is looked for here: no error, and mean sea level is taken for the ellipsoid."""
     assert not is_network_enabled()
-    silent = pyproj.Transformer.from_crs("EPSG:4326+5773", "EPSG:4979", always_xy=True)
-    assert silent.transform(11.0, 48.0, 500.0)[2] == 500.0  # as if mean sea level were the ellipsoid
+    before = pyproj.datadir.get_data_dir()
+    (tmp_path / "proj.db").symlink_to(Path(before.split(os.pathsep)[0]) / "proj.db")
+    pyproj.datadir.set_data_dir(tmp_path)
+    try:
+        silent = pyproj.Transformer.from_crs("EPSG:4326+5773", "EPSG:4979", always_xy=True)
+        assert silent.transform(11.0, 48.0, 500.0)[2] == 500.0
+    finally:
+        pyproj.datadir.set_data_dir(before)
 
 
 def test_the_refusal_comes_from_the_search_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,206 @@
+"""One elevation file: where its posts lie, what their heights mean, and reading a window of it.
+
+GDAL gives every format the same shape: pixels whose middle is the post, also where the file itself counts from the
+post.  A post without a height (no data, a mask, -32768, NaN) is a hole.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyproj
+import rasterio
+from numpy.typing import ArrayLike, NDArray
+from pyproj.datadir import append_data_dir, get_data_dir
+from pyproj.transformer import AreaOfInterest, TransformerGroup
+from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
+from rasterio.windows import Window
+
+from fti.errors import ConfigError, MissingError
+from fti.geodesy.geoid import SYSTEM
+from fti.geodesy.wgs84 import radii
+from fti.terrain.source import Source
+from fti.terrain.vertical import find_datum, find_unit, split_crs
+
+Array = NDArray[np.float64]
+
+#: Heights of the ground on Earth lie between, with room for a canyon below and a mast above [m].
+LOWEST, HIGHEST = -500.0, 9000.0
+#: What no height is, whether the file says so or not.
+VOID = -32768.0
+WGS84 = "EPSG:4326"
+_EDGE_POINTS = 33
+
+if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Krueger's: 1 m instead of 3
+    append_data_dir(SYSTEM)
+
+
+class ElevationFile:
+    """An open elevation file.
+
+    source  : what it says of itself
+    affine  : (a, b, c, d, e, f), x = a column + b row + c, y = d column + e row + f at the posts
+    crs     : the horizontal part of its coordinate system
+    """
+
+    def __init__(self, path: str, vertical: str | Mapping[str, str] | None) -> None:
+        self._dataset = _open(path)
+        try:
+            whole = _read_crs(path, self._dataset)
+            self.crs, upright = split_crs(whole)
+            a, b, c, d, e, f = self._dataset.transform[:6]
+            self.affine = a, b, c + (a + b) / 2, d, e, f + (d + e) / 2
+            self.rows, self.columns = self._dataset.shape
+            self._transformer = _make_transformer(path, self.crs, None)
+            self._transformer = _make_transformer(path, self.crs, self.outline())
+            datum, by = find_datum(path, upright, self._dataset, vertical)
+            self._unit_m = find_unit(path, self.crs, upright, self._dataset.units[0])
+            self.source = self._describe(path, datum, by)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._dataset.close()
+
+    def _describe(self, path: str, datum: str, by: str) -> Source:
+        tags = self._dataset.tags()
+        lat, lon = self.outline()
+        if not np.isfinite(lat + lon).all():
+            raise ConfigError(f"{path}: its edges are no places on Earth in {self.crs.name}")
+        middle = lon[0] + np.remainder(lon - lon[0] + np.pi, 2 * np.pi) - np.pi
+        west, east = (float(np.remainder(side + np.pi, 2 * np.pi) - np.pi) for side in (middle.min(), middle.max()))
+        accuracy = self._transformer.accuracy
+        return Source(
+            path=path,
+            format=self._dataset.driver,
+            rows=self.rows,
+            columns=self.columns,
+            crs=self.crs.name,
+            spacing_m=self._spacing(),
+            pixel=tags.get("AREA_OR_POINT", "Area").lower(),
+            vertical=datum,
+            vertical_by=by,
+            unit_m=self._unit_m,
+            date=_date(tags),
+            accuracy_m=accuracy if accuracy >= 0.0 else None,
+            south=float(lat.min()),
+            west=west,
+            north=float(lat.max()),
+            east=east,
+        )
+
+    def _spacing(self) -> tuple[float, float]:
+        row, column = (self.rows - 1) / 2, (self.columns - 1) / 2
+        lat, lon = self.places([row, row, row + 1], [column, column + 1, column])
+        r_meridian, r_normal = radii(lat[0])
+        north = (lat[1:] - lat[0]) * r_meridian
+        east = np.remainder(lon[1:] - lon[0] + np.pi, 2 * np.pi) - np.pi
+        across, along = np.hypot(north, east * r_normal * math.cos(lat[0]))
+        return float(across), float(along)
+
+    def places(self, row: ArrayLike, column: ArrayLike) -> tuple[Array, Array]:
+        """WGS84 latitude and longitude [rad] of rows and columns, counted from the first post; infinite for none."""
+        a, b, c, d, e, f = self.affine
+        down, across = np.asarray(row, dtype=np.float64), np.asarray(column, dtype=np.float64)
+        x, y = a * across + b * down + c, d * across + e * down + f
+        lon, lat = self._transformer.transform(x, y, direction="INVERSE")
+        return np.radians(lat), np.radians(lon)
+
+    def indices(self, lat: Array, lon: Array) -> tuple[Array, Array]:
+        """Row and column, counted from the first post, of WGS84 places [rad]; NaN for what the file's CRS has not."""
+        a, b, c, d, e, f = self.affine
+        x, y = self._transformer.transform(np.degrees(lon), np.degrees(lat))
+        if self.crs.is_geographic:  # the turn that lies nearest to the file
+            middle = c + (a * (self.columns - 1) + b * (self.rows - 1)) / 2
+            turn = 2 * math.pi / self.crs.axis_info[0].unit_conversion_factor
+            x = middle + np.remainder(x - middle + turn / 2, turn) - turn / 2
+        with np.errstate(invalid="ignore"):
+            x, y = np.where(np.isfinite(x), x, np.nan) - c, np.where(np.isfinite(y), y, np.nan) - f
+        determinant = a * e - b * d
+        return (a * y - d * x) / determinant, (e * x - b * y) / determinant
+
+    def outline(self) -> tuple[Array, Array]:
+        """WGS84 latitude and longitude [rad] along the outer edge of the pixels, once around."""
+        edge = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1]
+        zero, one = np.zeros_like(edge), np.ones_like(edge)
+        down = np.concatenate((zero, edge, one, 1.0 - edge))
+        across = np.concatenate((edge, one, 1.0 - edge, zero))
+        return self.places(down * self.rows - 0.5, across * self.columns - 0.5)
+
+    def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> Array:
+        """Heights [m] of the posts from the first to before the second row and column; NaN in holes.
+
+        Raises ConfigError for heights that no ground has, or when the file breaks off.
+        """
+        window = Window.from_slices(rows, columns)
+        try:
+            masked = self._dataset.read(1, window=window, masked=True)
+        except RasterioIOError as error:
+            raise ConfigError(f"{self.source.path}: cannot be read: {error}") from None
+        raw = masked.astype(np.float64).filled(np.nan)
+        raw[raw == VOID] = np.nan
+        scale, offset = self._dataset.scales[0], self._dataset.offsets[0]
+        heights = (raw * scale + offset) * self._unit_m
+        with np.errstate(invalid="ignore"):
+            wild = heights[(heights < LOWEST) | (heights > HIGHEST)]
+        if wild.size:
+            raise ConfigError(
+                f"{self.source.path}: a height of {wild[0]:g} m; the ground has {LOWEST:g} to {HIGHEST:g} m, and what "
+                f"is no height must be declared, as gdal_edit.py -a_nodata does"
+            )
+        return np.asarray(heights)
+
+
+def _open(path: str) -> Any:
+    if not path.startswith("/vsi") and not Path(path).exists():
+        raise MissingError(f"{path}: there is no such file")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words
+            return rasterio.open(path)
+    except RasterioIOError as error:
+        raise ConfigError(f"{path}: is no elevation file that GDAL reads: {error}") from None
+
+
+def _read_crs(path: str, dataset: Any) -> pyproj.CRS:
+    if dataset.count != 1:
+        raise ConfigError(f"{path}: has {dataset.count} bands; an elevation file has one")
+    if min(dataset.shape) < 2:
+        raise ConfigError(f"{path}: has {dataset.shape[0]} x {dataset.shape[1]} posts; must be 2 x 2 at least")
+    if dataset.crs is None:
+        raise ConfigError(f"{path}: has no coordinate system: nothing says where on Earth it lies")
+    crs = pyproj.CRS.from_wkt(dataset.crs.to_wkt())
+    if not (crs.is_geographic or crs.is_projected):
+        raise ConfigError(f"{path}: its coordinate system {crs.name!r} is neither geographic nor projected")
+    if dataset.transform.is_identity or dataset.transform.determinant == 0.0:
+        raise ConfigError(f"{path}: has no place of its first post: nothing says where on Earth it lies")
+    return crs
+
+
+def _make_transformer(path: str, crs: pyproj.CRS, outline: tuple[Array, Array] | None) -> pyproj.Transformer:
+    """WGS84 to the file's coordinates: the one best operation around the outline [rad], and never a guess."""
+    area = None
+    if outline is not None and np.isfinite(outline).all():
+        (south, north), (west, east) = (np.degrees((side.min(), side.max())) for side in outline)
+        area = AreaOfInterest(west, south, east, north)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a better one lacks its grid: the accuracy says what is left
+        group = TransformerGroup(WGS84, crs, always_xy=True, area_of_interest=area, allow_ballpark=False)
+    if not group.transformers:
+        raise ConfigError(f"{path}: PROJ knows no way from WGS84 to {crs.name!r}")
+    return group.transformers[0]
+
+
+def _date(tags: Mapping[str, str]) -> str | None:
+    for key in ("TIFFTAG_DATETIME", "DTED_CompilationDate", "DTED_MaintenanceDate"):
+        value = tags.get(key, "").strip()
+        if value.strip("0"):
+            return value
+    return None

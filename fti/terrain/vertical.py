@@ -1,0 +1,107 @@
+"""What the heights of an elevation file are counted from, and in which unit: its own word, its format's, the caller's.
+
+The caller's one word is for the files that do not say it themselves; where a file says something else, that is an error
+and not a matter of rank, because either may be wrong by 47 m.  A word for one file by its name wins over all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pyproj
+
+from fti.errors import ConfigError
+
+#: What ``vertical`` may be.
+WORDS = ("egm96", "egm2008", "ellipsoid")
+#: The key of ``vertical`` that stands for the files without one of their own.
+OTHERS = "*"
+
+_MODELS = {5773: "egm96", 3855: "egm2008"}
+_FORMATS = {"DTED": "egm96", "SRTMHGT": "egm96"}
+#: Vertical datums of a DTED header that mean EGM96 (MIL-PRF-89020B).
+_DTED_DATUMS = ("MSL", "E96")
+_FOOT, _SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+_UNITS = {
+    **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet", "international foot"), _FOOT),
+    **dict.fromkeys(("us survey foot", "us-ft", "ftus", "foot_us", "us feet"), _SURVEY_FOOT),
+}
+
+
+def split_crs(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
+    """The horizontal part, and the one that holds the third axis (None without)."""
+    if crs.is_compound:
+        return crs.sub_crs_list[0], crs.sub_crs_list[1]
+    return (crs.to_2d(), crs) if len(crs.axis_info) == 3 else (crs, None)
+
+
+def find_datum(
+    path: str, upright: pyproj.CRS | None, dataset: Any, vertical: str | Mapping[str, str] | None
+) -> tuple[str, str]:
+    """The vertical datum of a file and who says so.
+
+    path     : the file, as the caller named it; upright : the part of its coordinate system with the third axis
+    dataset  : the file, open; vertical : the caller's word, or words by file
+    Raises ConfigError where nobody says it, where it is none of WORDS, and where two contradict each other.
+    """
+    words = {OTHERS: vertical} if isinstance(vertical, str) else dict(vertical or {})
+    for word in words.values():
+        if word not in WORDS:
+            raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(WORDS)}")
+    if path in words:
+        return words[path], "the caller, for this file"
+    said, by = _own_word(path, upright, dataset)
+    if said is None:
+        if OTHERS not in words:
+            raise ConfigError(
+                f"{path}: nothing says what its heights are counted from; say vertical = one of {', '.join(WORDS)}"
+            )
+        return words[OTHERS], "the caller"
+    if said not in WORDS:
+        raise ConfigError(
+            f"{path}: its heights are counted from {said}, which is none of {', '.join(WORDS)}; "
+            f"say for this file which of them to take"
+        )
+    if words.get(OTHERS, said) != said:
+        raise ConfigError(f"{path}: {by} says {said} and vertical says {words[OTHERS]!r}; say it for this file by name")
+    return said, by
+
+
+def _own_word(path: str, upright: pyproj.CRS | None, dataset: Any) -> tuple[str | None, str]:
+    if upright is not None:
+        return _datum_of(upright), "its coordinate system"
+    if dataset.driver == "DTED":
+        datum = dataset.tags().get("DTED_VerticalDatum", "MSL").strip()
+        if datum not in _DTED_DATUMS:
+            return f"the datum {datum}", "its header"
+    return _FORMATS.get(dataset.driver), "its format"
+
+
+def _datum_of(upright: pyproj.CRS) -> str:
+    if not upright.is_vertical:
+        return "ellipsoid"
+    name = upright.name
+    by_name = next((model for model in WORDS if name.lower().startswith(model)), f"{name!r}")
+    return _MODELS.get(upright.to_epsg() or 0, by_name)
+
+
+def find_unit(path: str, flat: pyproj.CRS, upright: pyproj.CRS | None, unit: str | None) -> float:
+    """Metres in one unit of a file's heights.
+
+    flat, upright : the parts of its coordinate system; unit : what the file says of its values, None for nothing
+    Raises ConfigError for a unit that is not known, and where feet on the ground leave open what the heights are in.
+    """
+    if upright is not None:
+        return float(upright.axis_info[-1].unit_conversion_factor)
+    if unit:
+        if unit.lower() not in _UNITS:
+            raise ConfigError(f"{path}: the unit of its heights is {unit!r}; must be metre, foot or US survey foot")
+        return _UNITS[unit.lower()]
+    if flat.is_projected and flat.axis_info[0].unit_conversion_factor != 1.0:
+        raise ConfigError(
+            f"{path}: its places are in {flat.axis_info[0].unit_name} and nothing says the unit of its heights; "
+            f"write it into the file, as gdal_edit.py -units does"
+        )
+    return 1.0
