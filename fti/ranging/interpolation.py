@@ -88,5 +88,6 @@ def _rotation(turns: Array) -> Array:
     x, y, z = turns.T
     zero = np.zeros_like(x)
     cross = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape(-1, 3, 3)
+    twice = turns[:, :, None] * turns[:, None, :] - angle**2 * np.eye(3)
     half = np.sinc(angle / (2.0 * np.pi))
-    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * (cross @ cross))
+    return np.asarray(np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * half**2 * twice)

@@ -126,14 +126,11 @@ class RangeScanner(RangingSensor):
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """One line at each pose, shape (n, k), with both returns (n, k, 2).
 
-        The pose is that of the middle of the line; during the line the sensor moves on at its velocity and does not
-        turn.  For a flight that turns, ``scan``.
+        The sensor stands still during the line, so that every range belongs to the pose; for a flight, ``scan``.
         """
-        angles = self.angles
-        since = (np.arange(len(angles)) - len(angles) // 2) / self.pulse_rate
-        origins = poses.origins_l[:, None] + poses.vels_l[:, None] * since[:, None]
-        rays_s = line_directions(angles)
-        return self.laser.along(terrain, origins, rays_s @ np.swapaxes(poses.mats_ls, -1, -2), rays_s, rng)
+        rays_s = line_directions(self.angles)
+        rays_l = rays_s @ np.swapaxes(poses.mats_ls, -1, -2)
+        return self.laser.along(terrain, poses.origins_l[:, None], rays_l, rays_s, rng)
 
     def scan(self, terrain: Terrain, times: ArrayLike, epochs: Poses, rng: np.random.Generator | None = None) -> Scan:
         """Everything that is measured from the first to the last epoch at ``times`` (n,) [s], k measurements.
