@@ -67,6 +67,10 @@ def test_noise_hides_what_is_weak() -> None:
     above = LeadingEdge(noise=0.05).find(spectrum[None])  # the level is half the peak now, the range the same
     assert above.validity[0] == Validity.VALID
     assert float(RADAR.waveform.range_of_bin(above.position)[0]) == pytest.approx(80.0, abs=0.1)
+    bump = RADAR.incoherent([40.0, 80.0], [0.4, 1.0])
+    assert float(RADAR.waveform.range_of_bin(EDGE.find(bump[None]).position)[0]) < 41.0
+    behind = LeadingEdge(noise=0.05).find(bump[None])  # 9 dB above the noise is no return
+    assert float(RADAR.waveform.range_of_bin(behind.position)[0]) == pytest.approx(80.0, abs=0.1)
 
 
 def test_noise_alone_is_no_edge() -> None:

@@ -110,6 +110,15 @@ def test_beat_signal_is_the_basebands_away_from_the_slip() -> None:
     assert np.max(np.abs(found - expected)) > 0.05 * np.max(np.abs(expected))  # the filter rings where echoes change
 
 
+@pytest.mark.parametrize("kind", [Loat, Ssb])
+def test_an_excerpt_is_the_same_wherever_it_begins(kind: type[Receiver]) -> None:
+    receiver, n = kind(SHORT), 4000
+    longer = receiver.stages(130.0, 1.0, first=80_000, n=2 * n)
+    shorter = receiver.stages(130.0, 1.0, first=80_000 + n, n=n)
+    for name, signal in shorter.items():
+        assert np.max(np.abs(signal - longer[name][n:])) < 1e-3 * np.max(np.abs(signal)), name
+
+
 @pytest.mark.parametrize("f_if", [1e6, 2e9])
 def test_loat_refuses_a_frequency_it_cannot_part(f_if: float) -> None:
     with pytest.raises(ValueError, match="f_if"):
