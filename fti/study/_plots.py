@@ -69,6 +69,14 @@ def label(axes: Axes, x: str = "", y: str = "", title: str = "") -> None:
     axes.set_title(title)
 
 
+def legend_above(axes: Axes) -> None:
+    """A legend in one line over the axes, where it hides nothing."""
+    handles, _ = axes.get_legend_handles_labels()
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.1, ncols=len(handles), frameon=False
+    )  # fmt: skip
+
+
 def write(draw: Draw, file: Path) -> None:
     """Draw a figure into a file that must not be there yet.  Raises StorageError when it cannot be written."""
     with mpl.rc_context(LOOK):

@@ -4,6 +4,7 @@ Source 003, chapter 2.  Elevation and records of the source are not public: what
 exact here, and what depends on the terrain is a ratio over synthetic terrains.
 
     T3   what a pulse does not resolve (eq. 2.5) and how often 1000 m can be measured (eq. 2.36)
+    T4   beats of 2.6 and 4 MHz through two receivers at radio frequency, mixer by mixer, and beside the baseband
     T5   a level surface: d = h / cos (eq. 2.67), for every ray within 75 deg of the boresight
     T6   triangles, corners and rays of the geodesic dome (eq. 2.65, 2.66)
 """
@@ -15,6 +16,7 @@ import numpy as np
 from fti.ranging.radar.dome import half_dome, sphere
 from fti.ranging.radar.waveform import SPEED_OF_LIGHT
 from fti.study import Draw, Progress, Result
+from fti.study._signals import receivers
 from fti.terrain.terrain import Terrain
 
 RUNS = 20
@@ -32,14 +34,21 @@ LEVEL_HEIGHT_M = 100.0
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """Closed forms, the beam, the receivers; then ``runs`` terrains."""
     progress(1.0)
-    return [*pulses(), *beam()]
+    return [*pulses(), *receivers(seed), *beam()]
 
 
 def drawings(seed: int) -> dict[str, Draw]:
     """Pictures like those of the source."""
-    from fti.study import _beam_plots  # noqa: PLC0415 - matplotlib is loaded by who draws
+    from fti.study import _antenna_plots, _signal_plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 
-    return {"dome": _beam_plots.dome}
+    return {
+        "dome": _antenna_plots.dome,
+        "antennas": _antenna_plots.antennas,
+        "doppler": _signal_plots.doppler,
+        "receiver-loat": _signal_plots.loat,
+        "receiver-ssb": _signal_plots.ssb,
+        "baseband": _signal_plots.baseband,
+    }
 
 
 def pulses() -> list[Result]:

@@ -1,0 +1,119 @@
+"""The receivers of section 2.2.6 on what comes back from level ground: T4, and what its pictures show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.ranging.radar.antenna import WIDE
+from fti.ranging.radar.beam import Backscatter, make_beam, trace_beam
+from fti.ranging.radar.dome import half_dome
+from fti.ranging.radar.edge import LeadingEdge
+from fti.ranging.radar.receivers import Loat, Receiver, Ssb
+from fti.ranging.radar.waveform import Waveform, range_of_delay
+from fti.ranging.sensor import Poses
+from fti.study import Result
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: Transmitted frequency at which the figures look [Hz].
+F_TX = 4.3666e9
+#: The source cuts 866.7 ns to 866 before it goes on.
+PRINTED_DELAY = 866e-9
+ORDER = 12
+FARTHEST_M = 800.0
+#: Sensor axes of a level aircraft that flies north.
+LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+@dataclass(frozen=True)
+class Example:
+    """A receiver, and the beat [Hz] at which the source looks."""
+
+    name: str
+    receiver: Receiver
+    beat: float
+
+    @property
+    def height(self) -> float:
+        """The range that makes the beat [m]."""
+        return float(self.receiver.base.waveform.range_of_beat(self.beat))
+
+
+LOAT, SSB = Example("LOAT", Loat(), 2.6e6), Example("SSB", Ssb(), 4.0e6)
+EXAMPLES = (LOAT, SSB)
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """What comes back to the wide antenna at a height [m] over level ground: (n,) range [m], power, phase [rad]."""
+
+    height: float
+    ranges: Array
+    powers: Array
+    phases: Array
+
+    @classmethod
+    def over_level_ground(cls, height: float, seed: int) -> Rays:
+        """The rays of the dome of order 12; phases drawn."""
+        ground = Terrain.from_array(np.zeros((3, 3)), 5000.0, east0=-5000.0, north0=-5000.0)
+        beam = make_beam(WIDE, half_dome(ORDER), Waveform().wavelength)
+        poses = Poses.still([[0.0, 0.0, height]], LEVEL[None])
+        echoes = trace_beam(ground, poses, beam, Backscatter(), FARTHEST_M)
+        phases = np.random.default_rng([seed, 4]).uniform(0.0, 2.0 * np.pi, len(beam))
+        return cls(height, echoes.ranges[0], echoes.powers[0], phases)
+
+
+def edge_of(spectrum: Array) -> float:
+    """Leading edge of a spectrum [bins]."""
+    return float(LeadingEdge().find(spectrum[None]).position[0])
+
+
+def chain(example: Example) -> float:
+    """Range [m] that the whole chain finds for a lone scatterer that makes the beat."""
+    spectrum = example.receiver.coherent([example.height], [1.0])
+    return float(example.receiver.base.waveform.range_of_bin(edge_of(spectrum)))
+
+
+def apart(receiver: Receiver, rays: Rays) -> float:
+    """Distance [bins] between the leading edges that the receiver and the baseband find in one beam."""
+    columns = rays.ranges, rays.powers, rays.phases
+    return abs(edge_of(receiver.coherent(*columns)) - edge_of(receiver.base.coherent(*columns)))
+
+
+def receivers(seed: int) -> list[Result]:
+    """T4."""
+    return [
+        *beats(),
+        *(_chain_result(example) for example in EXAMPLES),
+        *(_apart_result(example, seed) for example in EXAMPLES),
+    ]
+
+
+def beats() -> list[Result]:
+    """What follows from the frequencies."""
+    wave = LOAT.receiver.base.waveform
+    near, far = 1e9 * float(wave.delay_of_beat(LOAT.beat)), 1e6 * float(wave.delay_of_beat(SSB.beat))
+    cut, metres = float(range_of_delay(PRINTED_DELAY)), float(wave.range_of_beat(SSB.beat))
+    return [
+        Result("T4.delay", "2.6 MHz: time there and back [ns] (eq. 2.73)", near, "866", int(near) == 866),
+        Result("T4.range", "range of 866 ns [m] (eq. 2.74)", cut, "129.8", round(cut, 1) == 129.8),
+        Result("T4.delay_ssb", "4 MHz: time there and back [us] (eq. 2.78)", far, "1.33", round(far, 2) == 1.33),
+        Result("T4.range_ssb", "and its range [m] (eq. 2.79)", metres, "199.9", round(metres, 1) == 199.9),
+    ]
+
+
+def _chain_result(example: Example) -> Result:
+    wave, wanted, found = example.receiver.base.waveform, example.height, chain(example)
+    text = f"lone scatterer through the whole {example.name} chain, +- half a bin [m]"
+    holds = abs(found - wanted) <= 0.5 * wave.range_bin
+    return Result(f"T4.chain_{example.name}", text, found, f"{wanted:.2f}", holds)
+
+
+def _apart_result(example: Example, seed: int) -> Result:
+    bins = apart(example.receiver, Rays.over_level_ground(example.height, seed))
+    text = f"leading edge of one beam, {example.name} against baseband [bins]"
+    return Result(f"T4.base_{example.name}", text, bins, "<= 0.1", bins <= 0.1)

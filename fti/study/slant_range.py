@@ -1,0 +1,194 @@
+"""Slant range: what attitude, beam and relief make of a height above ground, on an approach and low over hills.
+
+Source 003, section 2.3.3, figures 2.54 to 2.59: an airliner's approach (8000 ft, three turns, 3 deg glide path) and a
+fighter's low-level flight (banks of 35 to 75 deg, once past the vertical), each over level and over rough ground, with
+a laser (pencil beam) and two radar altimeters (half power 15 deg and 35 deg off the boresight).  Elevation and flights
+of the source are not public: these are drawn, and only what does not depend on them is judged.
+
+N = runs: as many flights of each kind, each over a country of its own.  The unit is the flight, never the sample; an
+ordering must hold on so many flights that a sign test has p < 0.01 / m, m the number of these tests.  The error is
+measured slant range minus nadir height, no noise beyond the receivers'.  What is "reported" is not judged.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.study import Draw, Progress, Result
+from fti.study._flown import SENSORS, Flown, fly
+from fti.study._scenarios import Scenario, approach, low_level
+from fti.study._statistics import LEVEL, least_positive
+
+RUNS = 14
+SEED = 23
+
+#: Between two measurements on the approach and on the low-level flight [s].
+EVERY_S = {"approach": 2.0, "low_level": 0.4}
+MAKERS: dict[str, Callable[[int, float], Scenario]] = {"approach": approach, "low_level": low_level}
+GROUNDS = ("flat", "rough")
+#: Roll [rad]: level, inside both beams, inside the wide beam and outside the narrow one, past both.
+LEVEL_ROLL, NARROW_ROLL, BEYOND_ROLL, WIDE_ROLL, LARGE_ROLL = np.radians([3.0, 14.0, 20.0, 35.0, 45.0])
+#: A radar that compensates a turn keeps its error below this share of the pencil beam's.
+COMPENSATED = 0.2
+EXACT = 1e-9
+
+#: A flight of each kind over each ground: of (kind, ground).
+Run = dict[tuple[str, str], Flown]
+Mask = NDArray[np.bool_]
+
+
+class Ordering(NamedTuple):
+    """Something that holds on a flight, or not."""
+
+    id: str
+    quantity: str
+    holds: Callable[[Run], bool]
+
+
+def _rms(flown: Flown, name: str, where: Mask) -> float:
+    """Of the error [m] where there is a measurement."""
+    error = flown.error(name)[where]
+    return float(np.sqrt(np.nanmean(error**2)))
+
+
+def _between(flown: Flown, low: float, high: float = np.pi / 2) -> Mask:
+    """Where the roll to either side lies between two angles [rad]."""
+    roll = np.abs(flown.flight.roll)
+    return np.asarray((roll >= low) & (roll < high))
+
+
+def _compensates(run: Run, name: str, low: float, high: float) -> bool:
+    flown = run["approach", "flat"]
+    turning = _between(flown, low, high)
+    return _rms(flown, name, turning) < COMPENSATED * _rms(flown, "pencil", turning)
+
+
+def _narrow_is_worse(run: Run, kind: str, ground: str, beyond: float) -> bool:
+    flown = run[kind, ground]
+    turning = _between(flown, beyond)
+    return _rms(flown, "narrow", turning) > _rms(flown, "wide", turning)
+
+
+def _reads_short(run: Run, kind: str, name: str) -> bool:
+    flown = run[kind, "rough"]
+    return bool(np.nanmedian(flown.error(name)[_between(flown, 0.0, LEVEL_ROLL)]) < 0.0)
+
+
+def _wide_is_worse_level(run: Run) -> bool:
+    flown = run["low_level", "rough"]
+    level = _between(flown, 0.0, LEVEL_ROLL)
+    return _rms(flown, "wide", level) > _rms(flown, "narrow", level)
+
+
+def _attitude_dominates(run: Run, kind: str) -> bool:
+    flown = run[kind, "rough"]
+    return _rms(flown, "pencil", _between(flown, BEYOND_ROLL)) > 2.0 * _rms(
+        flown, "pencil", _between(flown, 0.0, LEVEL_ROLL)
+    )
+
+
+_of = functools.partial
+ORDERINGS = (
+    Ordering(
+        "flat.narrow", "narrow radar compensates turns inside its beam",
+        _of(_compensates, name="narrow", low=np.radians(5.0), high=NARROW_ROLL),
+    ),
+    Ordering(
+        "flat.wide", "wide radar compensates turns inside its beam",
+        _of(_compensates, name="wide", low=np.radians(5.0), high=WIDE_ROLL),
+    ),
+    Ordering(
+        "flat.beyond", "approach: beyond the narrow beam, narrow errs more than wide",
+        _of(_narrow_is_worse, kind="approach", ground="flat", beyond=BEYOND_ROLL),
+    ),
+    Ordering(
+        "flat.large", "low level: the same in all turns",
+        _of(_narrow_is_worse, kind="low_level", ground="flat", beyond=BEYOND_ROLL),
+    ),
+    Ordering(
+        "rough.large", "low level over hills, roll above 45 deg: narrow errs more than wide",
+        _of(_narrow_is_worse, kind="low_level", ground="rough", beyond=LARGE_ROLL),
+    ),
+    Ordering("rough.level", "low level over hills, wings level: wide errs more than narrow", _wide_is_worse_level),
+    *(
+        Ordering(f"{kind}.short_{name}", f"{kind}, wings level over hills: {name} radar reads short",
+                 _of(_reads_short, kind=kind, name=name))
+        for kind in MAKERS for name in ("narrow", "wide")
+    ),
+    *(
+        Ordering(f"{kind}.attitude", f"{kind} over hills: laser errs twice as much in turns as wings level",
+                 _of(_attitude_dominates, kind=kind))
+        for kind in MAKERS
+    ),
+)  # fmt: skip
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """``runs`` flights of each kind over each ground."""
+    flown: list[Run] = []
+    for run in range(runs):
+        flown.append(fly_all(seed + run))
+        progress((run + 1) / runs)
+    return [pencil_on_level_ground(flown), *(_judged(ordering, flown) for ordering in ORDERINGS), *_reported(flown)]
+
+
+def fly_all(seed: int) -> Run:
+    """Both flights, over both grounds."""
+    scenarios = {kind: make(seed, EVERY_S[kind]) for kind, make in MAKERS.items()}
+    return {
+        (kind, ground): fly(scenario.flight, scenario.ground(ground))
+        for kind, scenario in scenarios.items()
+        for ground in GROUNDS
+    }
+
+
+def pencil_on_level_ground(flown: list[Run]) -> Result:
+    """On level ground a pencil beam measures h / (cos roll cos pitch) (eq. 2.67)."""
+    worst = max(_pencil_error(run[kind, "flat"]) for run in flown for kind in MAKERS)
+    return Result("flat.pencil", "pencil beam is h / cos, the worst, relative", worst, f"< {EXACT:g}", worst < EXACT)
+
+
+def _pencil_error(flown: Flown) -> float:
+    cosine = np.cos(flown.flight.roll) * np.cos(flown.flight.pitch)
+    seen = np.isfinite(flown.measured["pencil"])
+    return float(np.max(np.abs(flown.measured["pencil"] * cosine / flown.nadir - 1.0)[seen]))
+
+
+def _judged(ordering: Ordering, flown: list[Run]) -> Result:
+    count, least = sum(map(ordering.holds, flown)), least_positive(len(flown), LEVEL / len(ORDERINGS))
+    text = f"flights of {len(flown)}; {ordering.quantity}"
+    return Result(ordering.id, text, count, f">= {least}", count >= least)
+
+
+def _reported(flown: list[Run]) -> list[Result]:
+    """RMS of all flights together, wings level and in turns below 80 deg."""
+    results: list[Result] = []
+    for kind, ground in flown[0]:
+        for name in SENSORS:
+            for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
+                squares = [_rms(run[kind, ground], name, _between(run[kind, ground], low, high)) ** 2 for run in flown]
+                text = f"RMS error [m]: {kind}, {ground} ground, {name} beam, {part}"
+                results.append(
+                    Result(f"rms.{len(results) + 1}", text, float(np.sqrt(np.mean(squares))), "reported", True)
+                )
+    return results
+
+
+def drawings(seed: int) -> dict[str, Draw]:
+    """Pictures like fig. 2.54 to 2.59, of the flights with this seed."""
+    from fti.study import _slant_range_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
+
+    scenarios = functools.cache(lambda kind: MAKERS[kind](seed, 0.5 * EVERY_S[kind]))
+    return {
+        "approach-track": lambda: plots.track(scenarios("approach")),
+        "approach-flat": lambda: plots.situation(scenarios("approach"), "flat"),
+        "approach-rough": lambda: plots.situation(scenarios("approach"), "rough"),
+        "low-level-track": lambda: plots.track(scenarios("low_level")),
+        "low-level-flat": lambda: plots.situation(scenarios("low_level"), "flat"),
+        "low-level-rough": lambda: plots.situation(scenarios("low_level"), "rough"),
+    }
