@@ -74,8 +74,8 @@ class ElevationFile:
         lat, lon = self.outline()
         if not np.isfinite(lat + lon).all():
             raise ConfigError(f"{path}: its edges are no places on Earth in {self.crs.name}")
-        middle = lon[0] + np.remainder(lon - lon[0] + np.pi, 2 * np.pi) - np.pi
-        west, east = (float(np.remainder(side + np.pi, 2 * np.pi) - np.pi) for side in (middle.min(), middle.max()))
+        around = lon[0] + nearest_turn(lon - lon[0], 2 * np.pi)
+        west, east = (float(nearest_turn(side, 2 * np.pi)) for side in (around.min(), around.max()))
         accuracy = self._transformer.accuracy
         return Source(
             path=path,
@@ -101,9 +101,14 @@ class ElevationFile:
         lat, lon = self.places([row, row, row + 1], [column, column + 1, column])
         r_meridian, r_normal = radii(lat[0])
         north = (lat[1:] - lat[0]) * r_meridian
-        east = np.remainder(lon[1:] - lon[0] + np.pi, 2 * np.pi) - np.pi
+        east = nearest_turn(lon[1:] - lon[0], 2 * np.pi)
         across, along = np.hypot(north, east * r_normal * math.cos(lat[0]))
         return float(across), float(along)
+
+    @property
+    def turn(self) -> float:
+        """A whole turn in the unit of the file's longitudes."""
+        return 2.0 * math.pi / float(self.crs.axis_info[0].unit_conversion_factor)
 
     def places(self, row: ArrayLike, column: ArrayLike) -> tuple[Array, Array]:
         """WGS84 latitude and longitude [rad] of rows and columns, counted from the first post; infinite for none."""
@@ -119,8 +124,7 @@ class ElevationFile:
         x, y = self._transformer.transform(np.degrees(lon), np.degrees(lat))
         if self.crs.is_geographic:  # the turn that lies nearest to the file
             middle = c + (a * (self.columns - 1) + b * (self.rows - 1)) / 2
-            turn = 2 * math.pi / self.crs.axis_info[0].unit_conversion_factor
-            x = middle + np.remainder(x - middle + turn / 2, turn) - turn / 2
+            x = middle + nearest_turn(x - middle, self.turn)
         with np.errstate(invalid="ignore"):
             x, y = np.where(np.isfinite(x), x, np.nan) - c, np.where(np.isfinite(y), y, np.nan) - f
         determinant = a * e - b * d
@@ -156,6 +160,11 @@ class ElevationFile:
                 f"is no height must be declared, as gdal_edit.py -a_nodata does"
             )
         return np.asarray(heights)
+
+
+def nearest_turn(x: ArrayLike, turn: float) -> Array:
+    """A difference of longitudes by the shorter way around."""
+    return np.asarray(np.remainder(np.asarray(x) + turn / 2, turn) - turn / 2)
 
 
 def _open(path: str) -> Any:
@@ -194,7 +203,7 @@ def _make_transformer(path: str, crs: pyproj.CRS, outline: tuple[Array, Array] |
         warnings.simplefilter("ignore", UserWarning)  # a better one lacks its grid: the accuracy says what is left
         group = TransformerGroup(WGS84, crs, always_xy=True, area_of_interest=area, allow_ballpark=False)
     if not group.transformers:
-        raise ConfigError(f"{path}: PROJ knows no way from WGS84 to {crs.name!r}")
+        raise ConfigError(f"{path}: PROJ knows no way from WGS84 to {crs.name!r} where the file lies")
     return group.transformers[0]
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.elevation_file import ElevationFile, nearest_turn
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -64,7 +64,10 @@ class Mosaic:
             return False
         a, b, c, d, e, f = self.first.affine
         lattice = np.array([[a, b], [d, e]])
-        across, down = np.linalg.solve(lattice, (file.affine[2] - c, file.affine[5] - f))
+        to_east = file.affine[2] - c
+        if file.crs.is_geographic:
+            to_east = float(nearest_turn(to_east, file.turn))
+        across, down = np.linalg.solve(lattice, (to_east, file.affine[5] - f))
         column, row = round(across), round(down)
         step = np.linalg.solve(lattice, np.array([[file.affine[0], file.affine[1]], [file.affine[3], file.affine[4]]]))
         drift = np.abs(step - np.eye(2)).max() * max(file.rows, file.columns)

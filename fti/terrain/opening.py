@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 MOST_POSTS = 2**26
 #: Files of a coarser spacing than so many cells make a layer of their own.
 _COARSER = 2.0
+#: A layer's cell may be larger than its file's spacing by so much, to be a multiple.
+_NEARLY = 1.02
 #: A point this far below the frame's plane is on another side of the Earth [m].
 _BEYOND = -1e6
 
@@ -169,7 +171,7 @@ def make_plans(
 def _cell(spacing: float, finer: float | None, wanted: float | None) -> float:
     """The cell of a layer [m]: three digits of the spacing, or what was asked for, or a multiple of the finer cell."""
     if finer is not None:
-        return finer * max(1, math.floor(spacing / finer))
+        return finer * max(1, math.floor(_NEARLY * spacing / finer))
     return wanted or float(f"{spacing:.3g}")
 
 
@@ -282,7 +284,7 @@ def _fill_from(layer: Layer, coarser: Sequence[Layer]) -> None:
     wanted[[0, -1], :] = wanted[:, [0, -1]] = True
     rows, columns = np.nonzero(wanted)
     posts, east, north = gather(coarser), layer.east[columns], layer.north[rows]
-    ups = look_up(posts, east, north, 0)
+    ups = look_up(posts, east, north)
     of_layer, nearest = nearest_posts(posts, east, north)
     for number, other in enumerate(coarser):
         new = np.isfinite(ups) & (of_layer == number)

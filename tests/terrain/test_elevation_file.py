@@ -1,0 +1,161 @@
+"""One elevation file: what it says of itself, what it is refused for, reading."""
+
+import math
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+
+from fti.errors import ConfigError, MissingError
+from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.source import Source
+from tests.terrain.files import LAT, LON, Array, from_origin, posts_of, write_dted, write_ground, write_hgt, write_tif
+
+UTM = "EPSG:32632"
+CORNER = from_origin(700_000.0, 5_300_000.0, 10.0, 10.0)
+
+
+def slope(lat: Array, lon: Array) -> Array:
+    return np.asarray(600.0 + (lat - LAT) * 5000.0 + (lon - LON) * 3000.0)
+
+
+def source_of(path: str, vertical: Any = None) -> Source:
+    with closing(ElevationFile(path, vertical)) as file:
+        return file.source
+
+
+def test_what_a_geotiff_says_of_itself(tmp_path: Path) -> None:
+    tags = {"TIFFTAG_DATETIME": "2019:05:04 03:02:01", "AREA_OR_POINT": "Point"}
+    path = write_ground(tmp_path / "dem.tif", slope, "EPSG:32632+5773", 80, 20.0, tags=tags)
+    source = source_of(path)
+    assert (source.path, source.format, source.rows, source.columns) == (path, "GTiff", 80, 80)
+    assert source.crs == "WGS 84 / UTM zone 32N"
+    assert source.spacing_m == pytest.approx((20.0, 20.0), rel=0.001)  # the scale of UTM
+    assert (source.vertical, source.vertical_by, source.unit_m) == ("egm96", "its coordinate system", 1.0)
+    assert (source.pixel, source.date, source.accuracy_m) == ("point", "2019:05:04 03:02:01", 0.0)
+    assert math.degrees(source.south) < LAT < math.degrees(source.north)
+    assert math.degrees(source.west) < LON < math.degrees(source.east)
+    assert math.degrees(source.north - source.south) * 111_200 == pytest.approx(1600.0, rel=0.05)
+
+
+def test_what_a_dted_and_an_hgt_file_say(tmp_path: Path) -> None:
+    dted, hgt = source_of(write_dted(tmp_path, slope)), source_of(write_hgt(tmp_path, slope))
+    assert (dted.format, dted.rows, dted.vertical, dted.date) == ("DTED", 121, "egm96", None)
+    assert (hgt.format, hgt.rows, hgt.vertical, hgt.pixel) == ("SRTMHGT", 1201, "egm96", "point")
+    assert hgt.spacing_m == pytest.approx((62.3, 92.6), abs=0.5)  # 3 arc seconds at 47.5 degrees
+    assert np.degrees((hgt.south, hgt.north)) == pytest.approx((47 - 0.5 / 1200, 48 + 0.5 / 1200))
+
+
+def test_a_dted_file_with_another_datum_is_refused(tmp_path: Path) -> None:
+    path = Path(write_dted(tmp_path, slope))
+    data = path.read_bytes()
+    header = data.index(b"DSIU")
+    assert data[header + 141 : header + 144] == b"MSL"  # MIL-PRF-89020B, table of the DSI record
+    path.write_bytes(data[: header + 141] + b"NVD" + data[header + 144 :])
+    with pytest.raises(ConfigError, match="counted from the datum NVD, which is none of egm96, egm2008, ellipsoid"):
+        source_of(str(path))
+
+
+@pytest.mark.parametrize("crs", [UTM, "EPSG:4326", "EPSG:31468"])
+def test_reading_agrees_with_rasterio_at_the_posts(tmp_path: Path, crs: str) -> None:
+    size, step = 60, (20.0 if crs != "EPSG:4326" else 2e-4)
+    path = write_ground(tmp_path / "dem.tif", slope, crs, size, step)
+    rows, columns = (13, 41), (5, 59)
+    with closing(ElevationFile(path, "ellipsoid")) as file, rasterio.open(path) as judge:
+        read = file.read(rows, columns)
+        x, y = posts_of(judge.transform, judge.shape)
+        part = slice(*rows), slice(*columns)
+        sampled = [value[0] for value in judge.sample(zip(x[part].ravel(), y[part].ravel(), strict=True))]
+        np.testing.assert_array_equal(read.ravel(), sampled)
+        row, column = np.meshgrid(np.arange(60.0), np.arange(60.0), indexing="ij")
+        lat, lon = file.places(row, column)
+        there_row, there_column = file.indices(lat, lon)
+        assert max(np.abs(there_row - row).max(), np.abs(there_column - column).max()) < 1e-5
+        np.testing.assert_allclose(slope(np.degrees(lat), np.degrees(lon)), judge.read(1), atol=1e-4)
+
+
+def test_whole_numbers_have_voids_without_being_told(tmp_path: Path) -> None:
+    heights = np.array([[100, -32768], [300, 400]], dtype=np.int16)
+    path = write_tif(tmp_path / "dem.tif", heights, UTM, CORNER)
+    with closing(ElevationFile(path, "egm96")) as file:
+        np.testing.assert_array_equal(file.read((0, 2), (0, 2)), [[100.0, np.nan], [300.0, 400.0]])
+
+
+# -------------------------------------------------------------------------------------------------------- refusals
+
+
+FLAT = np.full((4, 4), 500.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("no CRS", {"crs": None}, "has no coordinate system: nothing says where on Earth it lies"),
+        ("no place", {"transform": from_origin(0.0, 0.0, 1.0, -1.0)}, "has no place of its first post"),
+        ("engine", {"crs": 'LOCAL_CS["engine",UNIT["metre",1]]'}, "'engine' is neither geographic nor projected"),
+        ("one post", {"heights": FLAT[:1]}, "has 1 x 4 posts; must be 2 x 2 at least"),
+        ("NAVD88", {"crs": "EPSG:32632+5703"}, "counted from 'NAVD88 height', which is none of egm96, egm2008, ell"),
+        ("cubits", {"units": "cubit"}, "the unit of its heights is 'cubit'; must be metre, foot or US survey foot"),
+        ("feet", {"crs": "EPSG:2225"}, "its places are in US survey foot and nothing says the unit of its heights"),
+        ("off Earth", {"transform": from_origin(1e9, 1e9, 1e7, 1e7)}, "its edges are no places on Earth"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, name: str, arguments: dict[str, Any], words: str) -> None:
+    defaults = {"heights": FLAT, "crs": UTM, "transform": CORNER}
+    path = write_tif(tmp_path / "wrong.tif", **{**defaults, **arguments})
+    with pytest.raises(ConfigError, match=f"wrong.tif: .*{words}"):
+        source_of(path, "egm96")
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    with pytest.raises(MissingError, match=r"none\.tif: there is no such file"):
+        source_of(str(tmp_path / "none.tif"))
+    (tmp_path / "letter.tif").write_text("Dear Sir")
+    with pytest.raises(ConfigError, match=r"letter\.tif: is no elevation file that GDAL reads"):
+        source_of(str(tmp_path / "letter.tif"))
+    with pytest.raises(ConfigError, match="is no elevation file that GDAL reads"):
+        source_of(str(tmp_path))
+
+
+def test_a_picture_is_refused(tmp_path: Path) -> None:
+    with rasterio.open(
+        tmp_path / "rgb.tif", "w", driver="GTiff", width=4, height=4, count=3, dtype="uint8", crs=UTM, transform=CORNER
+    ) as file:
+        file.write(np.zeros((3, 4, 4), np.uint8))
+    with pytest.raises(ConfigError, match=r"rgb\.tif: has 3 bands; an elevation file has one"):
+        source_of(str(tmp_path / "rgb.tif"), "egm96")
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    path = write_tif(tmp_path / "dem.tif", rng.uniform(0, 900, (300, 300)), UTM, CORNER, compress="deflate")
+    data = bytearray(Path(path).read_bytes())
+    data[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
+    Path(path).write_bytes(data)
+    with closing(ElevationFile(path, "egm96")) as file, pytest.raises(ConfigError, match=r"dem\.tif: cannot be read"):
+        file.read((0, 300), (0, 300))
+
+
+# -------------------------------------------------------------------------------------------------- vertical datum
+
+
+def test_nobody_says_the_vertical_datum(tmp_path: Path) -> None:
+    path = write_tif(tmp_path / "dem.tif", FLAT, UTM, CORNER)
+    with pytest.raises(ConfigError, match=r"dem\.tif: nothing says what its heights are counted from; say"):
+        source_of(path)
+    with pytest.raises(ConfigError, match="vertical = 'msl': must be one of egm96, egm2008, ellipsoid"):
+        source_of(path, "msl")
+    assert source_of(path, {path: "egm2008", "*": "egm96"}).vertical == "egm2008"
+    assert source_of(path, {"other.tif": "egm2008", "*": "egm96"}).vertical == "egm96"
+
+
+def test_two_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    by_crs = write_tif(tmp_path / "dem.tif", FLAT, "EPSG:32632+5773", CORNER)
+    for path, by in ((by_crs, "its coordinate system"), (write_hgt(tmp_path, slope), "its format")):
+        with pytest.raises(ConfigError, match=f"{by} says egm96 and vertical says 'ellipsoid'"):
+            source_of(path, "ellipsoid")
+        assert source_of(path, {path: "ellipsoid"}).vertical == "ellipsoid"
+        assert source_of(path, "egm96").vertical_by == by
