@@ -54,9 +54,9 @@ class Mosaic:
         return self.first.source.vertical
 
     @property
-    def spacing_m(self) -> float:
-        """The smaller of the two distances between posts [m]."""
-        return min(self.first.source.spacing_m)
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of its files."""
+        return tuple(number for number, *_ in self._tiles)
 
     def take(self, number: int, file: ElevationFile) -> bool:
         """Add a file when its posts lie on this lattice and its heights are of the same datum; say whether."""

@@ -1,0 +1,202 @@
+"""Which files make which layer of a terrain, and how large each is.
+
+Files whose posts are less than twice as far apart as a layer's cell make that layer, the finest file first, then in the
+caller's order; a coarser file makes the next layer, with a cell that is a whole multiple.  A layer is the rectangle
+around what its files cover, cut to the area; its edges lie on posts of the next coarser layer, which holds it whole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.errors import ConfigError
+from fti.geodesy.local import LocalFrame
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.mosaic import Mosaic, assemble
+from fti.terrain.source import Source
+
+Array = NDArray[np.float64]
+
+#: Posts of all layers together: 0.5 GB, and as much again for the ray caster.
+MOST_POSTS = 2**26
+#: Files of a coarser spacing than so many cells make a layer of their own.
+_COARSER = 2.0
+#: A layer's cell may be larger than its file's spacing by so much, to be a multiple.
+_NEARLY = 1.02
+#: A point this far below the frame's plane is on another side of the Earth [m].
+_BEYOND = -1e6
+
+
+class Box(NamedTuple):
+    """A rectangle of the local frame [m]."""
+
+    east0: float
+    north0: float
+    east1: float
+    north1: float
+
+    def join(self, other: Box) -> Box:
+        """The rectangle around both."""
+        return Box(*np.minimum(self[:2], other[:2]).tolist(), *np.maximum(self[2:], other[2:]).tolist())
+
+    def holds(self, east: Array, north: Array) -> NDArray[np.bool_]:
+        """Which places lie in it."""
+        return (east >= self.east0) & (east <= self.east1) & (north >= self.north0) & (north <= self.north1)
+
+    def snapped(self, cell: float) -> Box:
+        """The smallest one around it whose edges are multiples of a cell, one cell long at least."""
+        east0, north0 = math.floor(self.east0 / cell + 1e-9), math.floor(self.north0 / cell + 1e-9)
+        east1 = max(math.ceil(self.east1 / cell - 1e-9), east0 + 1)
+        north1 = max(math.ceil(self.north1 / cell - 1e-9), north0 + 1)
+        return Box(east0 * cell, north0 * cell, east1 * cell, north1 * cell)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One layer to be: its mosaics in order of preference, its cell [m] and its rectangle."""
+
+    mosaics: tuple[Mosaic, ...]
+    cell_m: float
+    box: Box
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of posts."""
+        rows, columns = (
+            round((end - begin) / self.cell_m) + 1
+            for begin, end in ((self.box.north0, self.box.north1), (self.box.east0, self.box.east1))
+        )
+        return rows, columns
+
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """East of the columns and north of the rows [m]."""
+        rows, columns = self.shape
+        east, north = self.cell_m * np.arange(columns), self.cell_m * np.arange(rows)
+        return np.asarray(self.box.east0 + east), np.asarray(self.box.north0 + north)
+
+
+def place_area(
+    files: Sequence[ElevationFile], centre: tuple[float, float] | None, radius_m: float | None
+) -> tuple[LocalFrame, Box | None]:
+    """The local frame, and the square that was asked for; None for all that the files cover."""
+    frame = LocalFrame(*(centre or _middle(files)), 0.0)
+    return frame, None if radius_m is None else Box(-radius_m, -radius_m, radius_m, radius_m)
+
+
+def _middle(files: Sequence[ElevationFile]) -> tuple[float, float]:
+    """Latitude and longitude [rad] of the middle of what the files cover."""
+    points = np.concatenate([ecef_from_geodetic(*file.outline(), 0.0) for file in files])
+    lat, lon, _ = geodetic_from_ecef((points.min(axis=0) + points.max(axis=0)) / 2)
+    return float(lat), float(lon)
+
+
+def make_plans(
+    files: Sequence[ElevationFile], frame: LocalFrame, area: Box | None, cell_m: float | None
+) -> tuple[Plan, ...]:
+    """The layers to be, the finest first.
+
+    Raises ConfigError for a file that does not touch the area, and for more posts than there is room for.
+    """
+    covers = [_cover(file, frame, area) for file in files]
+    for file, cover in zip(files, covers, strict=True):
+        if cover is None and area is not None:
+            raise ConfigError(
+                f"{file.source.path}: does not touch the area of {area.east1 / 1000:g} km around "
+                f"{math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f}; it covers {bounds_text(file.source)}"
+            )
+        if cover is None:
+            raise ConfigError(f"{file.source.path}: covers {bounds_text(file.source)}: too much for one local frame")
+    plans: list[Plan] = []
+    left = sorted(range(len(files)), key=lambda number: min(files[number].source.spacing_m))
+    while left:
+        spacing = min(files[left[0]].source.spacing_m)
+        cell = _cell(spacing, plans[-1].cell_m if plans else None, cell_m)
+        mine = [n for n in left if min(files[n].source.spacing_m) < _COARSER * max(cell, spacing)]
+        left = [n for n in left if n not in mine]
+        box = _joined([c for n in mine if (c := covers[n]) is not None])
+        mosaics = assemble((n, files[n]) for n in mine)
+        plans.append(Plan(tuple(mosaics), cell, box))
+    return _fitted(plans)
+
+
+def _cell(spacing: float, finer: float | None, wanted: float | None) -> float:
+    """The cell of a layer [m]: three digits of the spacing, or what was asked for, or a multiple of the finer cell."""
+    if finer is not None:
+        return finer * max(1, math.floor(_NEARLY * spacing / finer))
+    return wanted or float(f"{spacing:.3g}")
+
+
+def _joined(boxes: Sequence[Box]) -> Box:
+    box = boxes[0]
+    for other in boxes[1:]:
+        box = box.join(other)
+    return box
+
+
+def _fitted(plans: Sequence[Plan]) -> tuple[Plan, ...]:
+    """The layers with edges on posts of the next coarser one, each in the next coarser one; not too many posts."""
+    cells = [plan.cell_m for plan in plans]
+    fitted: list[Plan] = []
+    for number, plan in enumerate(plans):
+        box = plan.box if not fitted else plan.box.join(fitted[-1].box)
+        coarser = cells[number + 1] if number + 1 < len(cells) else plan.cell_m
+        fitted.append(Plan(plan.mosaics, plan.cell_m, box.snapped(coarser)))
+    posts = sum(math.prod(plan.shape) for plan in fitted)
+    if posts > MOST_POSTS:
+        worst = max(fitted, key=lambda plan: math.prod(plan.shape))
+        wide, high = worst.box.east1 - worst.box.east0, worst.box.north1 - worst.box.north0
+        raise ConfigError(
+            f"{posts / 1e6:.0f} million posts, most of them {worst.cell_m:g} m apart over {wide / 1000:.1f} x "
+            f"{high / 1000:.1f} km; must be {MOST_POSTS / 1e6:.0f} million at most: "
+            f"give a larger cell_m or a smaller area (centre, radius_m)"
+        )
+    return tuple(fitted)
+
+
+def _cover(file: ElevationFile, frame: LocalFrame, area: Box | None) -> Box | None:
+    """The rectangle around what a file covers of the area; None where it does not touch it."""
+    east, north = _local_outline(file, frame)
+    if area is None:
+        inside = np.isfinite(east)
+        if not inside.all():
+            return None
+    else:
+        corner_east, corner_north = np.meshgrid((area.east0, 0.0, area.east1), (area.north0, 0.0, area.north1))
+        covered = _covered(file, frame, corner_east, corner_north)
+        east, north = np.append(east, corner_east[covered]), np.append(north, corner_north[covered])
+        inside = area.holds(east, north)
+    if not inside.any():
+        return None
+    return Box(*(float(f(side[inside])) for f in (np.min, np.max) for side in (east, north)))
+
+
+def _local_outline(file: ElevationFile, frame: LocalFrame) -> tuple[Array, Array]:
+    """East and north [m] of closely spaced points around a file; NaN where the Earth is between."""
+    enu = frame.to_local(*file.outline(), 0.0)
+    enu = np.where(enu[:, 2:] > _BEYOND, enu, np.nan)
+    closed = np.vstack((enu, enu[:1]))
+    at = np.arange(len(enu) * 64) / 64
+    east, north = (np.interp(at, np.arange(len(closed)), closed[:, k]) for k in (0, 1))
+    return east, north
+
+
+def _covered(file: ElevationFile, frame: LocalFrame, east: Array, north: Array) -> NDArray[np.bool_]:
+    """Which places of the frame lie on a file's pixels."""
+    lat, lon, _ = frame.to_geodetic(np.stack((east, north, np.zeros_like(east)), axis=-1))
+    row, column = file.indices(lat, lon)
+    on_rows = np.abs(row - (file.rows - 1) / 2) <= file.rows / 2
+    return np.asarray(on_rows & (np.abs(column - (file.columns - 1) / 2) <= file.columns / 2))
+
+
+def bounds_text(source: Source) -> str:
+    """What a file covers, for people: latitudes and longitudes [deg]."""
+    south, north, west, east = (math.degrees(side) for side in (source.south, source.north, source.west, source.east))
+    return f"{south:.5f} to {north:.5f} deg north, {west:.5f} to {east:.5f} deg east"

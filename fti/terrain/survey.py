@@ -1,0 +1,123 @@
+"""What elevation files hold, and the layers that a terrain would be made of, without making it."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.errors import ConfigError, MissingError
+from fti.geodesy.geoid import load_geoid
+from fti.geodesy.local import LocalFrame
+from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.layout import Box, Plan, make_plans, place_area
+from fti.terrain.opening import check_arguments
+from fti.terrain.source import Source
+
+#: Posts that are read at once.
+_PART = 2**22
+
+
+@dataclass(frozen=True, slots=True)
+class FileSurvey:
+    """One file: lowest and highest height above its own vertical datum [m], None without any; posts without height."""
+
+    source: Source
+    lowest: float | None
+    highest: float | None
+    holes: int
+
+
+@dataclass(frozen=True, slots=True)
+class LayerSurvey:
+    """One layer to be: between its posts [m], rows and columns, its extent [m], and the numbers of its files."""
+
+    cell_m: float
+    rows: int
+    columns: int
+    east_m: tuple[float, float]
+    north_m: tuple[float, float]
+    files: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """Files, layers to be (none, and why, when no terrain can be made), their frame, and the grid of each geoid."""
+
+    files: tuple[FileSurvey, ...]
+    layers: tuple[LayerSurvey, ...]
+    refused: str
+    frame: LocalFrame
+    geoids: Mapping[str, str]
+
+
+def survey(
+    paths: Sequence[str],
+    *,
+    centre: tuple[float, float] | None = None,
+    radius_m: float | None = None,
+    cell_m: float | None = None,
+    vertical: str | Mapping[str, str] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Survey:
+    """Read all posts of the files; the arguments are those of ``Terrain.open``, and so is what is raised.
+
+    A geoid that is missing, and an area that is too large or not touched, are told in the result.
+    """
+    check_arguments(paths, centre, radius_m, cell_m)
+    with contextlib.ExitStack() as stack:
+        files = [stack.enter_context(contextlib.closing(ElevationFile(path, vertical))) for path in paths]
+        frame, area = place_area(files, centre, radius_m)
+        plans, refused = _plan(files, frame, area, cell_m)
+        total, read = sum(f.rows * f.columns for f in files), 0
+
+        def advance(posts: int) -> None:
+            nonlocal read
+            read += posts
+            if progress:
+                progress(read / total)
+
+        found = tuple(_survey_file(file, advance) for file in files)
+        layers = tuple(_describe(plan) for plan in plans)
+        geoids = {f.source.vertical: _grid_of(f.source.vertical) for f in files if f.source.vertical != "ellipsoid"}
+        return Survey(found, layers, refused, frame, geoids)
+
+
+def _plan(
+    files: Sequence[ElevationFile], frame: LocalFrame, area: Box | None, cell_m: float | None
+) -> tuple[tuple[Plan, ...], str]:
+    try:
+        return make_plans(files, frame, area, cell_m), ""
+    except ConfigError as error:
+        return (), str(error)
+
+
+def _survey_file(file: ElevationFile, advance: Callable[[int], None]) -> FileSurvey:
+    lowest, highest, holes = math.inf, -math.inf, 0
+    step = max(1, _PART // file.columns)
+    for row in range(0, file.rows, step):
+        heights = file.read((row, min(row + step, file.rows)), (0, file.columns))
+        known = heights[np.isfinite(heights)]
+        holes += heights.size - known.size
+        if known.size:
+            lowest, highest = min(lowest, float(known.min())), max(highest, float(known.max()))
+        advance(heights.size)
+    if highest < lowest:
+        return FileSurvey(file.source, None, None, holes)
+    return FileSurvey(file.source, lowest, highest, holes)
+
+
+def _describe(plan: Plan) -> LayerSurvey:
+    numbers = tuple(number for mosaic in plan.mosaics for number in mosaic.numbers)
+    box = plan.box
+    return LayerSurvey(plan.cell_m, *plan.shape, (box.east0, box.east1), (box.north0, box.north1), numbers)
+
+
+def _grid_of(model: str) -> str:
+    try:
+        return str(load_geoid(model).path)
+    except MissingError as error:
+        return f"missing: {error}"
