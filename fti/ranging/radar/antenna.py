@@ -12,7 +12,7 @@ the blend and gives no formula).
 
 ``WIDE`` is the antenna of fig. 2.9: 10 dBi, half power at 35 deg in azimuth and 26 deg in elevation.  These are taken
 as angles off the boresight: so its directivity is 10.6 dBi and 87 % of the power is radiated; read as full widths they
-would be 17 dBi, and four fifths of the power would be lost.  ``NARROW`` is that of fig. 7.19: 10 dBi, half power at
+would be 16 dBi, and three quarters of the power would be lost.  ``NARROW`` is that of fig. 7.19: 10 dBi, half power at
 15 deg all round, which leaves a quarter of the power radiated.  Both are cosines to a power, with a floor that stands
 for side lobes and the back; the source prints neither.
 """
