@@ -98,6 +98,17 @@ def test_the_layer_returns_what_the_lidar_equation_says() -> None:
     assert where[0, 0] == 50.0 and reflectance[0, 0] / np.pi == pytest.approx(beta)
 
 
+def test_what_lies_before_the_gate_takes_its_share() -> None:
+    """A haze above the cloud; and, inside the cloud, the blind way c T_p / 2."""
+    haze, cloud = Cloud(300.0, 400.0, 2e-3), Cloud(100.0, 200.0, 0.04)
+    down, no_ground = np.array([[0.0, 0.0, -1.0]]), np.array([np.inf])
+    _, clear = air_along([cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
+    _, hazy = air_along([haze, cloud], np.array([[0.0, 0.0, 450.0]]), down, None).echoes(GATE, no_ground)
+    assert hazy[0, 1] == pytest.approx(clear[0, 0] * np.exp(-2.0 * 100.0 * 2e-3))
+    where, inside = air_along([cloud], np.array([[0.0, 0.0, 150.0]]), down, None).echoes(GATE, no_ground)
+    assert where[0, 0] == GATE and inside[0, 0] == pytest.approx(clear[0, 0] * np.exp(-2.0 * GATE * 0.04))
+
+
 def test_a_cloud_is_told_as_if_it_were_ground() -> None:
     """The recorded approach: on the way down the range falls to its least, stays there, and is right below the base."""
     up = np.arange(700.0, 0.0, -5.0)
@@ -122,8 +133,9 @@ def test_last_return_is_the_ground_through_a_thin_cloud() -> None:
 
 
 def test_a_cloud_behind_the_ground_is_not_seen() -> None:
-    found = laser(Cloud(-300.0, -10.0, 0.1)).measure(FLAT, looking_down([20.0, 200.0]))
-    assert found.slant_range == pytest.approx([20.0, 200.0]) and (found.power > 0.0).all()
+    for returns in ("first", "last"):
+        found = laser(Cloud(-300.0, -10.0, 0.1), returns=returns).measure(FLAT, looking_down([20.0, 60.0]))
+        assert found.slant_range == pytest.approx([20.0, 60.0]) and (found.power > 0.0).all()
 
 
 # ----------------------------------------------------------------------------------------------------------- statistics
@@ -152,6 +164,15 @@ def test_how_often_a_cloud_answers_and_how_often_the_ground(variation: float, sc
     assert 0.05 < expected[0] < 0.95 and 0.05 < expected[1] < 0.95
     for share, probability in zip(shares(found, height), expected, strict=True):
         assert abs(share - probability) < 4.4 * np.sqrt(probability * (1.0 - probability) / pulses)
+
+
+@pytest.mark.parametrize("variation", [0.3, 1.5])
+def test_extinction_has_the_mean_and_the_spread_that_are_asked_for(variation: float) -> None:
+    """n = 20000; 5 sigma of the mean; the spread of a gamma distribution with its kurtosis within 6 %."""
+    many = np.zeros((20_000, 3)) - [0.0, 0.0, 1.0]
+    air = air_along([Cloud(0.0, 9.0, 0.02, variation)], many, many, np.random.default_rng(10))
+    assert abs(air.extinction.mean() / 0.02 - 1.0) < 5.0 * variation / np.sqrt(20_000)
+    assert air.extinction.std() / 0.02 == pytest.approx(variation, rel=0.06)
 
 
 def test_variation_is_drawn_from_the_generator_alone() -> None:
