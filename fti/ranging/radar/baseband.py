@@ -65,8 +65,8 @@ class Baseband:
     n_sample: int = 4096
 
     def __post_init__(self) -> None:
-        if self.n_sample < 2 or self.n_sample % 2:
-            raise ValueError(f"n_sample is {self.n_sample}, must be even and at least 2")
+        if self.n_sample < 32 or self.n_sample % 2:
+            raise ValueError(f"n_sample is {self.n_sample}, must be even and at least 32")
 
     @classmethod
     def reaching(cls, max_range: float, waveform: Waveform | None = None) -> Baseband:

@@ -59,9 +59,11 @@ class LeadingEdge:
         """Edges of spectra (n_pose, n_bin): positions [bins], peaks and validity, each (n_pose,).
 
         VALID; NO_RETURN where there is no power at all; WEAK where the peak is not above margin times the noise;
-        TOO_NEAR where the first bin is above the level already.
+        TOO_NEAR where the first bin is above the level already.  Raises ValueError for another shape or under 3 bins.
         """
         power = np.asarray(spectra, dtype=np.float64)
+        if power.ndim != 2 or power.shape[1] < 3:
+            raise ValueError(f"spectra have the shape {power.shape}, must be (n_pose, n_bin) with 3 bins or more")
         peak = peaks(power)
         level = np.maximum(self.threshold * peak, self.margin * self.noise)
         found = (peak > 0.0) & (peak > self.margin * self.noise)

@@ -153,5 +153,7 @@ def test_lowpass_closes_between_its_two_frequencies() -> None:
 def test_bad_input_is_refused() -> None:
     with pytest.raises(ValueError, match="n_sample"):
         Baseband(n_sample=1001)
+    with pytest.raises(ValueError, match="at least 32"):
+        Baseband(n_sample=2)
     with pytest.raises(ValueError, match="unambiguous"):
         RADAR.beat_signal(0.5 * SPEED_OF_LIGHT * 100e-6, 1.0)

@@ -89,6 +89,12 @@ def test_every_spectrum_is_judged_by_itself() -> None:
     assert np.isnan(edges.position).tolist() == [False, True, True, False]
 
 
+def test_no_spectra_no_edges_and_one_spectrum_is_a_row() -> None:
+    assert all(len(column) == 0 for column in EDGE.find(np.empty((0, 50))))
+    with pytest.raises(ValueError, match="shape"):
+        EDGE.find(np.ones(50))
+
+
 @given(st.floats(10.0, 180.0), st.floats(1e-15, 1.0))
 def test_the_level_is_relative(slant_range: float, power: float) -> None:
     edge = EDGE.find(RADAR.incoherent(slant_range, power)[None])
