@@ -132,6 +132,7 @@ class Laser(RangingSensor):
             np.ascontiguousarray(np.broadcast_to(vectors, (*shape, 3))).reshape(-1, 3)
             for vectors in (origins_l, directions_l, directions_s)
         )
+        starts = np.where(np.isfinite(starts), starts, np.nan)  # an infinite place is as unknown as none
         air = air_along(self.weather, starts, rays, rng)
         echoes, code = self._ground(terrain, starts, rays, air)
         if self.weather:

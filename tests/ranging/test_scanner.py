@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
+from fti.ranging.imager import RangeImager
 from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner, fastest_rate, points_l
 from fti.ranging.sensor import Poses
@@ -172,3 +173,20 @@ def test_the_same_generator_gives_the_same_scan() -> None:
     assert one.tobytes() == same.tobytes() != other.tobytes()
     exact = noisy.scan(FLAT, t, flown(t)).returns.slant_range
     assert (one - exact).std() == pytest.approx(0.02, rel=0.1)
+
+
+def test_each_measure_casts_all_its_rays_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No loop over rays: one call of the ray caster for a scan, a set of lines, a matrix, and a footprint."""
+    called: list[int] = []
+    trace = Terrain.trace
+
+    def counting(self: Terrain, origin: Array, directions: Array, max_range: float) -> Any:
+        called.append(len(directions))
+        return trace(self, origin, directions, max_range)
+
+    monkeypatch.setattr(Terrain, "trace", counting)
+    t, wide = np.linspace(0.0, 1.0, 11), Laser(1000.0, divergence=1e-3, returns="both")
+    scan = RangeScanner(wide).scan(FLAT, t, flown(t))
+    SCANNER.measure(FLAT, flown(t))
+    RangeImager(pixels=(7, 5)).measure(FLAT, flown(t))
+    assert called == [19 * len(scan.times), 11 * len(SCANNER.angles), 11 * 35]
