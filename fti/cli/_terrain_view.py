@@ -1,0 +1,87 @@
+"""What ``fti terrain info`` prints: files and the layers that they make, for people and for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from fti.terrain.layout import bounds_text
+from fti.terrain.survey import FileSurvey, LayerSurvey, Survey
+
+_ANGLES = ("south", "west", "north", "east")
+
+
+def as_text(found: Survey) -> Iterator[str]:
+    """Lines for people."""
+    for number, file in enumerate(found.files):
+        yield from _file(number, file)
+        yield ""
+    yield "terrain"
+    lat, lon = math.degrees(found.frame.lat0), math.degrees(found.frame.lon0)
+    yield f"  frame        east, north, up at {lat:.5f}, {lon:.5f} deg on the WGS84 ellipsoid"
+    if found.refused:
+        yield f"  none         {found.refused}"
+    for number, layer in enumerate(found.layers):
+        yield from _layer(number, layer, found)
+    for model, grid in found.geoids.items():
+        yield f"  geoid        {model}: {grid}"
+    if not found.geoids:
+        yield "  geoid        none is needed"
+
+
+def _file(number: int, file: FileSurvey) -> Iterator[str]:
+    source = file.source
+    across, along = source.spacing_m
+    posts = source.rows * source.columns
+    yield f"{number}  {source.path}"
+    yield f"  format       {source.format}, {source.rows} x {source.columns} posts, a pixel is {_PIXELS[source.pixel]}"
+    accuracy = "unknown" if source.accuracy_m is None else f"{source.accuracy_m:g} m"
+    yield f"  coordinates  {source.crs}; to WGS84 with an accuracy of {accuracy}"
+    yield f"  spacing      {across:.2f} m along a row, {along:.2f} m along a column"
+    unit = "" if source.unit_m == 1.0 else f"; the file's unit is {source.unit_m:.9g} m"
+    yield f"  vertical     {source.vertical}, says {source.vertical_by}{unit}"
+    if file.lowest is None or file.highest is None:
+        yield "  heights      none"
+    else:
+        yield f"  heights      {file.lowest:.2f} to {file.highest:.2f} m above {_DATUMS[source.vertical]}"
+    yield f"  holes        {f'{file.holes} posts, {100.0 * file.holes / posts:.2g} %' if file.holes else 'none'}"
+    yield f"  covers       {bounds_text(source)}"
+    if source.date:
+        yield f"  date         {source.date}"
+
+
+_PIXELS = {"area": "an area around its post", "point": "a post"}
+_DATUMS = {"ellipsoid": "the ellipsoid", "egm96": "mean sea level (EGM96)", "egm2008": "mean sea level (EGM2008)"}
+
+
+def _layer(number: int, layer: LayerSurvey, found: Survey) -> Iterator[str]:
+    size = " x ".join(f"{(end - begin) / 1000.0:.2f}" for begin, end in (layer.east_m, layer.north_m))
+    files = ", ".join(Path(found.files[n].source.path).name for n in layer.files)
+    yield f"  layer {number}      {layer.cell_m:g} m, {layer.rows} x {layer.columns} posts, {size} km: {files}"
+    if number + 1 < len(found.layers):
+        (west, east), (south, north) = layer.east_m, layer.north_m
+        yield (
+            f"  seam         at east {west:g} and {east:g} m, north {south:g} and {north:g} m, "
+            f"on posts of layer {number + 1}"
+        )
+
+
+def as_json(found: Survey) -> dict[str, Any]:
+    """The same for programs; angles in degrees."""
+    return {
+        "files": [_file_json(file) for file in found.files],
+        "frame": {"lat_deg": math.degrees(found.frame.lat0), "lon_deg": math.degrees(found.frame.lon0), "alt_m": 0.0},
+        "layers": [asdict(layer) for layer in found.layers],
+        "refused": found.refused or None,
+        "geoids": dict(found.geoids),
+    }
+
+
+def _file_json(file: FileSurvey) -> dict[str, Any]:
+    table = asdict(file.source)
+    bounds = {f"{side}_deg": math.degrees(table.pop(side)) for side in _ANGLES}
+    heights = {"lowest_m": file.lowest, "highest_m": file.highest, "holes": file.holes}
+    return {**table, **bounds, **heights}

@@ -1,0 +1,128 @@
+"""Show what elevation files hold, and draw them.
+
+Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and whatever else GDAL reads, in any coordinate system, many files
+and resolutions at once.  ``info`` prints for each file its size, coordinates, the distance between its posts in metres,
+the vertical datum and who says so, lowest and highest height, holes and coverage; then the layers of the terrain that
+they make, and where the seams lie.  ``plot`` draws that terrain: relief, holes hatched, seams, which file knows what.
+
+  fti terrain info N47E011.hgt N47E012.hgt
+  fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
+  fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
+  fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75 47.90,11.85
+
+A height needs a vertical datum.  A file says it by its coordinate system, or by its format: DTED and HGT are above mean
+sea level by EGM96.  Where it does not, --vertical must: a wrong one is 47 m wrong in central Europe.  egm96 needs the
+geoid's grid (Debian's package proj-data).  In the south or west a place is written with "=": --at=-33.9,18.4
+
+docs/terrain.md has more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+Place = tuple[float, float]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Two actions."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    info = actions.add_parser("info", help="print what files hold and the layers that they make")
+    _add_files(info)
+    info.add_argument("--json", action="store_true", help="print one JSON object")
+    plot = actions.add_parser("plot", help="draw the terrain that files make")
+    _add_files(plot)
+    plot.add_argument(
+        "--out", required=True, type=_picture, metavar="FILE", help="the picture: FILE.png or FILE.svg, which is new"
+    )
+    plot.add_argument(
+        "--profile", nargs=2, type=_place, metavar="LAT,LON", help="also the profile from one place to another [deg]"
+    )
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", metavar="FILE", help="elevation files; where two overlap the finer counts")
+    parser.add_argument(
+        "--vertical",
+        action="append",
+        default=[],
+        metavar="DATUM",
+        help="egm96, egm2008 or ellipsoid: of the files that do not say it; FILE=DATUM: of this one; may be repeated",
+    )
+    parser.add_argument("--at", type=_place, metavar="LAT,LON", help="only around this place [deg], with --radius")
+    parser.add_argument("--radius", type=_length, metavar="M", help="half the side of the square around it [m]")
+    parser.add_argument("--cell", type=_length, metavar="M", help="between posts of the finest layer [m] (the file's)")
+
+
+def _place(text: str) -> Place:
+    try:
+        lat, lon = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be latitude,longitude in degrees, as 47.9,11.8") from None
+    if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
+        raise argparse.ArgumentTypeError(f"{text}: must be -90 to 90 and -360 to 360 degrees")
+    return math.radians(lat), math.radians(lon)
+
+
+def _length(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value <= 1e6:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a length above 0 and up to 1000000 m")
+    return value
+
+
+def _picture(text: str) -> Path:
+    path = Path(text)
+    if path.suffix not in (".png", ".svg"):
+        raise argparse.ArgumentTypeError(f"{text}: must end with .png or .svg")
+    if path.exists():
+        raise argparse.ArgumentTypeError(f"{text}: is there already, and nothing is overwritten")
+    return path
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print or draw."""
+    if (args.at is None) != (args.radius is None):
+        args.parser.error("--at and --radius belong together")
+    return _info(args) if args.action == "info" else _plot(args)
+
+
+def _arguments(args: argparse.Namespace) -> dict[str, Any]:
+    """What ``Terrain.open`` and ``survey`` want beside the files."""
+    pairs = [word.rpartition("=") for word in args.vertical]
+    vertical = {file or "*": datum for file, _, datum in pairs}
+    return {"centre": args.at, "radius_m": args.radius, "cell_m": args.cell, "vertical": vertical}
+
+
+def _info(args: argparse.Namespace) -> int:
+    from fti.cli._reading import progress_bar
+    from fti.cli._terrain_view import as_json, as_text
+    from fti.terrain.survey import survey
+
+    with progress_bar() as bar:
+        task = bar.add_task("reading", total=1.0)
+        found = survey(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
+    print(json.dumps(as_json(found), indent=2) if args.json else "\n".join(as_text(found)))
+    return 0
+
+
+def _plot(args: argparse.Namespace) -> int:
+    from fti.cli._reading import progress_bar
+    from fti.cli._terrain_map import write_map
+    from fti.terrain.terrain import Terrain
+
+    with progress_bar() as bar:
+        task = bar.add_task("reading", total=1.0)
+        terrain = Terrain.open(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
+        drawing = bar.add_task("drawing", total=None)
+        write_map(terrain, args.out, args.profile)
+        bar.update(drawing, total=1.0, completed=1.0)
+    print(args.out)
+    return 0

@@ -1,0 +1,161 @@
+"""``fti terrain``: info for people and programs, the picture, mistakes in one sentence."""
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.legend import Legend
+
+from fti.cli.main import main
+from fti.terrain.terrain import Terrain
+from tests.terrain.files import LAT, LON, Array, write_ground
+
+UTM = "EPSG:32632"
+
+
+def ground(lat: Array, lon: Array) -> Array:
+    return np.asarray(600.0 + (lat - LAT) * 5000.0 + 30.0 * np.sin(lon * 5000.0))
+
+
+def with_hole(lat: Array, lon: Array) -> Array:
+    return np.where(np.hypot((lat - LAT) * 111e3, (lon - LON) * 74e3) < 45.0, np.nan, ground(lat, lon) + 3.0)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> list[str]:
+    fine = write_ground(
+        tmp_path / "fine.tif", with_hole, UTM, 100, 4.0, tags={"TIFFTAG_DATETIME": "2020:01:02 00:00:00"}
+    )
+    return [fine, write_ground(tmp_path / "coarse.tif", ground, "EPSG:4979", 80, 3e-4)]
+
+
+@pytest.fixture
+def small_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fti.cli._terrain_map.PIXELS", 120)
+
+
+def words(files: list[str]) -> list[str]:
+    return [*files, "--vertical", "ellipsoid", "--at", f"{LAT},{LON}", "--radius", "700"]
+
+
+def test_info_for_people(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["terrain", "info", *words(files)]) == 0
+    told = capsys.readouterr().out
+    for line in (
+        r"0  .*fine\.tif",
+        r"GTiff, 100 x 100 posts, a pixel is an area around its post",
+        r"WGS 84 / UTM zone 32N; to WGS84 with an accuracy of 0 m",
+        r"spacing      4\.00 m along a row, 4\.00 m along a column",
+        r"vertical     ellipsoid, says the caller$",
+        r"vertical     ellipsoid, says its coordinate system$",
+        r"heights      5\d\d\.\d\d to 6\d\d\.\d\d m above the ellipsoid",
+        r"holes        \d{3} posts, 3\.9 %",
+        r"date         2020:01:02",
+        r"layer 0      4 m, \d+ x \d+ posts, 0\.\d+ x 0\.\d+ km: fine\.tif",
+        r"seam         at east -2\d\d and 2\d\d m, north -2\d\d and 2\d\d m, on posts of layer 1",
+        r"layer 1      20 m, \d+ x \d+ posts, 1\.4\d x 1\.4\d km: coarse\.tif",
+        r"geoid        none is needed",
+    ):
+        assert re.search(line, told, re.MULTILINE), line
+
+
+def test_info_for_programs_says_what_the_terrain_becomes(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["terrain", "info", *words(files), "--json"]) == 0
+    table: dict[str, Any] = json.loads(capsys.readouterr().out)
+    fine = table["files"][0]
+    lat, lon = np.meshgrid(np.linspace(LAT - 0.001, LAT + 0.001, 5), np.linspace(LON - 0.001, LON + 0.001, 5))
+    assert fine["lowest_m"] < ground(lat, lon).min() < fine["highest_m"]
+    assert fine["holes"] == pytest.approx(math.pi * 45.0**2 / 16.0, rel=0.05)
+    assert fine["south_deg"] < LAT < fine["north_deg"]
+    centre = math.radians(LAT), math.radians(LON)
+    terrain = Terrain.open(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
+    found = [(layer["cell_m"], layer["rows"], layer["columns"], layer["east_m"]) for layer in table["layers"]]
+    assert found == [(la.cell_m, *la.heights.shape, [la.east0, la.east1]) for la in terrain.layers]
+    assert [layer["files"] for layer in table["layers"]] == [[0], [1]]
+    assert table["frame"] == {"lat_deg": pytest.approx(LAT), "lon_deg": pytest.approx(LON), "alt_m": 0.0}
+    assert (table["refused"], table["geoids"]) == (None, {})
+
+
+def test_info_tells_why_there_is_no_terrain(files: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["terrain", "info", files[1], "--cell", "0.01"]) == 0
+    assert "none         " in (told := capsys.readouterr().out)
+    assert "must be 67 million at most: give a larger cell_m" in told
+
+
+@pytest.mark.usefixtures("small_picture")
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_plot(files: list[str], suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / f"map{suffix}"
+    ends = [f"{LAT - 0.004},{LON - 0.004}", f"{LAT + 0.004},{LON + 0.004}"]
+    assert main(["terrain", "plot", *words(files), "--out", str(out), "--profile", *ends]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    assert out.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
+    with pytest.raises(SystemExit):  # nothing is overwritten
+        main(["terrain", "plot", *words(files), "--out", str(out)])
+    assert "is there already, and nothing is overwritten" in capsys.readouterr().err
+
+
+def texts_of(legend: Legend | None) -> list[str]:
+    assert legend is not None
+    return [text.get_text() for text in legend.get_texts()]
+
+
+@pytest.mark.usefixtures("small_picture")
+def test_the_picture_shows_heights_holes_seams_and_sources(files: list[str]) -> None:
+    from fti.cli import _terrain_map
+
+    centre = math.radians(LAT), math.radians(LON)
+    fine = Terrain.open(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0)
+    holed = _terrain_map.draw_map(fine, None)
+    relief, sources = holed.axes[0], holed.axes[1]
+    assert relief.get_xlabel() == "east [m]"
+    assert "no height" in texts_of(relief.get_legend())
+    assert texts_of(sources.get_legend()) == ["fine.tif"]
+    both = Terrain.open(files, vertical="ellipsoid", centre=centre, radius_m=700.0)
+    relief = _terrain_map.draw_map(both, None).axes[0]
+    assert relief.get_legend() is None  # the coarse file knows the ground of the hole
+    assert "4 m" in [text.get_text() for text in relief.texts]
+    assert len(relief.patches) == 1
+
+
+def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, sentence in [
+        (["info", str(tmp_path / "none.tif")], "none.tif: there is no such file"),
+        (["info", files[0]], "fine.tif: nothing says what its heights are counted from"),
+        (["info", *files, "--vertical", "msl"], "vertical = 'msl': must be one of egm96, egm2008, ellipsoid"),
+        (["info", *files, "--vertical", "egm96"], "its coordinate system says ellipsoid and vertical says 'egm96'"),
+        (
+            ["plot", *files, "--vertical", f"{files[0]}=ellipsoid", "--at", "10,20", "--radius", "100"],
+            "does not touch the area",
+        ),
+    ]:
+        out = ["--out", str(tmp_path / "x.png")] if arguments[0] == "plot" else []
+        assert main(["terrain", *arguments, *out]) == 2
+        told = capsys.readouterr().err
+        assert sentence in told
+        assert len(told.splitlines()) == 1
+    beside = ["--profile", "10,20", "10,21", "--out", str(tmp_path / "x.png")]
+    assert main(["terrain", "plot", *words(files), *beside]) == 2
+    assert "no height is known between the two places" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--at", "47.9"], "must be latitude,longitude in degrees"),
+        (["--at", "97.9,11"], "must be -90 to 90 and -360 to 360 degrees"),
+        (["--at", "47.9,11.8"], "--at and --radius belong together"),
+        (["--radius", "-3"], "must be a length above 0"),
+        (["--cell", "wide"], "must be a length above 0"),
+    ],
+)
+def test_senseless_arguments_are_refused(
+    arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["terrain", "info", "dem.tif", *arguments])
+    assert sentence in capsys.readouterr().err
