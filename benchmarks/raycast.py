@@ -27,9 +27,9 @@ from scipy.ndimage import map_coordinates
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import machine
-from fti.terrain.cast import warm_up
 from fti.terrain.scenes import demo_scene, track_point
 from fti.terrain.terrain import Terrain
+from fti.terrain.warm import warm_up
 
 Array = NDArray[np.float64]
 Caster = Callable[[Array, Array], Array]

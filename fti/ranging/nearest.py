@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
-from fti.terrain import cast
+from fti.ranging.sensor import Poses, RangingSensor, Returns
+from fti.terrain.bundle import cast_bundle_min
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -64,12 +64,11 @@ class NearestReturn(RangingSensor):
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """The leading edge at each pose; no noise, and neither dispersion nor power, which this form does not know."""
         half, farthest = 0.5 * self.beam_width, float(self.max_range)
-        found, angles = cast.cast_bundle_min(
+        found, angles, outcomes = cast_bundle_min(
             terrain.pyramid, poses.origins_l, poses.mats_ls, self._angles, half, REFINE_STEPS, farthest
         )
         unknown = np.full_like(found, np.nan)
-        validity = np.where(np.isfinite(found), Validity.VALID, Validity.NO_RETURN).astype(np.uint8)
-        return Returns(found, directions(angles), unknown, unknown, validity)
+        return Returns(found, directions(angles), unknown, unknown, outcomes)
 
 
 def directions(angles: Array) -> Array:

@@ -47,12 +47,12 @@ class Layer:
     @property
     def east1(self) -> float:
         """East of the last column [m]."""
-        return self.east0 + self.cell_m * (self.heights.shape[1] - 1)
+        return float(self.east0 + self.cell_m * (self.heights.shape[1] - 1))
 
     @property
     def north1(self) -> float:
         """North of the last row [m]."""
-        return self.north0 + self.cell_m * (self.heights.shape[0] - 1)
+        return float(self.north0 + self.cell_m * (self.heights.shape[0] - 1))
 
     @property
     def east(self) -> Array:

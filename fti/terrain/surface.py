@@ -24,10 +24,24 @@ from fti.terrain.layer import Layer
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
+Records = NDArray[np.void]
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 #: A place so many cells outside a layer is on its edge: what rounding does to a point that was computed to lie there.
-_ON_EDGE = 1e-9
+ON_EDGE = 1e-9
+
+#: A layer for the kernels: where its posts begin, how many there are, their distance and the first one's place [m].
+LAYER = np.dtype(
+    [
+        ("start", np.int64),
+        ("rows", np.int64),
+        ("columns", np.int64),
+        ("cell", np.float64),
+        ("east0", np.float64),
+        ("north0", np.float64),
+    ],
+    align=True,
+)
 
 
 def kernel(function: Kernel) -> Kernel:
@@ -36,63 +50,63 @@ def kernel(function: Kernel) -> Kernel:
 
 
 class Posts(NamedTuple):
-    """The layers for the kernels, finest first; k layers.
+    """The surface for the kernels.
 
-    heights         : (n,) [m]  the posts of all layers, row by row, one layer after another
-    starts          : (k,)      where a layer begins in ``heights``
-    rows, columns   : (k,)      posts of each layer
-    cell, east0, north0 : (k,) [m]
+    heights : (n,) [m]  the posts of all layers, row by row, one layer after another
+    layers  : (k,)      records of ``LAYER``, finest first
     """
 
     heights: Array
-    starts: Whole
-    rows: Whole
-    columns: Whole
-    cell: Array
-    east0: Array
-    north0: Array
+    layers: Records
 
 
 def gather(layers: Sequence[Layer]) -> Posts:
-    """The layers for the kernels; one layer is not copied."""
+    """The layers for the kernels; one layer alone is not copied."""
     flat = [layer.heights.ravel() for layer in layers]
-    shapes = np.array([layer.heights.shape for layer in layers], dtype=np.int64)
-    starts = np.concatenate(([0], np.cumsum(shapes.prod(axis=1))[:-1])).astype(np.int64)
-    corners = np.array([(layer.cell_m, layer.east0, layer.north0) for layer in layers])
-    heights = flat[0] if len(flat) == 1 else np.concatenate(flat)
-    rows, columns = np.ascontiguousarray(shapes.T)
-    return Posts(heights, starts, rows, columns, *np.ascontiguousarray(corners.T))
+    records = np.zeros(len(layers), dtype=LAYER)
+    start = 0
+    for record, layer in zip(records, layers, strict=True):
+        record["start"], (record["rows"], record["columns"]) = start, layer.heights.shape
+        record["cell"], record["east0"], record["north0"] = layer.cell_m, layer.east0, layer.north0
+        start += layer.heights.size
+    return Posts(flat[0] if len(flat) == 1 else np.concatenate(flat), records)
 
 
 @kernel
-def locate(p: Posts, east: float, north: float, first: int) -> tuple[int, int, float, float]:
+def locate(layers: Records, east: float, north: float, first: int) -> tuple[int, int, float, float]:
     """The first layer from ``first`` on that a place lies in, its cell's south-west post and u, v; -1 in none."""
-    for k in range(first, len(p.starts)):
-        x, y = (east - p.east0[k]) / p.cell[k], (north - p.north0[k]) / p.cell[k]
-        width, height = p.columns[k] - 1, p.rows[k] - 1
-        if -_ON_EDGE <= x <= width + _ON_EDGE and -_ON_EDGE <= y <= height + _ON_EDGE:
+    found, at, u, v, k = -1, 0, math.nan, math.nan, first
+    while found < 0 and k < len(layers):
+        layer = layers[k]
+        x, y = (east - layer.east0) / layer.cell, (north - layer.north0) / layer.cell
+        width, height = layer.columns - 1, layer.rows - 1
+        if -ON_EDGE <= x <= width + ON_EDGE and -ON_EDGE <= y <= height + ON_EDGE:
             column, row = min(max(int(x), 0), width - 1), min(max(int(y), 0), height - 1)
+            found, at = k, layer.start + row * layer.columns + column
             u, v = min(max(x - column, 0.0), 1.0), min(max(y - row, 0.0), 1.0)
-            return k, p.starts[k] + row * p.columns[k] + column, u, v
-    return -1, 0, math.nan, math.nan
+        k += 1
+    return found, at, u, v
 
 
 @kernel
 def surface(p: Posts, east: float, north: float, first: int) -> tuple[float, float, float]:
     """``up`` [m] and its derivatives to east and north at a place, of the layers from ``first`` on; NaN in none."""
-    k, at, u, v = locate(p, east, north, first)
-    if k < 0:
-        return math.nan, math.nan, math.nan
-    base, north_west = p.heights[at], p.heights[at + p.columns[k]]
-    rise_east, rise_north = p.heights[at + 1] - base, north_west - base
-    twist = p.heights[at + p.columns[k] + 1] - north_west - rise_east
-    up = base + u * rise_east + v * (rise_north + u * twist)
-    return up, (rise_east + v * twist) / p.cell[k], (rise_north + u * twist) / p.cell[k]
+    heights, layers = p.heights, p.layers
+    up, to_east, to_north = math.nan, math.nan, math.nan
+    k, at, u, v = locate(layers, east, north, first)
+    if k >= 0:
+        cell, columns = layers[k].cell, layers[k].columns
+        base, north_west = heights[at], heights[at + columns]
+        rise_east, rise_north = heights[at + 1] - base, north_west - base
+        twist = heights[at + columns + 1] - north_west - rise_east
+        up = base + u * rise_east + v * (rise_north + u * twist)
+        to_east, to_north = (rise_east + v * twist) / cell, (rise_north + u * twist) / cell
+    return up, to_east, to_north
 
 
 @kernel
 def look_up(p: Posts, east: Array, north: Array, first: int) -> Array:
-    """``up`` [m] at places (n,) [m], of the layers from ``first`` on; NaN outside of all and in holes."""
+    """``up`` [m] at places (n,) [m], of the layers from ``first`` on; NaN outside of these and in holes."""
     ups = np.empty(len(east))
     for i in range(len(east)):
         ups[i], _, _ = surface(p, east[i], north[i], first)
@@ -111,9 +125,11 @@ def slopes(p: Posts, east: Array, north: Array) -> tuple[Array, Array]:
 @kernel
 def nearest_posts(p: Posts, east: Array, north: Array) -> tuple[Whole, Whole]:
     """The layer of each place (n,) and its nearest post, counted within the layer; -1 outside of all layers."""
-    layers, posts = np.empty(len(east), np.int64), np.empty(len(east), np.int64)
+    layers = p.layers
+    numbers, posts = np.full(len(east), -1, np.int64), np.full(len(east), -1, np.int64)
     for i in range(len(east)):
-        k, at, u, v = locate(p, east[i], north[i], 0)
-        layers[i] = k
-        posts[i] = -1 if k < 0 else at - p.starts[k] + int(u >= 0.5) + p.columns[k] * int(v >= 0.5)
-    return layers, posts
+        k, at, u, v = locate(layers, east[i], north[i], 0)
+        if k >= 0:
+            numbers[i] = k
+            posts[i] = at - layers[k].start + int(u >= 0.5) + layers[k].columns * int(v >= 0.5)
+    return numbers, posts

@@ -14,18 +14,20 @@ Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 (bilinear tile; the printed d
 from __future__ import annotations
 
 import functools
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
-from fti.terrain import cast as casting
 from fti.terrain import surface
+from fti.terrain.cast import cast_rays
 from fti.terrain.layer import Layer
-from fti.terrain.outcome import Outcome
+from fti.terrain.pyramid import Pyramid, build_pyramid
 from fti.terrain.seams import check_stack
 from fti.terrain.source import Source
 
@@ -34,6 +36,9 @@ Numbers = NDArray[np.uint8]
 
 #: The place above a latitude and longitude moves with its height by d h / R; each step divides the error by > 1000.
 _HEIGHT_STEPS = 4
+
+#: Rays of a piece of work for one thread: 10 ms.
+_CHUNK = 16384
 
 #: What ``Terrain.source`` says where no source says anything.
 NO_SOURCE = 255
@@ -128,10 +133,9 @@ class Terrain:
         return surface.gather(self.layers)
 
     @functools.cached_property
-    def pyramid(self) -> casting.Pyramid:
-        """The surface as the ray caster reads it: posts, origin, cell and the quadtree of cell maxima."""
-        layer = self.finest
-        return casting.build_pyramid(layer.heights, layer.cell_m, layer.east0, layer.north0)
+    def pyramid(self) -> Pyramid:
+        """The surface as the ray caster reads it: posts, and the trees of their maxima."""
+        return build_pyramid(self.posts)
 
     def up(self, east: ArrayLike, north: ArrayLike) -> Array:
         """``up`` [m] of the surface at east, north [m]; NaN outside the coverage and in a hole."""
@@ -165,7 +169,7 @@ class Terrain:
         """Distance between the posts [m] of the layer that counts at east, north [m]; NaN outside the coverage."""
         shape, to_east, to_north = _flat(east, north)
         of_layer, _ = surface.nearest_posts(self.posts, to_east, to_north)
-        return np.append(self.posts.cell, np.nan)[of_layer].reshape(shape)
+        return np.append(self.posts.layers["cell"], np.nan)[of_layer].reshape(shape)
 
     def height(self, lat: ArrayLike, lon: ArrayLike) -> Array:
         """Height of the surface above the ellipsoid [m] at lat, lon [rad]; NaN outside the coverage and in a hole.
@@ -179,28 +183,46 @@ class Terrain:
             alt = alt + self.up(enu[..., 0], enu[..., 1]) - enu[..., 2]
         return alt
 
-    def cast(self, origin: ArrayLike, directions: ArrayLike, max_range: float) -> Array:
+    def cast(self, origin: ArrayLike, directions: ArrayLike, max_range: float, pool: Executor | None = None) -> Array:
         """Distance along rays to the surface [m]; NaN where nothing is hit within ``max_range`` [m].
 
         origin     : ndarray, shape (3,) or (n, 3)  [m]  east, north, up
         directions : ndarray, shape (n, 3) or (3,)       of any length but zero; the result is in metres
-        Returns    : ndarray, shape (n,), or () for one origin and one direction.  0 where the origin is on or under
-                     the surface; NaN for a ray that enters the coverage from its side below the surface.
+        pool       : threads that share the work; the result is the same, bit by bit
+        Returns    : ndarray, shape (n,), or () for one origin and one direction.  0 where the origin is on the surface
+                     (within 1 nm), NaN where ``trace`` says anything but HIT.
         Raises ValueError for a direction without length or a max_range that is not positive.
         """
-        origins, rays = np.broadcast_arrays(np.asarray(origin, np.float64), np.asarray(directions, np.float64))
-        norm = np.linalg.norm(rays, axis=-1, keepdims=True)
-        if (norm == 0.0).any():
-            raise ValueError("a direction has no length")
+        return self.trace(origin, directions, max_range, pool)[0]
+
+    def trace(
+        self, origin: ArrayLike, directions: ArrayLike, max_range: float, pool: Executor | None = None
+    ) -> tuple[Array, Numbers]:
+        """Ranges as ``cast`` gives them, and what became of each ray: numbers of ``Outcome``, same shape.
+
+        A ray that passes over a hole ends there, however high it flies: what stands in the hole is unknown.  Rays may
+        begin outside the coverage; one that comes into it below the surface is BURIED.
+        """
         if not max_range > 0.0:
             raise ValueError(f"max_range is {max_range}, must be positive")
-        flat = np.ascontiguousarray(origins.reshape(-1, 3)), np.ascontiguousarray((rays / norm).reshape(-1, 3))
-        return casting.cast_rays(self.pyramid, *flat, float(max_range)).reshape(origins.shape[:-1])
+        starts, rays = np.asarray(origin, dtype=np.float64), np.asarray(directions, dtype=np.float64)
+        shape = np.broadcast_shapes(starts.shape, rays.shape)
+        if shape[-1:] != (3,):
+            raise ValueError(f"origin and directions are vectors of three numbers, not of shape {shape}")
+        ranges, outcomes = np.empty(math.prod(shape[:-1])), np.empty(math.prod(shape[:-1]), dtype=np.uint8)
+        work = (self.pyramid, _rows(starts, shape), _rows(rays, shape), float(max_range))
+        chunks = [(begin, min(begin + _CHUNK, len(ranges))) for begin in range(0, len(ranges), _CHUNK)]
+        run = map if pool is None else pool.map
+        if sum(run(lambda chunk: cast_rays(*work, chunk[0], chunk[1], ranges, outcomes), chunks)):
+            raise ValueError("a direction has no length")
+        return ranges.reshape(shape[:-1]), outcomes.reshape(shape[:-1])
 
-    def trace(self, origin: ArrayLike, directions: ArrayLike, max_range: float) -> tuple[Array, NDArray[np.uint8]]:
-        """Ranges as ``cast`` gives them, and what became of each ray: numbers of ``Outcome``, same shape."""
-        ranges = self.cast(origin, directions, max_range)
-        return ranges, np.where(np.isfinite(ranges), Outcome.HIT, Outcome.NOTHING).astype(np.uint8)
+
+def _rows(vectors: Array, shape: tuple[int, ...]) -> Array:
+    """Vectors one below the other, shape (n, 3) as broadcast; a single one is not repeated, shape (1, 3)."""
+    if vectors.size == 3:
+        return np.ascontiguousarray(vectors).reshape(1, 3)
+    return np.ascontiguousarray(np.broadcast_to(vectors, shape)).reshape(-1, 3)
 
 
 def _flat(east: ArrayLike, north: ArrayLike) -> tuple[tuple[int, ...], Array, Array]:

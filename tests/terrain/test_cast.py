@@ -6,8 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from fti.terrain.cast import build_pyramid, cast_bundle_min, warm_up
+from fti.terrain.bundle import cast_bundle_min
+from fti.terrain.outcome import Outcome
+from fti.terrain.pyramid import slot
 from fti.terrain.terrain import Terrain
+from fti.terrain.warm import warm_up
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
@@ -162,12 +165,15 @@ def test_grazing_ray_touches_a_ridge_or_passes_it() -> None:
             assert found == pytest.approx(97.0 - 5.0 * 1e-7, abs=1e-9)
 
 
-def test_origin_on_or_under_the_surface_is_a_range_of_zero() -> None:
+def test_origin_on_the_surface_is_a_range_of_zero_and_under_it_none() -> None:
     ground = terrain(np.full((9, 9), 4.0))
-    up, down, along = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.8, 0.0]])
-    for height in (4.0, 3.0):
-        for ray in (up, down, along):
-            assert ground.cast(np.array([11.0, 13.0, height]), ray, 100.0) == 0.0
+    rays = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.6, 0.8, 0.0], [0.6, 0.0, 0.8]])
+    for height in (4.0, 4.0 + 0.9e-9, 4.0 - 0.9e-9):
+        ranges, outcomes = ground.trace(np.array([11.0, 13.0, height]), rays, 100.0)
+        assert (ranges == 0.0).all() and (outcomes == Outcome.HIT).all()
+    for height in (4.0 - 2e-9, 3.0):
+        ranges, outcomes = ground.trace(np.array([11.0, 13.0, height]), rays, 100.0)
+        assert np.isnan(ranges).all() and (outcomes == Outcome.BURIED).all()
 
 
 def test_outside_the_coverage() -> None:
@@ -199,16 +205,18 @@ def test_bad_calls_are_refused() -> None:
         ground.cast([20.0, 20.0, 9.0], [0.0, 0.0, -1.0], float("nan"))
 
 
-def test_quadtree_holds_the_maximum_of_every_node() -> None:
+def test_pyramid_holds_the_maximum_of_every_node() -> None:
     heights = np.random.default_rng(8).normal(0, 1, (14, 23))
-    pyramid = build_pyramid(heights, 5.0, 0.0, 0.0)
-    for level, (offset, width) in enumerate(zip(pyramid.offsets, pyramid.widths, strict=True)):
-        size = 2**level
+    pyramid = terrain(heights).pyramid
+    for level, (start, wide) in enumerate(pyramid.levels.tolist()):
+        size = 4**level
         for row in range(-(-13 // size)):
-            for column in range(width):
+            for column in range(-(-22 // size)):
                 block = heights[row * size : (row + 1) * size + 1, column * size : (column + 1) * size + 1]
-                assert pyramid.maxima[offset + row * width + column] == block.max()
-    assert pyramid.maxima[-1] == heights.max()
+                found = pyramid.maxima[start + slot(column, row, wide)]
+                assert block.max() <= found <= np.nextafter(np.float32(block.max()), np.float32(np.inf))
+    assert pyramid.maxima.ctypes.data % 64 == 0
+    assert pyramid.places.summit == pyramid.maxima[pyramid.levels[-1]["start"]]
 
 
 def test_bundle_is_the_nearest_of_its_rays() -> None:
@@ -220,7 +228,8 @@ def test_bundle_is_the_nearest_of_its_rays() -> None:
     off = np.linalg.norm(angles, axis=1)
     rays = np.column_stack((angles * np.sinc(off / np.pi)[:, None], np.cos(off))) @ mats[0].T
     expected = [np.nanmin(ground.cast(origin, rays, 500.0)) for origin in origins]
-    found, _ = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 0, 500.0)
+    found, _, outcomes = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 0, 500.0)
     assert found == pytest.approx(expected, abs=1e-11)
-    refined, _ = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 4, 500.0)
+    assert (outcomes == Outcome.HIT).all()
+    refined, _, _ = cast_bundle_min(ground.pyramid, origins, mats, angles, 0.5, 4, 500.0)
     assert (refined <= found).all() and (refined < found - 1e-3).any()

@@ -1,0 +1,202 @@
+"""Maxima of the surface over ever larger nodes: what lets a ray skip the ground far below it.
+
+Each layer has a tree of its own.  A node of level 0 is one cell, a node of the next level 4 x 4 nodes of the one
+below.  Those sixteen are stored together: 64 bytes, one line of the processor's cache.  Maxima are single precision,
+rounded up, so that a skip is never wrong; the surface itself stays double.
+
+A hole (a cell that touches a post nobody knows) has the maximum +inf: every ray above it comes down to look at it.
+What a finer layer covers has -inf: no ray does.
+
+Source: Tevs, Ihrke, Seidel 2008 (maximum mipmaps); the width of 4 and the layout are ours.
+"""
+
+# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from fti.terrain.surface import LAYER, Posts, Records, kernel, locate
+
+Array = NDArray[np.float64]
+Maxima = NDArray[np.float32]
+
+_LINE_BYTES = 64
+
+#: A level of a layer's tree: where its maxima begin, and how many groups of 4 x 4 lie beside each other.
+LEVEL = np.dtype([("start", np.int64), ("wide", np.int64)], align=True)
+#: A layer's tree: its first level, the number of its last one, and the highest maximum [m].
+TREE = np.dtype([("first", np.int64), ("top", np.int64), ("highest", np.float64)], align=True)
+
+
+class Places(NamedTuple):
+    """Where the arrays of a ``Pyramid`` lie in memory, how many layers there are, and their highest maximum [m].
+
+    Plain numbers: a kernel that takes arrays counts references to them, with a locked operation each, at every call.
+    That made a tenth of a cast; so the kernels within the cast take this and see the arrays through ``heights_at``
+    and the like.  It holds while the ``Pyramid`` is held.
+    """
+
+    heights: int
+    layers: int
+    maxima: int
+    levels: int
+    trees: int
+    n_layers: int
+    summit: float
+
+
+class Pyramid(NamedTuple):
+    """A surface for the ray caster.
+
+    heights, layers : as in ``surface.Posts``
+    maxima          : (n,) [m]  of all nodes, level by level, groups of 16 row by row, each group row by row
+    levels, trees   : records of ``LEVEL`` and ``TREE``
+    places          : where these lie
+    """
+
+    heights: Array
+    layers: Records
+    maxima: Maxima
+    levels: Records
+    trees: Records
+    places: Places
+
+
+def build_pyramid(posts: Posts) -> Pyramid:
+    """The trees of all layers."""
+    plans = [_plan(int(layer["rows"]), int(layer["columns"])) for layer in posts.layers]
+    groups = np.array([group for plan in plans for group in plan], dtype=np.int64)
+    levels, trees = np.zeros(len(groups), dtype=LEVEL), np.zeros(len(plans), dtype=TREE)
+    sizes = 16 * groups.prod(axis=1)
+    levels["start"], levels["wide"] = sizes.cumsum() - sizes, groups[:, 1]
+    lengths = np.array([len(plan) for plan in plans])
+    trees["first"], trees["top"] = lengths.cumsum() - lengths, lengths - 1
+    maxima = _aligned(int(sizes.sum()))
+    for k in range(len(plans)):
+        _fill(posts.heights, posts.layers, k, maxima, levels, trees)
+    arrays = (posts.heights, posts.layers, maxima, levels, trees)
+    places = Places(*(int(array.ctypes.data) for array in arrays), len(plans), float(trees["highest"].max()))  # type: ignore[call-arg]
+    return Pyramid(*arrays, places)
+
+
+def _plan(rows: int, columns: int) -> list[tuple[int, int]]:
+    """Groups of each level, north and east, from the cells up to one group."""
+    high, wide = rows - 1, columns - 1
+    plan: list[tuple[int, int]] = []
+    while not plan or high * wide > 1:
+        high, wide = -(-high // 4), -(-wide // 4)
+        plan.append((high, wide))
+    return plan
+
+
+def _aligned(count: int) -> Maxima:
+    """Room for so many maxima, all -inf, that begins with a line of the cache."""
+    room = np.full(count + _LINE_BYTES // 4, -np.inf, dtype=np.float32)
+    skip = -room.ctypes.data % _LINE_BYTES // 4
+    return room[skip : skip + count]
+
+
+def _as_pointer(_typing: Any, _address: Any) -> Any:
+    """What the compiler makes of ``_pointer(address)``."""
+
+    def generate(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], cgutils.voidptr_t)
+
+    return numba.types.voidptr(numba.types.intp), generate
+
+
+_pointer: Any = intrinsic(_as_pointer)
+_array: Any = numba.carray  # type: ignore[attr-defined]
+
+
+@kernel
+def heights_at(q: Places) -> Array:
+    """``Pyramid.heights``; the length of this and the next is not theirs."""
+    return _array(_pointer(q.heights), (1,), np.float64)  # type: ignore[no-any-return]
+
+
+@kernel
+def maxima_at(q: Places) -> Maxima:
+    """``Pyramid.maxima``."""
+    return _array(_pointer(q.maxima), (1,), np.float32)  # type: ignore[no-any-return]
+
+
+@kernel
+def levels_at(q: Places) -> Records:
+    """``Pyramid.levels``."""
+    return _array(_pointer(q.levels), (1,), LEVEL)  # type: ignore[no-any-return]
+
+
+@kernel
+def layers_at(q: Places) -> Records:
+    """``Pyramid.layers``."""
+    return _array(_pointer(q.layers), (q.n_layers,), LAYER)  # type: ignore[no-any-return]
+
+
+@kernel
+def trees_at(q: Places) -> Records:
+    """``Pyramid.trees``."""
+    return _array(_pointer(q.trees), (q.n_layers,), TREE)  # type: ignore[no-any-return]
+
+
+@kernel
+def _rounded_up(value: float) -> np.float32:
+    """The least single that is not below a double."""
+    single = np.float32(value)
+    if np.float64(single) < value:
+        single = np.nextafter(single, np.float32(math.inf))
+    return single
+
+
+@kernel
+def slot(x: int, y: int, wide: int) -> int:
+    """Where a node lies within its level."""
+    return (((y >> 2) * wide + (x >> 2)) << 4) + ((y & 3) << 2) + (x & 3)
+
+
+@kernel
+def _fill_cells(heights: Array, layers: Records, k: int, nodes: Maxima, wide: int) -> None:
+    """Level 0: highest of four posts, +inf for a hole, -inf where a finer layer lies."""
+    start, columns, cell = layers[k].start, layers[k].columns, layers[k].cell
+    for row in range(layers[k].rows - 1):
+        for column in range(columns - 1):
+            at = start + row * columns + column
+            south_west, south_east = heights[at], heights[at + 1]
+            north_west, north_east = heights[at + columns], heights[at + columns + 1]
+            highest = max(south_west, south_east, north_west, north_east)
+            if math.isnan(south_west + south_east + north_west + north_east):
+                highest = math.inf
+            nodes[slot(column, row, wide)] = _rounded_up(highest)
+    for row in range(layers[k].rows - 1 if k > 0 else 0):
+        north = layers[k].north0 + (row + 0.5) * cell
+        for column in range(columns - 1):
+            if locate(layers, layers[k].east0 + (column + 0.5) * cell, north, 0)[0] < k:
+                nodes[slot(column, row, wide)] = -math.inf
+
+
+@kernel
+def _fill(heights: Array, layers: Records, k: int, maxima: Maxima, levels: Records, trees: Records) -> None:
+    """The maxima of one layer's tree, cells first; nodes outside the layer keep -inf."""
+    level = levels[trees[k].first]
+    _fill_cells(heights, layers, k, maxima[level.start :], level.wide)
+    high, wide = layers[k].rows - 1, layers[k].columns - 1
+    for number in range(trees[k].first + 1, trees[k].first + trees[k].top + 1):
+        below, level = levels[number - 1], levels[number]
+        high, wide = (high + 3) >> 2, (wide + 3) >> 2
+        for row in range(high):
+            for column in range(wide):
+                begin = below.start + ((row * below.wide + column) << 4)
+                highest = maxima[begin]
+                for i in range(begin + 1, begin + 16):
+                    highest = max(highest, maxima[i])
+                maxima[level.start + slot(column, row, level.wide)] = highest
+    last = levels[trees[k].first + trees[k].top].start
+    trees[k].highest = maxima[last : last + 16].max()
