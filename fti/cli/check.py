@@ -97,11 +97,11 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
     from fti.cli._receive_buffer import hints
+    from fti.cli._terrain_files import describe_terrain
     from fti.service.binding import bind_devices
     from fti.service.preparation import Preparation
 
     Preparation(config, epoch_ns=0)  # refuses what fti run would refuse
-    _check_terrain(config)
     session = config.session
     return {
         "config": config.path,
@@ -111,7 +111,7 @@ def describe(config: Config) -> dict[str, Any]:
         "links": [_describe_link(link, config.devices_on(link.name)) for link in config.link],
         "devices": [_describe_device(bound) for bound in bind_devices(config)],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
-        "terrain": list(config.nav.terrain.files) if config.nav.terrain else [],
+        "terrain": list(describe_terrain(config)),
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(_missing(config)),
         "warnings": [*_shared_ports(config), *_poor_storage(config)],
@@ -166,16 +166,6 @@ def _describe_snapshot(config: Config) -> dict[str, float] | None:
     rate = sum(load.rate_hz * (load.message_bytes + load.receptions * HEAD_BYTES) for load in loads)
     holds = config.snapshot.max_mb * MEGABYTE / (rate + HEAD_BYTES * SECOND_NS / TICK_PERIOD_NS)
     return {**config.snapshot.model_dump(), "holds_s": round(holds, 1)}
-
-
-def _check_terrain(config: Config) -> None:
-    from pathlib import Path
-
-    from fti.errors import MissingError
-
-    for i, file in enumerate(config.nav.terrain.files if config.nav.terrain else ()):
-        if not Path(file).is_file():
-            raise MissingError(f"{config.path}: nav.terrain.files[{i}] = {file!r}: there is no such file")
 
 
 def _missing(config: Config) -> Iterator[dict[str, str]]:
@@ -270,6 +260,11 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     yield from _table([_device_cells(device) for device in found["devices"]])
     yield "roles"
     yield from _table(list(_role_cells(found)))
+    if found["terrain"]:
+        from fti.cli._terrain_files import terrain_cells
+
+        yield "terrain"
+        yield from _table([terrain_cells(file) for file in found["terrain"]])
     for warning in found["warnings"]:
         yield f"warning: {warning}"
     for hint in found["hints"]:

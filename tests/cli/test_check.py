@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from fti.cli import _receive_buffer
 from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links._socket import RECEIVE_BUFFER
+from tests.terrain.files import write_ground
 
 BENCH = """
 [session]
@@ -129,6 +131,30 @@ def test_a_mistake_is_one_sentence_on_standard_error(
     assert printed.err.startswith(f"fti: {file}: ")
     assert printed.err.count("\n") == 1
     assert expected in printed.err
+
+
+def test_elevation_files_are_opened(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def with_terrain(vertical: str) -> None:
+        terrain = f'[nav]\nterrain = {{ files = ["wgs.tif", "dem.tif"], vertical = "{vertical}" }}'
+        file.write_text(BENCH.replace("[nav]", terrain, 1))
+
+    write_ground(file.parent / "dem.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:32632", 20, 10.0)
+    write_ground(file.parent / "wgs.tif", lambda lat, lon: 500.0 + 0.0 * lat * lon, "EPSG:4979", 20, 1e-3)
+    with_terrain("ellipsoid")
+    assert main(["check", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert re.search(
+        r"dem\.tif +GTiff +20 x 20 posts +10(\.\d+)? x 10(\.\d+)? m apart +ellipsoid, says the caller", told
+    )
+    assert "ellipsoid, says its coordinate system" in told
+    with_terrain("egm96")
+    assert main(["check", str(file)]) == 2
+    told = capsys.readouterr().err
+    assert "nav.terrain.files[0] = " in told
+    assert "its coordinate system says ellipsoid and vertical says 'egm96'" in told
+    (file.parent / "wgs.tif").write_text("no elevation")
+    assert main(["check", str(file)]) == 2
+    assert "wgs.tif: is no elevation file that GDAL reads" in capsys.readouterr().err
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
