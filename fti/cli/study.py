@@ -60,7 +60,9 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(table | ({"plots": list(map(str, pictures))} if pictures else {}), indent=1))
     else:
         wrote = (f"wrote {file}" for file in pictures)
-        print("\n".join([f"{name}: {runs} runs, seed {seed}", *map(as_line, results), *wrote]))
+        width = max(len(result.id) for result in results)
+        lines = (as_line(result, width) for result in results)
+        print("\n".join([f"{name}: {runs} runs, seed {seed}", *lines, *wrote]))
     return 0 if all(result.holds for result in results) else 1
 
 
@@ -87,8 +89,8 @@ def _draw(pictures: dict[Path, Draw], done: Callable[[], None]) -> None:
         done()
 
 
-def as_line(result: Result) -> str:
-    """A result for a person."""
+def as_line(result: Result, width: int) -> str:
+    """A result for a person; width : of the column of targets."""
     value = f"{result.value}" if isinstance(result.value, int) else f"{result.value:.4g}"
     verdict = "holds" if result.holds else "DOES NOT HOLD"
-    return f"  {result.id:14} {value:>10}  target {result.target:14} {verdict:14} {result.quantity}"
+    return f"  {result.id:{width}} {value:>10}  target {result.target:14} {verdict:14} {result.quantity}"

@@ -149,7 +149,7 @@ def _draw_pair(column: Array, example: Example) -> None:
     with_carrier, without = example.receiver.coherent(*columns), base.coherent(*columns)
     mhz, beat, top = np.arange(base.n_bin) / base.waveform.delta_t / MHZ, example.beat / MHZ, float(np.max(without))
     above.plot(
-        mhz, 10.0 * np.log10(with_carrier / top), color=ORANGE, lw=2.6, label=f"{example.name} at radio frequency"
+        mhz, 10.0 * np.log10(with_carrier / top), color=ORANGE, lw=2.6, label=f"{example.name}, with the carrier"
     )
     above.plot(mhz, 10.0 * np.log10(without / top), color=BLUE, lw=1.0, label="baseband")
     above.axvline(beat, color=GREY, ls="--", lw=0.9, zorder=0, label=f"height: {beat:.1f} MHz")

@@ -1,0 +1,74 @@
+"""Fig. 2.50: what comes back from level ground over roll and range, through a narrow and a wide antenna."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.local import MAT_ENU_NED
+from fti.geodesy.rotations import mat_from_rpy
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.ranging.radar.antenna import NARROW, WIDE
+from fti.ranging.radar.beam import trace_beam
+from fti.ranging.sensor import Poses
+from fti.study import Result
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+ANTENNAS = {"narrow": NARROW, "wide": WIDE}
+HEIGHTS_M = (100.0, 400.0, 800.0)
+ROLLS_DEG = np.arange(0.0, 75.1, 1.0)
+#: The range at which an altimeter ends (2.1.4) [m]; the pictures go on.
+D_MAX = 1000.0
+FARTHEST_M = 3000.0
+ORDER = 40
+#: Roll that the wide antenna holds, and its error there, of the height.
+HELD_DEG, HELD_ERROR = 35.0, 0.005
+#: Roll at which the narrow one has lost the nadir.
+LOST_DEG = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Of each roll: spectrum (roll, bin) [received over transmitted power], leading edge and dispersion [m]."""
+
+    height: float
+    ranges: Array
+    spectra: Array
+    edge: Array
+    dispersion: Array
+
+    @property
+    def error(self) -> Array:
+        """Leading edge against the height, over the height."""
+        return self.edge / self.height - 1.0
+
+
+def sweep(antenna: str, height: float) -> Sweep:
+    """Roll from 0 to 75 deg at a height [m] over level ground."""
+    radar = RadarAltimeter(antenna=ANTENNAS[antenna], order=ORDER, max_range=FARTHEST_M)
+    ground = Terrain.from_array(np.zeros((3, 3)), 10_000.0, east0=-10_000.0, north0=-10_000.0)
+    roll = np.radians(ROLLS_DEG)
+    mats = MAT_ENU_NED @ mat_from_rpy(roll, np.zeros_like(roll), np.zeros_like(roll))
+    poses = Poses.still(np.tile([0.0, 0.0, height], (len(roll), 1)), mats)
+    spectra = radar.spectra(trace_beam(ground, poses, radar.beam, radar.ground, FARTHEST_M))
+    returns = radar.measure(ground, poses)
+    return Sweep(height, radar.baseband.ranges, spectra, returns.slant_range, returns.dispersion)
+
+
+def attitude() -> list[Result]:
+    """What fig. 2.50 shows, over all its heights."""
+    narrow, wide = ([sweep(name, height) for height in HEIGHTS_M] for name in ("narrow", "wide"))
+    held = max(float(np.max(np.abs(s.error[ROLLS_DEG <= HELD_DEG]))) for s in wide)
+    worse = min(
+        float(np.min((n.error - w.error)[ROLLS_DEG >= LOST_DEG])) for n, w in zip(narrow, wide, strict=True)
+    )  # fmt: skip
+    spread = min(float(w.dispersion[0] / n.dispersion[0]) for n, w in zip(narrow, wide, strict=True))
+    return [
+        Result("F2.50.wide", "wide beam, error up to 35 deg roll, of the height", held, "<= 0.005", held <= HELD_ERROR),
+        Result("F2.50.narrow", "narrow minus wide, least error from 30 deg on, of the height", worse, "> 0", worse > 0),
+        Result("F2.50.spread", "spread of the echo wings level, wide over narrow", spread, "> 1", spread > 1.0),
+    ]
