@@ -30,8 +30,8 @@ from fti.ranging.radar.antenna import Antenna, from_db
 from fti.ranging.radar.baseband import KERNEL_BINS, hann_kernel
 from fti.ranging.radar.dome import Dome
 from fti.ranging.sensor import Poses
-from fti.terrain.cast import Pyramid, _cast_ray
-from fti.terrain.outcome import Outcome
+from fti.terrain.cast import cast_one
+from fti.terrain.pyramid import Pyramid
 from fti.terrain.surface import Posts, kernel, surface
 from fti.terrain.terrain import Terrain
 
@@ -81,7 +81,7 @@ def make_beam(antenna: Antenna, dome: Dome, wavelength: float, cut_db: float = -
     """The rays of a dome behind an antenna, wavelength [m].
 
     cut_db : rays whose two-way gain lies so far under that of the strongest are left out [dB].  At -40 dB they hold
-             1e-4 of the power at most, and the wide antenna looks as far as 75 deg off the boresight.
+             3e-6 of the power over level ground, and the wide antenna looks as far as 75 deg off the boresight.
     Raises ValueError for a wavelength that is not positive.
     """
     if not wavelength > 0.0:
@@ -111,21 +111,21 @@ def trace_beam(terrain: Terrain, poses: Poses, beam: Beam, ground: Backscatter, 
     """Cast the rays of a beam at each pose, as far as ``max_range`` [m]."""
     gains = beam.weights * float(from_db(ground.nadir_db))
     found = _trace(
-        terrain.pyramid, terrain.posts, poses.origins_l, poses.mats_ls, poses.vels_l, beam.rays_s, gains,
-        float(ground.exponent) - 1.0, float(max_range),
+        terrain.pyramid, poses.origins_l, poses.mats_ls, poses.vels_l, beam.rays_s, gains, ground.exponent - 1.0,
+        float(max_range),
     )  # fmt: skip
     return Echoes(*found)
 
 
 @kernel
 def _trace(
-    p: Pyramid, posts: Posts, origins: Array, mats: Array, vels: Array, rays: Array, gains: Array, power: float,
-    max_range: float,
-) -> tuple[Array, Array, Array, Codes]:  # fmt: skip
+    p: Pyramid, origins: Array, mats: Array, vels: Array, rays: Array, gains: Array, power: float, max_range: float
+) -> tuple[Array, Array, Array, Codes]:
     """Rays of all poses: range, rate of the range, received power, outcome; ``power`` of the cosine of incidence."""
     shape = (len(origins), len(rays))
     ranges, rates, powers = np.empty(shape), np.empty(shape), np.zeros(shape)
     outcomes = np.empty(shape, np.uint8)
+    posts = Posts(p.heights, p.layers)
     for i in range(len(origins)):
         o, mat, vel = origins[i], mats[i], vels[i]
         for k in range(len(rays)):
@@ -133,14 +133,14 @@ def _trace(
             dx = mat[0, 0] * sx + mat[0, 1] * sy + mat[0, 2] * sz
             dy = mat[1, 0] * sx + mat[1, 1] * sy + mat[1, 2] * sz
             dz = mat[2, 0] * sx + mat[2, 1] * sy + mat[2, 2] * sz
-            d = _cast_ray(p, o[0], o[1], o[2], dx, dy, dz, max_range)
+            d, outcomes[i, k] = cast_one(p, o[0], o[1], o[2], dx, dy, dz, max_range)
             ranges[i, k] = d
             rates[i, k] = -(vel[0] * dx + vel[1] * dy + vel[2] * dz)
-            outcomes[i, k] = Outcome.NOTHING if math.isnan(d) else Outcome.HIT
             if d > 0.0:
                 _, to_east, to_north = surface(posts, o[0] + d * dx, o[1] + d * dy, 0)
                 cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east**2 + to_north**2)
-                powers[i, k] = gains[k] * max(cosine, 0.0) ** power / (d * d)
+                if cosine > 0.0:  # NaN on the rim of a hole
+                    powers[i, k] = gains[k] * cosine**power / (d * d)
     return ranges, rates, powers, outcomes
 
 

@@ -127,6 +127,27 @@ def test_no_poses_no_returns() -> None:
     assert found.direction_s.shape == (0, 3)
 
 
+def with_hole(east: slice, north: slice) -> Terrain:
+    heights = np.zeros((161, 161))
+    heights[north, east] = np.nan
+    return Terrain.from_array(heights, 25.0, east0=-2000.0, north0=-2000.0)
+
+
+def test_ground_that_nobody_knows_is_no_height() -> None:
+    """A hole under the beam; a hole so far off that the beam hardly looks there; the edge of the coverage; below it."""
+    sensor = RadarAltimeter(NARROW)
+    under, aside = with_hole(slice(80, 86), slice(80, 86)), with_hole(slice(84, 86), slice(84, 86))
+    assert sensor.measure(under, poses(200.0)).validity.tolist() == [Validity.HOLE]
+    assert np.isnan(sensor.measure(under, poses(200.0)).slant_range[0])
+    beside = sensor.measure(aside, poses(200.0))
+    assert (trace_beam(aside, poses(200.0), sensor.beam, sensor.ground, 500.0).outcomes == Validity.HOLE).any()
+    assert beside.validity.tolist() == [Validity.VALID]
+    assert beside.slant_range[0] == pytest.approx(200.0, abs=1.0)
+    edge = Poses.still([[7990.0, 0.0, 200.0]], ENU_NED[None])
+    assert sensor.measure(FLAT, edge).validity.tolist() == [Validity.OUTSIDE]
+    assert along(sensor, [-5.0, np.nan]).validity.tolist() == [Validity.BURIED, Validity.UNKNOWN]
+
+
 def test_a_weak_echo_is_no_height() -> None:
     """The threshold of detection is 10 dB over the noise: a receiver that is deaf hears nothing at 300 m."""
     loud = along(RadarAltimeter(), 300.0).power[0]
@@ -181,22 +202,21 @@ def test_the_whole_chain_finds_the_heights_of_the_receivers(coherent: bool) -> N
 
 
 def test_incoherent_spectrum_is_the_mean_of_random_phases(scale: int) -> None:
-    """Within 1 dB wherever it is above -20 dB, over rough ground: 400 ramps of 450 rays (full: 8000).
+    """Within 1 dB wherever it is above -20 dB, over rough ground: 400 ramps of 141 rays (full: 8000).
 
     The mean of n exponential powers has a standard deviation of 4.3 / sqrt(n) dB: 0.22 dB for 400, and 1 dB is 4.6 of
     them.
     """
-    where = poses(120.0, 0.1, 0.05)
-    mean, one = (RadarAltimeter(order=12, edge=LeadingEdge(), max_range=240.0, coherent=c) for c in (False, True))
-    echoes = trace_beam(rough(), where, mean.beam, mean.ground, 250.0)
+    where = poses(100.0, 0.6, 0.05)
+    mean, one = (RadarAltimeter(NARROW, 12, edge=LeadingEdge(), max_range=180.0, coherent=c) for c in (False, True))
+    echoes = trace_beam(rough(), where, mean.beam, mean.ground, 180.0)
     rng = np.random.default_rng(20)
     ramps = 400 * scale
     summed = np.mean([one.spectra(echoes, rng)[0] for _ in range(ramps)], axis=0)
     expected = mean.spectra(echoes)[0]
     strong = expected > 0.01 * expected.max()
     worst = np.abs(10.0 * np.log10(summed[strong] / expected[strong])).max()
-    print(np.count_nonzero(strong), worst)
-    assert np.count_nonzero(strong) > 100
+    assert np.count_nonzero(strong) > 80
     assert worst < 1.0
 
 
@@ -208,16 +228,15 @@ def rough() -> Terrain:
 def test_scatter_of_the_edge_falls_with_the_rays(scale: int) -> None:
     """Turned domes over one rough place: standard deviation of the edge at 751, 2051 and 8101 rays.
 
-    Quick: 40 domes, at least a factor 1.2 from 751 to 8101 rays.  Full: 800 domes, each step falls.
+    Quick: 24 domes, at least a factor 1.2 from 751 to 8101 rays.  Full: 480 domes, each step falls.
     """
     rng = np.random.default_rng(11)
     terrain, where = rough(), poses(320.0, 0.1, 0.05)
-    domes = 40 * scale
+    domes = 24 * scale
     scatter = []
     for order in (12, 20, 40):
         found = [RadarAltimeter(order=order, turn=random_turn(rng)).measure(terrain, where) for _ in range(domes)]
         scatter.append(float(np.std([one.slant_range[0] for one in found])))
-    print("scatter", scatter)
     assert scatter[0] > 1.2 * scatter[2]
     if scale > 1:
         assert scatter[0] > scatter[1] > scatter[2]
@@ -229,3 +248,4 @@ def test_noise_of_a_ramp_has_the_power_that_the_detector_expects() -> None:
     echoes = trace_beam(FLAT, poses(np.full(20, 300.0), np.pi), sensor.beam, sensor.ground, 500.0)
     noise = sensor.spectra(echoes, np.random.default_rng(3))
     assert noise[:, 8:].mean() == pytest.approx(3e-12, rel=0.05)
+    np.testing.assert_array_equal(RadarAltimeter(NARROW, edge=LeadingEdge(noise=3e-12)).spectra(echoes), 3e-12)

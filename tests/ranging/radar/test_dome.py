@@ -22,6 +22,7 @@ def test_half_dome_with_its_equator(order: int, rays: int) -> None:
     dome = half_dome(order)
     assert len(dome) == rays
     assert np.count_nonzero(np.abs(dome.rays_s[:, 2]) < 1e-12) == 5 * order
+    assert abs(dome.solid_angles.sum() - 2.0 * np.pi) < 1e-12
     np.testing.assert_array_equal(dome.rays_s[0], [0.0, 0.0, 1.0])
     assert (np.diff(dome.rays_s[:, 2]) <= 0.0).all()
 
