@@ -135,7 +135,7 @@ def _walk(
                 iy = min(max(int(y0 + vy * t), jy << shift), last_y)
         else:
             if not over:
-                u, v = min(max(x0 + vx * t - ix, 0.0), 1.0), min(max(y0 + vy * t - iy, 0.0), 1.0)
+                u, v = x0 + vx * t - ix, y0 + vy * t - iy
                 at = start + iy * columns + ix
                 base, north_west = heights[at], heights[at + columns]
                 rise_x = heights[at + 1] - base
