@@ -24,6 +24,7 @@ Doppler shift, look angle against the axes of the aircraft).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,8 @@ Codes = NDArray[np.uint8]
 #: The search looks around the best hollows of its grid in windows of 7 x 7 rays, each half as wide as the one before.
 _CANDIDATES, _WINDOWS, _NARROWER = 3, 18, 0.5
 _WINDOW = np.stack(np.meshgrid(*2 * (np.linspace(-1.0, 1.0, 7),), indexing="ij"), axis=-1).reshape(-1, 2)
+#: Poses searched at a time: 2 MB of rays.
+_POSES = 200
 _NOT_KNOWN = (Outcome.OUTSIDE, Outcome.HOLE, Outcome.BURIED)
 #: With less than this between velocity and the axis of the antennas there is no plane to search [sin^2].
 _LEAST_OBLIQUE = 1e-6
@@ -129,9 +132,7 @@ class InterferometricAltimeter(RangingSensor):
         and WEAK as ``Baselines.resolved`` says.  Dispersion and power are not known to this form.
         """
         velocity_s = np.einsum("nji,nj->ni", poses.mats_ls, poses.vels_l)
-        half = 0.5 * np.array([self.swath_width, self.field_of_view])
-        search = _Search(terrain, poses, velocity_s, half, self.rays, float(self.max_range))
-        ranges, angles, validity = search.nearest()
+        ranges, angles, validity = self._nearest(terrain, poses, velocity_s)
         slant, look, said = self._measured(angles, rng)
         validity = np.where(validity == Validity.VALID, said, validity).astype(np.uint8)
         if rng is not None:
@@ -143,6 +144,18 @@ class InterferometricAltimeter(RangingSensor):
         unknown = np.full_like(ranges, np.nan)
         direction = np.where(valid[:, None], direction, np.nan)
         return InterferometricReturns(ranges, direction, unknown, unknown, validity, slant, look)
+
+    def _nearest(self, terrain: Terrain, poses: Poses, velocity_s: Array) -> tuple[Array, Array, Codes]:
+        """Range, angles and validity without noise, some poses at a time."""
+        half = 0.5 * np.array([self.swath_width, self.field_of_view])
+        parts = []
+        for begin in range(0, max(len(poses), 1), _POSES):
+            some = slice(begin, begin + _POSES)
+            at = Poses(poses.origins_l[some], poses.mats_ls[some], poses.vels_l[some])
+            search = _Search(terrain, at, velocity_s[some], half, self.rays, float(self.max_range))
+            parts.append(search.nearest())
+        ranges, angles, validity = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return ranges, angles, validity
 
     def _measured(self, angles: Array, rng: np.random.Generator | None) -> tuple[Array, Array, Codes]:
         """Slant and look angle with their noise, and what the antennas say of the latter."""
@@ -195,7 +208,7 @@ class _Search:
         side = 2.0 * self.half / (np.array(self.rays) - 1)
         for _ in range(_WINDOWS):
             tried = np.clip(angles[:, :, None, :] + _WINDOW * side, -self.half, self.half)
-            found = self._cast(tried.reshape(len(tried), -1, 2))[0].reshape(tried.shape[:-1])
+            found = self._cast(tried.reshape(len(tried), math.prod(tried.shape[1:3]), 2))[0].reshape(tried.shape[:-1])
             found = np.where(np.isnan(found), np.inf, found)
             best = np.argmin(found, axis=-1)[..., None]
             nearest = np.take_along_axis(found, best, axis=-1)[..., 0]

@@ -258,6 +258,24 @@ def test_ground_that_nobody_knows_within_the_range_is_no_measurement() -> None:
     assert found.slant_range[[1, 4]] == pytest.approx(HEIGHT, abs=1e-6)
 
 
+def test_many_poses_are_measured_like_each_alone_and_none_like_nothing() -> None:
+    narrow = InterferometricAltimeter(rays=(2, 3))
+    at = poses(np.linspace(-20.0, 20.0, 203))
+    together = measured(at, sensor=narrow)
+    for k in (0, 199, 200, 202):
+        alone = measured(Poses(at.origins_l[[k]], at.mats_ls[[k]], at.vels_l[[k]]), sensor=narrow)
+        assert alone.slant_range[0] == together.slant_range[k] and alone.look_angle[0] == together.look_angle[k]
+    none = Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+    assert measured(none).slant_range.shape == (0,) and measured(none).direction_s.shape == (0, 3)
+
+
+def test_a_pose_underground_or_nowhere_has_its_reason() -> None:
+    at = poses([0.0, 0.0])
+    at.origins_l[:, 2] = -500.0, np.nan
+    found = measured(at)
+    assert found.validity.tolist() == [Validity.BURIED, Validity.UNKNOWN] and np.isnan(found.slant_range).all()
+
+
 def test_wrong_figures_are_refused() -> None:
     for bad in (
         {"swath_width": -0.1},
