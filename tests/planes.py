@@ -21,12 +21,12 @@ def plane(slope_east: float = 0.0, slope_north: float = 0.0) -> Terrain:
 
 
 def looking_down(
-    height: ArrayLike, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0, heading: ArrayLike = 0.0, speed: float = 0.0
+    height: ArrayLike, roll: ArrayLike = 0.0, pitch: ArrayLike = 0.0, heading: ArrayLike = 0.0, speed: float = 60.0
 ) -> Poses:
-    """Poses at ``up`` height [m] near the origin, which the boresight of a level sensor meets; speed to the north."""
+    """Poses at ``up`` height [m] near the origin, level ones above the same point; speed [m/s] along the heading."""
     up, roll, pitch, heading = np.broadcast_arrays(*np.atleast_1d(height, roll, pitch, heading))
     origins = np.stack((np.full(up.shape, 3.0), np.full(up.shape, 4.0), up), axis=-1)
-    vels = np.tile([0.0, speed, 0.0], (len(up), 1))
+    vels = speed * np.stack((np.sin(heading), np.cos(heading), np.zeros(up.shape)), axis=-1)
     return Poses(origins, MAT_ENU_NED @ mat_from_rpy(roll, pitch, heading), vels)
 
 
