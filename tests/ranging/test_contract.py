@@ -3,6 +3,7 @@
 A new sensor is found by itself.  Where it measures the nearest point, not along a ray, ``FOLLOW_THE_NEAREST`` says so.
 """
 
+import functools
 import importlib
 import inspect
 import pkgutil
@@ -63,6 +64,7 @@ MAKES: dict[str, Callable[[], RangingSensor]] = {kind.__name__: kind for kind in
 each = pytest.mark.parametrize("name", MAKES)
 
 
+@functools.cache
 def make(name: str) -> RangingSensor:
     try:
         return MAKES[name]()
@@ -228,7 +230,7 @@ any_height = st.floats(-500.0, 3000.0) | st.sampled_from([0.0, 1e-9, 1e6, np.nan
 
 
 @each
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.lists(st.tuples(anywhere, anywhere, any_height, any_angle, any_angle), min_size=1, max_size=4))
 def test_strange_poses_get_an_answer_or_a_reason(
     name: str, strange: list[tuple[float, float, float, float, float]]

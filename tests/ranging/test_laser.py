@@ -169,10 +169,13 @@ def test_sentinel_stands_for_silence_and_for_nothing_else() -> None:
     """130.00 m, which the driver of such a device takes for a lost signal; what nobody knows of the ground is NaN."""
     assert 130.0 in LOST_M
     laser = Laser(500.0, 0.2, pulse_length=10e-9, sentinel=130.0, error=RangeError(noise_sd=0.1))
-    at = looking_down([100.0, 760.0, 1500.0, 1.0])
+    at = looking_down([100.0, 760.0, 1500.0, 1.0, 100.0, np.nan, -5.0])
+    at.origins_l[4, 0] = 5000.0
     found = laser.measure(FLAT, at, np.random.default_rng(5))
     assert found.validity[:4].tolist() == [Validity.VALID, Validity.WEAK, Validity.NO_RETURN, Validity.TOO_NEAR]
     assert found.slant_range[1:4].tolist() == [130.0] * 3
+    assert found.validity[4:].tolist() == [Validity.OUTSIDE, Validity.UNKNOWN, Validity.BURIED]
+    assert np.isnan(found.slant_range[4:]).all()
     assert np.isnan(found.direction_s[1:]).all() and found.direction_s[0].tolist() == [0.0, 0.0, 1.0]
 
 
