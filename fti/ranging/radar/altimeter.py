@@ -159,18 +159,19 @@ class RadarAltimeter(RangingSensor):
         slant_range = self.waveform.range_of_bin(edges.position)
         power = echoes.powers.sum(axis=1)
         validity = np.where(power > 0.0, edges.validity, _first_reason(echoes.outcomes))
-        unknown = self._unknown(echoes.outcomes)
+        unknown = self._unknown(echoes)
         validity = np.where(unknown != Outcome.HIT, unknown, validity).astype(np.uint8)
         slant_range[validity != Validity.VALID] = np.nan
         ray = _strongest_at(slant_range, echoes, self.waveform)
         return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
 
-    def _unknown(self, outcomes: Codes) -> Codes:
-        """Why a beam cannot be told, or HIT: the antenna is buried, or too much of the ground is not known."""
-        share = np.stack([(outcomes == reason) @ self.beam.weights for reason in _UNKNOWN]) / self.beam.weights.sum()
+    def _unknown(self, echoes: Echoes) -> Codes:
+        """Why a beam cannot be told, or HIT: a pose that is no number, a buried antenna, too much unknown ground."""
+        share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
         reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
-        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE, reason, Outcome.HIT)
-        return np.where((outcomes == Outcome.BURIED).any(axis=1), Outcome.BURIED, found).astype(np.uint8)
+        found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, Outcome.HIT)
+        found[np.isnan(echoes.range_rates[:, 0])] = Outcome.UNKNOWN
+        return np.where((echoes.outcomes == Outcome.BURIED).any(axis=1), Outcome.BURIED, found).astype(np.uint8)
 
 
 _NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))

@@ -82,11 +82,13 @@ def make_beam(antenna: Antenna, dome: Dome, wavelength: float, cut_db: float = -
 
     cut_db : rays whose two-way gain lies so far under that of the strongest are left out [dB].  At -40 dB they hold
              3e-6 of the power over level ground, and the wide antenna looks as far as 75 deg off the boresight.
-    Raises ValueError for a wavelength that is not positive.
+    Raises ValueError for a wavelength that is not positive, or where no ray has any gain.
     """
     if not wavelength > 0.0:
         raise ValueError(f"wavelength is {wavelength} m, must be positive")
     two_way = antenna.gain(dome.rays_s) ** 2
+    if not two_way.any():
+        raise ValueError(f"the antenna has no gain along any of the {len(dome)} rays: its cuts are too short")
     cast = two_way >= from_db(cut_db) * two_way.max()
     weights = two_way * dome.solid_angles * wavelength**2 / (4.0 * np.pi) ** 3
     return Beam(np.ascontiguousarray(dome.rays_s[cast]), np.ascontiguousarray(weights[cast]))

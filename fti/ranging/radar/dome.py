@@ -132,10 +132,12 @@ def half_dome(order: int, turn: Array | None = None) -> Dome:
     turn  : ndarray, shape (3, 3), a rotation of the sphere before it is cut in half, for the same beam by other rays:
             an independent truth for whatever is made with the unturned one.  The solid angles are still 2 pi in all,
             because the sphere is its own mirror image through the centre; no ray lies on the equator then.
-    Raises ValueError for an order below 1.
+    Raises ValueError for an order below 1 or a turn that is no rotation.
     """
     if turn is None:
         return _upright(order)
+    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=1e-9):
+        raise ValueError(f"the turn of a dome is no rotation: {turn.tolist()}")
     whole = sphere(order)
     rays = whole.rays @ turn.T
     part = np.where(rays[:, 2] > _ON_EQUATOR, 1.0, np.where(rays[:, 2] >= -_ON_EQUATOR, 0.5, 0.0))

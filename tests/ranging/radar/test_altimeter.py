@@ -146,6 +146,14 @@ def test_ground_that_nobody_knows_is_no_height() -> None:
     edge = Poses.still([[7990.0, 0.0, 200.0]], ENU_NED[None])
     assert sensor.measure(FLAT, edge).validity.tolist() == [Validity.OUTSIDE]
     assert along(sensor, [-5.0, np.nan]).validity.tolist() == [Validity.BURIED, Validity.UNKNOWN]
+    assert along(sensor, 300.0, np.nan).validity.tolist() == [Validity.UNKNOWN]
+    assert along(sensor, 300.0, vel_l=(0.0, 0.0, np.nan)).validity.tolist() == [Validity.UNKNOWN]
+
+
+def test_heights_near_the_ground_are_told_as_well() -> None:
+    """From one bin on; the range bins know no image at negative frequencies, which the beat signal has."""
+    heights = np.array([0.5, 1.0, 2.0, 4.0, 10.0, 30.0])
+    np.testing.assert_allclose(along(RadarAltimeter(), heights).slant_range, heights, atol=0.3)
 
 
 def test_a_weak_echo_is_no_height() -> None:

@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.ranging.radar.antenna import WIDE, Antenna, cosine_antenna
+from fti.ranging.radar.antenna import WIDE, Antenna, Cut, cosine_antenna
 from fti.ranging.radar.baseband import Baseband
 from fti.ranging.radar.beam import Backscatter, Beam, make_beam, range_bins, trace_beam
-from fti.ranging.radar.dome import half_dome
+from fti.ranging.radar.dome import half_dome, random_turn
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses
 from fti.terrain.outcome import Outcome
@@ -157,3 +157,9 @@ def test_ground_that_shines_when_grazed_is_refused(exponent: float) -> None:
         Backscatter(np.inf)
     with pytest.raises(ValueError, match="wavelength"):
         make_beam(WIDE, half_dome(2), 0.0)
+
+
+def test_an_antenna_that_meets_no_ray_is_refused() -> None:
+    short = Cut(np.radians([-1.0, 1.0]), np.array([20.0, 20.0]))
+    with pytest.raises(ValueError, match="no gain along any of the 21 rays"):
+        make_beam(Antenna(short, short), half_dome(2, random_turn(np.random.default_rng(1))), 0.07)

@@ -98,5 +98,8 @@ def test_rays_within_an_angle() -> None:
 def test_order_and_shared_arrays_are_guarded() -> None:
     with pytest.raises(ValueError, match="order"):
         sphere(0)
+    for turn in (2.0 * np.eye(3), np.eye(2), np.full((3, 3), np.nan)):
+        with pytest.raises(ValueError, match="no rotation"):
+            half_dome(3, turn)
     with pytest.raises(ValueError, match="read-only"):
         half_dome(12).rays_s[0, 0] = 1.0
