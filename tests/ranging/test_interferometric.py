@@ -166,7 +166,7 @@ def points_of(ground: Terrain, step: float) -> Array:
 
 
 def test_nearest_point_of_rough_ground_is_nearer_than_any_point_of_a_grid() -> None:
-    """Against points 8 m apart none is nearer by more than the search leaves, 0.14 m; among the posts all are longer."""
+    """Against points 8 m apart: none is nearer by more than the search leaves, 0.14 m.  Among posts all are longer."""
     relief = fractal_relief((41, 41), 100.0, np.random.default_rng(6), sd=40.0, longest_m=4000.0, shortest_m=400.0)
     ground = Terrain.from_array(relief, 100.0, east0=-2000.0, north0=-2000.0)
     at = poses([5.0, -12.0, 0.0, 20.0], 2.0, [0.0, 8.0, -5.0, 3.0], course=30.0)
