@@ -35,10 +35,13 @@ class Echoes(NamedTuple):
 
     def told(self, heard: NDArray[np.bool_], which: str) -> Echoes:
         """The first and, or the last of the echoes that are heard (n, m): (n, 1), or with "both" (n, 2)."""
+        only = Echoes(*(np.where(heard, values, np.nan) for values in self))
+        if which != "both" and self.ranges.shape[1] == 1:
+            return only
         first = np.where(heard, self.ranges, np.inf).argmin(axis=1)
         last = np.where(heard, self.ranges, -np.inf).argmax(axis=1)
         columns = np.stack({"first": [first], "last": [last], "both": [first, last]}[which], axis=1)
-        return Echoes(*(np.take_along_axis(np.where(heard, values, np.nan), columns, axis=1) for values in self))
+        return Echoes(*(np.take_along_axis(values, columns, axis=1) for values in only))
 
 
 def footprint_rays(divergence: float) -> Array:

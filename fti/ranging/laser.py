@@ -151,9 +151,8 @@ class Laser(RangingSensor):
         shape = rays.shape[:2]
         flat, starts = rays.reshape(-1, 3), np.repeat(origins_l, shape[1], axis=0)
         ranges, codes = terrain.trace(starts, flat, self.reach)
-        points = starts + ranges[:, None] * flat
-        facing = np.maximum(-np.sum(flat * terrain.normal(points[:, 0], points[:, 1]), axis=-1), 0.0)
-        scattered = facing * reflectance_at(self.cover, points[:, 0], points[:, 1])
+        east, north = (starts[:, axis] + ranges * flat[:, axis] for axis in (0, 1))
+        scattered = _facing(terrain, east, north, flat) * reflectance_at(self.cover, east, north)
         codes = np.where((codes == Outcome.HIT) & np.isnan(scattered), Outcome.OUTSIDE, codes)
         ranges = ranges.reshape(shape)
         power = (scattered * self._collected(ranges.ravel())).reshape(shape) * air.transmission(ranges) / shape[1]
@@ -177,6 +176,13 @@ class Laser(RangingSensor):
         if self.sentinel is not None:
             ranges = np.where(np.isin(validity, SILENT), self.sentinel, ranges)
         return Returns(ranges, directions, told.spread, told.power, validity)
+
+
+def _facing(terrain: Terrain, east: Array, north: Array, rays: Array) -> Array:
+    """Cosine of the angle of incidence (n,) of unit vectors (n, 3) on the surface at east, north [m]; at least 0."""
+    to_east, to_north = terrain.gradient(east, north)
+    against = rays[:, 0] * to_east + rays[:, 1] * to_north - rays[:, 2]
+    return np.asarray(np.maximum(against / np.sqrt(1.0 + to_east**2 + to_north**2), 0.0))
 
 
 def _validity(code: Codes, echoes: Echoes, seen: Mask, heard: Mask) -> Codes:
