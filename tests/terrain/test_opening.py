@@ -12,6 +12,7 @@ from fti.errors import ConfigError, MissingError
 from fti.geodesy import geoid as geoids
 from fti.geodesy.geoid import load_geoid
 from fti.terrain import opening, resample
+from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
 from fti.terrain.terrain import NO_SOURCE, Terrain
 from tests.grids import needs_egm96
@@ -263,10 +264,8 @@ def test_tiles_of_two_lattices_leave_no_gap(tmp_path: Path) -> None:
     corner = from_origin(*edge, 12.0, 12.0)
     east = write_ground(tmp_path / "east.tif", hills, UTM, 80, 0.0, transform=corner)
     terrain = Terrain.open([west, east], vertical="ellipsoid")
-    across = np.array([-300.0, 0.0, 300.0])
     assert len(terrain.layers) == 1
-    east0, east1 = -900.0, 900.0
-    places = np.linspace(east0, east1, 4001)
+    places, across = np.linspace(-900.0, 900.0, 1801), np.linspace(-400.0, 400.0, 81)
     assert not np.isnan(terrain.up(places[None, :], across[:, None])).any()
 
 
@@ -304,6 +303,19 @@ def test_a_fine_layer_lies_in_a_coarse_one_without_a_gap(fine_over_coarse: Terra
         assert np.abs(fine_over_coarse.up(east, fine.north) - alone.up(east, fine.north)).max() < 1e-6
     assert not np.isnan(fine.heights).any()
     assert not np.isnan(coarse.heights).any()
+
+
+def test_where_the_area_cuts_the_fine_file_it_ends_on_the_coarse_one(tmp_path: Path) -> None:
+    fine = write_ground(tmp_path / "fine.tif", lambda lat, lon: hills(lat, lon) + 9.0, UTM, 200, 4.0)
+    coarse = write_ground(tmp_path / "coarse.tif", hills, UTM, 100, 20.0)
+    terrain = Terrain.open([fine, coarse], centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
+    below = Terrain(terrain.layers[1:], terrain.frame)
+    layer = terrain.finest
+    above = layer.heights - below.up(layer.east[None, :], layer.north[:, None])
+    assert np.abs(above[1:-1, 1:-1] - 9.0).max() < 0.5
+    above[1:-1, 1:-1] = 0.0
+    assert np.abs(above).max() < 1e-9
+    assert (layer.origin is not None) and (np.unique(layer.origin[0]) == [1]).all()
 
 
 def test_what_the_fine_file_does_not_know_comes_from_the_coarse_one(fine_over_coarse: Terrain) -> None:
@@ -346,6 +358,9 @@ def test_a_hole_is_a_hole(tmp_path: Path, void: float, nodata: float | None) -> 
     assert np.isfinite(terrain.up([150.0, 0.0], [0.0, -200.0])).all()
     lost = np.isnan(terrain.finest.heights).mean() * 600.0**2
     assert 3.14 * 55.0**2 < lost < 3.14 * 75.0**2  # every cell that touches a missing post, and none beyond
+    ranges, outcomes = terrain.trace([[0.0, 0.0, 2000.0], [200.0, 0.0, 2000.0]], [0.0, 0.0, -1.0], 5000.0)
+    assert ranges == pytest.approx([np.nan, 1360.0], abs=0.1, nan_ok=True)
+    assert outcomes.tolist() == [Outcome.HOLE, Outcome.HIT]
 
 
 def test_a_height_that_no_ground_has_is_refused(tmp_path: Path) -> None:
