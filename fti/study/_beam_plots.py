@@ -14,12 +14,13 @@ from fti.ranging.sensor import Poses
 from fti.study._level_run import make_world
 from fti.study._plots import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, sheet
 from fti.study._signals import LEVEL
-from fti.study._sweep import D_MAX, HEIGHTS_M, ROLLS_DEG, Sweep, sweep
+from fti.study._sweep import D_MAX, HEIGHTS_M, ROLLS_DEG, Sweep, highest, sweep
 
 #: Ranges shown over each height [m], and the levels [dB under the echo wings level].
 SHOWN_M = {100.0: (80.0, 360.0), 400.0: (340.0, 1200.0), 800.0: (700.0, 2000.0)}
 LOWEST_DB = -50.0
 ROWS = 280
+FINE_DEG = np.linspace(0.0, 90.0, 9001)
 RESPONSE_HEIGHT_M = 150.0
 
 
@@ -56,7 +57,7 @@ def _draw_sweep(axes: Axes, found: Sweep) -> AxesImage:
     slant = found.height / np.cos(np.radians(ROLLS_DEG))
     axes.plot(ROLLS_DEG, slant, ":", color="white", lw=1.5, label="h / cos(roll)")
     axes.axhline(found.height, color="white", lw=1.0, ls="--", label="height h")
-    reach_deg = np.degrees(np.arccos(found.height / D_MAX))
+    reach_deg = float(np.interp(-found.height, -highest(np.radians(FINE_DEG)), FINE_DEG))
     axes.axvspan(reach_deg, 90.0, fc=VERMILION, alpha=0.22, lw=0.0, label="h > d_max cos(roll)")
     axes.axvline(reach_deg, color=VERMILION, lw=0.8)
     axes.set(xlim=(0.0, 75.0), ylim=(low, high))

@@ -121,11 +121,11 @@ def track(legs: list[Leg], heading: float, answer_s: float, end: tuple[float, fl
 
 def _commanded(legs: list[Leg], values: list[float], answer_s: float) -> Array:
     """Values held through their legs and smoothed; as long as the legs together."""
-    seconds = np.array([leg.seconds for leg in legs])
+    seconds = np.array([*(leg.seconds for leg in legs), STEP_S])  # the last leg goes on until its step is whole
     ends = np.concatenate(([0.0], np.cumsum(seconds)))
-    edges = STEP_S * np.arange(np.ceil(ends[-1] / STEP_S) + 1)
-    total = np.interp(edges, ends, np.concatenate(([0.0], np.cumsum(seconds * values))))
-    held = np.diff(total) / STEP_S  # the mean over each step: a leg ends between two of them
+    total = np.concatenate(([0.0], np.cumsum(seconds * [*values, values[-1]])))
+    edges = STEP_S * np.arange(np.ceil(ends[-2] / STEP_S) + 1)
+    held = np.diff(np.interp(edges, ends, total)) / STEP_S  # the mean over a step: a leg may end within one
     window = np.hanning(round(answer_s / STEP_S) + 2)[1:-1]
     half = len(window) // 2
     padded = np.pad(held, (half, len(window) - 1 - half), mode="edge")

@@ -26,7 +26,7 @@ FOOT = 0.3048
 THRESHOLD_M = 15.0
 GLIDE = np.radians(3.0)
 DESCENT = np.radians(-3.2)
-APPROACH_EXTENT_M, LOW_EXTENT_M, CELL_M = 44_000.0, 28_000.0, 40.0
+APPROACH_EXTENT_M, LOW_EXTENT_M, CELL_M = 44_000.0, 40_000.0, 40.0
 AIRLINER_ANSWER_S, FIGHTER_ANSWER_S = 6.0, 2.0
 #: Low-level: clearance of the highest ground ahead and beside [m], and how far ahead it is looked at [s].
 CLEARANCE_M, AHEAD_S = 90.0, 6.0

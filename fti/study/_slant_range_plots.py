@@ -9,7 +9,7 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.study._flown import Flown, fly
+from fti.study._flown import FINE, Flown, fly
 from fti.study._plots import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
 from fti.study._scenarios import Scenario
 
@@ -40,7 +40,7 @@ SAID = {
 
 def situation(scenario: Scenario, ground: str) -> Figure:
     """Height profile, height above ground, error and attitude over time."""
-    flown = fly(scenario.flight, scenario.ground(ground))
+    flown = fly(scenario.flight, scenario.ground(ground), FINE)
     title = f"{TITLES[scenario.name]} over {GROUNDS[ground]}"
     figure = sheet(title, SAID[scenario.name, ground], width=10.0, height=9.0)
     profile, height, error, attitude = figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.2, 1.5, 0.9))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
@@ -29,6 +29,15 @@ ORDER = 40
 HELD_DEG, HELD_ERROR = 35.0, 0.005
 #: Roll at which the narrow one has lost the nadir.
 LOST_DEG = 30.0
+
+
+def highest(roll: ArrayLike, d_max: float = D_MAX) -> Array:
+    """Greatest height [m] from which the boresight still meets level ground within d_max [m], at a roll [rad].
+
+        h_max = d_max cos(roll)
+    Source: Spiegel 2018, eq. 2.84, which is printed the other way round: d_max = h cos(roll).
+    """
+    return np.asarray(d_max * np.cos(roll))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.study import Draw, Progress, Result
-from fti.study._flown import SENSORS, Flown, fly
+from fti.study._flown import Flown, fly
 from fti.study._scenarios import Scenario, approach, low_level
 from fti.study._statistics import LEVEL, least_positive
 
-RUNS = 14
+RUNS = 15
 SEED = 23
 
 #: Between two measurements on the approach and on the low-level flight [s].
@@ -169,7 +169,7 @@ def _reported(flown: list[Run]) -> list[Result]:
     """RMS of all flights together, wings level and in turns below 80 deg."""
     results: list[Result] = []
     for kind, ground in flown[0]:
-        for name in SENSORS:
+        for name in flown[0][kind, ground].measured:
             for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
                 squares = [_rms(run[kind, ground], name, _between(run[kind, ground], low, high)) ** 2 for run in flown]
                 text = f"RMS error [m]: {kind}, {ground} ground, {name} beam, {part}"
