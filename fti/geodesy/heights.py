@@ -98,7 +98,7 @@ class Height:
 
     def __add__(self, length: ArrayLike) -> Height:
         if isinstance(length, Height):
-            raise ValueError(f"a {length.kind} height cannot be added to a {self.kind} height: only a length can")
+            raise ValueError(f"{length.kind} cannot be added to {self.kind}: a height takes a length only")
         return Height(self.metres + np.asarray(length, dtype=np.float64), self.kind)
 
     __radd__ = __add__
@@ -110,7 +110,7 @@ class Height:
         return self.metres - other.metres
 
     def __rsub__(self, other: ArrayLike) -> Height:
-        raise ValueError(f"a {self.kind} height cannot be subtracted from a length")
+        raise ValueError(f"a height, {self.kind}, cannot be subtracted from a length")
 
     def __lt__(self, other: Height) -> bool | NDArray[np.bool_]:
         return self._compare(other, np.less)
@@ -129,7 +129,7 @@ class Height:
 
     def _compare(self, other: Height, how: Callable[..., NDArray[np.bool_]]) -> bool | NDArray[np.bool_]:
         if not isinstance(other, Height):
-            raise ValueError(f"a {self.kind} height cannot be compared with a plain number")
+            raise ValueError(f"a height, {self.kind}, cannot be compared with a plain number")
         self.must_match(other, "compared with")
         result = how(self.metres, other.metres)
         return result if np.ndim(result) else bool(result)
@@ -137,7 +137,7 @@ class Height:
     def must_match(self, other: Height, what: str) -> None:
         """Raises ValueError when the other height is of another kind; what : was to be done with it, in words."""
         if other.kind != self.kind:
-            raise ValueError(f"a {other.kind} height cannot be {what} a {self.kind} height: convert one of them first")
+            raise ValueError(f"{other.kind} cannot be {what} {self.kind}: convert one of the heights first")
 
 
 def _metres(height: Height, datum: Datum, wanted: str) -> float | Array:
@@ -157,7 +157,7 @@ def to_ellipsoid(height: Height, lat: ArrayLike, lon: ArrayLike, geoid: Geoid) -
     """
     metres = _metres(height, Datum.MSL, "to_ellipsoid")
     if height.kind.detail != geoid.model:
-        raise ValueError(f"a {height.kind} height cannot be converted with the geoid {geoid.model}")
+        raise ValueError(f"{height.kind} cannot be converted with the geoid {geoid.model}")
     return Height(metres + geoid.undulation(lat, lon), ELLIPSOID)
 
 

@@ -64,7 +64,7 @@ def test_one_kind_behaves_as_a_height_does(kind: Kind) -> None:
 def test_what_no_height_does() -> None:
     height = Height(100.0, ELLIPSOID)
     calls: list[tuple[Callable[[], object], str]] = [
-        (lambda: operator.add(height, height), "only a length"),
+        (lambda: operator.add(height, height), "a length only"),
         (lambda: 5.0 - height, "from a length"),
         (lambda: np.array([5.0]) - height, "from a length"),
         (lambda: height < 5.0, "plain number"),  # type: ignore[operator]
