@@ -48,7 +48,7 @@ _CHUNK = 16
 _BEHIND_BINS = 32
 #: Share of the beam (gain both ways x solid angle) that may look at ground nobody knows.
 _UNKNOWN_SHARE = 0.01
-_UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN)
+_UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN, Outcome.BURIED)
 #: Transmitted power 0.4 W and a noise factor of 10: figures of this class of instruments, stated, not measured.
 _NOISE = thermal_noise(Waveform(), 0.4, 10.0)
 
@@ -166,12 +166,12 @@ class RadarAltimeter(RangingSensor):
         return Beams(slant_range, ray, dispersion(echoes), np.where(power > 0.0, power, np.nan), validity)
 
     def _unknown(self, echoes: Echoes) -> Codes:
-        """Why a beam cannot be told, or HIT: a pose that is no number, a buried antenna, too much unknown ground."""
+        """Why a beam cannot be told, or HIT: a pose that is no number, or too much of the ground is not known."""
         share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
         reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
         found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, Outcome.HIT)
         found[np.isnan(echoes.range_rates[:, 0])] = Outcome.UNKNOWN
-        return np.where((echoes.outcomes == Outcome.BURIED).any(axis=1), Outcome.BURIED, found).astype(np.uint8)
+        return found.astype(np.uint8)
 
 
 _NO_BEAMS = Beams(np.empty(0), np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty(0, np.uint8))

@@ -128,6 +128,18 @@ def test_a_ray_that_meets_nothing_has_no_range_and_no_power() -> None:
     assert np.nanmax(found.ranges) <= 400.0
 
 
+def test_the_rim_of_a_hole_returns_a_number() -> None:
+    """Rays that meet the ground where it ends: the slope there may be that of the hole."""
+    heights = np.zeros((41, 41))
+    heights[:, 24] = np.nan
+    terrain = Terrain.from_array(heights, 25.0, east0=-500.0, north0=-500.0)
+    to_rim = np.stack((np.full(400, 75.0), np.linspace(-300.0, 300.0, 400), np.full(400, -50.0)), axis=-1)
+    beam = Beam(to_rim / np.linalg.norm(to_rim, axis=-1, keepdims=True), np.ones(400))
+    found = trace_beam(terrain, Poses.still([[0.0, 0.0, 50.0]], np.eye(3)[None]), beam, Backscatter(), 500.0)
+    assert {Outcome.HIT, Outcome.HOLE} == set(found.outcomes[0].tolist())
+    assert np.isfinite(found.powers).all()
+
+
 def test_range_bins_are_the_incoherent_spectrum() -> None:
     """Against the numpy form in ``baseband``; the places are rounded to 1/1024 bin."""
     baseband = Baseband(WAVE)
