@@ -244,9 +244,3 @@ def cast_rays(
         at, what = first_event(q, o[0], o[1], o[2], d[0] / norm, d[1] / norm, d[2] / norm, max_range)
         ranges[i], outcomes[i] = at if what == _HIT else math.nan, what
     return pointless
-
-
-@kernel
-def _cast_ray(p: Pyramid, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, max_range: float) -> float:
-    """Range alone."""
-    return cast_one(p, ox, oy, oz, dx, dy, dz, max_range)[0]
