@@ -71,6 +71,14 @@ def test_power_is_what_the_lens_collects() -> None:
     assert Laser().measure(FLAT, looking_down(1e-6)).power[0] <= REFLECTANCE[Cover.GRASS]  # no more than is scattered
 
 
+def test_power_on_a_slope_falls_with_the_angle_to_its_normal() -> None:
+    at = looking_down(300.0, [0.0, 0.3, -0.3, 0.1], [0.0, 0.1, 0.2, -0.2], 0.7)
+    found = Laser(1000.0, aperture=0.05).measure(plane(0.4, -0.2), at)
+    normal = np.array([-0.4, 0.2, 1.0]) / np.sqrt(1.2)
+    expected = 0.45 * -(at.mats_ls[:, :, 2] @ normal) * 0.05**2 / (4.0 * found.slant_range**2)
+    assert found.power == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_pulse_hides_what_is_nearer_than_half_its_length() -> None:
     """Eq. 2.5: 1.499 m at 10 ns, 14.990 m at 100 ns."""
     assert f"{RATED.min_range:.3f}" == "1.499" and f"{Laser(pulse_length=100e-9).min_range:.3f}" == "14.990"
