@@ -172,10 +172,8 @@ def _reported(flown: list[Run]) -> list[Result]:
         for name in flown[0][kind, ground].measured:
             for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
                 squares = [_rms(run[kind, ground], name, _between(run[kind, ground], low, high)) ** 2 for run in flown]
-                text = f"RMS error [m]: {kind}, {ground} ground, {name} beam, {part}"
-                results.append(
-                    Result(f"rms.{len(results) + 1}", text, float(np.sqrt(np.mean(squares))), "reported", True)
-                )
+                rms, text = float(np.sqrt(np.mean(squares))), f"RMS error of {len(flown)} flights [m]"
+                results.append(Result(f"{kind}.{ground}.{name}.{part}", text, rms, "reported", holds=True))
     return results
 
 
