@@ -46,11 +46,11 @@ def open_layers(
 def check_arguments(
     paths: Sequence[str], centre: tuple[float, float] | None, radius_m: float | None, cell_m: float | None
 ) -> None:
-    """Raises ValueError for arguments that make no sense."""
+    """Raises ValueError for arguments that make no sense, ConfigError for more files than can be numbered."""
     if not paths:
         raise ValueError("a terrain needs at least one file")
     if len(paths) > NOBODY:
-        raise ValueError(f"{len(paths)} files; must be {NOBODY} at most: join tiles into one, as gdalbuildvrt does")
+        raise ConfigError(f"{len(paths)} files; must be {NOBODY} at most: join tiles into one, as gdalbuildvrt does")
     if (centre is None) != (radius_m is None):
         raise ValueError("an area needs both centre and radius_m, or neither for all that the files cover")
     if centre is not None and not (abs(centre[0]) <= math.pi / 2 and abs(centre[1]) <= 2 * math.pi):
