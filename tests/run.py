@@ -43,6 +43,7 @@ def main() -> int:
     """Every part happens, unless they are interrupted; the first failure is the exit code."""
     interrupts: list[int] = []  # every process of the group is told; each ends in good order
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # two tests at a time have the processors already
     with tempfile.NamedTemporaryFile(suffix=".txt") as said:
         flights = subprocess.Popen(
             [*PYTEST, "-m", "flight", *marked("flight")], cwd=ROOT, stdout=said, stderr=subprocess.STDOUT

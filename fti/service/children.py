@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import socket
 import subprocess
@@ -15,6 +16,9 @@ from typing import NamedTuple
 
 from fti.service.control import Channel, send_order
 
+#: Linear algebra in one thread: a pool of it in navigation would take the processors from the recorder, and on busy
+#: ones it waits for its own threads a hundred times longer than it calculates.
+QUIET = {"OPENBLAS_NUM_THREADS": "1"}
 FIRST_RESTART_S = 0.05
 LONGEST_RESTART_S = 5.0
 #: A child that has run for so long has recovered; its next restart is quick again.
@@ -68,6 +72,7 @@ class Child:
             [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
+            env={**os.environ, **QUIET},
             process_group=0,
         )
         theirs.close()

@@ -119,6 +119,15 @@ def test_a_child_without_an_order_ends_when_it_is_let_go() -> None:
     child.dismiss()
 
 
+def test_linear_algebra_of_a_child_has_one_thread() -> None:
+    child = Child("recorder")
+    child.prepare()
+    assert child._waiting
+    environ = Path(f"/proc/{child._waiting.process.pid}/environ")
+    until(lambda: b"OPENBLAS_NUM_THREADS=1" in environ.read_bytes().split(b"\0"), 5, "its environment")
+    child.dismiss()
+
+
 def test_a_stand_in_that_died_is_replaced(tmp_path: Path) -> None:
     ring = Ring.create(2**16)
     child = Child("recorder", b"{}", ring.fd)
