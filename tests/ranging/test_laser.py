@@ -153,6 +153,15 @@ def test_first_and_last_return_at_the_edge_of_a_roof() -> None:
         assert one.slant_range.tolist() == [expected]
 
 
+def test_a_footprint_that_touches_a_hole_says_nothing() -> None:
+    """What part of the beam would have met is not known; the middle ray alone would have had a range."""
+    ground = roof_edge(0.095)
+    ground = ground.with_finest(np.where(ground.finest.east > 0.2, np.nan, ground.finest.heights))
+    wide = Laser(1000.0, divergence=3e-3, pulse_length=10e-9).measure(ground, above_edge())
+    assert wide.validity.tolist() == [Validity.HOLE] and np.isnan(wide.slant_range).all()
+    assert Laser(1000.0).measure(ground, above_edge()).valid.all()
+
+
 def test_echoes_that_are_not_resolved_are_one() -> None:
     """A pulse of 100 ns does not tell 10 m apart: one echo at the mean, with the spread of a two-point distribution."""
     found = Laser(1000.0, divergence=3e-3, pulse_length=100e-9, returns="both").measure(roof_edge(0.095), above_edge())
