@@ -122,6 +122,7 @@ def test_the_picture_shows_heights_holes_seams_and_sources(files: list[str]) -> 
     assert len(relief.patches) == 1
 
 
+@pytest.mark.usefixtures("small_picture")
 def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, sentence in [
         (["info", str(tmp_path / "none.tif")], "none.tif: there is no such file"),
