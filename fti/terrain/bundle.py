@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.cast import first_event
+from fti.terrain.kernel import kernel
 from fti.terrain.outcome import Outcome
 from fti.terrain.pyramid import Places, Pyramid, layers_at
-from fti.terrain.surface import kernel, locate
+from fti.terrain.surface import locate
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]

@@ -26,6 +26,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.terrain.kernel import kernel
 from fti.terrain.outcome import Outcome
 from fti.terrain.pyramid import (
     Places,
@@ -37,7 +38,7 @@ from fti.terrain.pyramid import (
     slot,
     trees_at,
 )
-from fti.terrain.surface import ON_EDGE, Posts, kernel, locate, surface
+from fti.terrain.surface import ON_EDGE, Posts, locate, surface
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]

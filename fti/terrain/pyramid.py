@@ -23,7 +23,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from fti.terrain.surface import LAYER, Posts, Records, kernel, locate
+from fti.terrain.kernel import kernel
+from fti.terrain.surface import LAYER, Posts, Records, locate
 
 Array = NDArray[np.float64]
 Maxima = NDArray[np.float32]

@@ -13,22 +13,21 @@ Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 and 4.6-4.8, as corrected in 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar, cast
+from collections.abc import Sequence
+from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.terrain.kernel import kernel
 from fti.terrain.layer import Layer
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Records = NDArray[np.void]
-Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 #: A place so many cells outside a layer is on its edge: what rounding does to a point that was computed to lie there.
-ON_EDGE = 1e-9
+ON_EDGE = 1e-11
 
 #: A layer for the kernels: where its posts begin, how many there are, their distance and the first one's place [m].
 LAYER = np.dtype(
@@ -42,11 +41,6 @@ LAYER = np.dtype(
     ],
     align=True,
 )
-
-
-def kernel(function: Kernel) -> Kernel:
-    """Compile on the first call, keep the code on disk, release the interpreter lock; no reordering of sums."""
-    return cast(Kernel, numba.njit(nogil=True, cache=True, error_model="numpy")(function))
 
 
 class Posts(NamedTuple):

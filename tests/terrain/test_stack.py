@@ -71,7 +71,7 @@ def test_a_ray_ends_at_a_hole_however_high_it_flies() -> None:
     assert np.isnan(ground.up(91.0, 91.0)) and ground.source(91.0, 91.0) == NO_SOURCE
     origins = np.array([[91.0, 91.0, 500.0], [0.0, 90.5, 900.0], [70.0, 91.0, 500.0], [20.0, 20.0, 150.0]])
     rays = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-    ranges, outcomes = ground.trace(origins, rays, 150.0 + 400.0 * np.array(1.0))
+    ranges, outcomes = ground.trace(origins, rays, 550.0)
     assert outcomes.tolist() == [Outcome.HOLE, Outcome.HOLE, Outcome.HIT, Outcome.HOLE]
     assert np.isnan(ranges[[0, 1, 3]]).all() and ranges[2] == 400.0
     assert ground.trace([0.0, 90.5, 900.0], [1.0, 0.0, 0.0], 80.0)[1] == Outcome.NOTHING  # ends before the hole

@@ -31,8 +31,9 @@ from fti.ranging.radar.baseband import KERNEL_BINS, hann_kernel
 from fti.ranging.radar.dome import Dome
 from fti.ranging.sensor import Poses
 from fti.terrain.cast import cast_one
+from fti.terrain.kernel import kernel
 from fti.terrain.pyramid import Pyramid
-from fti.terrain.surface import Posts, kernel, surface
+from fti.terrain.surface import Posts, surface
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
