@@ -14,7 +14,7 @@ import argparse
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,14 +55,10 @@ def run(args: argparse.Namespace) -> int:
         if pictures:
             drawn = bar.add_task("pictures", total=len(pictures))
             _draw(pictures, lambda: bar.advance(drawn))
-    if args.json:
-        table = {"name": name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
-        print(json.dumps(table | ({"plots": list(map(str, pictures))} if pictures else {}), indent=1))
-    else:
-        wrote = (f"wrote {file}" for file in pictures)
-        width = max(len(result.id) for result in results)
-        lines = (as_line(result, width) for result in results)
-        print("\n".join([f"{name}: {runs} runs, seed {seed}", *lines, *wrote]))
+    table = {"name": name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
+    if pictures:
+        table["plots"] = list(map(str, pictures))
+    print(json.dumps(table, indent=1) if args.json else as_text(table, results))
     return 0 if all(result.holds for result in results) else 1
 
 
@@ -87,6 +83,14 @@ def _draw(pictures: dict[Path, Draw], done: Callable[[], None]) -> None:
     for file, draw in pictures.items():
         write(draw, file)
         done()
+
+
+def as_text(table: dict[str, Any], results: list[Result]) -> str:
+    """What was found, for a person."""
+    width = max(len(result.id) for result in results)
+    lines = (as_line(result, width) for result in results)
+    wrote = (f"wrote {file}" for file in table.get("plots", ()))
+    return "\n".join([f"{table['name']}: {table['runs']} runs, seed {table['seed']}", *lines, *wrote])
 
 
 def as_line(result: Result, width: int) -> str:

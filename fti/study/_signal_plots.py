@@ -99,7 +99,7 @@ def _draw_time(axes: Axes, signal: Array, rate: float, stage: Stage) -> None:
     half, middle = round(0.5 * stage.seconds * rate), len(signal) // 2
     fine = _between(signal[middle - half - MARGIN : middle + half + MARGIN])[FINER * MARGIN : -FINER * MARGIN]
     axes.plot(np.arange(len(fine)) / (FINER * rate * unit), fine, color=BLUE, lw=1.0)
-    label(axes, f"time [{name}]", "amplitude", stage.title)
+    label(axes, f"time [{name}]", "amplitude\n[of peak]", stage.title)
     axes.set_xlim(0.0, stage.seconds / unit)
 
 

@@ -56,6 +56,7 @@ def test_the_greatest_height_falls_with_the_cosine_of_the_roll() -> None:
 
 
 def test_the_beams_differ_as_the_figure_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_sweep, "ORDER", 20)
     monkeypatch.setattr(_sweep, "HEIGHTS_M", (100.0,))
     monkeypatch.setattr(_sweep, "ROLLS_DEG", np.arange(0.0, 75.1, 5.0))
     assert set(held(_sweep.attitude()).values()) == {True}

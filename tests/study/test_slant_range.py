@@ -49,6 +49,13 @@ def test_the_approach_comes_down_from_8000_ft_in_three_turns(monkeypatch: pytest
         assert np.degrees(np.abs(flight.roll).max()) < 35.0
 
 
+def test_the_same_seed_flies_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_scenarios, "synthetic_terrain", level_ground)
+    first, again, other = (_scenarios.low_level(seed, 1.0).flight.origins_l for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
 def test_sign_tests_count_as_the_binomial_does() -> None:
     assert sign_test(10, 10) == pytest.approx(2.0**-10)
     assert sign_test(9, 10) == pytest.approx(11 * 2.0**-10)
