@@ -7,10 +7,12 @@ slips through the seam, and the ground goes on where a fine file ends.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fti.errors import ConfigError
 from fti.geodesy.geoid import Geoid, load_geoid
@@ -22,6 +24,11 @@ from fti.terrain.mosaic import NOBODY
 from fti.terrain.resample import Resampler
 from fti.terrain.source import Source
 from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: A distance [m] over which no surface rises by what counts.
+_HAIR = 1e-6
 
 
 def open_layers(
@@ -96,12 +103,23 @@ def _build(
     return tuple(layers)
 
 
+def _beside_holes(coarser: Terrain, east: Array, north: Array) -> tuple[Array, Array]:
+    """The places [m], those on the edge of a hole moved by a hair to that side of it where the ground is known."""
+    lost = np.flatnonzero(np.isnan(coarser.up(east, north)))
+    for to_east, to_north in itertools.product((-_HAIR, _HAIR), repeat=2):
+        there = np.isfinite(coarser.up(east[lost] + to_east, north[lost] + to_north))
+        east[lost[there]] += to_east
+        north[lost[there]] += to_north
+        lost = lost[~there]
+    return east, north
+
+
 def _fill_from(layer: Layer, coarser: Terrain) -> None:
     """Put the outermost posts of a layer on the coarser ones, and those that it does not know."""
     wanted = np.isnan(layer.heights)
     wanted[[0, -1], :] = wanted[:, [0, -1]] = True
     rows, columns = np.nonzero(wanted)
-    east, north = layer.east[columns], layer.north[rows]
+    east, north = _beside_holes(coarser, layer.east[columns], layer.north[rows])
     ups = coarser.up(east, north)
     new = np.isfinite(ups)
     at = rows[new], columns[new]

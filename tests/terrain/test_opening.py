@@ -347,6 +347,24 @@ def test_what_the_fine_file_does_not_know_comes_from_the_coarse_one(fine_over_co
     assert trees.max() == pytest.approx(12.0, abs=2.0)
 
 
+def test_beside_a_hole_of_the_coarse_file_nothing_more_is_lost(tmp_path: Path) -> None:
+    """The fine layer's cells end where the coarse file's hole begins, not one before."""
+
+    def half(lat: Array, lon: Array) -> Array:
+        return np.where(lon > LON, np.nan, hills(lat, lon))
+
+    def strip(lat: Array, lon: Array) -> Array:
+        return np.where(np.abs(lat - LAT) < 0.001, np.nan, hills(lat, lon))
+
+    fine = write_ground(tmp_path / "fine.tif", strip, UTM, 100, 4.0)
+    coarse = write_ground(tmp_path / "coarse.tif", half, UTM, 60, 20.0)
+    terrain = Terrain.open([fine, coarse], centre=CENTRE, radius_m=400.0, vertical="ellipsoid")
+    east, north = np.random.default_rng(6).uniform(-200.0, 200.0, (2, 20_000))
+    known = np.isfinite(Terrain(terrain.layers[1:], terrain.frame).up(east, north))
+    assert 0.4 < known.mean() < 0.6
+    assert np.isfinite(terrain.up(east[known], north[known])).all()
+
+
 def test_three_resolutions_lie_in_each_other(tmp_path: Path) -> None:
     paths = [
         write_ground(tmp_path / f"{step}.tif", hills, UTM, size, step)
