@@ -9,6 +9,7 @@
 
 BIN := .venv/bin
 READY := .venv/.installed
+BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
 .PHONY: demo test check bench soak lock
@@ -27,7 +28,7 @@ check: $(READY)
 	done; \
 	exit $$rc
 
-bench: $(READY)
+bench: $(BESIDE)
 	$(BIN)/python -m benchmarks
 
 soak: $(READY)
@@ -36,6 +37,8 @@ soak: $(READY)
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv (https://docs.astral.sh/uv) on the path" >&2; exit 2; }
 	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra test --output-file requirements.lock
+	uv pip compile pyproject.toml --universal --generate-hashes --no-header --extra bench \
+		--constraint requirements.lock --output-file requirements-bench.lock
 
 # PYTHON=... chooses the interpreter; otherwise the first of these that runs and is new enough.
 CANDIDATES := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
@@ -55,4 +58,12 @@ $(READY): requirements.lock pyproject.toml
 	pip="$$python -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore"; \
 	$$pip --require-hashes --requirement requirements.lock; \
 	$$pip --no-deps --no-build-isolation --editable .; \
+	touch $@
+
+# What the benchmarks stand beside, half a gigabyte of it, is installed for them alone.
+$(BESIDE): $(READY) requirements-bench.lock
+	@echo "Installing what the benchmarks stand beside (Embree, Open3D; once, some minutes) ..."; \
+	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; else python=python3; fi; \
+	"$$python" -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore \
+		--require-hashes --requirement requirements-bench.lock; \
 	touch $@

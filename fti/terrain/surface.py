@@ -101,9 +101,18 @@ def surface(p: Posts, east: float, north: float, first: int) -> tuple[float, flo
 @kernel
 def look_up(p: Posts, east: Array, north: Array, first: int) -> Array:
     """``up`` [m] at places (n,) [m], of the layers from ``first`` on; NaN outside of these and in holes."""
+    heights, layers = p.heights, p.layers  # once: a call that takes them counts references, and that takes longer
     ups = np.empty(len(east))
     for i in range(len(east)):
-        ups[i], _, _ = surface(p, east[i], north[i], first)
+        k, at, u, v = locate(layers, east[i], north[i], first)
+        if k < 0:
+            ups[i] = math.nan
+        else:
+            columns = layers[k].columns
+            base, north_west = heights[at], heights[at + columns]
+            rise_east = heights[at + 1] - base
+            twist = heights[at + columns + 1] - north_west - rise_east
+            ups[i] = base + u * rise_east + v * (north_west - base + u * twist)
     return ups
 
 
