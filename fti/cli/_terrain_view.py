@@ -48,7 +48,7 @@ def _file(number: int, file: FileSurvey) -> Iterator[str]:
     else:
         yield f"  heights      {file.lowest:.2f} to {file.highest:.2f} m above {_DATUMS[source.vertical]}"
     yield f"  holes        {f'{file.holes} posts, {100.0 * file.holes / posts:.2g} %' if file.holes else 'none'}"
-    yield f"  covers       {bounds_text(source)}"
+    yield f"  covers       {bounds_text(source)}{'' if file.used else '; in no layer'}"
     if source.date:
         yield f"  date         {source.date}"
 
@@ -83,5 +83,5 @@ def as_json(found: Survey) -> dict[str, Any]:
 def _file_json(file: FileSurvey) -> dict[str, Any]:
     table = asdict(file.source)
     bounds = {f"{side}_deg": math.degrees(table.pop(side)) for side in _ANGLES}
-    heights = {"lowest_m": file.lowest, "highest_m": file.highest, "holes": file.holes}
+    heights = {"lowest_m": file.lowest, "highest_m": file.highest, "holes": file.holes, "used": file.used}
     return {**table, **bounds, **heights}

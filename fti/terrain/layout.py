@@ -101,27 +101,27 @@ def _middle(files: Sequence[ElevationFile]) -> tuple[float, float]:
 def make_plans(
     files: Sequence[ElevationFile], frame: LocalFrame, area: Box | None, cell_m: float | None
 ) -> tuple[Plan, ...]:
-    """The layers to be, the finest first.
+    """The layers to be, the finest first; a file beside the area is in none of them.
 
-    Raises ConfigError for a file that does not touch the area, and for more posts than there is room for.
+    Raises ConfigError when no file touches the area, and for more posts than there is room for.
     """
-    covers = [_cover(file, frame, area) for file in files]
-    for file, cover in zip(files, covers, strict=True):
-        if cover is None and area is not None:
-            raise ConfigError(
-                f"{file.source.path}: does not touch the area of {area.east1 / 1000:g} km around "
-                f"{math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f}; it covers {bounds_text(file.source)}"
-            )
-        if cover is None:
-            raise ConfigError(f"{file.source.path}: covers {bounds_text(file.source)}: too much for one local frame")
+    covers = {n: cover for n, file in enumerate(files) if (cover := _cover(file, frame, area)) is not None}
+    if not covers and area is not None:
+        raise ConfigError(
+            f"{files[0].source.path}: does not touch the area of {area.east1 / 1000:g} km around "
+            f"{math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f}; it covers {bounds_text(files[0].source)}"
+            f"{f', and none of the {len(files) - 1} other files touches it' if len(files) > 1 else ''}"
+        )
+    if area is None and (far := next((file for n, file in enumerate(files) if n not in covers), None)):
+        raise ConfigError(f"{far.source.path}: covers {bounds_text(far.source)}: too much for one local frame")
     plans: list[Plan] = []
-    left = sorted(range(len(files)), key=lambda number: min(files[number].source.spacing_m))
+    left = sorted(covers, key=lambda number: min(files[number].source.spacing_m))
     while left:
         spacing = min(files[left[0]].source.spacing_m)
         cell = _cell(spacing, plans[-1].cell_m if plans else None, cell_m)
         mine = [n for n in left if min(files[n].source.spacing_m) < _COARSER * max(cell, spacing)]
         left = [n for n in left if n not in mine]
-        box = _joined([c for n in mine if (c := covers[n]) is not None])
+        box = _joined([covers[n] for n in mine])
         mosaics = assemble((n, files[n]) for n in mine)
         plans.append(Plan(tuple(mosaics), cell, box))
     return _fitted(plans)

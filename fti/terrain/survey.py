@@ -23,12 +23,16 @@ _PART = 2**22
 
 @dataclass(frozen=True, slots=True)
 class FileSurvey:
-    """One file: lowest and highest height above its own vertical datum [m], None without any; posts without height."""
+    """One file: lowest and highest height above its own vertical datum [m], None without any; posts without height.
+
+    used : it touches the area, and is in a layer
+    """
 
     source: Source
     lowest: float | None
     highest: float | None
     holes: int
+    used: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +84,9 @@ def survey(
             if progress:
                 progress(read / total)
 
-        found = tuple(_survey_file(file, advance) for file in files)
         layers = tuple(_describe(plan) for plan in plans)
+        used = {number for layer in layers for number in layer.files}
+        found = tuple(_survey_file(file, number in used, advance) for number, file in enumerate(files))
         geoids = {f.source.vertical: _grid_of(f.source.vertical) for f in files if f.source.vertical != "ellipsoid"}
         return Survey(found, layers, refused, frame, geoids)
 
@@ -95,7 +100,7 @@ def _plan(
         return (), str(error)
 
 
-def _survey_file(file: ElevationFile, advance: Callable[[int], None]) -> FileSurvey:
+def _survey_file(file: ElevationFile, used: bool, advance: Callable[[int], None]) -> FileSurvey:
     lowest, highest, holes = math.inf, -math.inf, 0
     step = max(1, _PART // file.columns)
     for row in range(0, file.rows, step):
@@ -106,8 +111,8 @@ def _survey_file(file: ElevationFile, advance: Callable[[int], None]) -> FileSur
             lowest, highest = min(lowest, float(known.min())), max(highest, float(known.max()))
         advance(heights.size)
     if highest < lowest:
-        return FileSurvey(file.source, None, None, holes)
-    return FileSurvey(file.source, lowest, highest, holes)
+        return FileSurvey(file.source, None, None, holes, used)
+    return FileSurvey(file.source, lowest, highest, holes, used)
 
 
 def _describe(plan: Plan) -> LayerSurvey:

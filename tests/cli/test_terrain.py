@@ -69,6 +69,7 @@ def test_info_for_programs_says_what_the_terrain_becomes(files: list[str], capsy
     fine = table["files"][0]
     lat, lon = np.meshgrid(np.linspace(LAT - 0.001, LAT + 0.001, 5), np.linspace(LON - 0.001, LON + 0.001, 5))
     assert fine["lowest_m"] < ground(lat, lon).min() < fine["highest_m"]
+    assert fine["used"]
     assert fine["holes"] == pytest.approx(math.pi * 45.0**2 / 16.0, rel=0.05)
     assert fine["south_deg"] < LAT < fine["north_deg"]
     centre = math.radians(LAT), math.radians(LON)

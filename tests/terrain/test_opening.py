@@ -424,6 +424,18 @@ def test_too_many_posts_are_refused_with_cell_and_area(tmp_path: Path) -> None:
         Terrain.open([path], cell_m=1.0, vertical="ellipsoid")
 
 
+def test_of_many_tiles_those_beside_the_area_are_left_out(tmp_path: Path) -> None:
+    paths = [
+        write_ground(tmp_path / f"{north:g}.tif", hills, UTM, 50, 10.0, at=(LAT + north, LON))
+        for north in (0.5, 0.0, -0.5)
+    ]
+    terrain = Terrain.open(paths, centre=CENTRE, radius_m=200.0, vertical="ellipsoid")
+    assert terrain.source(0.0, 0.0) == 1
+    assert [source.path for source in terrain.sources] == paths
+    with pytest.raises(ConfigError, match=r"0\.5\.tif: does not touch .*, and none of the 2 other files touches it"):
+        Terrain.open(paths, centre=(0.0, 0.0), radius_m=200.0, vertical="ellipsoid")
+
+
 def test_a_file_beside_the_area_is_refused(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 50, 10.0)
     for lat, lon in ((LAT + 0.1, LON), (-LAT, LON - 180.0)):
