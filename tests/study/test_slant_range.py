@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fti.study import _scenarios, slant_range
-from fti.study._flights import GRAVITY, STEP_S, Leg, track, turn
+from fti.study._flights import GRAVITY, MAX_LOAD, STEP_S, TRIM_AOA, Leg, track, turn
 from fti.study._flown import Flown, fly
 from fti.study._plots import write
 from fti.study._statistics import least_positive, ratio_interval, sign_test
@@ -31,6 +31,14 @@ def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
     forward = flight.mats_lb[:, :, 0]
     level = np.hypot(forward[:, 0], forward[:, 1])
     np.testing.assert_allclose(forward[:, 0] / level, np.sin(flight.heading), atol=1e-12)
+
+
+def test_the_nose_is_up_in_a_bank_and_down_past_the_vertical() -> None:
+    for roll, load in ((60.0, 2.0), (100.0, MAX_LOAD)):
+        flown = track([Leg(5.0, 200.0, extra=np.radians(roll))], 0.0, 1.0)
+        flight = flown.flown(np.full_like(flown.t, 100.0), 1.0)
+        assert flight.roll == pytest.approx(np.radians(roll))
+        assert flight.pitch == pytest.approx(TRIM_AOA * load * np.cos(np.radians(roll)))
 
 
 def level_ground(name: str, seed: int, *, extent_m: float, cell_m: float) -> Terrain:

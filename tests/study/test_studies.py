@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from fti import study
 from fti.cli.main import main
-from fti.errors import MissingError
+from fti.errors import MissingError, StorageError
 from fti.study import Result, device_clock, ranging, triple_buffer
+from fti.study._plots import write
 
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}
@@ -131,6 +132,8 @@ def test_a_picture_that_is_there_stays(
     (tmp_path / "ranging-second.png").write_bytes(b"mine")
     assert main(["study", "ranging", "--plots", str(tmp_path)]) == 2
     assert "ranging-second.png: cannot be written: there already" in capsys.readouterr().err
+    with pytest.raises(StorageError, match="File exists"):  # it has come meanwhile
+        write(Figure, tmp_path / "ranging-second.png")
     assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [("ranging-second.png", b"mine")]
 
 
