@@ -10,6 +10,7 @@ else raises.  From one kind to another lead only functions with a name, which as
     pressure_to_msl, msl_to_pressure the air: QNH, its station and the temperature
     reset_altimeter                  the new setting: no air is needed, an altimeter does the same
     above_ground, from_ground        the height of the terrain there
+    to_point                         the lever arm and the attitude
 
 All values [m], all settings [Pa]; arrays as numbers.  A height says nothing of the place: whoever converts says it.
 """
@@ -223,3 +224,16 @@ def from_ground(height: Height, ground: Height) -> Height:
     if ground.kind.datum is Datum.AGL:
         raise ValueError(f"from_ground asks for the ground's height above ELLIPSOID or MSL, not {ground.kind}")
     return ground + metres
+
+
+def to_point(height: Height, point: Point, lever_arm_b: ArrayLike, mat_nb: ArrayLike) -> Height:
+    """A height above ground of one point of the aircraft as that of another, both above the same ground.
+
+        h(point) = h + (0 0 1) mat_nb lever_arm_b
+
+    lever_arm_b : ndarray, shape (..., 3) [m]  leads from ``point`` to the point that the height is of, body frame
+    mat_nb      : ndarray, shape (..., 3, 3)   attitude, body to north, east, down
+    Source      : Spiegel 2018, eq. 2.38 ff., with the lever arm from the reference point to the sensor throughout
+    """
+    lower = (np.asarray(mat_nb, dtype=np.float64) @ np.asarray(lever_arm_b, dtype=np.float64)[..., None])[..., 2, 0]
+    return Height(_metres(height, Datum.AGL, "to_point") + lower, AGL(point))

@@ -103,8 +103,8 @@ class Terrain:
                    ``ellipsoid``; or such words by path, ``*`` for the others
         progress : hears how far it is, 0 to 1
         Raises MissingError for a file or a geoid grid that is not there; ConfigError for what is no elevation file,
-        one without coordinate system or vertical datum, one that does not touch the area, and an area too large for
-        its cell; ValueError for arguments that make no sense.
+        one without coordinate system or vertical datum, files of which none touches the area, and an area too large
+        for its cell; ValueError for arguments that make no sense.
         """
         from fti.terrain.opening import open_layers  # noqa: PLC0415 - GDAL and PROJ are slow to load
 

@@ -85,6 +85,11 @@ def test_info_tells_why_there_is_no_terrain(files: list[str], capsys: pytest.Cap
     assert main(["terrain", "info", files[1], "--cell", "0.01"]) == 0
     assert "none         " in (told := capsys.readouterr().out)
     assert "must be 67 million at most: give a larger cell_m" in told
+    assert main(["terrain", "info", files[1], "--at", "0,0", "--radius", "100"]) == 0
+    told = capsys.readouterr().out
+    assert "none         " in told
+    assert "does not touch the area of 0.1 km around 0.00000, 0.00000" in told
+    assert "deg east; in no layer" in told
 
 
 @pytest.mark.usefixtures("small_picture")

@@ -26,7 +26,9 @@ from fti.geodesy.heights import (
     to_ellipsoid,
     to_ellipsoid_by_message,
     to_msl,
+    to_point,
 )
+from fti.geodesy.rotations import mat_from_rpy
 from fti.types import Point
 from tests.grids import needs_egm96
 
@@ -159,6 +161,17 @@ def test_above_ground_and_back() -> None:
         above_ground(Height(520.0, MSL("egm96")), ground, Point.P)
 
 
+def test_the_height_of_another_point() -> None:
+    """An antenna 2 m below P at 98 m: P is at 100 m.  Upside down it is 2 m above P; on its side as high."""
+    antenna, below = Height(98.0, AGL(Point.ANTENNA)), (0.0, 0.0, 2.0)
+    for roll, expected in ((0.0, 100.0), (np.pi, 96.0), (np.pi / 2, 98.0)):
+        at_p = to_point(antenna, Point.P, below, mat_from_rpy(roll, 0.0, 1.0))
+        assert at_p.kind == AGL(Point.P)
+        assert at_p.metres == pytest.approx(expected)
+    ahead = to_point(antenna, Point.P, (10.0, 0.0, 0.0), mat_from_rpy(0.0, np.radians(30.0), 0.0))
+    assert ahead.metres == pytest.approx(93.0)  # nose up: an antenna ahead of P is above it
+
+
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -168,6 +181,7 @@ def test_above_ground_and_back() -> None:
         (lambda h: msl_to_pressure(h, Atmosphere(), 1e5), "kind MSL, not AGL"),
         (lambda h: above_ground(h, h, Point.P), "not yet above ground"),
         (lambda h: from_ground(h, h), "above ELLIPSOID or MSL"),
+        (lambda h: to_point(Height(1.0, ELLIPSOID), Point.P, (0, 0, 1), np.eye(3)), "kind AGL, not ELLIPSOID"),
         (lambda h: from_ground(Height(1.0, ELLIPSOID), h), "kind AGL, not ELLIPSOID"),
     ],
 )
