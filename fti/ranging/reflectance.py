@@ -1,7 +1,7 @@
 """How much of a laser's light comes back from the ground: diffuse reflectance at 900 nm by land cover.
 
     cover      reflectance   what it stands for, and where the figure comes from
-    BARE          0.25       soil: the middle of dry (0.425) and wet (0.079), the soil spectra of PROSAIL at 900 nm [1]
+    BARE          0.25       soil: the middle of dry (0.425) and wet (0.079) [1]
     GRASS, CROP   0.45       green leaves, 0.40 to 0.50 from 0.7 to 1.3 um [2]
     FOREST        0.45       the middle of deciduous (0.60) and coniferous trees (0.30) [3]
     BUILDING      0.24       smooth concrete [3]
@@ -12,9 +12,14 @@ Figures scatter by a factor of two with moisture, season and age.  Water is no d
 on a calm surface the glint is far stronger, a few degrees off it is nothing at all; 0.02 as a diffuse reflectance only
 says that water is seen from near by, if at all.
 
-Sources: [1] Jacquemoud and others 2009, PROSPECT + SAIL models, soil spectra that come with the model; [2] Lillesand,
-Kiefer, Chipman, Remote Sensing and Image Interpretation, section 1.4; [3] Wehr and Lohr 1999, Airborne laser scanning:
-an introduction and overview, table of reflectivities at 900 nm.  Fig. 2.7 of Spiegel 2018 shows the same kinds.
+How sure these are.  [1] was read off the spectra, at 900 nm.  [3] was compared with copies of the table in teaching
+material, not with the paper.  [2] is what the book is quoted for; it was not compared, and a meadow is darker than its
+leaves.
+
+Sources: [1] soil spectra that come with the models PROSPECT + SAIL, Jacquemoud and others 2009; [2] Lillesand, Kiefer,
+Chipman, Remote Sensing and Image Interpretation, section 1.4; [3] Wehr and Lohr 1999, Airborne laser scanning: an
+introduction and overview, table of reflectivities at 900 nm.  Fig. 2.7 of Spiegel 2018 shows such figures after Brooker
+2009; none of it is used here.
 """
 
 from __future__ import annotations
