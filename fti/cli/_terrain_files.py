@@ -16,11 +16,12 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
         return
     from fti.geodesy.geoid import load_geoid
     from fti.terrain.elevation_file import ElevationFile
+    from fti.terrain.vertical import OTHERS
 
     for i, file in enumerate(config.nav.terrain.files):
         key = f"{config.path}: nav.terrain.files[{i}]"
         try:
-            with closing(ElevationFile(file, config.nav.terrain.vertical)) as opened:
+            with closing(ElevationFile(file, {OTHERS: config.nav.terrain.vertical})) as opened:
                 source = opened.source
             if source.vertical != "ellipsoid":
                 load_geoid(source.vertical)

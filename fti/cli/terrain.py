@@ -8,7 +8,7 @@ they make, and where the seams lie.  ``plot`` draws that terrain: relief, holes 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json
   fti terrain plot *.dt2 --at 47.9,11.8 --radius 5000 --out map.png
-  fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75 47.90,11.85
+  fti terrain plot dsm_1m.tif srtm.hgt --vertical egm96 --out map.svg --profile 47.90,11.75/47.90,11.85
 
 A height needs a vertical datum.  A file says it by its coordinate system, or by its format: DTED and HGT are above mean
 sea level by EGM96.  Where it does not, --vertical must: a wrong one is 47 m wrong in central Europe.  egm96 needs the
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", required=True, type=_picture, metavar="FILE", help="the picture: FILE.png or FILE.svg, which is new"
     )
     plot.add_argument(
-        "--profile", nargs=2, type=_place, metavar="LAT,LON", help="also the profile from one place to another [deg]"
+        "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also the profile from one place to another [deg]"
     )
 
 
@@ -66,6 +66,13 @@ def _place(text: str) -> Place:
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0):
         raise argparse.ArgumentTypeError(f"{text}: must be -90 to 90 and -360 to 360 degrees")
     return math.radians(lat), math.radians(lon)
+
+
+def _line(text: str) -> tuple[Place, Place]:
+    ends = text.split("/")
+    if len(ends) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be two places, as 47.88,11.75/47.92,11.85")
+    return _place(ends[0]), _place(ends[1])
 
 
 def _length(text: str) -> float:

@@ -41,14 +41,14 @@ if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Kr
 
 
 class ElevationFile:
-    """An open elevation file.
+    """An open elevation file.  words : what the caller says of vertical datums, as ``words_by_file`` gives it.
 
     source  : what it says of itself
     affine  : (a, b, c, d, e, f), x = a column + b row + c, y = d column + e row + f at the posts
     crs     : the horizontal part of its coordinate system
     """
 
-    def __init__(self, path: str, vertical: str | Mapping[str, str] | None) -> None:
+    def __init__(self, path: str, words: Mapping[str, str]) -> None:
         self._dataset = _open(path)
         try:
             whole = _read_crs(path, self._dataset)
@@ -58,7 +58,7 @@ class ElevationFile:
             self.rows, self.columns = self._dataset.shape
             self._transformer = _make_transformer(path, self.crs, None)
             self._transformer = _make_transformer(path, self.crs, self.outline())
-            datum, by = find_datum(path, upright, self._dataset, vertical)
+            datum, by = find_datum(path, upright, self._dataset, words)
             self._unit_m = find_unit(path, self.crs, upright, self._dataset.units[0])
             self.source = self._describe(path, datum, by)
         except BaseException:

@@ -24,6 +24,7 @@ from fti.terrain.mosaic import NOBODY
 from fti.terrain.resample import Resampler
 from fti.terrain.source import Source
 from fti.terrain.terrain import Terrain
+from fti.terrain.vertical import words_by_file
 
 Array = NDArray[np.float64]
 
@@ -42,8 +43,9 @@ def open_layers(
 ) -> tuple[tuple[Layer, ...], LocalFrame, tuple[Source, ...]]:
     """Layers, frame and sources of elevation files; the arguments are those of ``Terrain.open``."""
     check_arguments(paths, centre, radius_m, cell_m)
+    words = words_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:
-        files = [stack.enter_context(contextlib.closing(ElevationFile(path, vertical))) for path in paths]
+        files = [stack.enter_context(contextlib.closing(ElevationFile(path, words))) for path in paths]
         geoids = {f.source.vertical: _geoid_of(f) for f in files}
         frame, area = place_area(files, centre, radius_m)
         plans = make_plans(files, frame, area, cell_m)

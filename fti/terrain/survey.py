@@ -16,6 +16,7 @@ from fti.terrain.elevation_file import ElevationFile
 from fti.terrain.layout import Box, Plan, make_plans, place_area
 from fti.terrain.opening import check_arguments
 from fti.terrain.source import Source
+from fti.terrain.vertical import words_by_file
 
 #: Posts that are read at once.
 _PART = 2**22
@@ -72,8 +73,9 @@ def survey(
     A geoid that is missing, and an area that is too large or not touched, are told in the result.
     """
     check_arguments(paths, centre, radius_m, cell_m)
+    words = words_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:
-        files = [stack.enter_context(contextlib.closing(ElevationFile(path, vertical))) for path in paths]
+        files = [stack.enter_context(contextlib.closing(ElevationFile(path, words))) for path in paths]
         frame, area = place_area(files, centre, radius_m)
         plans, refused = _plan(files, frame, area, cell_m)
         total, read = sum(f.rows * f.columns for f in files), 0

@@ -6,7 +6,7 @@ and not a matter of rank, because either may be wrong by 47 m.  A word for one f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import pyproj
@@ -30,6 +30,20 @@ _UNITS = {
 }
 
 
+def words_by_file(vertical: str | Mapping[str, str] | None, paths: Collection[str]) -> Mapping[str, str]:
+    """The caller's words by file, ``OTHERS`` for those without one of their own.
+
+    Raises ConfigError for a word that is none of WORDS, and for a file that is not among the paths.
+    """
+    words = {OTHERS: vertical} if isinstance(vertical, str) else dict(vertical or {})
+    for file, word in words.items():
+        if word not in WORDS:
+            raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(WORDS)}")
+        if file != OTHERS and file not in paths:
+            raise ConfigError(f"vertical: {file!r} is none of the files, which are named as they are opened")
+    return words
+
+
 def split_crs(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
     """The horizontal part, and the one that holds the third axis (None without)."""
     if crs.is_compound:
@@ -37,19 +51,13 @@ def split_crs(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
     return (crs.to_2d(), crs) if len(crs.axis_info) == 3 else (crs, None)
 
 
-def find_datum(
-    path: str, upright: pyproj.CRS | None, dataset: Any, vertical: str | Mapping[str, str] | None
-) -> tuple[str, str]:
+def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mapping[str, str]) -> tuple[str, str]:
     """The vertical datum of a file and who says so.
 
     path     : the file, as the caller named it; upright : the part of its coordinate system with the third axis
-    dataset  : the file, open; vertical : the caller's word, or words by file
+    dataset  : the file, open; words : the caller's, by file
     Raises ConfigError where nobody says it, where it is none of WORDS, and where two contradict each other.
     """
-    words = {OTHERS: vertical} if isinstance(vertical, str) else dict(vertical or {})
-    for word in words.values():
-        if word not in WORDS:
-            raise ConfigError(f"vertical = {word!r}: must be one of {', '.join(WORDS)}")
     if path in words:
         return words[path], "the caller, for this file"
     said, by = _own_word(path, upright, dataset)

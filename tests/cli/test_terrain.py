@@ -96,8 +96,8 @@ def test_info_tells_why_there_is_no_terrain(files: list[str], capsys: pytest.Cap
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_plot(files: list[str], suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / f"map{suffix}"
-    ends = [f"{LAT - 0.004},{LON - 0.004}", f"{LAT + 0.004},{LON + 0.004}"]
-    assert main(["terrain", "plot", *words(files), "--out", str(out), "--profile", *ends]) == 0
+    ends = f"{LAT - 0.004},{LON - 0.004}/{LAT + 0.004},{LON + 0.004}"
+    assert main(["terrain", "plot", *words(files), "--out", str(out), "--profile", ends]) == 0
     assert capsys.readouterr().out == f"{out}\n"
     assert out.read_bytes()[:5] in (b"\x89PNG\r", b"<?xml")
     with pytest.raises(SystemExit):  # nothing is overwritten
@@ -145,7 +145,7 @@ def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pyt
         told = capsys.readouterr().err
         assert sentence in told
         assert len(told.splitlines()) == 1
-    beside = ["--profile", "10,20", "10,21", "--out", str(tmp_path / "x.png")]
+    beside = ["--profile=-10,20/-10,21", "--out", str(tmp_path / "x.png")]
     assert main(["terrain", "plot", *words(files), *beside]) == 2
     assert "no height is known between the two places" in capsys.readouterr().err
 
@@ -158,11 +158,14 @@ def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pyt
         (["--at", "47.9,11.8"], "--at and --radius belong together"),
         (["--radius", "-3"], "must be a length above 0"),
         (["--cell", "wide"], "must be a length above 0"),
+        (["--profile", "47.9,11.8"], "must be two places"),
+        (["--out", "map.jpg"], "must end with .png or .svg"),
     ],
 )
 def test_senseless_arguments_are_refused(
     arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    action = "plot" if arguments[0] in ("--profile", "--out") else "info"
     with pytest.raises(SystemExit):
-        main(["terrain", "info", "dem.tif", *arguments])
+        main(["terrain", action, "dem.tif", *arguments])
     assert sentence in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """One elevation file: what it says of itself, what it is refused for, reading."""
 
 import math
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import rasterio
 from fti.errors import ConfigError, MissingError
 from fti.terrain.elevation_file import ElevationFile
 from fti.terrain.source import Source
+from fti.terrain.vertical import words_by_file
 from tests.terrain.files import LAT, LON, Array, from_origin, posts_of, write_dted, write_ground, write_hgt, write_tif
 
 UTM = "EPSG:32632"
@@ -22,8 +24,12 @@ def slope(lat: Array, lon: Array) -> Array:
     return np.asarray(600.0 + (lat - LAT) * 5000.0 + (lon - LON) * 3000.0)
 
 
-def source_of(path: str, vertical: Any = None) -> Source:
-    with closing(ElevationFile(path, vertical)) as file:
+def opened(path: str, vertical: str | Mapping[str, str] | None = "ellipsoid") -> "closing[ElevationFile]":
+    return closing(ElevationFile(path, words_by_file(vertical, [path])))
+
+
+def source_of(path: str, vertical: str | Mapping[str, str] | None = None) -> Source:
+    with opened(path, vertical) as file:
         return file.source
 
 
@@ -64,7 +70,7 @@ def test_reading_agrees_with_rasterio_at_the_posts(tmp_path: Path, crs: str) -> 
     size, step = 60, (20.0 if crs != "EPSG:4326" else 2e-4)
     path = write_ground(tmp_path / "dem.tif", slope, crs, size, step)
     rows, columns = (13, 41), (5, 59)
-    with closing(ElevationFile(path, "ellipsoid")) as file, rasterio.open(path) as judge:
+    with opened(path) as file, rasterio.open(path) as judge:
         read = file.read(rows, columns)
         x, y = posts_of(judge.transform, judge.shape)
         part = slice(*rows), slice(*columns)
@@ -80,7 +86,7 @@ def test_reading_agrees_with_rasterio_at_the_posts(tmp_path: Path, crs: str) -> 
 def test_whole_numbers_have_voids_without_being_told(tmp_path: Path) -> None:
     heights = np.array([[100, -32768], [300, 400]], dtype=np.int16)
     path = write_tif(tmp_path / "dem.tif", heights, UTM, CORNER)
-    with closing(ElevationFile(path, "egm96")) as file:
+    with opened(path, "egm96") as file:
         np.testing.assert_array_equal(file.read((0, 2), (0, 2)), [[100.0, np.nan], [300.0, 400.0]])
 
 
@@ -135,7 +141,7 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     data = bytearray(Path(path).read_bytes())
     data[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
     Path(path).write_bytes(data)
-    with closing(ElevationFile(path, "egm96")) as file, pytest.raises(ConfigError, match=r"dem\.tif: cannot be read"):
+    with opened(path, "egm96") as file, pytest.raises(ConfigError, match=r"dem\.tif: cannot be read"):
         file.read((0, 300), (0, 300))
 
 
@@ -149,7 +155,9 @@ def test_nobody_says_the_vertical_datum(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="vertical = 'msl': must be one of egm96, egm2008, ellipsoid"):
         source_of(path, "msl")
     assert source_of(path, {path: "egm2008", "*": "egm96"}).vertical == "egm2008"
-    assert source_of(path, {"other.tif": "egm2008", "*": "egm96"}).vertical == "egm96"
+    assert source_of(path, {"*": "egm96"}).vertical == "egm96"
+    with pytest.raises(ConfigError, match=r"vertical: 'dem\.tif' is none of the files"):
+        source_of(path, {"dem.tif": "egm2008"})
 
 
 def test_two_that_contradict_each_other_are_refused(tmp_path: Path) -> None:

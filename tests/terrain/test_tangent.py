@@ -20,7 +20,7 @@ def test_a_block_of_8_km_is_exact_to_a_millimetre(tmp_path: Path, crs: str, dist
     path = write_ground(tmp_path / "dem.tif", lambda lat, lon: 0.0 * lat, crs, 20, 30.0 if crs != "EPSG:4326" else 3e-4)
     frame = LocalFrame(np.radians(LAT - distance / 111_200.0), np.radians(LON), 0.0)
     side = np.linspace(-4000.0, 4000.0, 41)
-    with closing(ElevationFile(path, "ellipsoid")) as file:
+    with closing(ElevationFile(path, {"*": "ellipsoid"})) as file:
         block = Block(frame, Mosaic(0, file), side, distance + side)
         assert block.holds()
         for alt in (-500.0, 4000.0, 9000.0):
@@ -36,5 +36,5 @@ def test_a_block_of_8_km_is_exact_to_a_millimetre(tmp_path: Path, crs: str, dist
 def test_a_block_on_the_pole_of_a_geographic_file_does_not_hold(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", lambda lat, lon: 0.0 * lat, "EPSG:4326", 20, 3e-4, at=(89.9, 0.0))
     side = np.linspace(-4000.0, 4000.0, 41)
-    with closing(ElevationFile(path, "ellipsoid")) as file:
+    with closing(ElevationFile(path, {"*": "ellipsoid"})) as file:
         assert not Block(LocalFrame(np.radians(89.999), 0.0, 0.0), Mosaic(0, file), side, side).holds()
