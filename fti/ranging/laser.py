@@ -24,7 +24,7 @@ extended diffuse targets).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
+#: Pulses at a time: beside the returns a minute of a scanner's footprints would hold gigabytes.
+_CHUNK = 1 << 14
 #: The instrument tells what it sees.
 EXACT = RangeError()
 #: What an instrument means that says its value for "no return".
@@ -132,13 +134,20 @@ class Laser(RangingSensor):
             np.ascontiguousarray(np.broadcast_to(vectors, (*shape, 3))).reshape(-1, 3)
             for vectors in (origins_l, directions_l, directions_s)
         )
+        some = [slice(i, i + _CHUNK) for i in range(0, max(len(rays), 1), _CHUNK)]
+        told = _joined([self._pulses(terrain, starts[part], rays[part], rays_s[part], rng) for part in some])
+        return _shaped(told, (*shape, 2) if self.returns == "both" else shape)
+
+    def _pulses(
+        self, terrain: Terrain, starts: Array, rays: Array, rays_s: Array, rng: np.random.Generator | None
+    ) -> Returns:
+        """What n pulses return, shape (n, 1), with both (n, 2)."""
         starts = np.where(np.isfinite(starts), starts, np.nan)  # an infinite place is as unknown as none
         air = air_along(self.weather, starts, rays, rng)
         echoes, code = self._ground(terrain, starts, rays, air)
         if self.weather:
             echoes = echoes.beside(self._clouds(echoes, air))
-        told = self._told(echoes, code, rays_s, rng)
-        return _shaped(told, (*shape, 2) if self.returns == "both" else shape)
+        return self._told(echoes, code, rays_s, rng)
 
     def _collected(self, ranges: Array | float) -> Array:
         """The share of diffusely scattered light that the lens collects at ranges [m]."""
@@ -191,6 +200,11 @@ def _validity(code: Codes, echoes: Echoes, seen: Mask, heard: Mask) -> Codes:
     silence = np.where(seen.any(axis=1), Validity.WEAK, np.where(there.any(axis=1), Validity.TOO_NEAR, code))
     silence = np.where(heard.any(axis=1), Validity.VALID, silence)
     return np.where(code > Outcome.NOTHING, code, silence).astype(np.uint8)
+
+
+def _joined(parts: list[Returns]) -> Returns:
+    """The returns of one part of the pulses after the other."""
+    return Returns(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Returns)))
 
 
 def _shaped(found: Returns, shape: tuple[int, ...]) -> Returns:

@@ -142,7 +142,7 @@ class RangeScanner(RangingSensor):
         pulses = np.arange(np.floor((knots[-1] - knots[0]) * self.pulse_rate) + 1)
         angles = self.swept * ((pulses * (self.line_rate / self.pulse_rate)) % 1.0 - 0.5)
         seen = np.abs(angles) <= 0.5 * self.field_of_view
-        when = knots[0] + pulses[seen] / self.pulse_rate
+        when = np.minimum(knots[0] + pulses[seen] / self.pulse_rate, knots[-1])  # the last one by rounding only
         poses = interpolated(knots, epochs, when)
         rays_s = line_directions(angles[seen])
         rays_l = (poses.mats_ls @ rays_s[..., None])[..., 0]

@@ -206,6 +206,30 @@ def test_error_model_is_applied_to_what_is_told() -> None:
     assert again.tobytes() == noisy.tobytes()
 
 
+def test_many_pulses_are_cast_some_at_a_time_and_are_what_each_is_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of a scanner's footprints at once would hold gigabytes.  1300 pulses, 1000 at a time, in fog."""
+    cast: list[int] = []
+    trace = Terrain.trace
+
+    def counting(self: Terrain, origin: Array, directions: Array, max_range: float) -> Any:
+        cast.append(len(directions))
+        return trace(self, origin, directions, max_range)
+
+    monkeypatch.setattr(Terrain, "trace", counting)
+    monkeypatch.setattr("fti.ranging.laser._CHUNK", 1000)
+    fog = Cloud(-np.inf, 30.0, 1e-3, variation=0.5)
+    laser = Laser(500.0, 0.2, pulse_length=10e-9, divergence=1e-3, weather=(fog,), error=RangeError(noise_sd=0.05))
+    at = looking_down(np.linspace(20.0, 900.0, 1300))
+    whole = laser.measure(FLAT, at)
+    assert cast == [19 * 1000, 19 * 300]
+    for part in (slice(0, 5), slice(997, 1003), slice(1295, None)):
+        alone = laser.measure(FLAT, Poses(at.origins_l[part], at.mats_ls[part], at.vels_l[part]))
+        for name in ("slant_range", "direction_s", "dispersion", "power", "validity"):
+            np.testing.assert_array_equal(getattr(whole, name)[part], getattr(alone, name))
+    noisy, again = (laser.measure(FLAT, at, np.random.default_rng(6)).slant_range for _ in range(2))
+    assert noisy.tobytes() == again.tobytes() != whole.slant_range.tobytes()
+
+
 @pytest.mark.parametrize(
     "bad",
     [

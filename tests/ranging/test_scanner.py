@@ -167,6 +167,13 @@ def test_nothing_is_measured_where_navigation_is_lost() -> None:
     assert (found.returns.validity[hidden] == Validity.UNKNOWN).all() and found.returns.valid[~hidden].all()
 
 
+def test_the_last_pulse_is_measured_whatever_the_rounding() -> None:
+    """Ten times 0.02 s is a little less than 0.2 s; the pulse that leaves then is the last, not one beyond."""
+    t = np.array([0.0, *np.cumsum(np.full(10, 0.02))])
+    found = RangeScanner(pulse_rate=50_000.0, line_rate=52.5, facets=9).scan(FLAT, t, flown(t))
+    assert found.times[-1] == t[-1] < 0.2 and found.returns.valid.all()
+
+
 def test_the_same_generator_gives_the_same_scan() -> None:
     t = np.linspace(0.0, 0.5, 6)
     noisy = RangeScanner(Laser(1000.0, error=RangeError(noise_sd=0.02)))
