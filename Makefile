@@ -62,8 +62,9 @@ $(READY): requirements.lock pyproject.toml
 
 # What the benchmarks stand beside, half a gigabyte of it, is installed for them alone.
 $(BESIDE): $(READY) requirements-bench.lock
-	@echo "Installing what the benchmarks stand beside (Embree, Open3D; once, some minutes) ..."; \
-	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; else python=python3; fi; \
+	@set -e; \
+	echo "Installing what the benchmarks stand beside (Embree, Open3D; once, some minutes) ..."; \
+	if $(BIN)/python -m pip --version >/dev/null 2>&1; then python=$(BIN)/python; else python=$(firstword $(CANDIDATES)); fi; \
 	"$$python" -m pip --python $(BIN)/python --disable-pip-version-check --quiet install --root-user-action ignore \
 		--require-hashes --requirement requirements-bench.lock; \
 	touch $@

@@ -4,9 +4,10 @@ The posts' heights are ``up`` coordinates of the tangent frame l, not heights ab
 the Earth is in the surface and a ray is a straight line.  A point at distance d from the frame's origin with the
 ellipsoidal height alt has
 
-    up = alt - alt0 - d^2 / (2 (R + alt0)) + O(d^4 / R^3),       5.6 m lower at 8.5 km
+    up = alt - alt0 - d^2 / (2 (R + alt)) + O(d^4 / R^3)
 
-and the code uses the exact transformation (``LocalFrame``).
+and the code uses the exact transformation (``LocalFrame``).  Whoever takes alt - alt0 for ``up``, a flat Earth, errs by
+0.08 m at 1 km, 2.0 m at 5 km, 7.8 m at 10 km and 196 m at 50 km, and tilts the vertical by 0.16 mrad a kilometre.
 
 Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 (bilinear tile; the printed denominators of 2.51 are corrected).
 """

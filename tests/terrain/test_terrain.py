@@ -76,6 +76,20 @@ def test_curvature_of_the_earth_is_in_the_surface() -> None:
     assert np.abs(heights).max() < 25.0**2 / (8 * 6.35e6) + 1e-6  # bilinear posts of a sphere: c^2 / 8R
 
 
+@pytest.mark.parametrize(("distance", "error"), [(1e3, 0.08), (5e3, 2.0), (10e3, 7.8), (50e3, 196.0)])
+def test_error_of_a_flat_earth_is_as_stated(distance: float, error: float) -> None:
+    frame = LocalFrame(LAT0, LON0, ALT0)
+    around = np.linspace(0.0, 2.0 * np.pi, 16)
+    level = np.zeros(16)
+    for _ in range(4):  # the point at that distance whose height above the ellipsoid is that of the origin
+        level -= (
+            frame.to_geodetic(np.stack((distance * np.sin(around), distance * np.cos(around), level), -1))[2] - ALT0
+        )
+    assert level == pytest.approx(np.full(16, -error), rel=0.03)
+    tilt = frame.mat_ln(*frame.to_geodetic(np.array([0.0, distance, level[0]]))[:2])[:, 2] @ np.array([0.0, 0.0, -1.0])
+    assert np.arccos(tilt) == pytest.approx(0.16e-3 * distance / 1e3, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("heights", "cell", "said"),
     [
