@@ -10,11 +10,13 @@ each cut on the side on which the direction lies.  On the cuts it is the cut; wh
 lines of equal gain are ellipses.  Source: Spiegel 2018, sections 2.1.3.3 and 2.2.5, eq. 2.19, fig. 2.34 (which shows
 the blend and gives no formula).
 
-``WIDE`` is the antenna of fig. 2.9: 10 dBi, half power at 35 deg in azimuth and 26 deg in elevation.  These are taken
-as angles off the boresight: so its directivity is 10.6 dBi and 87 % of the power is radiated; read as full widths they
-would be 16 dBi, and three quarters of the power would be lost.  ``NARROW`` is that of fig. 7.19: 10 dBi, half power at
-15 deg all round, which leaves a quarter of the power radiated.  Both are cosines to a power, with a floor that stands
-for side lobes and the back; the source prints neither.
+Half-power beam widths (HPBW) are full widths here, from one half-power point over the boresight to the other, as data
+sheets state them.  The source states the angle off the boresight at which the pattern crosses the half-power line, and
+calls that HPBW.  ``WIDE`` is its antenna of fig. 2.9: 10 dBi, half power at 35 deg in azimuth and 26 deg in elevation,
+so 70 and 52 deg wide; its directivity is 10.6 dBi and 87 % of the power is radiated.  Were they full widths, the
+directivity would be 16 dBi and three quarters of the power lost.  ``NARROW`` is that of fig. 7.19: 10 dBi, half power
+at 15 deg all round, so 30 deg wide, which leaves a quarter of the power radiated.  Both are cosines to a power, with a
+floor that stands for side lobes and the back; the source prints neither.
 """
 
 from __future__ import annotations
@@ -27,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 _CUT_STEP_DEG = 0.5
+#: So far apart two measured cuts may be where they meet [dB]; more is another reference level, not an error.
+_SAME_DB = 1.0
 
 
 def from_db(level: ArrayLike) -> Array:
@@ -70,10 +74,16 @@ class Antenna:
 
     azimuth   : gain across the aircraft, in the plane of the sensor's y and z; angles towards +y (right) positive
     elevation : gain along the aircraft, in the plane of x and z; angles towards +x (forward) positive
+    Raises ValueError where the two differ by more than 1 dB on the boresight, which they share.
     """
 
     azimuth: Cut
     elevation: Cut
+
+    def __post_init__(self) -> None:
+        across, along = float(self.azimuth.at(0.0)), float(self.elevation.at(0.0))
+        if abs(across - along) > _SAME_DB:
+            raise ValueError(f"on the boresight the azimuth cut has {across} dBi, the elevation cut {along} dBi")
 
     def gain_dbi(self, rays_s: ArrayLike) -> Array:
         """Gain [dBi] towards unit vectors, shape (..., 3), of the sensor frame; -inf where a cut does not reach."""
@@ -94,28 +104,27 @@ def _weighed(share: Array, level: Array) -> Array:
     return np.multiply(share, level, out=np.zeros_like(level), where=share > 0.0)
 
 
-def cosine_cut(half_power: float, peak_dbi: float, floor_db: float) -> Cut:
-    """A cut G = G_0 max(cos^q theta, floor) with half the power at the angle ``half_power`` [rad] off the boresight.
+def cosine_cut(hpbw: float, peak_dbi: float, floor_db: float) -> Cut:
+    """A cut G = G_0 max(cos^q theta, floor) with half the power at the angle hpbw / 2 off the boresight.
 
+    hpbw     : half-power beam width, full [rad]
     floor_db : level of the floor under the peak [dB], negative
-    Raises ValueError for an angle outside (0, pi / 2) or a floor not below half power.
+    Raises ValueError for a width outside (0, pi) or a floor not below half power.
     """
-    if not 0.0 < half_power < np.pi / 2:
-        raise ValueError(f"half_power is {half_power} rad, must lie between 0 and pi/2")
+    if not 0.0 < hpbw < np.pi:
+        raise ValueError(f"hpbw is {hpbw} rad, must lie between 0 and pi")
     if not floor_db < -3.1:
         raise ValueError(f"floor_db is {floor_db} dB, must lie below half power")
-    exponent = np.log(0.5) / np.log(np.cos(half_power))
+    exponent = np.log(0.5) / np.log(np.cos(0.5 * hpbw))
     angles = np.radians(np.arange(-180.0, 180.0 + _CUT_STEP_DEG, _CUT_STEP_DEG))
     lobe = np.maximum(np.cos(angles), 0.0) ** exponent
     return Cut(angles, peak_dbi + 10.0 * np.log10(np.maximum(lobe, from_db(floor_db))))
 
 
-def cosine_antenna(
-    half_power_az: float, half_power_el: float, peak_dbi: float = 10.0, floor_db: float = -30.0
-) -> Antenna:
-    """An antenna with the cuts of ``cosine_cut``; half_power_az, half_power_el [rad] off the boresight."""
-    return Antenna(cosine_cut(half_power_az, peak_dbi, floor_db), cosine_cut(half_power_el, peak_dbi, floor_db))
+def cosine_antenna(hpbw_az: float, hpbw_el: float, peak_dbi: float = 10.0, floor_db: float = -30.0) -> Antenna:
+    """An antenna with the cuts of ``cosine_cut``; hpbw_az, hpbw_el [rad], full widths across and along the aircraft."""
+    return Antenna(cosine_cut(hpbw_az, peak_dbi, floor_db), cosine_cut(hpbw_el, peak_dbi, floor_db))
 
 
-WIDE = cosine_antenna(float(np.radians(35.0)), float(np.radians(26.0)))
-NARROW = cosine_antenna(float(np.radians(15.0)), float(np.radians(15.0)))
+WIDE = cosine_antenna(float(np.radians(70.0)), float(np.radians(52.0)))
+NARROW = cosine_antenna(float(np.radians(30.0)), float(np.radians(30.0)))

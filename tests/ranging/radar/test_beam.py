@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 WAVE = Waveform()
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 PEAK = 10.0
-#: cos^q cuts without a floor: half power at 33 deg is q = 3.94.
+#: cos^q cuts without a floor: half power at 33 deg off the boresight is q = 3.94.
 HALF_POWER = float(np.radians(33.0))
 LOBE = float(np.log(0.5) / np.log(np.cos(HALF_POWER)))
-COSINE = cosine_antenna(HALF_POWER, HALF_POWER, 10.0 * np.log10(PEAK), -300.0)
+COSINE = cosine_antenna(2.0 * HALF_POWER, 2.0 * HALF_POWER, 10.0 * np.log10(PEAK), -300.0)
 
 
 def plane(slope_east: float = 0.0, half_size: float = 20e3) -> Terrain:
