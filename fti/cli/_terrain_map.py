@@ -84,7 +84,7 @@ def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
         f"Terrain around {math.degrees(frame.lat0):.5f}, {math.degrees(frame.lon0):.5f} deg",
         f"posts {cells} m apart; heights above {_DATUMS[view.datum]}",
         width=9.0,
-        height=8.6 if profile else 6.6,
+        height=8.6 if profile else 7.0,
     )
     rows = figure.add_gridspec(2 if profile else 1, 1, height_ratios=[3.0, 1.0] if profile else None)
     upper = rows[0].subgridspec(1, 2, width_ratios=[3.2, 1.0])
@@ -134,9 +134,9 @@ def _draw_relief(figure: Figure, axes: Axes, view: View, terrain: Terrain) -> No
     known = np.isfinite(view.height)
     low, high = (float(f(view.height[known])) for f in (np.min, np.max))
     shown = Normalize(low, max(high, low + 1.0))
-    filled = np.where(known, view.height, low)
+    filled = np.where(known, view.height, view.height[known].mean())
     step = float(view.east[1] - view.east[0])
-    steepness = max(float(np.std(np.diff(filled, axis=1))) / step, 1e-6)
+    steepness = max(float(np.nanstd(np.diff(view.height, axis=1))) / step, 1e-6)
     shaded = LIGHT.shade(
         filled, RELIEF, norm=shown, blend_mode="soft", dx=step, dy=step, vert_exag=min(0.35 / steepness, 20.0)
     )
