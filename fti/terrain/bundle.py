@@ -42,7 +42,7 @@ def _leaves(q: Places, o: Array, mat: Array, angles: Array, distance: float) -> 
     """Whether one of the rays has left the coverage after ``distance``."""
     for k in range(len(angles)):
         dx, dy, _ = _direction(mat, angles[k, 0], angles[k, 1])
-        if locate(layers_at(q), o[0] + dx * distance, o[1] + dy * distance, 0)[0] < 0:
+        if locate(layers_at(q), o[0] + dx * distance, o[1] + dy * distance)[0] < 0:
             return True
     return False
 

@@ -165,13 +165,13 @@ def _walk(
 def _comes_from_a_layer(q: Places, k: int, ox: float, oy: float, dx: float, dy: float, t: float) -> bool:
     """Whether another layer lies where a ray was just before it came into layer k at t."""
     back = _BACK * layers_at(q)[k].cell / math.hypot(dx, dy)
-    return locate(layers_at(q), ox + dx * (t - back), oy + dy * (t - back), 0)[0] >= 0
+    return locate(layers_at(q), ox + dx * (t - back), oy + dy * (t - back))[0] >= 0
 
 
 @kernel
 def _at_once(q: Places, ox: float, oy: float, oz: float) -> int:
     """HIT or BURIED where a ray begins on or below the surface, otherwise NOTHING."""
-    above = oz - surface(Posts(heights_at(q), layers_at(q)), ox, oy, 0)[0]
+    above = oz - surface(Posts(heights_at(q), layers_at(q)), ox, oy)[0]
     what = _NOTHING
     if above < -_TOUCH_M:
         what = _BURIED
@@ -183,7 +183,7 @@ def _at_once(q: Places, ox: float, oy: float, oz: float) -> int:
 @kernel
 def _unmet(q: Places, east: float, north: float) -> int:
     """NOTHING where a ray that met nothing ends over the coverage, otherwise OUTSIDE."""
-    return _NOTHING if locate(layers_at(q), east, north, 0)[0] >= 0 else _OUTSIDE
+    return _NOTHING if locate(layers_at(q), east, north)[0] >= 0 else _OUTSIDE
 
 
 @kernel

@@ -179,7 +179,7 @@ def _fill_cells(heights: Array, layers: Records, k: int, nodes: Maxima, wide: in
     for row in range(layers[k].rows - 1 if k > 0 else 0):
         north = layers[k].north0 + (row + 0.5) * cell
         for column in range(columns - 1):
-            if locate(layers, layers[k].east0 + (column + 0.5) * cell, north, 0)[0] < k:
+            if locate(layers, layers[k].east0 + (column + 0.5) * cell, north)[0] < k:
                 nodes[slot(column, row, wide)] = -math.inf
 
 

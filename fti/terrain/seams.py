@@ -57,7 +57,7 @@ def _check_pair(layers: Sequence[Layer], number: int, coarse_number: int) -> Non
 def _check_heights(number: int, fine: Layer, coarser: Sequence[Layer]) -> None:
     east, north = outline(fine)
     posts = np.concatenate((fine.heights[0], fine.heights[-1], fine.heights[:, 0], fine.heights[:, -1]))
-    gap = np.abs(posts - look_up(gather(coarser), east, north, 0))
+    gap = np.abs(posts - look_up(gather(coarser), east, north))
     if (gap > SEAM_M).any():
         worst = int(np.nanargmax(gap))
         raise ValueError(

@@ -10,6 +10,8 @@ and longitude in its denominators, which are zero then.
 Source: Spiegel 2018, section 2.2.2, eq. 2.50-2.51 and 4.6-4.8, as corrected in docs/errata.md.
 """
 
+# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
+
 from __future__ import annotations
 
 import math
@@ -67,9 +69,9 @@ def gather(layers: Sequence[Layer]) -> Posts:
 
 
 @kernel
-def locate(layers: Records, east: float, north: float, first: int) -> tuple[int, int, float, float]:
-    """The first layer from ``first`` on that a place lies in, its cell's south-west post and u, v; -1 in none."""
-    found, at, u, v, k = -1, 0, math.nan, math.nan, first
+def locate(layers: Records, east: float, north: float) -> tuple[int, int, float, float]:
+    """The first layer that a place lies in, its cell's south-west post and u, v; -1 in none."""
+    found, at, u, v, k = -1, 0, math.nan, math.nan, 0
     while found < 0 and k < len(layers):
         layer = layers[k]
         x, y = (east - layer.east0) / layer.cell, (north - layer.north0) / layer.cell
@@ -83,36 +85,38 @@ def locate(layers: Records, east: float, north: float, first: int) -> tuple[int,
 
 
 @kernel
-def surface(p: Posts, east: float, north: float, first: int) -> tuple[float, float, float]:
-    """``up`` [m] and its derivatives to east and north at a place, of the layers from ``first`` on; NaN in none."""
+def _bilinear(
+    south_west: float, south_east: float, north_west: float, north_east: float, u: float, v: float
+) -> tuple[float, float, float]:
+    """``up`` in a cell, and how it grows with u and v."""
+    rise_east, rise_north = south_east - south_west, north_west - south_west
+    twist = north_east - north_west - rise_east
+    return south_west + u * rise_east + v * (rise_north + u * twist), rise_east + v * twist, rise_north + u * twist
+
+
+@kernel
+def surface(p: Posts, east: float, north: float) -> tuple[float, float, float]:
+    """``up`` [m] and its derivatives to east and north at a place; NaN outside of all layers and in a hole."""
     heights, layers = p.heights, p.layers
     up, to_east, to_north = math.nan, math.nan, math.nan
-    k, at, u, v = locate(layers, east, north, first)
+    k, at, u, v = locate(layers, east, north)
     if k >= 0:
-        cell, columns = layers[k].cell, layers[k].columns
-        base, north_west = heights[at], heights[at + columns]
-        rise_east, rise_north = heights[at + 1] - base, north_west - base
-        twist = heights[at + columns + 1] - north_west - rise_east
-        up = base + u * rise_east + v * (rise_north + u * twist)
-        to_east, to_north = (rise_east + v * twist) / cell, (rise_north + u * twist) / cell
+        over = at + layers[k].columns
+        up, to_east, to_north = _bilinear(heights[at], heights[at + 1], heights[over], heights[over + 1], u, v)
+        to_east, to_north = to_east / layers[k].cell, to_north / layers[k].cell
     return up, to_east, to_north
 
 
 @kernel
-def look_up(p: Posts, east: Array, north: Array, first: int) -> Array:
-    """``up`` [m] at places (n,) [m], of the layers from ``first`` on; NaN outside of these and in holes."""
-    heights, layers = p.heights, p.layers  # once: a call that takes them counts references, and that takes longer
-    ups = np.empty(len(east))
+def look_up(p: Posts, east: Array, north: Array) -> Array:
+    """``up`` [m] at places (n,) [m]; NaN outside of all layers and in holes."""
+    heights, layers = p.heights, p.layers  # once: a call that takes p counts references, and that takes longer
+    ups = np.full(len(east), np.nan)
     for i in range(len(east)):
-        k, at, u, v = locate(layers, east[i], north[i], first)
-        if k < 0:
-            ups[i] = math.nan
-        else:
-            columns = layers[k].columns
-            base, north_west = heights[at], heights[at + columns]
-            rise_east = heights[at + 1] - base
-            twist = heights[at + columns + 1] - north_west - rise_east
-            ups[i] = base + u * rise_east + v * (north_west - base + u * twist)
+        k, at, u, v = locate(layers, east[i], north[i])
+        if k >= 0:
+            over = at + layers[k].columns
+            ups[i], _, _ = _bilinear(heights[at], heights[at + 1], heights[over], heights[over + 1], u, v)
     return ups
 
 
@@ -121,7 +125,7 @@ def slopes(p: Posts, east: Array, north: Array) -> tuple[Array, Array]:
     """d up / d east and d up / d north at places (n,) [m]; NaN outside of all layers and in holes."""
     to_east, to_north = np.empty(len(east)), np.empty(len(east))
     for i in range(len(east)):
-        _, to_east[i], to_north[i] = surface(p, east[i], north[i], 0)
+        _, to_east[i], to_north[i] = surface(p, east[i], north[i])
     return to_east, to_north
 
 
@@ -131,7 +135,7 @@ def nearest_posts(p: Posts, east: Array, north: Array) -> tuple[Whole, Whole]:
     layers = p.layers
     numbers, posts = np.full(len(east), -1, np.int64), np.full(len(east), -1, np.int64)
     for i in range(len(east)):
-        k, at, u, v = locate(layers, east[i], north[i], 0)
+        k, at, u, v = locate(layers, east[i], north[i])
         if k >= 0:
             numbers[i] = k
             posts[i] = at - layers[k].start + int(u >= 0.5) + layers[k].columns * int(v >= 0.5)

@@ -141,7 +141,7 @@ class Terrain:
     def up(self, east: ArrayLike, north: ArrayLike) -> Array:
         """``up`` [m] of the surface at east, north [m]; NaN outside the coverage and in a hole."""
         shape, to_east, to_north = _flat(east, north)
-        return surface.look_up(self.posts, to_east, to_north, 0).reshape(shape)
+        return surface.look_up(self.posts, to_east, to_north).reshape(shape)
 
     def gradient(self, east: ArrayLike, north: ArrayLike) -> tuple[Array, Array]:
         """d up / d east and d up / d north at east, north [m]; one-sided on a cell's edge, NaN where ``up`` is."""
@@ -163,7 +163,7 @@ class Terrain:
         for k, layer in enumerate(self.layers):
             here = of_layer == k
             found[here] = 0 if layer.origin is None else layer.origin.ravel()[posts[here]]
-        found[np.isnan(surface.look_up(self.posts, to_east, to_north, 0))] = NO_SOURCE
+        found[np.isnan(surface.look_up(self.posts, to_east, to_north))] = NO_SOURCE
         return found.reshape(shape)
 
     def cell(self, east: ArrayLike, north: ArrayLike) -> Array:

@@ -140,7 +140,7 @@ def _trace(
             ranges[i, k] = d
             rates[i, k] = -(vel[0] * dx + vel[1] * dy + vel[2] * dz)
             if d > 0.0:
-                _, to_east, to_north = surface(posts, o[0] + d * dx, o[1] + d * dy, 0)
+                _, to_east, to_north = surface(posts, o[0] + d * dx, o[1] + d * dy)
                 cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east**2 + to_north**2)
                 if cosine > 0.0:  # NaN on the rim of a hole
                     powers[i, k] = gains[k] * cosine**power / (d * d)
