@@ -64,7 +64,7 @@ def test_the_same_seed_is_the_same_reference(terrain: Terrain) -> None:
 
 
 def test_a_profile_beyond_the_terrain_says_where_it_ends(terrain: Terrain) -> None:
-    """The terrain ends 7500 m before the threshold, 7790 m before the intercept point: a beam that leaves it is none."""
+    """The terrain ends 7500 m before the threshold, 7790 m before the intercept point: no beam beyond."""
     airfield = load_airfield(DEMO_AIRFIELD.read_text(), str(DEMO_AIRFIELD))
     with pytest.raises(ConfigError, match=r"no return from 'demo' between 77\d\d and 9200 m"):
         make_reference(airfield, terrain, RA4500, Plan(surface="demo", s_max=9000.0, draws=5), lambda *step: None)
