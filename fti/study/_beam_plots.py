@@ -96,7 +96,7 @@ def response(seed: int) -> Figure:
     axes.plot(ranges, db[1], color=SKY, lw=0.9, label="one ramp (coherent: speckle)")
     axes.plot(ranges, db[0], color=BLUE, lw=2.0, label="mean of many ramps")
     axes.axhline(10.0 * np.log10(mean.edge.threshold), color=ORANGE, ls="--", label="threshold, a quarter of the peak")
-    axes.axhline(10.0 * np.log10(mean.edge.noise / peak), color=GREY, ls=":", label="receiver noise in a bin")
+    axes.axhline(10.0 * np.log10(mean.noise / peak), color=GREY, ls=":", label="receiver noise in a bin")
     axes.axvline(edge_m, color=VERMILION, label=f"leading edge {edge_m:.1f} m")
     axes.axvline(RESPONSE_HEIGHT_M, color=BLACK, ls="--", lw=1.0, label=f"nadir {RESPONSE_HEIGHT_M:.1f} m")
     axes.set(xlim=(100.0, 450.0), ylim=(-75.0, 6.0))

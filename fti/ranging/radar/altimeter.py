@@ -49,8 +49,6 @@ _BEHIND_BINS = 32
 #: Share of the beam (gain both ways x solid angle) that may look at ground nobody knows.
 _UNKNOWN_SHARE = 0.01
 _UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN, Outcome.BURIED)
-#: Transmitted power 0.4 W and a noise factor of 10: figures of this class of instruments, stated, not measured.
-_NOISE = thermal_noise(Waveform(), 0.4, 10.0)
 
 
 class Beams(NamedTuple):
@@ -72,8 +70,9 @@ class RadarAltimeter(RangingSensor):
     turn       : rotation of the dome, (3, 3): the same beam by other rays; None leaves one ray on the boresight
     ground     : backscatter of the ground
     waveform   : of the saw tooth; one range bin is c / (2 delta_f), 0.5 m at 300 MHz
-    edge       : detector, with the threshold under the peak and the receiver's noise in a bin; as it stands -6 dB, and
-                 the noise of 0.4 W over ramps of 100 us
+    edge       : detector, with the threshold under the peak and the margin over the noise
+    transmit_power, noise_factor : [W] and 1 or more, no decibels: with the waveform they make the receiver's noise in a
+                 bin; those of this class of instruments, stated, not measured
     error      : of what is told, on top of geometry and signal
     min_range, max_range [m] : what is told at all; the defaults are 0 and 2500 ft
     coherent   : one ramp with the phases of the carrier, not the mean of many
@@ -86,7 +85,9 @@ class RadarAltimeter(RangingSensor):
     turn: Array | None = None
     ground: Backscatter = field(default_factory=Backscatter)
     waveform: Waveform = field(default_factory=Waveform)
-    edge: LeadingEdge = field(default_factory=lambda: LeadingEdge(noise=_NOISE))
+    edge: LeadingEdge = field(default_factory=LeadingEdge)
+    transmit_power: float = 0.4
+    noise_factor: float = 10.0
     error: RangeError = field(default_factory=RangeError)
     min_range: float = 0.0
     max_range: float = 762.0
@@ -99,12 +100,20 @@ class RadarAltimeter(RangingSensor):
             raise ValueError(f"ranges from {self.min_range} to {self.max_range} m: must be positive and ascend")
         if self.max_range + self._behind > self.waveform.unambiguous_range:
             raise ValueError(f"max_range is {self.max_range} m, ambiguous with {self.waveform}")
+        if not (0.0 < self.transmit_power < np.inf and 1.0 <= self.noise_factor < np.inf):
+            said = f"transmit_power is {self.transmit_power} W, noise_factor {self.noise_factor}"
+            raise ValueError(f"{said}: must be positive, and 1 or more")
         dome = half_dome(self.order, self.turn)
         object.__setattr__(self, "beam", make_beam(self.antenna, dome, self.waveform.wavelength))
 
     @property
     def _behind(self) -> float:
         return _BEHIND_BINS * self.waveform.range_bin
+
+    @property
+    def noise(self) -> float:
+        """Mean power of the receiver's noise in a range bin, over the transmitted power."""
+        return thermal_noise(self.waveform, self.transmit_power, self.noise_factor)
 
     @functools.cached_property
     def baseband(self) -> Baseband:
@@ -137,7 +146,7 @@ class RadarAltimeter(RangingSensor):
         if not self.coherent:
             shifted = echoes.ranges + range_error(echoes.range_rates, self.waveform)
             bins = range_bins(shifted, echoes.powers, self.waveform.range_bin, self.baseband.n_bin)
-            return bins + self.edge.noise
+            return bins + self.noise
         return np.stack([self._ramp(*one, rng) for one in zip(*echoes[:3], strict=True)])
 
     def _ramp(self, ranges: Array, rates: Array, powers: Array, rng: np.random.Generator | None) -> Array:
@@ -145,7 +154,7 @@ class RadarAltimeter(RangingSensor):
         phases = np.zeros_like(ranges) if rng is None else rng.uniform(0.0, 2.0 * np.pi, len(ranges))
         signal = self.baseband.beat_signal(ranges, powers, phases, rates)
         if rng is not None:
-            per_sample = self.edge.noise * self.baseband.n_sample / 6.0  # a white sample's share of a Hann bin: 6 / n
+            per_sample = self.noise * self.baseband.n_sample / 6.0  # a white sample's share of a Hann bin: 6 / n
             signal += np.sqrt(per_sample) * rng.standard_normal(len(signal))
         return self.baseband.spectrum(signal)
 
@@ -156,7 +165,7 @@ class RadarAltimeter(RangingSensor):
             yield trace_beam(terrain, part, self.beam, self.ground, self.max_range + self._behind)
 
     def _edges(self, echoes: Echoes, rng: np.random.Generator | None) -> Beams:
-        edges = self.edge.find(self.spectra(echoes, rng))
+        edges = self.edge.find(self.spectra(echoes, rng), self.noise)
         slant_range = self.waveform.range_of_bin(edges.position)
         power = echoes.powers.sum(axis=1)
         validity = np.where(power > 0.0, edges.validity, _first_reason(echoes.outcomes))

@@ -1,13 +1,21 @@
 """Leading edge: the shortest range at which a spectrum rises above a level.
 
     level    = max(threshold peak, margin noise)
-    position = where the amplitude, straight between two bins, first crosses it, + half width of a lone tone there
+    position = (1 - f) p_k + f p_(k+1),    p_k = k - 1 + (2 r - 1) / (r + 1),    r = a_k / a_(k-1)        [bins]
 
-so the range of a lone scatterer is right to +-0.05 bins, and over a beam it is that of the nearest strong echoes.  The
-peak is that of a parabola through the logarithms of the largest bin and its neighbours: the largest bin alone is up to
-1.4 dB too low when the tone lies between two.  Amplitudes, because the flank of the Hann window's kernel is nearly
-straight in them; powers cost 0.1 bins.
-Source: Spiegel 2018, section 2.3.2.3, fig. 2.53, which names the method and gives no level.
+k is the first bin above the level, a are amplitudes without the mean noise, and f is the share of the way from k - 1 to
+k at which they cross the level.  p_k is where a lone scatterer stands whose flank has the slope r under a Hann window:
+right to 0.001 bins wherever the level cuts it, and for an early echo 4 bins or more before the peak to 0.01.  A slow
+rise lies half a bin behind its crossing, the edge over level ground less than 0.6 bins behind the nearest point.
+Nearer echoes are one rise, read by their common flank.  An early echo below the level is not seen, and one up to 1.4 dB
+above it not when it lies between two bins.
+
+Where the bin behind k is more than twice as high, a lone scatterer is more than a bin behind k, and k - 1 a side lobe:
+there p_(k+1) counts alone.  The peak is that of a parabola through the logarithms of the largest bin and its
+neighbours, at most what the window loses between two bins: the largest bin alone is up to 1.4 dB too low, and the
+parabola beside a gap in speckle 4 dB too high.
+Source: Spiegel 2018, section 2.3.2.3, fig. 2.53, which names the method and gives no level; the position: Grandke 1983,
+"Interpolation algorithms for discrete Fourier transforms of weighted signals".
 """
 
 from __future__ import annotations
@@ -22,9 +30,9 @@ from fti.ranging.radar.baseband import hann_kernel
 from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Codes, Validity
 
-FLANK = np.linspace(2.0, 0.0, 4001)  # [bins] from the first zero of the kernel to its top
-FLANK_POWER = hann_kernel(FLANK)
 LOWEST_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
+HIGHEST_THRESHOLD = 0.7  # -1.5 dB: a bin of a lone scatterer reaches it, wherever that stands
+_SCALLOPING = float(1.0 / hann_kernel(0.5))  # 1.4 dB: of a tone between two bins over the larger of them
 
 
 class Edges(NamedTuple):
@@ -39,51 +47,46 @@ class Edges(NamedTuple):
 class LeadingEdge:
     """Detector of leading edges.
 
-    threshold : of the peak's power; 0.25 (-6 dB) is 1 bin in front of a lone scatterer
-    noise     : power of the receiver's noise in a bin, in the unit of the spectra
-    margin    : factor on the noise below which nothing is a return: 10 dB
+    threshold : of the peak's power; 0.25 is -6 dB
+    margin    : factor on the receiver's noise below which nothing is a return: 10 dB
+    Raises ValueError for a threshold outside 0.002 to 0.7 and for a margin of 1 or less.
     """
 
     threshold: float = 0.25
-    noise: float = 0.0
     margin: float = 10.0
 
     def __post_init__(self) -> None:
-        if not LOWEST_THRESHOLD <= self.threshold < 1.0:
-            raise ValueError(f"threshold is {self.threshold}, must lie between {LOWEST_THRESHOLD} and 1")
-        for name, least in (("noise", 0.0), ("margin", 1.0)):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= least):
-                raise ValueError(f"{name} is {getattr(self, name)}, must be finite and at least {least:g}")
+        if not LOWEST_THRESHOLD <= self.threshold <= HIGHEST_THRESHOLD:
+            limits = f"between {LOWEST_THRESHOLD} and {HIGHEST_THRESHOLD}"
+            raise ValueError(f"threshold is {self.threshold}, must lie {limits}")
+        if not 1.0 < self.margin < np.inf:
+            raise ValueError(f"margin is {self.margin}, must be above 1 and finite")
 
-    def find(self, spectra: ArrayLike) -> Edges:
+    def find(self, spectra: ArrayLike, noise: float = 0.0) -> Edges:
         """Edges of spectra (n_pose, n_bin): positions [bins], peaks and validity, each (n_pose,).
 
-        VALID; NO_RETURN where there is no power at all; WEAK where the peak is not above margin times the noise;
-        TOO_NEAR where the first bin is above the level already.  Raises ValueError for another shape or under 3 bins.
+        noise : mean power of the receiver's noise in a bin of the spectra
+        VALID; NO_RETURN where there is no power at all; WEAK where no bin reaches margin times the noise; TOO_NEAR
+        where the first bin is above the level.  Raises ValueError for another shape or under 3 bins.
         """
         power = np.asarray(spectra, dtype=np.float64)
         if power.ndim != 2 or power.shape[1] < 3:
             raise ValueError(f"spectra have the shape {power.shape}, must be (n_pose, n_bin) with 3 bins or more")
-        peak = peaks(power)
-        level = np.maximum(self.threshold * peak, self.margin * self.noise)
-        found = (peak > 0.0) & (peak > self.margin * self.noise)
-        first = np.argmax(power >= level[:, None], axis=-1)
+        peak = _peaks(power)
+        level = np.maximum(self.threshold * peak, self.margin * noise)
+        above = power >= level[:, None]
+        first = np.argmax(above, axis=-1)
         validity = np.full(len(power), Validity.VALID, dtype=np.uint8)
         validity[first == 0] = Validity.TOO_NEAR
-        validity[~found] = Validity.WEAK
+        validity[~np.any(above, axis=-1)] = Validity.WEAK
         validity[~(peak > 0.0)] = Validity.NO_RETURN
         position = np.full(len(power), np.nan)
         good = validity == Validity.VALID
-        position[good] = _crossing(power[good], first[good], level[good]) + half_width(level[good] / peak[good])
+        position[good] = _by_slopes(power[good], first[good], level[good], noise)
         return Edges(position, peak, validity)
 
 
-def half_width(share: ArrayLike) -> Array:
-    """Distance [bins] from a lone scatterer to where its power is ``share`` of its peak; 1 for a quarter."""
-    return np.asarray(np.interp(np.asarray(share, dtype=np.float64), FLANK_POWER, FLANK))
-
-
-def peaks(power: Array) -> Array:
+def _peaks(power: Array) -> Array:
     """Height of the highest peak of each spectrum (n_pose, n_bin), between the bins as well."""
     at = np.argmax(power, axis=-1)
     top = np.take_along_axis(power, at[:, None], axis=-1)[:, 0]
@@ -93,11 +96,14 @@ def peaks(power: Array) -> Array:
     left, middle, right = np.log(np.where(smooth[:, None], around, 1.0)).T
     bend = 2.0 * middle - left - right
     rise = np.divide((right - left) ** 2, 8.0 * bend, out=np.zeros_like(top), where=bend > 0.0)
-    return np.asarray(top * np.exp(rise))
+    return np.asarray(top * np.minimum(np.exp(rise), _SCALLOPING))
 
 
-def _crossing(power: Array, first: NDArray[np.intp], level: Array) -> Array:
-    """Where a straight line through the amplitudes of the bins before ``first`` and at it crosses the level [bins]."""
-    rows = np.arange(len(power))
-    before, after, wanted = (np.sqrt(v) for v in (power[rows, first - 1], power[rows, first], level))
-    return np.asarray(first - (after - wanted) / (after - before))
+def _by_slopes(power: Array, first: NDArray[np.intp], level: Array, noise: float) -> Array:
+    """Position [bins] of the edge by the slopes before and behind ``first``, the first bin above the level."""
+    bins = np.minimum(first[:, None] + np.array([-1, 0, 1]), power.shape[-1] - 1)
+    before, at, after = np.sqrt(np.maximum(np.take_along_axis(power, bins, axis=-1) - noise, 0.0)).T
+    share = (np.sqrt(level - noise) - before) / (at - before)
+    share[after > 2.0 * at] = 1.0
+    near, far = ((2.0 * high - low) / (high + low) for low, high in ((before, at), (at, after)))
+    return np.asarray(first + (1.0 - share) * (near - 1.0) + share * far)

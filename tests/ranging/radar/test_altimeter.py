@@ -14,7 +14,6 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE, cosine_antenna
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.radar.dome import random_turn
-from fti.ranging.radar.edge import LeadingEdge
 from fti.ranging.radar.quantise import quantised
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, Returns, Validity
@@ -158,9 +157,20 @@ def test_heights_near_the_ground_are_told_as_well() -> None:
 
 def test_a_weak_echo_is_no_height() -> None:
     """The threshold of detection is 10 dB over the noise: a receiver that is deaf hears nothing at 300 m."""
-    loud = along(RadarAltimeter(), 300.0).power[0]
-    deaf = RadarAltimeter(edge=LeadingEdge(noise=loud))
+    received = along(RadarAltimeter(), 300.0).power[0]
+    deaf = RadarAltimeter(noise_factor=received / RadarAltimeter(noise_factor=1.0).noise)
     assert along(deaf, 300.0).validity.tolist() == [Validity.WEAK]
+
+
+def test_noise_is_that_of_the_ramp_and_the_power() -> None:
+    """k 290 K F 3/2 over duration of the ramp and transmitted power: a tenth of the ramp, ten times the noise."""
+    usual, short = RadarAltimeter(), RadarAltimeter(waveform=Waveform(delta_t=10e-6))
+    assert usual.noise == pytest.approx(1.5 * 1.380649e-23 * 290.0 * 10.0 / (100e-6 * 0.4), rel=1e-12, abs=0.0)
+    assert short.noise == pytest.approx(10.0 * usual.noise, rel=1e-12, abs=0.0)
+    assert RadarAltimeter(transmit_power=0.1).noise == pytest.approx(4.0 * usual.noise, rel=1e-12, abs=0.0)
+    for power, factor in ((0.0, 10.0), (np.inf, 10.0), (0.4, 0.5), (0.4, np.nan)):
+        with pytest.raises(ValueError, match=r"transmit_power is .*noise_factor"):
+            RadarAltimeter(transmit_power=power, noise_factor=factor)
 
 
 @pytest.mark.parametrize("limits", [(-1.0, 100.0), (200.0, 100.0), (0.0, np.inf), (0.0, 14_985.0)])
@@ -216,7 +226,7 @@ def test_incoherent_spectrum_is_the_mean_of_random_phases(scale: int) -> None:
     them.
     """
     where = poses(100.0, 0.6, 0.05)
-    mean, one = (RadarAltimeter(NARROW, 12, edge=LeadingEdge(), max_range=180.0, coherent=c) for c in (False, True))
+    mean, one = (RadarAltimeter(NARROW, 12, max_range=180.0, coherent=c) for c in (False, True))
     echoes = trace_beam(rough(), where, mean.beam, mean.ground, 180.0)
     rng = np.random.default_rng(20)
     ramps = 400 * scale
@@ -252,8 +262,8 @@ def test_scatter_of_the_edge_falls_with_the_rays(scale: int) -> None:
 
 def test_noise_of_a_ramp_has_the_power_that_the_detector_expects() -> None:
     """White noise alone, one ramp with a Hann window: the mean over 1638 bins and 20 ramps, 1 / sqrt(16000 / 1.5)."""
-    sensor = RadarAltimeter(NARROW, edge=LeadingEdge(noise=3e-12), coherent=True)
+    sensor = RadarAltimeter(NARROW, noise_factor=2e4, coherent=True)
     echoes = trace_beam(FLAT, poses(np.full(20, 300.0), np.pi), sensor.beam, sensor.ground, 500.0)
     noise = sensor.spectra(echoes, np.random.default_rng(3))
-    assert noise[:, 8:].mean() == pytest.approx(3e-12, rel=0.05)
-    np.testing.assert_array_equal(RadarAltimeter(NARROW, edge=LeadingEdge(noise=3e-12)).spectra(echoes), 3e-12)
+    assert noise[:, 8:].mean() == pytest.approx(sensor.noise, rel=0.05, abs=0.0)
+    np.testing.assert_array_equal(RadarAltimeter(NARROW, noise_factor=2e4).spectra(echoes), sensor.noise)
