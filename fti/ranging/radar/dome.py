@@ -136,7 +136,8 @@ def half_dome(order: int, turn: Array | None = None) -> Dome:
     """
     if turn is None:
         return _upright(order)
-    if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=1e-9):
+    square = turn.shape == (3, 3) and np.allclose(turn @ turn.T, np.eye(3), rtol=0.0, atol=1e-9)
+    if not (square and np.linalg.det(turn) > 0.0):
         raise ValueError(f"the turn of a dome is no rotation: {turn.tolist()}")
     whole = sphere(order)
     rays = whole.rays @ turn.T

@@ -80,6 +80,15 @@ def test_a_turned_dome_is_the_same_half_sphere_by_other_rays(order: int) -> None
     assert np.degrees(np.arccos(nearest.min())) > 1.0
 
 
+def test_a_turn_takes_each_ray_along() -> None:
+    """What lay on the boresight lies where the turn takes it: 20 deg about +x, from +z towards -y."""
+    tilt = np.radians(20.0)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(tilt), -np.sin(tilt)], [0.0, np.sin(tilt), np.cos(tilt)]])
+    corner = np.array([0.0, -np.sin(tilt), np.cos(tilt)])
+    at = np.argmax(half_dome(3, turn).rays_s @ corner)
+    np.testing.assert_allclose(half_dome(3, turn).rays_s[at], corner, atol=1e-15)
+
+
 def test_random_turns_favour_no_direction() -> None:
     """Mean of where the boresight goes: the standard deviation of each part is sqrt(1 / 3 N); 4.5 of it."""
     rng = np.random.default_rng(6)
@@ -98,7 +107,7 @@ def test_rays_within_an_angle() -> None:
 def test_order_and_shared_arrays_are_guarded() -> None:
     with pytest.raises(ValueError, match="order"):
         sphere(0)
-    for turn in (2.0 * np.eye(3), np.eye(2), np.full((3, 3), np.nan)):
+    for turn in (2.0 * np.eye(3), np.eye(2), np.full((3, 3), np.nan), np.diag([1.0, 1.0, -1.0])):
         with pytest.raises(ValueError, match="no rotation"):
             half_dome(3, turn)
     with pytest.raises(ValueError, match="read-only"):
