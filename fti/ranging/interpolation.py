@@ -37,8 +37,11 @@ def interpolated(
 
     NaN before the first and after the last epoch, beside an epoch that is NaN, and between epochs more than
     ``MOST_TURN`` apart in attitude.  Velocities are the derivative of the cubic, or a line between the epochs'.
-    Raises ValueError for times that do not ascend, or are not as many as the epochs.
+    Raises ValueError for times that do not ascend, or are not as many as the epochs, and for another ``position``.
     """
+    place = {"hermite": _hermite, "line": _line}.get(position)
+    if place is None:
+        raise ValueError(f"position is {position!r}, must be hermite or line")
     knots, when = np.asarray(times, dtype=np.float64), np.asarray(at, dtype=np.float64)
     if knots.shape != (len(epochs),) or len(knots) < 2 or not (np.diff(knots) > 0.0).all():
         raise ValueError(f"{len(epochs)} epochs need as many times, at least 2, ascending; there are {knots.shape}")
@@ -46,7 +49,6 @@ def interpolated(
     step = np.diff(knots)[before]
     share = (when - knots[before]) / step
     share = np.where((share >= 0.0) & (share <= 1.0), share, np.nan)
-    place = _hermite if position == "hermite" else _line
     origins, vels = place(epochs, before, share[:, None], step[:, None])
     turns = _turn(np.swapaxes(epochs.mats_ls[:-1], -1, -2) @ epochs.mats_ls[1:])
     return Poses(origins, epochs.mats_ls[before] @ _rotation(share[:, None] * turns[before]), vels)

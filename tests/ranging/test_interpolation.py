@@ -100,3 +100,8 @@ def test_nothing_is_known_outside_beside_a_lost_epoch_and_across_half_a_turn() -
 def test_times_must_ascend_and_fit(times: list[float]) -> None:
     with pytest.raises(ValueError, match="ascending"):
         interpolated(times, truth(np.arange(3.0)), [0.5])
+
+
+def test_another_way_to_interpolate_is_refused() -> None:
+    with pytest.raises(ValueError, match="must be hermite or line"):
+        interpolated([0.0, 1.0], truth(np.arange(2.0)), [0.5], "linear")  # type: ignore[arg-type]
