@@ -146,6 +146,7 @@ def test_range_bins_are_the_incoherent_spectrum() -> None:
     rng = np.random.default_rng(2)
     ranges, powers = rng.uniform(0.0, 400.0, (3, 300)), rng.exponential(1e-9, (3, 300))
     ranges[0, 0], ranges[1, 1], ranges[2, 2], ranges[2, 3] = np.nan, 1e4, -1.0, 37.0 * WAVE.range_bin
+    ranges[1, :3] = (baseband.n_bin + np.array([-0.8, -0.3, 0.2])) * WAVE.range_bin  # the last bin, and just beyond
     found = range_bins(ranges, powers, WAVE.range_bin, baseband.n_bin)
     expected = np.stack([baseband.incoherent(r, p) for r, p in zip(ranges, powers, strict=True)])
     assert found.shape == expected.shape
