@@ -30,8 +30,8 @@ from fti.ranging.sensor import Validity
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
-#: An error beyond so many of its own sigma does not fit: one in a thousand.
-_FITS = 3.29
+#: An error beyond so many of its own sigma is not believed: one in a thousand.
+BELIEVED = 3.29
 _EXACT = 1e-9  # [rad] phases without noise fit to rounding
 _TURN = 2.0 * np.pi
 
@@ -95,7 +95,7 @@ class Baselines:
         sines, errors = self._candidates(measured[..., 0], measured[..., 1], measured[..., 2])
         order = np.argsort(errors, axis=-1)[..., :2]
         (first, second), (sine, _) = (np.moveaxis(np.take_along_axis(of, order, -1), -1, 0) for of in (errors, sines))
-        fits = _FITS * self.error_sd + _EXACT
+        fits = BELIEVED * self.error_sd + _EXACT
         validity = np.where(first > fits, Validity.WEAK, np.where(second <= fits, Validity.AMBIGUOUS, Validity.VALID))
         validity = np.where(np.isinf(first), Validity.UNKNOWN, validity).astype(np.uint8)
         return np.arcsin(np.where(np.isinf(first), np.nan, sine)), validity

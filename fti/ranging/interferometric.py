@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.ranging.baselines import Baselines
+from fti.ranging.baselines import BELIEVED, Baselines
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.outcome import Outcome
 from fti.terrain.terrain import Terrain
@@ -58,7 +58,8 @@ def direction_from_angles(slant_angle: ArrayLike, look_angle: ArrayLike, velocit
     """Unit vectors (..., 3) in the sensor frame: the inverse of ``angles_from_direction`` below the aircraft.
 
     slant_angle, look_angle : (...) [rad]; velocity_s : (..., 3), of any length
-    Returns NaN where no such direction exists, and where there is no velocity or only one along the antennas.
+    Returns NaN where no such direction exists, and where there is no velocity along x of the sensor: without one at
+    all, or along the antennas, there is no plane, and with one straight down the plane has no lower half.
     """
     v = _unit(np.asarray(velocity_s, dtype=np.float64))
     k, along, across = v[..., 1], np.sin(slant_angle), np.sin(look_angle)
@@ -66,7 +67,8 @@ def direction_from_angles(slant_angle: ArrayLike, look_angle: ArrayLike, velocit
     a, b = (along - k * across) / oblique, (across - k * along) / oblique
     left = 1.0 - a * along - b * across  # |a v + b y|^2 = a sin gamma + b sin theta
     c = np.sqrt(np.where(left >= 0.0, left, np.nan) / oblique)
-    down = np.sign(v[..., :1]) * np.stack((-v[..., 2], np.zeros_like(k), v[..., 0]), axis=-1)  # v x y, length not yet 1
+    forwards = np.where(v[..., :1] == 0.0, np.nan, np.sign(v[..., :1]))
+    down = forwards * np.stack((-v[..., 2], np.zeros_like(k), v[..., 0]), axis=-1)  # v x y, length not yet 1
     return np.asarray(a[..., None] * v + b[..., None] * np.array([0.0, 1.0, 0.0]) + c[..., None] * down)
 
 
@@ -94,7 +96,8 @@ class InterferometricAltimeter(RangingSensor):
     field_of_view  : full width of the antennas across, about the sensor's x-z plane [rad]
     max_range      : beyond it there is no return [m]
     range_sd, slant_angle_sd, look_angle_sd : noise [m, rad, rad]; table III.  They are drawn independently: see below
-    baselines      : the three antennas: then the look angle comes from their phases instead of ``look_angle_sd``
+    baselines      : the three antennas: then the look angle comes from their phases instead of ``look_angle_sd``; their
+                     look_limit must hold the field of view
     rays           : rays of the search, along and across the track
     Raises ValueError for figures out of range.
 
@@ -124,12 +127,23 @@ class InterferometricAltimeter(RangingSensor):
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
         if min(self.rays) < 2:
             raise ValueError(f"rays is {self.rays}, must be at least 2 each way")
+        self._check_look_limit()
+
+    def _check_look_limit(self) -> None:
+        """From beyond the limit of the antennas other integers may fit as well as the right ones never tried."""
+        if self.baselines is not None:
+            edge = 0.5 * self.field_of_view
+            needed = edge + BELIEVED * float(self.baselines.look_angle_sd(edge))
+            if self.baselines.look_limit < needed:
+                said = f"look_limit of the baselines is {self.baselines.look_limit:.4f} rad"
+                raise ValueError(f"{said}, must be at least half the field of view and its noise, {needed:.4f} rad")
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> InterferometricReturns:
         """The nearest point in the strip at each pose; not valid where ground within that range is not known.
 
-        Validity besides that of rays: UNKNOWN without a velocity across the antennas (there is no plane), AMBIGUOUS
-        and WEAK as ``Baselines.resolved`` says.  Dispersion and power are not known to this form.
+        Validity besides that of rays: UNKNOWN without a velocity along x of the sensor (there is no plane), TOO_NEAR
+        where noise makes the range negative, AMBIGUOUS and WEAK as ``Baselines.resolved`` says.  Dispersion and power
+        are not known to this form.
         """
         velocity_s = np.einsum("nji,nj->ni", poses.mats_ls, poses.vels_l)
         ranges, angles, validity = self._nearest(terrain, poses, velocity_s)
@@ -137,6 +151,7 @@ class InterferometricAltimeter(RangingSensor):
         validity = np.where(validity == Validity.VALID, said, validity).astype(np.uint8)
         if rng is not None:
             ranges = ranges + self.range_sd * rng.standard_normal(ranges.shape)
+        validity[(validity == Validity.VALID) & (ranges < 0.0)] = Validity.TOO_NEAR
         direction = direction_from_angles(slant, look, velocity_s)
         validity[(validity == Validity.VALID) & np.isnan(direction[:, 0])] = Validity.UNKNOWN
         valid = validity == Validity.VALID

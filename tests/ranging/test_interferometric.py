@@ -245,6 +245,32 @@ def test_without_a_velocity_there_is_no_plane() -> None:
     assert (measured(still).validity == Validity.UNKNOWN).all() and np.isnan(measured(still).slant_range).all()
     at.vels_l[1] = [SPEED, 0.0, 0.0]  # to the right, along the antennas
     assert measured(at).validity.tolist() == [Validity.VALID, Validity.UNKNOWN]
+    at.vels_l[1] = [0.0, 0.0, -5.0]  # straight down: the plane is level, and nothing in it is below
+    assert measured(at).validity.tolist() == [Validity.VALID, Validity.UNKNOWN]
+    assert np.isnan(direction_from_angles(0.1, 0.2, [0.0, 0.0, 5.0])).all()
+
+
+def test_noise_makes_no_negative_range() -> None:
+    at = poses(np.zeros(60))
+    at.origins_l[:, 2] = 3.0
+    found = InterferometricAltimeter(rays=(2, 3)).measure(FLAT, at, np.random.default_rng(2))
+    assert 0.1 < (found.validity == Validity.TOO_NEAR).mean() < 0.45  # of 4.54 m a quarter is below -3 m
+    assert found.valid.any() and found.slant_range[found.valid].min() >= 0.0
+    assert np.isnan(found.slant_range[~found.valid]).all()
+
+
+def test_antennas_that_cannot_tell_the_whole_field_of_view_are_refused() -> None:
+    """With equal baselines and a limit of 7 deg a point at 12 deg would be told at -4.1 deg, and believed."""
+    narrow = Baselines(0.07, 0.25, 0.25, look_limit=np.radians(7.0))
+    sine = np.sin(np.radians(12.0)) - 0.07 / 0.25
+    assert narrow.resolved(narrow.phases(np.radians(12.0)))[0] == pytest.approx(np.arcsin(sine), abs=1e-9)
+    with pytest.raises(ValueError, match="look_limit"):
+        InterferometricAltimeter(baselines=narrow)
+    fits = InterferometricAltimeter(field_of_view=np.radians(14.0), baselines=narrow)
+    assert measured(poses(5.0), sensor=fits).look_angle == pytest.approx(np.radians(5.0), abs=5e-5)
+    noisy = Baselines(0.07, 0.25, 0.25, phase_sd=0.01, look_limit=np.radians(7.0))
+    with pytest.raises(ValueError, match="look_limit"):
+        InterferometricAltimeter(field_of_view=np.radians(14.0), baselines=noisy)
 
 
 def test_beyond_its_range_there_is_no_return() -> None:
