@@ -241,7 +241,7 @@ def synthetic_landscape(
     """
     if name not in _MAKERS:
         raise ValueError(f"no landscape is called {name!r}: {', '.join(LANDSCAPES)}")
-    if not (extent_m >= LEAST_EXTENT_M and 0.0 < cell_m <= 0.1 * LEAST_EXTENT_M):
+    if not (LEAST_EXTENT_M <= extent_m < np.inf and 0.0 < cell_m <= 0.1 * LEAST_EXTENT_M):
         raise ValueError(
             f"extent_m is {extent_m}, cell_m {cell_m}: must be >= {LEAST_EXTENT_M}, and a tenth of it or less"
         )

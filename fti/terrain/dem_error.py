@@ -55,7 +55,7 @@ def _check_not_negative(value: object, *names: str, at_most: float = np.inf) -> 
 class Changes:
     """What has changed in a landscape since it was surveyed; the elevation model knows nothing of it.
 
-    growth       : by which trees have grown [m]
+    growth       : by which trees have grown [m]; where that is all of their height there were none
     felled       : share of what is open now (bare, grass, crop) on which trees stood then, 10 to 25 m high
     new_forest   : share of the forest of now that was open then
     new_buildings: share of the buildings of now that were not there
@@ -79,7 +79,7 @@ class Changes:
         canopy, cover = now.canopy.copy(), now.cover.copy()
         trees = cover == Cover.FOREST
         canopy[trees] = np.maximum(canopy[trees] - self.growth, 0.0)
-        gone = trees & _stands(now, rng, trees, self.new_forest)[0]
+        gone = trees & (_stands(now, rng, trees, self.new_forest)[0] | (canopy == 0.0))
         built = cover == Cover.BUILDING
         roofs = np.unique(canopy[built])
         gone |= built & np.isin(canopy, roofs[rng.random(len(roofs)) < self.new_buildings])

@@ -59,7 +59,8 @@ class Landscape:
     ground : Terrain of one layer, the bare ground
     canopy : ndarray, shape (rows, columns) [m]    height of plants and buildings above it, >= 0
     cover  : ndarray, shape (rows, columns), uint8  numbers of ``Cover``
-    Raises ValueError for another shape, a canopy that is negative or no number, a number that is no ``Cover``.
+    Raises ValueError for another shape, a canopy that is negative or no number, a cover that is no
+    uint8 or no number of ``Cover``.
     """
 
     ground: Terrain
@@ -73,10 +74,12 @@ class Landscape:
         for name in ("canopy", "cover"):
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name} has the shape {getattr(self, name).shape}, must be that of ground, {shape}")
-        if not (self.canopy >= 0.0).all():
+        if not ((self.canopy >= 0.0) & np.isfinite(self.canopy)).all():
             raise ValueError("canopy has posts that are negative or no number")
-        if self.cover.max() > max(Cover):
-            raise ValueError(f"cover has the number {self.cover.max()}, must be one of Cover, 0 to {max(Cover)}")
+        unknown = np.setdiff1d(self.cover, list(Cover))
+        if len(unknown) or self.cover.dtype != np.uint8:
+            said = f"the number {unknown[0]}" if len(unknown) else f"the type {self.cover.dtype}"
+            raise ValueError(f"cover has {said}, must be uint8 of Cover, 0 to {max(Cover)}")
 
     @functools.cached_property
     def surface(self) -> Terrain:

@@ -50,7 +50,8 @@ def forest(
     pattern = fractal_relief(shape, cell_m, rng, **smooth)
     age = np.clip(0.5 + 0.3 * fractal_relief(shape, cell_m, rng, **smooth), 0.0, 1.0)
     stand = np.clip(10.0 + 15.0 * age + crown_sd * rng.standard_normal(shape), 10.0, 25.0)
-    return np.where(pattern > np.quantile(pattern, 1.0 - cover), stand, 0.0)
+    open_below = np.quantile(pattern, 1.0 - cover) if cover < 1.0 else -np.inf
+    return np.where(pattern > open_below, stand, 0.0)
 
 
 def irregular_steps(begin: float, end: float, rng: Rng, *, shortest_m: float, longest_m: float) -> Array:

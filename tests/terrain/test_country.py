@@ -97,6 +97,12 @@ def test_airfield_of_the_river_valley_is_level_dry_and_clear(seed: int) -> None:
 def test_wrong_names_and_sizes_are_refused() -> None:
     with pytest.raises(ValueError, match=r"no landscape is called 'hills': plane, rough"):
         synthetic_landscape("hills", 1)
-    for size in ({"cell_m": 0.0}, {"extent_m": 400.0}, {"cell_m": 51.0}, {"extent_m": float("nan")}):
+    for size in (
+        {"cell_m": 0.0},
+        {"extent_m": 400.0},
+        {"cell_m": 51.0},
+        {"extent_m": float("nan")},
+        {"extent_m": np.inf},
+    ):
         with pytest.raises(ValueError, match="extent_m is"):
             synthetic_landscape("plane", 1, **size)

@@ -156,6 +156,17 @@ def test_trees_have_grown_and_stands_were_felled_and_planted() -> None:
     assert edges.mean() < 0.02  # stands, not single posts
 
 
+def test_changes_of_all_leave_nothing_behind() -> None:
+    now, then = then_of(Changes(felled=1.0), "forest")
+    assert not np.isin(then.cover, [Cover.BARE, Cover.GRASS, Cover.CROP]).any()
+    _, then = then_of(Changes(new_forest=1.0), "forest")
+    assert not (then.cover == Cover.FOREST).any()
+    _, then = then_of(Changes(growth=18.0), "forest")  # what is lower than that was no forest
+    stood = then.cover == Cover.FOREST
+    assert (then.canopy[stood] > 0.0).all() and 0 < stood.sum() < (now.cover == Cover.FOREST).sum()
+    assert (then.cover[(now.cover == Cover.FOREST) & (now.canopy <= 18.0)] == Cover.GRASS).all()
+
+
 def test_new_buildings_are_missing_whole() -> None:
     now, then = then_of(Changes(new_buildings=0.3), "town")
     built = now.cover == Cover.BUILDING

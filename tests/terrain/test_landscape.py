@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -41,12 +43,16 @@ def test_cover_of_the_nearest_post() -> None:
 
 def test_wrong_landscapes_are_refused() -> None:
     shape = COVER.shape
+    cover: Any
     for canopy, cover, message in (
         (np.zeros((2, 2)), COVER, "canopy has the shape"),
         (np.zeros(shape), COVER[:, :3], "cover has the shape"),
         (np.full(shape, -1.0), COVER, "negative or no number"),
         (np.full(shape, np.nan), COVER, "negative or no number"),
+        (np.full(shape, np.inf), COVER, "negative or no number"),
         (np.zeros(shape), np.full(shape, 7, dtype=np.uint8), "the number 7"),
+        (np.zeros(shape), np.full(shape, -1, dtype=np.int8), "the number -1"),
+        (np.zeros(shape), COVER.astype(np.float64), "the type float64"),
     ):
         with pytest.raises(ValueError, match=message):
             Landscape(GROUND, canopy, cover)
