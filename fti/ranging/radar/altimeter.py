@@ -8,7 +8,8 @@ rays added with the phase of the carrier: speckle.
 
 What the edge is.  It is where the spectrum first rises above a share of its peak, so over level ground it lies a little
 behind the nearest point: the echoes of a wide beam rise within a bin and stay.  The rays make a comb of it: the nearest
-ones are h delta^2 / 2 apart, delta their angle, 1.6 bins at 800 m and 2051 rays.  Both are in the tests, in metres.
+ones are h delta^2 / 2 apart, delta their angle, 1.6 bins at 800 m and 2051 rays.  So level ground, 100 to 800 m below,
+reads long, never short: by 0.25 to 2.5 m with 751 rays, to 0.85 m with 2051, to 0.4 m with 8101.
 
 What is left out: multiple reflections, penetration of vegetation and snow, reflectivity by land cover, the turning of
 the lever arm, tracking from one measurement to the next.
@@ -52,7 +53,7 @@ _UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN, Outcome.BURIED)
 
 
 class Beams(NamedTuple):
-    """Of each pose: slant range of the edge [m], the ray it came from (-1: none), dispersion [m], power, validity."""
+    """Of each pose: slant range of the edge [m], the ray that gives most there, dispersion [m], power, validity."""
 
     slant_range: Array
     ray: NDArray[np.intp]
@@ -66,7 +67,8 @@ class RadarAltimeter(RangingSensor):
     """An FMCW radar altimeter that follows the leading edge.
 
     antenna    : gain for transmission and for reception; boresight +z
-    order      : of the geodesic dome: 12, 20, 40 for 751, 2051, 8101 rays before those without gain are left out
+    order      : of the geodesic dome: 12, 20, 40 for 751, 2051, 8101 rays before those without gain are left out; level
+                 ground reads long by up to 2.5, 0.85, 0.4 m
     turn       : rotation of the dome, (3, 3): the same beam by other rays; None leaves one ray on the boresight
     ground     : backscatter of the ground
     waveform   : of the saw tooth; one range bin is c / (2 delta_f), 0.5 m at 300 MHz
@@ -124,7 +126,8 @@ class RadarAltimeter(RangingSensor):
         """The leading edge at each pose.  direction_s is that of the ray which gives most of the power at the edge.
 
         validity: TOO_NEAR, TOO_FAR; WEAK, under the noise; NO_RETURN; and HOLE, OUTSIDE, BURIED or UNKNOWN where more
-        than 1 % of the beam ends so: what nobody knows may be nearer than what was found.
+        than 1 % of the beam ends so: what nobody knows may be nearer than what was found, or outshine it.  Rays towards
+        the sky count as well where they leave the coverage within max_range: a hill may stand there.
         """
         parts = [self._edges(echoes, rng) for echoes in self._traced(terrain, poses)]
         found = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
@@ -180,7 +183,7 @@ class RadarAltimeter(RangingSensor):
         share = np.stack([(echoes.outcomes == reason) @ self.beam.weights for reason in _UNKNOWN])
         reason = np.asarray(_UNKNOWN)[np.argmax(share, axis=0)]
         found = np.where(share.sum(axis=0) > _UNKNOWN_SHARE * self.beam.weights.sum(), reason, Outcome.HIT)
-        found[np.isnan(echoes.range_rates[:, 0])] = Outcome.UNKNOWN
+        found[~np.isfinite(echoes.range_rates[:, 0])] = Outcome.UNKNOWN
         return found.astype(np.uint8)
 
 
