@@ -88,6 +88,11 @@ def test_direction_is_that_of_the_effective_look_angle() -> None:
         theirs = np.cos(xi)[:, None] * first + np.sin(xi)[:, None] * second
         assert (np.abs(theirs - here).max(axis=1) > 0.03).all() == mirrored
         assert mirrored or theirs == pytest.approx(here, abs=1e-14)
+    for arctangent, up in ((np.arctan(t1 / t2), False), (np.arctan2(-t1, -t2), True)):  # 35 with t as printed: -t
+        xi = np.arcsin(np.sin(look) / np.hypot(t1, t2)) - arctangent
+        theirs = np.cos(xi)[:, None] * first + np.sin(xi)[:, None] * second
+        assert ((theirs[:, 2] > 0.0) == up).all()
+        assert up or theirs == pytest.approx(here, abs=1e-14)
 
 
 def test_no_direction_where_there_is_none() -> None:

@@ -102,6 +102,7 @@ def test_rays_beyond_the_last_bin_are_not_seen() -> None:
     far = RADAR.ranges[-1] + 20.0
     assert np.max(RADAR.incoherent([far, 100.0], [1.0, 0.0])) == 0.0
     assert np.max(RADAR.coherent(RADAR.waveform.range_of_bin(2600.0), 1.0)) < 1e-6  # else it would lie in bin 1496
+    assert np.max(RADAR.incoherent(0.2, 1.0, -1000.0)) == 0.0  # the Doppler shift puts it before the first
 
 
 def test_two_rays_half_a_wavelength_apart_on_their_way_cancel() -> None:

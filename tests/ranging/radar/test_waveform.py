@@ -29,8 +29,9 @@ def test_beat_delay_and_range_of_the_source(beat: float, delay: float, rounded: 
 
 
 def test_printed_slope_is_off_by_a_thousand() -> None:
-    printed = 300e9  # 2.72 read as 300 GHz in a second
-    assert 0.5 * 299_792_458.0 * 2.6e6 / printed == pytest.approx(1299.1, abs=0.1)  # where 130 m are meant
+    printed = 300e9 / RADAR.delta_t  # 2.72: 300 / delta_t in GHz/s
+    assert printed / RADAR.slope == pytest.approx(1000.0)
+    assert 0.5 * 299_792_458.0 * 2.6e6 / printed == pytest.approx(0.12991, abs=1e-5)  # where 2.74 says 130 m
 
 
 def test_bin_and_unambiguous_range() -> None:
@@ -57,13 +58,14 @@ def test_phase_is_the_integral_of_the_frequency() -> None:
 
 
 def test_printed_phase_doubles_the_beat() -> None:
-    t = np.linspace(10e-6, 20e-6, 1001)
-    right = mean_beat(RADAR.cycles(t) - RADAR.cycles(t - DELAY), t)
-    printed = mean_beat(RADAR.frequency(t) * t - RADAR.frequency(t - DELAY) * (t - DELAY), t)  # 2.6
-    two_wrongs = mean_beat(RADAR.frequency(t) * t - RADAR.frequency(t - DELAY) * t, t)  # 2.6 with 2.10
-    assert right == pytest.approx(2.6e6, abs=1.0)
-    assert printed == pytest.approx(5.2e6, abs=1.0)
-    assert two_wrongs == pytest.approx(2.6e6, abs=1.0)
+    t, delay = np.linspace(10e-6, 20e-6, 1001), float(delay_of_range(129.8))
+    right = mean_beat(RADAR.cycles(t) - RADAR.cycles(t - delay), t)
+    printed = mean_beat(RADAR.frequency(t) * t - RADAR.frequency(t - delay) * (t - delay), t)  # 2.6
+    two_wrongs = mean_beat(RADAR.frequency(t) * t - RADAR.frequency(t - delay) * t, t)  # 2.6 with 2.10
+    assert right == pytest.approx(float(RADAR.beat(delay)), abs=1.0)
+    assert right == pytest.approx(2.598e6, abs=500.0)
+    assert printed == pytest.approx(5.196e6, abs=500.0)
+    assert two_wrongs == pytest.approx(right, abs=1.0)
 
 
 def test_power_is_no_amplitude() -> None:
