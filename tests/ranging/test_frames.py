@@ -137,6 +137,25 @@ def test_what_the_linear_form_leaves_out_is_as_stated(way: float) -> None:
     assert error_of_linear(lat, np.array([0.0, way, 1000.0]))[1] == pytest.approx(-1000.0 * way / r, rel=0.02)
 
 
+@pytest.mark.parametrize("lat", [-np.pi / 2, np.pi / 2, np.pi / 2 - 3e-6])
+def test_at_a_pole_the_linear_form_says_nothing_and_the_exact_one_goes_across(lat: float) -> None:
+    """20 m from the pole, 30 m on: with a longitude over a radius of nothing it would be 5e10 rad and beyond 90 deg."""
+    d_n = np.array([np.copysign(30.0, lat), 5.0, 100.0])
+    assert all(np.isnan(value) for value in frames.point_geodetic_linear(lat, 0.2, 500.0, d_n))
+    there = frames.point_geodetic(lat, 0.2, 500.0, d_n)
+    assert abs(there[0]) < np.pi / 2 and there[2] == pytest.approx(400.0, abs=1e-3)
+    back = frames.from_point_e(ecef_from_geodetic(*there), lat, 0.2, 500.0)
+    assert back == pytest.approx(d_n, abs=3e-9)
+
+
+def test_across_the_date_line_and_on_the_southern_half_the_point_is_the_same() -> None:
+    d_n = np.array([-40.0, 30.0, 100.0])
+    for lat in (-0.7, 0.7):
+        east_of_it, inland = (frames.point_geodetic(lat, lon, 500.0, d_n) for lon in (np.pi - 1e-7, 0.0))
+        assert east_of_it[0] == pytest.approx(inland[0], abs=1e-15)
+        assert east_of_it[1] == pytest.approx(inland[1] - np.pi - 1e-7, abs=1e-14)
+
+
 def test_topographic_height_is_the_exact_one_but_for_the_curvature() -> None:
     d_n = FLIGHT.d_n()
     _, _, exact = frames.point_geodetic(FLIGHT.lat, FLIGHT.lon, FLIGHT.alt, d_n)

@@ -70,8 +70,15 @@ class Baseband:
 
     @classmethod
     def reaching(cls, max_range: float, waveform: Waveform | None = None) -> Baseband:
-        """With the smallest power of two of samples that passes echoes from ``max_range`` [m] unchanged."""
+        """With the smallest power of two of samples that passes echoes from ``max_range`` [m] unchanged.
+
+        Raises ValueError for a range that is not positive or beyond the unambiguous one.
+        """
         shape = Waveform() if waveform is None else waveform
+        if not 0.0 < max_range <= shape.unambiguous_range:
+            raise ValueError(
+                f"max_range is {max_range} m, must be positive and at most {shape.unambiguous_range:.0f} m"
+            )
         needed = 2.0 / PASS_SHARE * (float(shape.bin_of_range(max_range)) + KERNEL_BINS)
         return cls(shape, 1 << int(np.ceil(np.log2(needed))))
 
@@ -102,7 +109,7 @@ class Baseband:
         ranges      : (n_ray,) [m]    NaN where a ray met nothing
         powers      : (n_ray,)        received over transmitted power; NaN is none
         phases      : phi_n [rad], range_rates: [m/s] growing; floats or (n_ray,)
-        Raises ValueError for a range beyond the unambiguous one.
+        Raises ValueError for a range that is negative or beyond the unambiguous one.
         """
         delay, amplitude, phase, doppler = self._echoes(ranges, powers, phases, range_rates)
         tone = self.waveform.beat(delay) + doppler
@@ -157,8 +164,9 @@ class Baseband:
         columns = np.broadcast_arrays(ranges, powers, phases, range_rates)
         slant_range, power, phase, rate = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in columns)
         back = np.isfinite(slant_range) & (power > 0.0)
-        if np.any(slant_range[back] >= self.waveform.unambiguous_range):
-            raise ValueError(f"ranges reach beyond the unambiguous {self.waveform.unambiguous_range:.0f} m")
+        if np.any((slant_range[back] < 0.0) | (slant_range[back] >= self.waveform.unambiguous_range)):
+            limit = f"the unambiguous {self.waveform.unambiguous_range:.0f} m"
+            raise ValueError(f"ranges must not be negative or reach beyond {limit}")
         shift = -doppler_shift(rate[back], self.waveform.f_c)  # what comes back lower makes a higher beat
         return delay_of_range(slant_range[back]), np.sqrt(power[back]), phase[back], shift
 

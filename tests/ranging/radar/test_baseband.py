@@ -42,6 +42,10 @@ def test_beat_signal_in_the_slip_interval() -> None:
     ranges, powers, phases = np.array([150.0, 400.0]), np.array([1.0, 0.25]), np.array([0.4, 2.0])
     expected = dechirped(base, ranges, powers, phases, np.zeros(2))
     assert np.max(np.abs(base.beat_signal(ranges, powers, phases) - expected)) < 1e-7
+    rates = np.array([-80.0, 60.0])  # they turn the tones by 0.014 rad within 1 us of slip
+    moving = dechirped(base, ranges, powers, phases, rates)
+    slip = np.arange(base.n_sample) / base.rate < delay_of_range(150.0)
+    assert np.max(np.abs(base.beat_signal(ranges, powers, phases, rates) - moving)[slip]) < 3e-3
     t = np.arange(base.n_sample) / base.rate
     one = base.beat_signal(150.0, 1.0)[t < delay_of_range(150.0)]
     crossings = np.count_nonzero(np.diff(np.signbit(one)))
@@ -158,3 +162,9 @@ def test_bad_input_is_refused() -> None:
         Baseband(n_sample=2)
     with pytest.raises(ValueError, match="unambiguous"):
         RADAR.beat_signal(0.5 * SPEED_OF_LIGHT * 100e-6, 1.0)
+    for spectrum in (RADAR.coherent, RADAR.incoherent):
+        with pytest.raises(ValueError, match="negative"):
+            spectrum([-5.0, 100.0], 1.0)
+    for bad in (0.0, -5.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match="max_range"):
+            Baseband.reaching(bad)
