@@ -97,8 +97,8 @@ def point_geodetic_linear(lat: ArrayLike, lon: ArrayLike, alt: ArrayLike, d_n: A
         north      e^2 tan(lat) / 2R too far, e the way east: 0.08 m at 1 km and 45 deg
         east       e n tan(lat) / R too near, n the way north: 0.16 m at 1 km each and 45 deg
         both       a share down / R of the way too near:     0.16 m at 1 km to the side, 1 km below
-    Longitude is not brought back to +-pi.  NaN where the axis of the Earth is no farther than the point: there longitude
-    is not linear.  Use it for Jacobians and short ways.
+    Longitude is not brought back to +-pi.  NaN where the axis of the Earth is no farther than the point: longitude is
+    not linear there.  Use it for Jacobians and short ways.
     """
     way, metres = np.asarray(d_n, dtype=np.float64), metres_per_geodetic(lat, alt)
     off_axis = np.hypot(way[..., 0], way[..., 1]) < metres[..., 1]
