@@ -28,7 +28,7 @@ RUNS = 15
 SEED = 23
 
 #: Between two measurements on the approach and on the low-level flight [s].
-EVERY_S = {"approach": 2.0, "low_level": 0.4}
+EVERY_S = {"approach": 3.0, "low_level": 0.5}
 MAKERS: dict[str, Callable[[int, float], Scenario]] = {"approach": approach, "low_level": low_level}
 GROUNDS = ("flat", "rough")
 #: Roll [rad]: level, inside both beams, inside the wide beam and outside the narrow one, past both.
@@ -181,7 +181,7 @@ def drawings(seed: int) -> dict[str, Draw]:
     """Pictures like fig. 2.54 to 2.59, of the flights with this seed."""
     from fti.study import _slant_range_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 
-    scenarios = functools.cache(lambda kind: MAKERS[kind](seed, 0.5 * EVERY_S[kind]))
+    scenarios = functools.cache(lambda kind: MAKERS[kind](seed, EVERY_S[kind] / 3.0))
     return {
         "approach-track": lambda: plots.track(scenarios("approach")),
         "approach-flat": lambda: plots.situation(scenarios("approach"), "flat"),
