@@ -10,7 +10,7 @@ does all of it: cast the rays, find range, incidence and power of each, make the
     fast sum of tones   fti's rays, then the beat signal of a ramp (Baseband.coherent) and its transform: with speckle
     sum of cosines      fti's rays, then one cosine a ray and sample, as eq. 2.81 says it, and the transform
     numpy, marching     scipy's map_coordinates every metre, a linear crossing, gradient by map_coordinates; numpy bins
-    Embree, numpy       triangles, single precision (embreex through trimesh, where installed); then as numpy
+    Embree, numpy       triangles, single precision (embreex, where installed); then as numpy
 
 RadarSimPy, which does FMCW over meshes of triangles, was to stand here.  It is on no package index, and its repository
 has the Python side only: the simulating core is a private submodule, and what can be had are binaries from its maker's
@@ -35,7 +35,7 @@ from scipy.ndimage import map_coordinates
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine
-from benchmarks.raycast import embree
+from benchmarks.raycast import make_embree, triangles
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
@@ -90,9 +90,9 @@ def contenders(terrain: Terrain) -> dict[str, Contender]:
         "numpy, marching": lambda poses: by_numpy(terrain, poses, marching),
     }
     if importlib.util.find_spec("embreex"):
-        cast = embree(terrain)
+        cast = make_embree(terrain, triangles(terrain))
         found["Embree, numpy"] = lambda poses: by_numpy(
-            terrain, poses, lambda _, o, rays: cast(np.tile(o, (len(rays), 1)), rays)
+            terrain, poses, lambda _, o, rays: cast(np.tile(o, (len(rays), 1)), rays, 1)
         )
     return found
 
