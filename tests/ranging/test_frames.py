@@ -208,3 +208,9 @@ def test_slant_range_over_level_ground_closes_the_loop() -> None:
 def test_no_range_where_the_sensor_is_under_the_ground() -> None:
     assert np.isnan(frames.range_over_level(1.5, LEVEL, LEVEL, LEVEL, [0.0, 0.0, 2.0]))
     assert frames.range_over_level(2.0, LEVEL, LEVEL, LEVEL, [0.0, 0.0, 2.0]) == 0.0
+
+
+def test_no_range_where_the_beam_looks_up() -> None:
+    for roll in (100.0, 180.0, -91.0):
+        mat_nb = mat_from_rpy(np.radians(roll), 0.0, 0.3)
+        assert np.isnan(frames.range_over_level(300.0, mat_nb, LEVEL, LEVEL, np.zeros(3)))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fti.ranging.radar.baseband import Baseband, hann_kernel
 from fti.ranging.radar.edge import LeadingEdge
+from fti.ranging.radar.waveform import Array
 from fti.ranging.sensor import Validity
 
 RADAR = Baseband(n_sample=1024)
@@ -30,17 +31,30 @@ def test_the_chain_finds_the_ranges_of_the_source(beat: float, expected: float) 
     assert float(RADAR.waveform.range_of_bin(edge.position)[0]) == pytest.approx(expected, abs=0.25)  # half a bin
 
 
-@pytest.mark.parametrize("half_beam", [10.0, 30.0, 60.0])
-def test_level_ground_reads_less_than_0_6_bins_long_and_evenly_so(half_beam: float) -> None:
-    """A height that grows by a bin, in steps of a sixteenth: the edge follows, without a step from bin to bin."""
+def level_ground(half_beam: float, heights: Array) -> Array:
+    """Spectra of a beam of 40 000 rays."""
     n = 40_000
     cosine = 1.0 - (1.0 - np.cos(np.radians(half_beam))) * (np.arange(n) + 0.5) / n
     gain = np.exp2(-2.0 * (np.arccos(cosine) / np.radians(half_beam)) ** 2)
+    return np.stack([RADAR.incoherent(height / cosine, gain**2 * cosine**2 / n) for height in heights])
+
+
+@pytest.mark.parametrize("half_beam", [10.0, 30.0, 60.0])
+def test_level_ground_reads_less_than_0_6_bins_long_and_evenly_so(half_beam: float) -> None:
+    """A height that grows by a bin, in steps of a sixteenth: the edge follows, without a step from bin to bin."""
     heights = 150.0 + RADAR.waveform.range_bin * np.arange(17) / 16
-    spectra = np.stack([RADAR.incoherent(height / cosine, gain**2 * cosine**2 / n) for height in heights])
-    long = RADAR.waveform.range_of_bin(EDGE.find(spectra).position) - heights
+    long = RADAR.waveform.range_of_bin(EDGE.find(level_ground(half_beam, heights)).position) - heights
     assert long.min() > 0.15 and long.max() < 0.3  # m: the flank of a spread echo is longer than that of a lone one
     assert np.ptp(long) < 0.04
+
+
+def test_mean_of_the_noise_moves_no_edge() -> None:
+    """A level of ten times the noise lies nine times over what the ground adds to it."""
+    ground = level_ground(30.0, 150.0 + RADAR.waveform.range_bin * np.arange(8) / 8)
+    half = LeadingEdge(0.5).find(ground)
+    for spectrum, peak, position in zip(ground, half.peak, half.position, strict=True):
+        noise = 0.5 * peak / 9.0
+        assert EDGE.find(spectrum[None] + noise, noise).position[0] == pytest.approx(position, abs=1e-9)
 
 
 def test_first_edge_counts_and_not_the_highest_peak() -> None:
