@@ -113,7 +113,7 @@ def same_bytes(one: Returns, other: Returns) -> bool:
     return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
 
 
-def flown(poses: int = 12) -> Poses:
+def flown(poses: int = 8) -> Poses:
     rng = np.random.default_rng(11)
     roll, pitch = rng.uniform(-0.3, 0.3, (2, poses))
     at = looking_down(rng.uniform(100.0, 500.0, poses), roll, pitch, rng.uniform(0.0, 6.0, poses))
