@@ -96,5 +96,7 @@ def as_text(table: dict[str, Any], results: list[Result]) -> str:
 def as_line(result: Result, width: int) -> str:
     """A result for a person; width : of the column of targets."""
     value = f"{result.value}" if isinstance(result.value, int) else f"{result.value:.4g}"
-    verdict = "holds" if result.holds else "DOES NOT HOLD"
+    from fti.study import REPORTED
+
+    verdict = ("holds" if result.holds else "DOES NOT HOLD") if result.target != REPORTED else ""
     return f"  {result.id:{width}} {value:>10}  target {result.target:14} {verdict:14} {result.quantity}"

@@ -33,6 +33,10 @@ Progress = Callable[[float], None]
 Draw = Callable[[], "Figure"]
 
 
+#: Target of a result that is told and not judged.
+REPORTED = "reported"
+
+
 @dataclass(frozen=True, slots=True)
 class Result:
     """One quantity.  id : of the target; value : found; target : in words; holds : the target is reached."""

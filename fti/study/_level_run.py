@@ -24,7 +24,7 @@ from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.radar.waveform import WAVEFORM_24_GHZ
 from fti.ranging.sensor import Poses
-from fti.study import Result
+from fti.study import REPORTED, Result
 from fti.study._statistics import pooled_ratio, ratio_interval
 from fti.terrain.country import synthetic_landscape
 from fti.terrain.dem_error import DemError
@@ -166,4 +166,4 @@ def _ratio(runs: list[Run], path: str, antenna: str, seed: int) -> list[Result]:
         f" {rms:.2f} / {plain:.2f} m, 95 % interval {low:.2f} to {high:.2f}"
     )
     name = f"T1.{path}" if antenna == "wide" else f"T1.{path}_{antenna}"
-    return [Result(name, text, ratio, "<= 0.5, bound" if gated else "reported", not gated or high <= LIMIT)]
+    return [Result(name, text, ratio, "<= 0.5, bound" if gated else REPORTED, not gated or high <= LIMIT)]

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.study import Draw, Progress, Result
+from fti.study import REPORTED, Draw, Progress, Result
 from fti.study._flown import Flown, fly
 from fti.study._scenarios import Scenario, approach, low_level
 from fti.study._statistics import LEVEL, least_positive
@@ -173,7 +173,7 @@ def _reported(flown: list[Run]) -> list[Result]:
             for part, low, high in (("level", 0.0, LEVEL_ROLL), ("turns", LEVEL_ROLL, np.radians(80.0))):
                 squares = [_rms(run[kind, ground], name, _between(run[kind, ground], low, high)) ** 2 for run in flown]
                 rms, text = float(np.sqrt(np.mean(squares))), f"RMS error of {len(flown)} flights [m]"
-                results.append(Result(f"{kind}.{ground}.{name}.{part}", text, rms, "reported", holds=True))
+                results.append(Result(f"{kind}.{ground}.{name}.{part}", text, rms, REPORTED, holds=True))
     return results
 
 
