@@ -92,6 +92,8 @@ class Laser(RangingSensor):
             raise ValueError(f"divergence is {self.divergence} rad, must lie in [0, 0.1)")
         if self.returns not in {"first", "last", "both"}:
             raise ValueError(f"returns is {self.returns!r}, must be first, last or both")
+        if not (isinstance(self.cover, Cover) or callable(self.cover)):
+            raise ValueError(f"cover is {self.cover!r}, must be a Cover or a function of east and north")
         if self.weather and self.reflectance is None:
             raise ValueError("weather needs reflectance: the surface that max_range is stated for")
 

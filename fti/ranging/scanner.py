@@ -84,8 +84,8 @@ class RangeScanner(RangingSensor):
         limit = fastest_rate(self.laser.reach)
         if self.pulse_rate > limit:
             raise ValueError(f"pulse_rate is {self.pulse_rate} Hz; over {self.laser.reach} m it is at most {limit:.0f}")
-        if self.facets < 3:
-            raise ValueError(f"facets is {self.facets}, a polygon has at least 3")
+        if int(self.facets) != self.facets or self.facets < 3:
+            raise ValueError(f"facets is {self.facets}, a polygon has at least 3, whole ones")
         if not 0.0 < self.field_of_view <= min(self.swept, np.pi):
             raise ValueError(f"field_of_view is {self.field_of_view} rad; {self.facets} facets sweep {self.swept:.3f}")
         if self.angle_step > self.field_of_view:

@@ -172,6 +172,13 @@ def test_echoes_that_are_not_resolved_are_one() -> None:
     assert found.power[0, 0] == pytest.approx(apart.power.sum())
 
 
+@pytest.mark.parametrize(("pulse_length", "echoes"), [(65e-9, 2), (68e-9, 1)])
+def test_half_a_pulse_length_is_what_can_be_told_apart(pulse_length: float, echoes: int) -> None:
+    """c T_p / 2 is 9.74 m and 10.19 m; the roof is 10 m above the ground."""
+    laser = Laser(1000.0, divergence=3e-3, pulse_length=pulse_length, returns="both")
+    assert len(np.unique(laser.measure(roof_edge(0.095), above_edge()).slant_range)) == echoes
+
+
 def test_a_thin_edge_is_too_weak_to_answer() -> None:
     """The roof gets a few of 19 rays; a laser that just reaches grass at 220 m does not hear it, but the ground."""
     rated = Laser(220.0, reflectance=0.45, divergence=3e-3, pulse_length=10e-9)
@@ -242,6 +249,7 @@ def test_many_pulses_are_cast_some_at_a_time_and_are_what_each_is_alone(monkeypa
         {"divergence": 0.5},
         {"aperture": np.nan},
         {"returns": "middle"},
+        {"cover": "grass"},
         {"weather": (Cloud(100.0, 200.0, 0.01),)},
     ],
 )

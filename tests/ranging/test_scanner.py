@@ -74,6 +74,7 @@ def test_square_grid_needs_the_line_rate_of_the_source(height: float, speed: flo
         ({"pulse_rate": 0.0}, "pulse_rate"),
         ({"line_rate": np.nan}, "line_rate"),
         ({"facets": 2}, "facets"),
+        ({"facets": 8.5}, "facets"),
         ({"facets": 10}, "field_of_view"),
         ({"field_of_view": 0.0}, "field_of_view"),
         ({"line_rate": 9000.0}, "lines without a pulse"),

@@ -98,6 +98,15 @@ def test_the_layer_returns_what_the_lidar_equation_says() -> None:
     assert where[0, 0] == 50.0 and reflectance[0, 0] / np.pi == pytest.approx(beta)
 
 
+def test_a_layer_thinner_than_half_a_pulse_returns_less() -> None:
+    """Its whole depth is lit, 0.5 m of it; so is what is left of a thick one above the ground."""
+    down, from_above = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 450.0]])
+    beta, _ = integrate.quad(lambda r: 0.04 / LIDAR_RATIO * np.exp(-2.0 * 0.04 * r), 0.0, 0.5)
+    for base, ground in ((399.5, np.inf), (100.0, 50.5)):
+        _, reflectance = air_along([Cloud(base, 400.0, 0.04)], from_above, down, None).echoes(GATE, np.array([ground]))
+        assert reflectance[0, 0] / np.pi == pytest.approx(beta)
+
+
 def test_what_lies_before_the_gate_takes_its_share() -> None:
     """A haze above the cloud; and, inside the cloud, the blind way c T_p / 2."""
     haze, cloud = Cloud(300.0, 400.0, 2e-3), Cloud(100.0, 200.0, 0.04)

@@ -103,10 +103,11 @@ def _frozen(array: Array) -> Array:
 def sphere(order: int) -> Sphere:
     """The geodesic dome of that order, all round.  Points shared by faces are found in integers.
 
-    Raises ValueError for an order below 1.
+    Raises ValueError for an order that is no whole number or below 1.
     """
-    if order < 1:
-        raise ValueError(f"the order of a geodesic dome is {order}, must be at least 1")
+    if int(order) != order or order < 1:
+        raise ValueError(f"the order of a geodesic dome is {order}, must be a whole number of at least 1")
+    order = int(order)
     corners, faces = icosahedron()
     weights, lattice = _face_lattice(order)
     shares = np.zeros((20, len(weights), 12), dtype=np.int16)
@@ -132,7 +133,7 @@ def half_dome(order: int, turn: Array | None = None) -> Dome:
     turn  : ndarray, shape (3, 3), a rotation of the sphere before it is cut in half, for the same beam by other rays:
             an independent truth for whatever is made with the unturned one.  The solid angles are still 2 pi in all,
             because the sphere is its own mirror image through the centre; no ray lies on the equator then.
-    Raises ValueError for an order below 1 or a turn that is no rotation.
+    Raises ValueError for an order that is no whole number or below 1, and a turn that is no rotation.
     """
     if turn is None:
         return _upright(order)

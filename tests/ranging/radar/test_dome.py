@@ -105,8 +105,9 @@ def test_rays_within_an_angle() -> None:
 
 
 def test_order_and_shared_arrays_are_guarded() -> None:
-    with pytest.raises(ValueError, match="order"):
-        sphere(0)
+    for order in (0, 2.5):
+        with pytest.raises(ValueError, match="order"):
+            sphere(order)
     for turn in (2.0 * np.eye(3), np.eye(2), np.full((3, 3), np.nan), np.diag([1.0, 1.0, -1.0])):
         with pytest.raises(ValueError, match="no rotation"):
             half_dome(3, turn)
