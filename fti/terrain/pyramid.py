@@ -70,6 +70,10 @@ class Pyramid(NamedTuple):
     trees: Records
     places: Places
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """A copy, here or in another process, lies elsewhere: it is built anew."""
+        return build_pyramid, (Posts(self.heights, self.layers),)
+
 
 def build_pyramid(posts: Posts) -> Pyramid:
     """The trees of all layers."""

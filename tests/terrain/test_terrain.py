@@ -1,3 +1,7 @@
+import copy
+import pickle
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -102,3 +106,16 @@ def test_error_of_a_flat_earth_is_as_stated(distance: float, error: float) -> No
 def test_what_is_no_surface_is_refused(heights: np.ndarray, cell: float, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Terrain.from_array(heights, cell, lat0=LAT0, lon0=LON0)
+
+
+@pytest.mark.parametrize("copied", [lambda t: pickle.loads(pickle.dumps(t)), copy.deepcopy])
+def test_a_copy_casts_on_its_own_posts(copied: Callable[[Terrain], Terrain]) -> None:
+    """The kernels read addresses: the original's may be another process's, or given back."""
+    ground = Terrain.from_array(np.random.default_rng(3).normal(0.0, 5.0, (40, 50)), 5.0)
+    origin, rays = [100.0, 90.0, 60.0], [[0.1, 0.2, -1.0], [0.0, 0.0, -1.0]]
+    expected = ground.cast(origin, rays, 500.0)
+    other = copied(ground)
+    assert other.pyramid.places.heights == other.pyramid.heights.ctypes.data
+    assert other.pyramid.places.maxima == other.pyramid.maxima.ctypes.data
+    del ground
+    assert other.cast(origin, rays, 500.0).tolist() == expected.tolist()
