@@ -161,7 +161,7 @@ class TerrainFiles(StrictModel):
     """``[nav] terrain``: elevation files and the datum of their heights."""
 
     files: tuple[str, ...]
-    vertical: Literal["ellipsoid", "egm96"]
+    vertical: Literal["ellipsoid", "egm96", "egm2008"]
 
 
 class Approach(StrictModel):
