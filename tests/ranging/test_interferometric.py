@@ -165,8 +165,8 @@ def in_strip(at: Poses, k: int, points: Array) -> Array:
     return np.asarray(ranges[(np.abs(slant) <= np.radians(2.5)) & (np.abs(look) <= np.radians(30.0))])
 
 
-def points_of(ground: Terrain, step: float) -> Array:
-    east, north = np.meshgrid(np.arange(-1000.0, 1001.0, step), np.arange(-1000.0, 1001.0, step))
+def points_of(ground: Terrain, step: float, half: float = 1000.0) -> Array:
+    east, north = np.meshgrid(np.arange(-half, half + 1.0, step), np.arange(-half, half + 1.0, step))
     return np.stack((east, north, ground.up(east, north)), axis=-1).reshape(-1, 3)
 
 
@@ -183,6 +183,21 @@ def test_nearest_point_of_rough_ground_is_nearer_than_any_point_of_a_grid() -> N
     assert longer.min() > 0.0 and longer.max() > 1.0
     hits = at.origins_l + found.slant_range[:, None] * np.einsum("nij,nj->ni", at.mats_ls, found.direction_s)
     assert ground.up(hits[:, 0], hits[:, 1]) == pytest.approx(hits[:, 2], abs=1e-6)
+
+
+def test_of_several_hollows_the_nearest_is_found_and_not_the_one_that_looks_so_on_the_grid() -> None:
+    """2.5 km over broken ground: refining only the best of the grid leaves 6 to 9 m at these four of 150 poses."""
+    rng, n = np.random.default_rng(6), 150
+    relief = fractal_relief((41, 41), 100.0, rng, sd=60.0, longest_m=1000.0, shortest_m=200.0, hurst=0.3)
+    ground = Terrain.from_array(relief, 100.0, east0=-2000.0, north0=-2000.0)
+    rng = np.random.default_rng(9)
+    at = poses(rng.uniform(-25.0, 25.0, n), 2.0, rng.uniform(-8.0, 8.0, n), course=30.0)
+    at.origins_l[:] = np.column_stack((rng.uniform(-700.0, 700.0, (n, 2)), np.full(n, 2500.0)))
+    awkward = [66, 111, 44, 86]
+    some = Poses(at.origins_l[awkward], at.mats_ls[awkward], at.vels_l[awkward])
+    found, points = measured(some, ground).slant_range, points_of(ground, 10.0, 1990.0)
+    longer = np.array([in_strip(some, k, points).min() for k in range(len(some))]) - found
+    assert longer.min() > -0.15 and longer.max() < 2.0
 
 
 # --------------------------------------------------------------------------------------------------------------- noise

@@ -38,7 +38,7 @@ def test_a_terrain_model_is_the_ground_alone() -> None:
 
 def test_cover_of_the_nearest_post() -> None:
     assert LANDSCAPE.cover_at([-30.0, -25.1, -24.9, 30.0], [0.0, 9.0, -9.0, 10.0]).tolist() == [0, 0, 1, 6]
-    assert LANDSCAPE.cover_at([-30.1, 0.0, np.nan], [0.0, 10.1, 0.0]).tolist() == [NO_COVER] * 3
+    assert LANDSCAPE.cover_at([-30.1, 30.1, 0.0, 0.0, np.nan], [0.0, 0.0, -10.1, 10.1, 0.0]).tolist() == [NO_COVER] * 5
 
 
 def test_wrong_landscapes_are_refused() -> None:
