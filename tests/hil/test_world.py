@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.scenario import Obstacle
 from fti.hil.world import calibrated_airspeed, impact_pressure, with_obstacles
 from tests.hil.worlds import flat_terrain, path, world
@@ -36,6 +37,28 @@ def test_a_lever_arm_down_shortens_the_range() -> None:
     flown, t = world(), np.array([2.0])
     lower = DEVICE.model_copy(update={"lever_arm_b": (0.0, 0.0, 2.0)})
     assert (flown.laser_ranges(t, DEVICE) - flown.laser_ranges(t, lower))[0] == pytest.approx(2.0, abs=0.02)
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(25.0, 0.0), (-25.0, 0.0), (0.0, 20.0), (10.0, -20.0)])
+def test_a_mounting_turns_the_laser(roll_deg: float, pitch_deg: float) -> None:
+    """Over level ground the range is the height over the cosine between the boresight and the vertical."""
+    flown, t = world(), np.array([2.0])
+    turned = DEVICE.model_copy(update={"rpy_bs_deg": (roll_deg, pitch_deg, 0.0)})
+    now = flown.state(t)
+    roll, pitch = math.radians(roll_deg), math.radians(pitch_deg)
+    boresight_b = np.array([math.sin(pitch) * math.cos(roll), -math.sin(roll), math.cos(pitch) * math.cos(roll)])
+    down = (mat_from_rpy(now.roll, now.pitch, 0.0) @ boresight_b)[..., 2]
+    height = now.alt - flown.ground(now)
+    assert flown.laser_ranges(t, turned) == pytest.approx(height / down, rel=1e-3)
+
+
+def test_obstacles_stand_on_the_ground_and_on_each_other() -> None:
+    ground = flat_terrain()
+    ground = ground.with_finest(ground.finest.heights + 30.0)
+    box = Obstacle(kind="obstacle", before_threshold_m=3000.0, height_m=20.0, length_m=80.0, width_m=80.0)
+    lat, lon = path().geodetic(path().x_gpi + 3000.0, 0.0)
+    raised = with_obstacles(ground, path(), [box, box])
+    assert raised.height(lat, lon) - ground.height(lat, lon) == pytest.approx(40.0, abs=1e-3)
 
 
 def test_an_obstacle_stands_where_it_was_put_and_nowhere_else() -> None:

@@ -80,6 +80,8 @@ def test_rays_are_counted_symmetric_and_evenly_spaced() -> None:
         distance = np.linalg.norm(angles[:, None] - mirrored[None], axis=-1).min(axis=1)
         assert distance.max() < 1e-12
     assert np.linalg.norm(angles, axis=1).max() == pytest.approx(HALF)
+    around = np.degrees(np.arctan2(angles[[1, 7, 19], 1], angles[[1, 7, 19], 0]))
+    assert around == pytest.approx([30.0, 0.0, 10.0], abs=1e-12), "every other ring is turned by half a step"
     distance = np.linalg.norm(angles[:, None] - angles[None], axis=-1) + 9.0 * np.eye(len(angles))
     step = np.radians(2.5)
     assert 0.85 * step < distance.min() and distance.min(axis=1).max() < 1.1 * step

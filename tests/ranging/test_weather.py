@@ -32,7 +32,7 @@ def test_extinction_follows_from_the_visibility() -> None:
     for visibility in (50.0, 400.0, 3000.0, 20_000.0):
         assert np.exp(-fog_extinction(visibility, 550e-9) * visibility) == pytest.approx(0.02)
     assert fog_extinction(200.0) == pytest.approx(3.912 / 200.0, rel=1e-4)  # dense: the same at every wavelength
-    for visibility, exponent in ((750.0, 0.25), (3000.0, 0.82), (20_000.0, 1.3), (60_000.0, 1.6)):
+    for visibility, exponent in ((750.0, 0.25), (3000.0, 0.82), (8000.0, 1.3), (20_000.0, 1.3), (60_000.0, 1.6)):
         ratio = fog_extinction(visibility) / fog_extinction(visibility, 550e-9)
         assert ratio == pytest.approx((905 / 550) ** -exponent)
 
