@@ -103,8 +103,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _arguments(args: argparse.Namespace) -> dict[str, Any]:
     """What ``Terrain.open`` and ``survey`` want beside the files."""
-    pairs = [word.rpartition("=") for word in args.vertical]
-    vertical = {file or "*": datum for file, _, datum in pairs}
+    vertical: dict[str, str] = {}
+    for word in args.vertical:
+        file, _, datum = word.rpartition("=")
+        if vertical.setdefault(file or "*", datum) != datum:
+            args.parser.error(f"--vertical {word}: another datum was said before, {vertical[file or '*']}")
     return {"centre": args.at, "radius_m": args.radius, "cell_m": args.cell, "vertical": vertical}
 
 

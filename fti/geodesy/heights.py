@@ -208,22 +208,26 @@ def _standard(kind: Kind) -> float:
 
 
 def above_ground(height: Height, ground: Height, point: Point) -> Height:
-    """Height of a point of the aircraft above the ground below it; both heights of one kind, but not AGL.
+    """Height of a point of the aircraft above the ground below it; both heights of one kind, ELLIPSOID or MSL.
 
     ground : of the terrain at the same latitude and longitude, as ``Terrain.height`` has it (above the ellipsoid)
     """
-    if height.kind.datum is Datum.AGL:
-        raise ValueError(f"above_ground asks for a height that is not yet above ground, not {height.kind}")
+    _must_be_ground(ground, "above_ground")
     height.must_match(ground, "subtracted from")
     return Height(height.metres - ground.metres, AGL(point))
 
 
 def from_ground(height: Height, ground: Height) -> Height:
-    """A height above ground, of the kind in which the ground's own height is given."""
+    """A height above ground, of the kind in which the ground's own height is given: ELLIPSOID or MSL."""
     metres = _metres(height, Datum.AGL, "from_ground")
-    if ground.kind.datum is Datum.AGL:
-        raise ValueError(f"from_ground asks for the ground's height above ELLIPSOID or MSL, not {ground.kind}")
+    _must_be_ground(ground, "from_ground")
     return ground + metres
+
+
+def _must_be_ground(ground: Height, wanted: str) -> None:
+    """Raises ValueError for the ground's height by pressure (7 % of a difference too much in cold air), or AGL."""
+    if ground.kind.datum not in (Datum.ELLIPSOID, Datum.MSL):
+        raise ValueError(f"{wanted} asks for the ground's height above ELLIPSOID or MSL, not {ground.kind}")
 
 
 def to_point(height: Height, point: Point, lever_arm_b: ArrayLike, mat_nb: ArrayLike) -> Height:

@@ -1,14 +1,15 @@
 """One elevation file: where its posts lie, what their heights mean, and reading a window of it.
 
 GDAL gives every format the same shape: pixels whose middle is the post, also where the file itself counts from the
-post.  A post without a height (no data, a mask, -32768, NaN) is a hole.
+post.  A post without a height (no data, a mask, -32768, NaN, a block that was never written) is a hole.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import rasterio
 from numpy.typing import ArrayLike, NDArray
 from pyproj.datadir import append_data_dir, get_data_dir
 from pyproj.transformer import AreaOfInterest, TransformerGroup
+from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
 from rasterio.windows import Window
 
@@ -147,9 +149,11 @@ class ElevationFile:
         try:
             masked = self._dataset.read(1, window=window, masked=True)
         except RasterioIOError as error:
-            raise ConfigError(f"{self.source.path}: cannot be read: {error}") from None
+            raise ConfigError(f"{self.source.path}: cannot be read: {error.__cause__ or error}") from None
         raw = masked.astype(np.float64).filled(np.nan)
         raw[raw == VOID] = np.nan
+        for block in self._unwritten(rows, columns):
+            raw[block] = np.nan
         scale, offset = self._dataset.scales[0], self._dataset.offsets[0]
         heights = (raw * scale + offset) * self._unit_m
         with np.errstate(invalid="ignore"):
@@ -160,6 +164,25 @@ class ElevationFile:
                 f"is no height must be declared, as gdal_edit.py -a_nodata does"
             )
         return np.asarray(heights)
+
+    def _unwritten(self, rows: tuple[int, int], columns: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
+        """Those blocks of a TIFF below a window that were never written, as parts of it: GDAL reads heights of 0 there.
+
+        What is declared as void, it reads as void.
+        """
+        if self._dataset.driver != "GTiff" or self._dataset.nodata is not None:
+            return
+        high, wide = self._dataset.block_shapes[0]
+        down, across = _blocks(*rows, high), _blocks(*columns, wide)
+        for (row, part), (column, other) in itertools.product(down, across):
+            if self._dataset.get_tag_item(f"BLOCK_OFFSET_{column}_{row}", "TIFF", 1) is None:
+                yield part, other
+
+
+def _blocks(begin: int, end: int, size: int) -> list[tuple[int, slice]]:
+    """Numbers of the blocks below a row of posts, and which part of it each one is."""
+    numbers = range(begin // size, -(-end // size))
+    return [(n, slice(max(n * size - begin, 0), (n + 1) * size - begin)) for n in numbers]
 
 
 def nearest_turn(x: ArrayLike, turn: float) -> Array:
@@ -181,6 +204,8 @@ def _open(path: str) -> Any:
 def _read_crs(path: str, dataset: Any) -> pyproj.CRS:
     if dataset.count != 1:
         raise ConfigError(f"{path}: has {dataset.count} bands; an elevation file has one")
+    if dataset.dtypes[0].startswith("complex") or dataset.colorinterp[0] is ColorInterp.palette:
+        raise ConfigError(f"{path}: its values are complex or numbers of colours; an elevation file has heights")
     if min(dataset.shape) < 2:
         raise ConfigError(f"{path}: has {dataset.shape[0]} x {dataset.shape[1]} posts; must be 2 x 2 at least")
     if dataset.crs is None:

@@ -1,14 +1,15 @@
 """Which files make which layer of a terrain, and how large each is.
 
-Files whose posts are less than twice as far apart as a layer's cell make that layer, the finest file first, then in the
-caller's order; a coarser file makes the next layer, with a cell that is a whole multiple.  A layer is the rectangle
-around what its files cover, cut to the area; its edges lie on posts of the next coarser layer, which holds it whole.
+Files whose posts are less than twice as far apart as a layer's cell make that layer, the finest file first, those about
+as fine (to 10 %) in the caller's order; a coarser file makes the next layer, with a cell that is a whole multiple.  A
+layer is the rectangle around what its files cover, cut to the area; its edges lie on posts of the next coarser layer,
+which holds it whole.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,6 +29,10 @@ Array = NDArray[np.float64]
 MOST_POSTS = 2**26
 #: Files of a coarser spacing than so many cells make a layer of their own.
 _COARSER = 2.0
+#: Files whose spacings differ by less count as equally fine: the caller's order tells.
+_AS_FINE = 1.1
+#: A cell may be larger than a file's spacing by so much: the smallest block still lies over 16 million posts, 0.5 GB.
+_MOST_LEFT_OUT = 256.0
 #: A layer's cell may be larger than its file's spacing by so much, to be a multiple.
 _NEARLY = 1.02
 #: A point this far below the frame's plane is on another side of the Earth [m].
@@ -103,7 +108,8 @@ def make_plans(
 ) -> tuple[Plan, ...]:
     """The layers to be, the finest first; a file beside the area is in none of them.
 
-    Raises ConfigError when no file touches the area, and for more posts than there is room for.
+    Raises ConfigError when no file touches the area, for more posts than there is room for, and for a cell that leaves
+    out nearly all posts.
     """
     covers = {n: cover for n, file in enumerate(files) if (cover := _cover(file, frame, area)) is not None}
     if not covers and area is not None:
@@ -115,16 +121,32 @@ def make_plans(
     if area is None and (far := next((file for n, file in enumerate(files) if n not in covers), None)):
         raise ConfigError(f"{far.source.path}: covers {bounds_text(far.source)}: too much for one local frame")
     plans: list[Plan] = []
-    left = sorted(covers, key=lambda number: min(files[number].source.spacing_m))
+    spacings = {n: min(files[n].source.spacing_m) for n in covers}
+    left = _order(spacings)
     while left:
-        spacing = min(files[left[0]].source.spacing_m)
+        spacing = min(spacings[n] for n in left)
         cell = _cell(spacing, plans[-1].cell_m if plans else None, cell_m)
-        mine = [n for n in left if min(files[n].source.spacing_m) < _COARSER * max(cell, spacing)]
+        if cell > _MOST_LEFT_OUT * spacing:
+            raise ConfigError(
+                f"cell_m = {cell:g}: must be {_MOST_LEFT_OUT * spacing:.3g} m at most, {_MOST_LEFT_OUT:g} times the "
+                f"distance between the posts of the finest file in the area"
+            )
+        mine = [n for n in left if spacings[n] < _COARSER * max(cell, spacing)]
         left = [n for n in left if n not in mine]
         box = _joined([covers[n] for n in mine])
         mosaics = assemble((n, files[n]) for n in mine)
         plans.append(Plan(tuple(mosaics), cell, box))
     return _fitted(plans)
+
+
+def _order(spacings: Mapping[int, float]) -> list[int]:
+    """Numbers of files, the finest first; those that are about as fine as another in the caller's order."""
+    left, order = dict(spacings), list[int]()
+    while left:
+        finest = min(left.values())
+        order += sorted(n for n, spacing in left.items() if spacing < _AS_FINE * finest)
+        left = {n: spacing for n, spacing in left.items() if n not in order}
+    return order
 
 
 def _cell(spacing: float, finer: float | None, wanted: float | None) -> float:

@@ -67,8 +67,8 @@ class Resampler:
             return
         holds = block.holds()
         large = np.prod([float(end - begin) for begin, end in needed]) > _LARGEST_WINDOW
-        if (large or not holds) and min(ups.shape) >= 2 * _SMALLEST:
-            halves = (_cuts(size, -(-size // 2)) for size in ups.shape)
+        if (large or not holds) and max(ups.shape) >= 2 * _SMALLEST:
+            halves = (_cuts(size, -(-size // 2) if size >= 2 * _SMALLEST else size) for size in ups.shape)
             for rows, columns in itertools.product(*halves):
                 self._fill_block((east[columns], north[rows]), (ups[rows, columns], origin[rows, columns]))
         elif holds:  # what does not hold in the smallest block, as on a pole, stays a hole

@@ -12,6 +12,7 @@ from typing import Any
 import pyproj
 
 from fti.errors import ConfigError
+from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR
 
 #: What ``vertical`` may be.
 WORDS = ("egm96", "egm2008", "ellipsoid")
@@ -23,6 +24,8 @@ _FORMATS = {"DTED": "egm96", "SRTMHGT": "egm96"}
 #: Vertical datums of a DTED header that mean EGM96 (MIL-PRF-89020B).
 _DTED_DATUMS = ("MSL", "E96")
 _FOOT, _SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+#: GDAL calls both feet a foot here and there; they differ by 2e-6 of a height, 1.8 cm on the highest ground.
+_SAME_UNIT = 1e-4
 _UNITS = {
     **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
     **dict.fromkeys(("ft", "foot", "feet", "international foot"), _FOOT),
@@ -56,8 +59,12 @@ def find_datum(path: str, upright: pyproj.CRS | None, dataset: Any, words: Mappi
 
     path     : the file, as the caller named it; upright : the part of its coordinate system with the third axis
     dataset  : the file, open; words : the caller's, by file
-    Raises ConfigError where nobody says it, where it is none of WORDS, and where two contradict each other.
+    Raises ConfigError where nobody says it, where it is none of WORDS, where two contradict each other, and for depths.
     """
+    if upright is not None and upright.axis_info[-1].direction == "down":
+        raise ConfigError(
+            f"{path}: its coordinate system has depths, {upright.name!r}: must be heights, counted upwards"
+        )
     if path in words:
         return words[path], "the caller, for this file"
     said, by = _own_word(path, upright, dataset)
@@ -89,24 +96,39 @@ def _own_word(path: str, upright: pyproj.CRS | None, dataset: Any) -> tuple[str 
 
 def _datum_of(upright: pyproj.CRS) -> str:
     if not upright.is_vertical:
-        return "ellipsoid"
+        ellipsoid: Any = upright.ellipsoid
+        return "ellipsoid" if _is_wgs84(ellipsoid) else f"the ellipsoid {ellipsoid.name!r}"
     name = upright.name
-    by_name = next((model for model in WORDS if name.lower().startswith(model)), f"{name!r}")
+    by_name = next((model for model in _MODELS.values() if name.lower().startswith(model)), f"{name!r}")
     return _MODELS.get(upright.to_epsg() or 0, by_name)
+
+
+def _is_wgs84(ellipsoid: Any) -> bool:
+    """Whether it has the size of WGS84's, as GRS 1980 has to 0.1 mm; Bessel's is 740 m smaller."""
+    sizes = (ellipsoid.semi_major_metre, SEMI_MAJOR), (ellipsoid.semi_minor_metre, SEMI_MINOR)
+    return all(abs(size - wanted) < 1e-3 for size, wanted in sizes)
 
 
 def find_unit(path: str, flat: pyproj.CRS, upright: pyproj.CRS | None, unit: str | None) -> float:
     """Metres in one unit of a file's heights.
 
     flat, upright : the parts of its coordinate system; unit : what the file says of its values, None for nothing
-    Raises ConfigError for a unit that is not known, and where feet on the ground leave open what the heights are in.
+    Raises ConfigError for a unit that is not known, for two that contradict each other, and where feet on the ground
+    leave open what the heights are in.
     """
+    if unit and unit.lower() not in _UNITS:
+        raise ConfigError(f"{path}: the unit of its heights is {unit!r}; must be metre, foot or US survey foot")
+    said = _UNITS[unit.lower()] if unit else None
     if upright is not None:
-        return float(upright.axis_info[-1].unit_conversion_factor)
-    if unit:
-        if unit.lower() not in _UNITS:
-            raise ConfigError(f"{path}: the unit of its heights is {unit!r}; must be metre, foot or US survey foot")
-        return _UNITS[unit.lower()]
+        axis = upright.axis_info[-1]
+        if said is not None and abs(said / axis.unit_conversion_factor - 1.0) > _SAME_UNIT:
+            raise ConfigError(
+                f"{path}: its coordinate system has heights in {axis.unit_name} and its values are in {unit}; "
+                f"correct the file, as gdal_edit.py -units does"
+            )
+        return float(axis.unit_conversion_factor)
+    if said is not None:
+        return said
     if flat.is_projected and flat.axis_info[0].unit_conversion_factor != 1.0:
         raise ConfigError(
             f"{path}: its places are in {flat.axis_info[0].unit_name} and nothing says the unit of its heights; "

@@ -158,6 +158,10 @@ def test_mistakes_are_one_sentence(files: list[str], tmp_path: Path, capsys: pyt
         (["--at", "47.9,11.8"], "--at and --radius belong together"),
         (["--radius", "-3"], "must be a length above 0"),
         (["--cell", "wide"], "must be a length above 0"),
+        (
+            ["--vertical", "egm96", "--vertical", "ellipsoid"],
+            "--vertical ellipsoid: another datum was said before, egm96",
+        ),
         (["--profile", "47.9,11.8"], "must be two places"),
         (["--out", "map.jpg"], "must end with .png or .svg"),
     ],

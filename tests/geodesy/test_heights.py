@@ -179,7 +179,12 @@ def test_the_height_of_another_point() -> None:
         (lambda h: reset_altimeter(h, 1e5), "kind PRESSURE, not AGL"),
         (lambda h: pressure_to_msl(h, Atmosphere(), "egm96"), "kind PRESSURE, not AGL"),
         (lambda h: msl_to_pressure(h, Atmosphere(), 1e5), "kind MSL, not AGL"),
-        (lambda h: above_ground(h, h, Point.P), "not yet above ground"),
+        (lambda h: above_ground(h, h, Point.P), "ground's height above ELLIPSOID or MSL, not AGL"),
+        (
+            lambda h: above_ground(Height(9.0, PRESSURE()), Height(9.0, PRESSURE()), Point.P),
+            "above ELLIPSOID or MSL, not PRESSURE",
+        ),
+        (lambda h: from_ground(h, Height(9.0, PRESSURE())), "above ELLIPSOID or MSL, not PRESSURE"),
         (lambda h: from_ground(h, h), "above ELLIPSOID or MSL"),
         (lambda h: to_point(Height(1.0, ELLIPSOID), Point.P, (0, 0, 1), np.eye(3)), "kind AGL, not ELLIPSOID"),
         (lambda h: from_ground(Height(1.0, ELLIPSOID), h), "kind AGL, not ELLIPSOID"),

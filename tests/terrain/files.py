@@ -33,7 +33,7 @@ def write_tif(path: Path, heights: NDArray[Any], crs: str | None, transform: Aff
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         profile = {"driver": "GTiff", "width": columns, "height": rows, "count": 1, "dtype": kind, **more}
         with rasterio.open(path, "w", crs=crs, transform=transform, **profile) as file:
-            file.write(heights.astype(kind), 1)
+            file.write(heights.astype(profile["dtype"]), 1)
             file.update_tags(**tags)
             if units:
                 file.units = (units,)

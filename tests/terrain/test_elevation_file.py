@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyproj
 import pytest
 import rasterio
+from rasterio.windows import Window
 
 from fti.errors import ConfigError, MissingError
 from fti.terrain.elevation_file import ElevationFile
@@ -106,6 +108,14 @@ FLAT = np.full((4, 4), 500.0)
         ("NAVD88", {"crs": "EPSG:32632+5703"}, "counted from 'NAVD88 height', which is none of egm96, egm2008, ell"),
         ("cubits", {"units": "cubit"}, "the unit of its heights is 'cubit'; must be metre, foot or US survey foot"),
         ("feet", {"crs": "EPSG:2225"}, "its places are in US survey foot and nothing says the unit of its heights"),
+        ("metres and feet", {"crs": "EPSG:32632+5773", "units": "ft"}, "has heights in metre and its values are in ft"),
+        ("depths", {"crs": "EPSG:32632+5715"}, "has depths, 'MSL depth': must be heights"),
+        (
+            "Bessel",
+            {"crs": pyproj.CRS("EPSG:31468").to_3d().to_wkt()},
+            "counted from the ellipsoid 'Bessel 1841', which",
+        ),
+        ("complex", {"dtype": "complex64"}, "are complex or numbers of colours"),
         ("off Earth", {"transform": from_origin(1e9, 1e9, 1e7, 1e7)}, "its edges are no places on Earth"),
     ],
 )
@@ -133,6 +143,49 @@ def test_a_picture_is_refused(tmp_path: Path) -> None:
         file.write(np.zeros((3, 4, 4), np.uint8))
     with pytest.raises(ConfigError, match=r"rgb\.tif: has 3 bands; an elevation file has one"):
         source_of(str(tmp_path / "rgb.tif"), "egm96")
+
+
+def test_a_picture_in_numbers_of_colours_is_refused(tmp_path: Path) -> None:
+    path = write_tif(tmp_path / "map.tif", FLAT.astype(np.uint8), UTM, CORNER)
+    with rasterio.open(path, "r+") as file:
+        file.write_colormap(1, {244: (200, 0, 0)})
+    with pytest.raises(ConfigError, match=r"map\.tif: its values are complex or numbers of colours"):
+        source_of(path, "egm96")
+
+
+@pytest.mark.parametrize("tiled", [False, True])
+def test_what_was_never_written_is_a_hole(tmp_path: Path, tiled: bool) -> None:
+    """GDAL reads 0 m where a writer was stopped, or left blocks out."""
+    path, size = tmp_path / "dem.tif", {"width": 90, "height": 100, "count": 1}
+    blocks = {"tiled": True, "blockxsize": 16, "blockysize": 16} if tiled else {"blockysize": 16}
+    profile = {"driver": "GTiff", "dtype": "float32", "crs": UTM, "transform": CORNER, "sparse_ok": True, **blocks}
+    with rasterio.open(path, "w", **size, **profile) as file:
+        file.write(np.full((16, 90), 500.0, np.float32), 1, window=Window(0, 48, 90, 16))
+    with opened(str(path)) as opened_file:
+        for rows, columns in (((0, 100), (0, 90)), ((50, 70), (3, 35)), ((63, 65), (88, 90)), ((96, 100), (0, 2))):
+            read = opened_file.read(rows, columns)
+            row = np.arange(*rows)[:, None] + 0 * np.arange(*columns)
+            np.testing.assert_array_equal(read, np.where((row >= 48) & (row < 64), 500.0, np.nan))
+
+
+def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    """Cut behind the directory, as a download that was stopped: it opens, and breaks off in reading."""
+    path = Path(
+        write_tif(tmp_path / "dem.tif", np.full((1024, 1024), 500.0), UTM, CORNER, driver="COG", compress="none")
+    )
+    path.write_bytes(path.read_bytes()[:-2_000_000])
+    with opened(str(path)) as file:
+        assert (file.read((0, 100), (0, 300)) == 500.0).all()
+        with pytest.raises(ConfigError, match=r"dem\.tif: cannot be read: .*IReadBlock failed"):
+            file.read((0, 1024), (0, 1024))
+
+
+@pytest.mark.parametrize("name", ["N47E011.hgt", "tile.hgt"])
+def test_a_tile_with_a_wrong_size_or_name_is_refused(tmp_path: Path, name: str) -> None:
+    data = Path(write_hgt(tmp_path, slope)).read_bytes()
+    (tmp_path / name).write_bytes(data[: None if name == "tile.hgt" else -2])
+    with pytest.raises(ConfigError, match=f"{name}: is no elevation file that GDAL reads"):
+        source_of(str(tmp_path / name))
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

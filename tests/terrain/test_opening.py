@@ -12,6 +12,7 @@ from fti.errors import ConfigError, MissingError
 from fti.geodesy import geoid as geoids
 from fti.geodesy.geoid import load_geoid
 from fti.terrain import opening, resample
+from fti.terrain.mosaic import Mosaic
 from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
 from fti.terrain.terrain import NO_SOURCE, Terrain
@@ -295,6 +296,16 @@ def test_where_files_overlap_the_finest_counts_then_the_first(tmp_path: Path) ->
         assert len(terrain.layers) == 1  # 8 and 10 m are one layer
 
 
+def test_of_files_about_as_fine_the_first_counts(tmp_path: Path) -> None:
+    """One lattice, but the second reaches farther south, where posts lie 3e-5 farther apart: that is not coarser."""
+    north = write_ground(tmp_path / "north.tif", level, "EPSG:4326", 60, 1e-4)
+    corner = from_origin(LON - 0.003, LAT + 0.003, 1e-4, 1e-4)
+    south = write_tif(tmp_path / "south.tif", np.full((90, 60), 600.0), "EPSG:4326", corner)
+    for paths, expected in (([north, south], 640.0), ([south, north], 600.0)):
+        terrain = Terrain.open(paths, centre=CENTRE, radius_m=100.0, vertical="ellipsoid")
+        assert terrain.height(*CENTRE) == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.fixture
 def fine_over_coarse(tmp_path: Path) -> Terrain:
     """A surface model of 2 m with trees of 12 m and a hole, 480 m wide, in a terrain of 30 m."""
@@ -422,6 +433,29 @@ def test_too_many_posts_are_refused_with_cell_and_area(tmp_path: Path) -> None:
     path = write_ground(tmp_path / "dem.tif", hills, UTM, 500, 100.0)
     with pytest.raises(ConfigError, match=r"1 m apart over .* km; must be 67 million at most: give a larger cell_m"):
         Terrain.open([path], cell_m=1.0, vertical="ellipsoid")
+
+
+def test_a_cell_that_leaves_out_nearly_all_posts_is_refused(tmp_path: Path) -> None:
+    """A block of posts would lie over more of the file than the machine holds."""
+    path = write_ground(tmp_path / "dem.tif", hills, UTM, 500, 2.0)
+    with pytest.raises(ConfigError, match=r"cell_m = 520: must be 512 m at most, 256 times the distance"):
+        Terrain.open([path], cell_m=520.0, vertical="ellipsoid")
+
+
+def test_no_more_of_a_file_is_read_at_once_than_was_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long and narrow area, a cell of many posts: cut up along the longer side."""
+    path, read = write_ground(tmp_path / "dem.tif", hills, UTM, 600, 2.0), list[int]()
+    inner = Mosaic.read
+
+    def spy(self: Mosaic, rows: tuple[int, int], columns: tuple[int, int]) -> Any:
+        read.append((rows[1] - rows[0]) * (columns[1] - columns[0]))
+        return inner(self, rows, columns)
+
+    monkeypatch.setattr(Mosaic, "read", spy)
+    monkeypatch.setattr(resample, "_LARGEST_WINDOW", 12_000)
+    terrain = Terrain.open([path], cell_m=12.0, vertical="ellipsoid")
+    assert max(read) <= 12_000
+    assert np.isfinite(terrain.finest.heights).mean() > 0.9
 
 
 def test_of_many_tiles_those_beside_the_area_are_left_out(tmp_path: Path) -> None:
