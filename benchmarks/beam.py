@@ -36,6 +36,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine
 from benchmarks.raycast import make_embree, triangles
+from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
@@ -55,7 +56,6 @@ MAX_RANGE = 778.0
 STEP = 1.0
 MOST_MS = 1.5
 LEAST_RATIO = 10.0
-ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 WAVE = Waveform()
 BEAM = make_beam(WIDE, half_dome(20), WAVE.wavelength, -400.0)
@@ -71,7 +71,7 @@ def make_poses(count: int) -> Poses:
     east, north = track_point(before, rng.uniform(-50.0, 50.0, count))
     origins = np.stack((east, north, 15.24 + before * np.tan(np.radians(3.0))), axis=-1)
     return Poses.still(
-        origins, ENU_NED @ mat_from_rpy(rng.normal(0.0, 0.1, count), 0.03, rng.uniform(0.0, 6.28, count))
+        origins, MAT_ENU_NED @ mat_from_rpy(rng.normal(0.0, 0.1, count), 0.03, rng.uniform(0.0, 6.28, count))
     )
 
 

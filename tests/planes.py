@@ -1,6 +1,9 @@
-"""Planes to measure on, poses over them, and the closed form of a ray that meets one."""
+"""Planes to measure on, poses over them, the closed form of a ray that meets one, and a count of rays."""
+
+from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import MAT_ENU_NED
@@ -34,3 +37,16 @@ def to_plane(origins_l: Array, directions_l: Array, slope_east: float, slope_nor
     """Distance along unit vectors (n, 3) from origins (n, 3) [m] to ``plane(slope_east, slope_north)``."""
     normal = np.array([-slope_east, -slope_north, 1.0])
     return np.asarray(-(origins_l @ normal) / (directions_l @ normal))
+
+
+def count_casts(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many rays each call of ``Terrain.trace`` casts from now on."""
+    called: list[int] = []
+    trace = Terrain.trace
+
+    def counting(self: Terrain, origin: Array, directions: Array, max_range: float) -> Any:
+        called.append(len(directions))
+        return trace(self, origin, directions, max_range)
+
+    monkeypatch.setattr(Terrain, "trace", counting)
+    return called

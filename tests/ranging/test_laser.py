@@ -13,7 +13,7 @@ from fti.ranging.sensor import Poses, Validity
 from fti.ranging.weather import Cloud
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.terrain import Terrain
-from tests.planes import looking_down, plane, to_plane
+from tests.planes import count_casts, looking_down, plane, to_plane
 
 Array = NDArray[np.float64]
 
@@ -215,14 +215,7 @@ def test_error_model_is_applied_to_what_is_told() -> None:
 
 def test_many_pulses_are_cast_some_at_a_time_and_are_what_each_is_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A minute of a scanner's footprints at once would hold gigabytes.  1300 pulses, 1000 at a time, in fog."""
-    cast: list[int] = []
-    trace = Terrain.trace
-
-    def counting(self: Terrain, origin: Array, directions: Array, max_range: float) -> Any:
-        cast.append(len(directions))
-        return trace(self, origin, directions, max_range)
-
-    monkeypatch.setattr(Terrain, "trace", counting)
+    cast = count_casts(monkeypatch)
     monkeypatch.setattr("fti.ranging.laser._CHUNK", 1000)
     fog = Cloud(-np.inf, 30.0, 1e-3, variation=0.5)
     laser = Laser(500.0, 0.2, pulse_length=10e-9, divergence=1e-3, weather=(fog,), error=RangeError(noise_sd=0.05))

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn, ring_angles
@@ -15,7 +16,6 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 
 LAT0, LON0 = np.radians(36.63), np.radians(-84.17)
-ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 HALF = np.radians(20.0)
 #: A ring step of 2.5 deg, halved five times, leaves the leading edge over a plane this much too long (relative).
 LONG = (np.radians(2.5) / 32) ** 2
@@ -33,7 +33,7 @@ FLAT = plane()
 
 
 def poses(height: float, roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike = 0.0) -> Poses:
-    mats = ENU_NED @ mat_from_rpy(np.atleast_1d(roll), pitch, heading)
+    mats = MAT_ENU_NED @ mat_from_rpy(np.atleast_1d(roll), pitch, heading)
     return Poses.still(np.tile([3.0, 4.0, height], (len(mats), 1)), mats)
 
 

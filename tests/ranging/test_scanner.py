@@ -12,7 +12,7 @@ from fti.ranging.laser import Laser
 from fti.ranging.scanner import RangeScanner, fastest_rate, points_l
 from fti.ranging.sensor import Poses, Validity
 from fti.terrain.terrain import Terrain
-from tests.planes import looking_down, plane, to_plane
+from tests.planes import count_casts, looking_down, plane, to_plane
 
 Array = NDArray[np.float64]
 
@@ -186,14 +186,7 @@ def test_the_same_generator_gives_the_same_scan() -> None:
 
 def test_each_measure_casts_all_its_rays_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """No loop over rays: one call of the ray caster for a scan, a set of lines, a matrix, and a footprint."""
-    called: list[int] = []
-    trace = Terrain.trace
-
-    def counting(self: Terrain, origin: Array, directions: Array, max_range: float) -> Any:
-        called.append(len(directions))
-        return trace(self, origin, directions, max_range)
-
-    monkeypatch.setattr(Terrain, "trace", counting)
+    called = count_casts(monkeypatch)
     t, wide = np.linspace(0.0, 1.0, 11), Laser(1000.0, divergence=1e-3, returns="both")
     scan = RangeScanner(wide).scan(FLAT, t, flown(t))
     SCANNER.measure(FLAT, flown(t))

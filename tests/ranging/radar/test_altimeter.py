@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at
@@ -22,7 +23,6 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 BIN = Waveform().range_bin
 
 
@@ -39,7 +39,7 @@ def poses(
 ) -> Poses:
     h, roll, pitch = np.broadcast_arrays(np.atleast_1d(np.asarray(height, dtype=np.float64)), roll, pitch)
     origins = np.stack((np.full_like(h, 3.0), np.full_like(h, 4.0), h), axis=-1)
-    return Poses(origins, ENU_NED @ mat_from_rpy(roll, pitch, 0.0), np.broadcast_to(vel_l, origins.shape))
+    return Poses(origins, MAT_ENU_NED @ mat_from_rpy(roll, pitch, 0.0), np.broadcast_to(vel_l, origins.shape))
 
 
 def along(sensor: RadarAltimeter, *where: Any, **how: Any) -> Returns:
@@ -68,7 +68,7 @@ def test_a_slope_is_met_at_its_nearest_point() -> None:
     nearest = (300.0 - 3.0 * np.tan(slope)) * np.cos(slope)
     found = sensor.measure(terrain, upright)
     assert 0.0 < found.slant_range[0] - nearest < 1.2
-    towards = found.direction_s[0] @ ENU_NED.T
+    towards = found.direction_s[0] @ MAT_ENU_NED.T
     assert towards @ [np.sin(slope), 0.0, -np.cos(slope)] > np.cos(np.radians(5.0))
 
 
@@ -149,7 +149,9 @@ def test_ground_that_nobody_knows_is_no_height() -> None:
     assert (trace_beam(aside, poses(200.0), sensor.beam, sensor.ground, 500.0).outcomes == Validity.HOLE).any()
     assert beside.validity.tolist() == [Validity.VALID]
     assert beside.slant_range[0] == pytest.approx(200.0, abs=1.0)
-    edge = Poses.still([[7990.0, 0.0, 200.0], [7900.0, 0.0, 300.0], [7880.0, 0.0, 300.0]], np.tile(ENU_NED, (3, 1, 1)))
+    edge = Poses.still(
+        [[7990.0, 0.0, 200.0], [7900.0, 0.0, 300.0], [7880.0, 0.0, 300.0]], np.tile(MAT_ENU_NED, (3, 1, 1))
+    )
     outcomes = trace_beam(FLAT, edge, sensor.beam, sensor.ground, 778.0).outcomes
     share = (outcomes == Validity.OUTSIDE) @ sensor.beam.weights / sensor.beam.weights.sum()
     assert share[0] > 0.3 and 0.01 < share[1] < 0.02 and 0.005 < share[2] < 0.01
@@ -164,7 +166,7 @@ def test_a_beam_towards_the_sky_beyond_the_coverage_is_not_valid() -> None:
     """Banked by 45 deg, 100 m high and 300 m from the border: a hill that nobody knows may stand there, and a wall at
     the border would shine as bright as 0.8 of the peak.  1 km from the border it is out of range.
     """
-    sensor, right = RadarAltimeter(), ENU_NED @ mat_from_rpy([-np.pi / 4], 0.0, 0.0)
+    sensor, right = RadarAltimeter(), MAT_ENU_NED @ mat_from_rpy([-np.pi / 4], 0.0, 0.0)
     east = np.array([7700.0, 7000.0])
     at = Poses.still(np.stack((east, 0.0 * east, np.full(2, 100.0)), axis=-1), np.tile(right, (2, 1, 1)))
     assert (at.mats_ls[:, 0, 2] > 0.5).all()
