@@ -19,9 +19,9 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from fti.errors import ConfigError, StorageError
+from fti.errors import ConfigError
+from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, sheet, write
 from fti.geodesy.geoid import load_geoid
-from fti.study._plots import BLACK, BLUE, GREEN, GREY, LOOK, ORANGE, PURPLE, SKY, VERMILION, label, sheet
 from fti.terrain.terrain import NO_SOURCE, Terrain
 
 Array = NDArray[np.float64]
@@ -63,16 +63,10 @@ class View(NamedTuple):
 def write_map(terrain: Terrain, file: Path, profile: Ends | None) -> None:
     """Draw a terrain into a file that must not be there yet; profile : its ends, latitude and longitude [rad].
 
-    Raises StorageError when it cannot be written, ConfigError for a profile beside the terrain.
+    Raises StorageError when it cannot be written, ConfigError for a profile beside the terrain, and for a terrain of
+    which so little is known that no point of the picture lies on it.
     """
-    with mpl.rc_context(LOOK):
-        figure = draw_map(terrain, profile)
-        metadata = {"Software": None} if file.suffix == ".png" else {"Date": None}
-        try:
-            with file.open("xb") as out:
-                figure.savefig(out, format=file.suffix[1:], metadata=metadata)
-        except OSError as error:
-            raise StorageError(f"{file}: cannot be written: {error.strerror}") from error
+    write(lambda: draw_map(terrain, profile), file)
 
 
 def draw_map(terrain: Terrain, profile: Ends | None) -> Figure:
@@ -107,6 +101,8 @@ def _look(terrain: Terrain) -> View:
     east = np.linspace(whole.east0, whole.east1, max(2, round(wide / step)))
     north = np.linspace(whole.north0, whole.north1, max(2, round(high / step)))
     height, datum = _heights(terrain, east[None, :], north[:, None])
+    if np.isnan(height).all():
+        raise ConfigError(f"no height is known on the points of the picture, {step:.3g} m apart: give a smaller area")
     return View(east, north, height, terrain.source(east[None, :], north[:, None]), datum)
 
 
@@ -136,7 +132,9 @@ def _draw_relief(figure: Figure, axes: Axes, view: View, terrain: Terrain) -> No
     shown = Normalize(low, max(high, low + 1.0))
     filled = np.where(known, view.height, view.height[known].mean())
     step = float(view.east[1] - view.east[0])
-    steepness = max(float(np.nanstd(np.diff(view.height, axis=1))) / step, 1e-6)
+    rises = np.diff(view.height, axis=1)
+    rises = np.append(rises[np.isfinite(rises)], 0.0)  # none at all where a picture knows single points
+    steepness = max(float(rises.std()) / step, 1e-6)
     shaded = LIGHT.shade(
         filled, RELIEF, norm=shown, blend_mode="soft", dx=step, dy=step, vert_exag=min(0.35 / steepness, 20.0)
     )

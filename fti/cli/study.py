@@ -78,7 +78,7 @@ def _pictures(chosen: Study, seed: int, folder: Path) -> dict[Path, Draw]:
 
 
 def _draw(pictures: dict[Path, Draw], done: Callable[[], None]) -> None:
-    from fti.study._plots import write
+    from fti.figures import write
 
     for file, draw in pictures.items():
         write(draw, file)

@@ -10,7 +10,7 @@ A study is a module of this package whose name does not begin with ``_``.  It ha
 and, where there is something to see,
 
     ``drawings(seed) -> {name: draw}``   figures by name; each is computed and drawn when its ``draw()`` is called, in
-                                         the look of ``fti.study._plots``
+                                         the look of ``fti.figures``
 """
 
 from __future__ import annotations

@@ -9,10 +9,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, SubFigure
 
+from fti.figures import BLACK, BLUE, ORANGE, VERMILION, label, sheet
 from fti.ranging.radar.antenna import NARROW, WIDE, Antenna
 from fti.ranging.radar.dome import half_dome, sphere
 from fti.study import ranging
-from fti.study._plots import BLACK, BLUE, ORANGE, VERMILION, label, sheet
 
 #: The antenna looks down: sensor axes to those of the picture.  From where a body is looked at [rad].
 DOWN = np.array([1.0, 1.0, -1.0])

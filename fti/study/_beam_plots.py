@@ -7,12 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from fti.figures import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, sheet
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.beam import trace_beam
 from fti.ranging.sensor import Poses
 from fti.study._level_run import make_world
-from fti.study._plots import BLACK, BLUE, GREY, ORANGE, SKY, VERMILION, label, sheet
 from fti.study._signals import LEVEL
 from fti.study._sweep import D_MAX, HEIGHTS_M, ROLLS_DEG, Sweep, highest, sweep
 

@@ -8,9 +8,9 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from fti.figures import BLACK, BLUE, GREY, GROUND, VERMILION, label, legend_above, sheet
 from fti.study import _level_run
 from fti.study._level_run import REACH_M, Path, Run, World
-from fti.study._plots import BLACK, BLUE, GREY, GROUND, VERMILION, label, legend_above, sheet
 from fti.terrain.landscape import Cover
 
 COVERS = {

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, sheet
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.receivers import line_spectrum
 from fti.ranging.radar.waveform import Waveform, loat_plan, ssb_plan
-from fti.study._plots import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, sheet
 from fti.study._signals import EXAMPLES, F_TX, LOAT, SSB, Example, Rays
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
 from fti.study._flown import FINE, Flown, fly
-from fti.study._plots import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
 from fti.study._scenarios import Scenario
 
 Array = NDArray[np.float64]

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from matplotlib.legend import Legend
 
 from fti.cli.main import main
+from fti.errors import ConfigError
 from fti.terrain.terrain import Terrain
 from tests.terrain.files import LAT, LON, Array, write_ground
 
@@ -126,6 +128,24 @@ def test_the_picture_shows_heights_holes_seams_and_sources(files: list[str]) -> 
     assert relief.get_legend() is None  # the coarse file knows the ground of the hole
     assert "4 m" in [text.get_text() for text in relief.texts]
     assert len(relief.patches) == 1
+
+
+@pytest.mark.usefixtures("small_picture")
+def test_a_picture_of_next_to_nothing(files: list[str]) -> None:
+    """One cell is known: below one point of the picture, or between all of them, which are 3.35 m apart."""
+    from fti.cli import _terrain_map
+
+    centre = math.radians(LAT), math.radians(LON)
+    sources = Terrain.open(files[:1], vertical="ellipsoid", centre=centre, radius_m=150.0).sources
+    for first in (201, 202):
+        heights = np.full((400, 400), np.nan)
+        heights[first : first + 2, first : first + 2] = 640.0
+        terrain = replace(Terrain.from_array(heights, 1.0), sources=sources)
+        if first == 201:
+            assert texts_of(_terrain_map.draw_map(terrain, None).axes[1].get_legend()) == ["fine.tif"]
+        else:
+            with pytest.raises(ConfigError, match=r"no height is known on the points of the picture"):
+                _terrain_map.draw_map(terrain, None)
 
 
 @pytest.mark.usefixtures("small_picture")

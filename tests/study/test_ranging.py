@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fti.figures import write
 from fti.ranging.laser import Laser
 from fti.ranging.sensor import Poses
 from fti.study import Draw, Result, _level_run, _signals, _sweep, ranging
 from fti.study._level_run import Run
-from fti.study._plots import write
 from fti.terrain.dem_error import DemError
 from fti.terrain.terrain import Terrain
 

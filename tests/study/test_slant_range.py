@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fti.figures import write
 from fti.study import _scenarios, slant_range
 from fti.study._flights import GRAVITY, MAX_LOAD, STEP_S, TRIM_AOA, Leg, track, turn
 from fti.study._flown import Flown, fly
-from fti.study._plots import write
 from fti.study._statistics import least_positive, ratio_interval, sign_test
 from fti.study.slant_range import ORDERINGS, Run
 from fti.terrain.terrain import Terrain

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from fti import study
 from fti.cli.main import main
 from fti.errors import MissingError, StorageError
+from fti.figures import write
 from fti.study import Result, device_clock, ranging, triple_buffer
-from fti.study._plots import write
 
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}

@@ -1,4 +1,4 @@
-"""One look for the figures of all studies, drawn without a display.
+"""One look for all figures, those of the studies and of the terrain, drawn without a display.
 
 Colours are those of Okabe and Ito (Color Universal Design, 2008), which people with any colour vision tell apart; each
 sensor keeps its own in every figure.  Images are drawn in ``cividis``, which is even in lightness.  Lengths are metres.
@@ -6,6 +6,7 @@ sensor keeps its own in every figure.  Images are drawn in ``cividis``, which is
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from fti.errors import StorageError
-from fti.study import Draw
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C"
 GROUND, CANOPY = "#B8A68C", "#7FA77A"
 
 DOTS_PER_INCH = 120
+#: What is left out of a file by its format, so that the same figure is the same file.
+_UNDATED: dict[str, dict[str, Any]] = {".png": {"Software": None}, ".svg": {"Date": None}}
 LOOK: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
@@ -77,13 +79,16 @@ def legend_above(axes: Axes) -> None:
     )  # fmt: skip
 
 
-def write(draw: Draw, file: Path) -> None:
-    """Draw a figure into a file that must not be there yet.  Raises StorageError when it cannot be written."""
+def write(draw: Callable[[], Figure], file: Path) -> None:
+    """Draw a figure into a file, .png or .svg, that must not be there yet.
+
+    Raises StorageError when it cannot be written.
+    """
     with mpl.rc_context(LOOK):
         figure = draw()
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             with file.open("xb") as out:
-                figure.savefig(out, format=file.suffix[1:], metadata={"Software": None})
+                figure.savefig(out, format=file.suffix[1:], metadata=_UNDATED[file.suffix])
         except OSError as error:
             raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error
