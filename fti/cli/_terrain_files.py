@@ -15,8 +15,8 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
     if config.nav.terrain is None:
         return
     from fti.geodesy.geoid import load_geoid
-    from fti.terrain.elevation_file import ElevationFile
-    from fti.terrain.vertical import OTHERS
+    from fti.terrain.files.elevation_file import ElevationFile
+    from fti.terrain.files.vertical import OTHERS
 
     for i, file in enumerate(config.nav.terrain.files):
         key = f"{config.path}: nav.terrain.files[{i}]"

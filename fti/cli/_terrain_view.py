@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from fti.terrain.layout import bounds_text
-from fti.terrain.survey import FileSurvey, LayerSurvey, Survey
+from fti.terrain.files.layout import bounds_text
+from fti.terrain.files.survey import FileSurvey, LayerSurvey, Survey
 
 _ANGLES = ("south", "west", "north", "east")
 

@@ -114,7 +114,7 @@ def _arguments(args: argparse.Namespace) -> dict[str, Any]:
 def _info(args: argparse.Namespace) -> int:
     from fti.cli._reading import progress_bar
     from fti.cli._terrain_view import as_json, as_text
-    from fti.terrain.survey import survey
+    from fti.terrain.files.survey import survey
 
     with progress_bar() as bar:
         task = bar.add_task("reading", total=1.0)

@@ -107,7 +107,7 @@ class Terrain:
         one without coordinate system or vertical datum, files of which none touches the area, and an area too large
         for its cell; ValueError for arguments that make no sense.
         """
-        from fti.terrain.opening import open_layers  # noqa: PLC0415 - GDAL and PROJ are slow to load
+        from fti.terrain.files.opening import open_layers  # noqa: PLC0415 - GDAL and PROJ are slow to load
 
         layers, frame, sources = open_layers(
             [os.fspath(path) for path in paths],

@@ -13,7 +13,7 @@ from fti.cli import _receive_buffer
 from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links._socket import RECEIVE_BUFFER
-from tests.terrain.files import write_ground
+from tests.terrain.elevation_files import write_ground
 
 BENCH = """
 [session]

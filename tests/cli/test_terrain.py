@@ -14,7 +14,7 @@ from matplotlib.legend import Legend
 from fti.cli.main import main
 from fti.errors import ConfigError
 from fti.terrain.terrain import Terrain
-from tests.terrain.files import LAT, LON, Array, write_ground
+from tests.terrain.elevation_files import LAT, LON, Array, write_ground
 
 UTM = "EPSG:32632"
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.grids import needs_egm96
 from tests.helpers import ROOT
-from tests.terrain.files import Array, write_ground, write_hgt
+from tests.terrain.elevation_files import Array, write_ground, write_hgt
 
 PAGE = (ROOT / "docs" / "terrain.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)

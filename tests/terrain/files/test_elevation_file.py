@@ -13,10 +13,20 @@ import rasterio
 from rasterio.windows import Window
 
 from fti.errors import ConfigError, MissingError
-from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.vertical import words_by_file
 from fti.terrain.source import Source
-from fti.terrain.vertical import words_by_file
-from tests.terrain.files import LAT, LON, Array, from_origin, posts_of, write_dted, write_ground, write_hgt, write_tif
+from tests.terrain.elevation_files import (
+    LAT,
+    LON,
+    Array,
+    from_origin,
+    posts_of,
+    write_dted,
+    write_ground,
+    write_hgt,
+    write_tif,
+)
 
 UTM = "EPSG:32632"
 CORNER = from_origin(700_000.0, 5_300_000.0, 10.0, 10.0)

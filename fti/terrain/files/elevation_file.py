@@ -26,8 +26,8 @@ from rasterio.windows import Window
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.geoid import SYSTEM
 from fti.geodesy.wgs84 import radii
+from fti.terrain.files.vertical import find_datum, find_unit, split_crs
 from fti.terrain.source import Source
-from fti.terrain.vertical import find_datum, find_unit, split_crs
 
 Array = NDArray[np.float64]
 

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.mosaic import NOBODY, Mosaic, Window
-from fti.terrain.tangent import HALF, Block
+from fti.terrain.files.mosaic import NOBODY, Mosaic, Window
+from fti.terrain.files.tangent import HALF, Block
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]

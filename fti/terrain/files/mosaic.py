@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.terrain.elevation_file import ElevationFile, nearest_turn
+from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]

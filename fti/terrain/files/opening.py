@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from fti.errors import ConfigError
 from fti.geodesy.geoid import Geoid, load_geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.elevation_file import ElevationFile
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.layout import Plan, make_plans, place_area
+from fti.terrain.files.mosaic import NOBODY
+from fti.terrain.files.resample import Resampler
+from fti.terrain.files.vertical import words_by_file
 from fti.terrain.layer import Layer
-from fti.terrain.layout import Plan, make_plans, place_area
-from fti.terrain.mosaic import NOBODY
-from fti.terrain.resample import Resampler
 from fti.terrain.source import Source
 from fti.terrain.terrain import Terrain
-from fti.terrain.vertical import words_by_file
 
 Array = NDArray[np.float64]
 

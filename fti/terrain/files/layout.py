@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from fti.errors import ConfigError
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.terrain.elevation_file import ElevationFile
-from fti.terrain.mosaic import Mosaic, assemble
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.mosaic import Mosaic, assemble
 from fti.terrain.source import Source
 
 Array = NDArray[np.float64]

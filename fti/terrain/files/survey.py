@@ -12,11 +12,11 @@ import numpy as np
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.geoid import load_geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.elevation_file import ElevationFile
-from fti.terrain.layout import Box, Plan, make_plans, place_area
-from fti.terrain.opening import check_arguments
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.layout import Box, Plan, make_plans, place_area
+from fti.terrain.files.opening import check_arguments
+from fti.terrain.files.vertical import words_by_file
 from fti.terrain.source import Source
-from fti.terrain.vertical import words_by_file
 
 #: Posts that are read at once.
 _PART = 2**22

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.terrain.mosaic import Mosaic
+from fti.terrain.files.mosaic import Mosaic
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fti.geodesy.local import LocalFrame
-from fti.terrain.elevation_file import ElevationFile
-from fti.terrain.mosaic import Mosaic
-from fti.terrain.tangent import HALF, Block
-from tests.terrain.files import LAT, LON, write_ground
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.mosaic import Mosaic
+from fti.terrain.files.tangent import HALF, Block
+from tests.terrain.elevation_files import LAT, LON, write_ground
 
 
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:32632", "EPSG:3413"])

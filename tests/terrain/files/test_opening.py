@@ -11,13 +11,13 @@ from rasterio.transform import Affine
 from fti.errors import ConfigError, MissingError
 from fti.geodesy import geoid as geoids
 from fti.geodesy.geoid import load_geoid
-from fti.terrain import opening, resample
-from fti.terrain.mosaic import Mosaic
+from fti.terrain.files import opening, resample
+from fti.terrain.files.mosaic import Mosaic
 from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
 from fti.terrain.terrain import NO_SOURCE, Terrain
 from tests.grids import needs_egm96
-from tests.terrain.files import (
+from tests.terrain.elevation_files import (
     LAT,
     LON,
     Array,
