@@ -150,7 +150,7 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
             ["altimeter.kind", "'sonar'", "'radar' or 'laser'"],
         ),
         (changed('altimeters = ["radar"]', 'altimeters = ["ins"]'), ["nav.altimeters", "'ins'", "altimeter"]),
-        (changed('vertical = "egm96"', 'vertical = "egm2008"'), ["nav.terrain.vertical", "'egm2008'", "'egm96'"]),
+        (changed('vertical = "egm96"', 'vertical = "navd88"'), ["nav.terrain.vertical", "'navd88'", "'egm2008'"]),
         (changed('vertical = "egm96"', 'vertical = "egm96", datum = 1'), ["nav.terrain.datum", "files, vertical"]),
         (
             changed("[nav]", "[navigation]"),
