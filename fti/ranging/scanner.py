@@ -136,9 +136,11 @@ class RangeScanner(RangingSensor):
         """Everything that is measured from the first to the last epoch at ``times`` (n,) [s], k measurements.
 
         The first pulse leaves at the first epoch, when a facet begins its sweep.  Each measurement has its own pose,
-        ``interpolated`` between the epochs.
+        ``interpolated`` between the epochs.  Raises ValueError for fewer than two of them.
         """
         knots = np.asarray(times, dtype=np.float64)
+        if knots.size < 2:
+            raise ValueError(f"a scan of {knots.size} epochs: it goes on between two at least")
         pulses = np.arange(np.floor((knots[-1] - knots[0]) * self.pulse_rate) + 1)
         angles = self.swept * ((pulses * (self.line_rate / self.pulse_rate)) % 1.0 - 0.5)
         seen = np.abs(angles) <= 0.5 * self.field_of_view

@@ -184,6 +184,12 @@ def test_the_same_generator_gives_the_same_scan() -> None:
     assert (one - exact).std() == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.parametrize("times", [[], [0.0]])
+def test_a_scan_goes_on_between_two_epochs(times: list[float]) -> None:
+    with pytest.raises(ValueError, match=f"a scan of {len(times)} epochs"):
+        RangeScanner().scan(FLAT, times, flown(np.array(times)))
+
+
 def test_each_measure_casts_all_its_rays_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """No loop over rays: one call of the ray caster for a scan, a set of lines, a matrix, and a footprint."""
     called = count_casts(monkeypatch)

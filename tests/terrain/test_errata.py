@@ -28,6 +28,23 @@ def test_2_51_divides_by_the_difference_of_equal_longitudes() -> None:
         assert printed_height(POSTS, lat, lon, corrected=True) == pytest.approx(float(ground.up(lon, lat)))
 
 
+def printed_slope_east(posts: Array, lat: float, lon: float, *, corrected: bool = False) -> float:
+    """Eq. 4.7 and 4.8 on the cell [0, 1] x [0, 1]; corrected: longitude in the denominator."""
+    west = posts[0, 0] + (posts[1, 0] - posts[0, 0]) * lat
+    east = posts[0, 1] + (posts[1, 1] - posts[0, 1]) * lat
+    q1, q2 = np.array([lat, 0.0]), np.array([lat, 1.0])  # the auxiliary points have the latitude of P
+    with np.errstate(all="ignore"):
+        return float(np.float64(east - west) / ((q2 - q1)[1 if corrected else 0]))
+
+
+def test_4_7_divides_by_the_difference_of_equal_latitudes() -> None:
+    ground = Terrain.from_array(POSTS, 1.0)
+    for lat, lon in ((0.3, 0.6), (0.9, 0.2)):
+        assert not np.isfinite(printed_slope_east(POSTS, lat, lon))
+        slope_east, _ = ground.gradient(lon, lat)
+        assert printed_slope_east(POSTS, lat, lon, corrected=True) == pytest.approx(float(slope_east))
+
+
 def printed_intersections(posts: Array, origin: Array, ray: Array) -> list[Array]:
     """Eq. 2.52 to 2.62 on the cell [0, 1] x [0, 1]: the intersections that are called valid."""
     a, b, c, d = (np.array([x, y, posts[int(y), int(x)]]) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)))
