@@ -7,7 +7,7 @@ Where the air is dT warmer than the standard at the same pressure, the hydrostat
 
 with the pressure altitude H and the station z_s whose barometer the QNH was made from: a set altimeter is right there,
 whatever the temperature, and goes wrong above it.  In air 20 K colder than standard one that is 300 m above the station
-reads 22 m too much.
+reads 22 m too much.  All of it is the troposphere: below a pressure altitude of 11 km.
 
 Source: ISO 2533 (constants, pressure and temperature by height); ICAO Doc 8168, volume I, part III (temperature
 corrections).  Heights are taken as geopotential: the geometric one is 0.05 % larger at 3 km.

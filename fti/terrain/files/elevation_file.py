@@ -76,8 +76,7 @@ class ElevationFile:
         lat, lon = self.outline()
         if not np.isfinite(lat + lon).all():
             raise ConfigError(f"{path}: its edges are no places on Earth in {self.crs.name}")
-        around = lon[0] + nearest_turn(lon - lon[0], 2 * np.pi)
-        west, east = (float(nearest_turn(side, 2 * np.pi)) for side in (around.min(), around.max()))
+        west, east = _sides(lon)
         accuracy = self._transformer.accuracy
         return Source(
             path=path,
@@ -177,6 +176,15 @@ class ElevationFile:
         for (row, part), (column, other) in itertools.product(down, across):
             if self._dataset.get_tag_item(f"BLOCK_OFFSET_{column}_{row}", "TIFF", 1) is None:
                 yield part, other
+
+
+def _sides(lon: Array) -> tuple[float, float]:
+    """The westernmost and easternmost of longitudes once around a file [rad]; half a turn each where it goes around."""
+    around = np.unwrap(lon)
+    if np.ptp(around) > 2 * np.pi - 1e-9:
+        return -math.pi, math.pi
+    west, east = (float(nearest_turn(side, 2 * np.pi)) for side in (around.min(), around.max()))
+    return west, east
 
 
 def _blocks(begin: int, end: int, size: int) -> list[tuple[int, slice]]:

@@ -30,6 +30,7 @@ from tests.terrain.elevation_files import (
 
 UTM = "EPSG:32632"
 CORNER = from_origin(700_000.0, 5_300_000.0, 10.0, 10.0)
+FLAT = np.full((4, 4), 500.0)
 
 
 def slope(lat: Array, lon: Array) -> Array:
@@ -57,6 +58,18 @@ def test_what_a_geotiff_says_of_itself(tmp_path: Path) -> None:
     assert math.degrees(source.south) < LAT < math.degrees(source.north)
     assert math.degrees(source.west) < LON < math.degrees(source.east)
     assert math.degrees(source.north - source.south) * 111_200 == pytest.approx(1600.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("west", "degrees", "said"),
+    [(-100.0, 200.0, (-100.0, 100.0)), (100.0, 200.0, (100.0, -60.0)), (0.0, 360.0, (-180.0, 180.0))],
+)
+def test_a_file_over_half_the_earth_says_which_half(
+    tmp_path: Path, west: float, degrees: float, said: tuple[float, float]
+) -> None:
+    path = write_tif(tmp_path / "dem.tif", FLAT, "EPSG:4326", from_origin(west, 10.0, degrees / 4, 5.0))
+    source = source_of(path, "egm96")
+    assert np.degrees((source.west, source.east)) == pytest.approx(said)
 
 
 def test_what_a_dted_and_an_hgt_file_say(tmp_path: Path) -> None:
@@ -103,9 +116,6 @@ def test_whole_numbers_have_voids_without_being_told(tmp_path: Path) -> None:
 
 
 # -------------------------------------------------------------------------------------------------------- refusals
-
-
-FLAT = np.full((4, 4), 500.0)
 
 
 @pytest.mark.parametrize(
