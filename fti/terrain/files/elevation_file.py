@@ -107,6 +107,11 @@ class ElevationFile:
         return float(across), float(along)
 
     @property
+    def operation(self) -> str:
+        """The step from WGS84 to its coordinates, in PROJ's words: the best one where the file lies."""
+        return self._transformer.definition
+
+    @property
     def turn(self) -> float:
         """A whole turn in the unit of the file's longitudes."""
         return 2.0 * math.pi / float(self.crs.axis_info[0].unit_conversion_factor)

@@ -1,5 +1,6 @@
 """Elevation files as a terrain: the file's surface, exactly, in the local frame; layers, seams, holes."""
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from fti.errors import ConfigError, MissingError
 from fti.geodesy import geoid as geoids
 from fti.geodesy.geoid import load_geoid
 from fti.terrain.files import opening, resample
-from fti.terrain.files.mosaic import Mosaic
+from fti.terrain.files.elevation_file import ElevationFile
+from fti.terrain.files.mosaic import Mosaic, assemble
 from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
 from fti.terrain.terrain import NO_SOURCE, Terrain
@@ -284,6 +286,25 @@ def test_tiles_of_two_lattices_leave_no_gap(tmp_path: Path) -> None:
     assert len(terrain.layers) == 1
     places, across = np.linspace(-900.0, 900.0, 1801), np.linspace(-400.0, 400.0, 81)
     assert not np.isnan(terrain.up(places[None, :], across[:, None])).any()
+
+
+def test_one_lattice_with_two_steps_from_wgs84_is_two(tmp_path: Path) -> None:
+    """European datum 1950 in Spain and off Norway: one grid of numbers, and two changes of datum, 3.7 m apart."""
+    spain, sea, norway = (
+        from_origin(400_000.0, north, 100.0, 100.0) for north in (4_650_000.0, 4_649_000.0, 6_700_000.0)
+    )
+    with contextlib.ExitStack() as stack:
+        first, beside, far = (
+            stack.enter_context(
+                contextlib.closing(
+                    ElevationFile(
+                        write_tif(tmp_path / f"{k}.tif", np.zeros((10, 10)), "EPSG:23031", corner), {"*": "egm96"}
+                    )
+                )
+            )
+            for k, corner in enumerate((spain, sea, norway))
+        )
+        assert [mosaic.numbers for mosaic in assemble(enumerate((first, beside, far)))] == [(0, 1), (2,)]
 
 
 def test_where_files_overlap_the_finest_counts_then_the_first(tmp_path: Path) -> None:
