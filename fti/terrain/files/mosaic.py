@@ -65,7 +65,7 @@ class Mosaic:
         """
         if (
             file.crs != self.first.crs
-            or False
+            or file.operation != self.first.operation
             or file.source.vertical != self.vertical
         ):
             return False

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 from rasterio.transform import Affine
 
 from fti.errors import ConfigError, MissingError
@@ -164,8 +165,6 @@ def test_the_vertical_part_of_the_coordinate_system_has_a_unit_too(tmp_path: Pat
 
 
 def test_scale_and_offset_of_the_file_count(tmp_path: Path) -> None:
-    import rasterio
-
     path = write_ground(tmp_path / "dem.tif", level, UTM, 50, 10.0)
     with rasterio.open(path, "r+") as file:
         file.scales, file.offsets = (0.5,), (100.0,)
@@ -251,8 +250,6 @@ def test_a_paraboloid_costs_what_is_stated(tmp_path: Path) -> None:
 def test_tiles_of_one_lattice_leave_no_gap(tmp_path: Path) -> None:
     """Four tiles that share no post: cells between the last post of one and the first of the next are whole."""
     whole = write_ground(tmp_path / "whole.tif", hills, UTM, 200, 10.0)
-    import rasterio
-
     with rasterio.open(whole) as file:
         heights, transform = file.read(1), file.transform
     tiles = [
@@ -276,8 +273,6 @@ def test_tiles_of_one_lattice_leave_no_gap(tmp_path: Path) -> None:
 def test_tiles_of_two_lattices_leave_no_gap(tmp_path: Path) -> None:
     """A file reaches to the edge of its pixels, where the neighbour's begin; here their posts are 10 and 12 m apart."""
     west = write_ground(tmp_path / "west.tif", hills, UTM, 100, 10.0)
-    import rasterio
-
     with rasterio.open(west) as file:
         edge = move(file.transform, 100, 0)
     corner = from_origin(*edge, 12.0, 12.0)
@@ -288,23 +283,46 @@ def test_tiles_of_two_lattices_leave_no_gap(tmp_path: Path) -> None:
     assert not np.isnan(terrain.up(places[None, :], across[:, None])).any()
 
 
+def mosaics_of(folder: Path, crs: str, *tiles: tuple[float, float, str]) -> list[tuple[int, ...]]:
+    """Which tiles of 10 x 10 posts, 100 m apart, make which mosaic; west, north [m] and vertical datum of each."""
+    with contextlib.ExitStack() as stack:
+        files = []
+        for number, (west, north, vertical) in enumerate(tiles):
+            corner = from_origin(west, north, 100.0, 100.0)
+            path = write_tif(folder / f"{number}.tif", np.zeros((10, 10)), crs, corner)
+            files.append(stack.enter_context(contextlib.closing(ElevationFile(path, {"*": vertical}))))
+        return [mosaic.numbers for mosaic in assemble(enumerate(files))]
+
+
 def test_one_lattice_with_two_steps_from_wgs84_is_two(tmp_path: Path) -> None:
     """European datum 1950 in Spain and off Norway: one grid of numbers, and two changes of datum, 3.7 m apart."""
-    spain, sea, norway = (
-        from_origin(400_000.0, north, 100.0, 100.0) for north in (4_650_000.0, 4_649_000.0, 6_700_000.0)
-    )
-    with contextlib.ExitStack() as stack:
-        first, beside, far = (
-            stack.enter_context(
-                contextlib.closing(
-                    ElevationFile(
-                        write_tif(tmp_path / f"{k}.tif", np.zeros((10, 10)), "EPSG:23031", corner), {"*": "egm96"}
-                    )
-                )
-            )
-            for k, corner in enumerate((spain, sea, norway))
-        )
-        assert [mosaic.numbers for mosaic in assemble(enumerate((first, beside, far)))] == [(0, 1), (2,)]
+    tiles = [(4e5, north, "egm96") for north in (4_650_000.0, 4_649_000.0, 6_700_000.0)]
+    assert mosaics_of(tmp_path, "EPSG:23031", *tiles) == [(0, 1), (2,)]
+
+
+def test_files_of_two_datums_or_beside_the_lattice_are_no_mosaic(tmp_path: Path) -> None:
+    """2 m are 0.02 of a post distance; 0.5 m are not seen."""
+    places = ((7e5, 5.3e6, "egm96"), (7.01e5, 5.3e6, "ellipsoid"), (7.02e5 + 2.0, 5.3e6, "egm96"))
+    assert mosaics_of(tmp_path, UTM, *places, (7.03e5 + 0.5, 5.3e6, "egm96")) == [(0, 3), (1,), (2,)]
+
+
+@needs_egm96
+def test_tiles_of_two_datums_keep_each_its_own(tmp_path: Path) -> None:
+    south = write_ground(tmp_path / "south.tif", level, UTM, 100, 10.0)
+    west, north = rasterio_corner(south)
+    upper = from_origin(west, north + 1000.0, 10.0, 10.0)
+    other = write_ground(tmp_path / "north.tif", level, UTM, 100, 0.0, transform=upper)
+    terrain = Terrain.open([south, other], vertical={south: "egm96", other: "ellipsoid"})
+    lat = CENTRE[0] + 1000.0 / EARTH
+    undulation = float(load_geoid("egm96").undulation(*CENTRE))
+    assert terrain.height(*CENTRE) == pytest.approx(640.0 + undulation, abs=1e-2)
+    assert terrain.height(lat, CENTRE[1]) == pytest.approx(640.0, abs=1e-3)
+
+
+def rasterio_corner(path: str) -> tuple[float, float]:
+    """x and y of the outer corner of the first pixel [m]."""
+    with rasterio.open(path) as file:
+        return file.transform[2], file.transform[5]
 
 
 def test_where_files_overlap_the_finest_counts_then_the_first(tmp_path: Path) -> None:
