@@ -16,6 +16,7 @@ from tests.helpers import POLL_S, ROOT
 from tests.leaks import held
 
 SCALES = {"quick": 1, "full": 20}
+EXAMPLES = {"quick": 60, "full": 2000}  # of a property
 GRACE_S = 3.0  # what was told to end may take this long
 
 os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".numba_cache"))  # also for the processes that tests start
@@ -31,7 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.register_profile(
         "fti",
-        max_examples=100 * SCALES[config.getoption("--scale")],
+        max_examples=EXAMPLES[config.getoption("--scale")],
         deadline=None,  # no timed assertion: this may be a busy machine
         suppress_health_check=[hypothesis.HealthCheck.too_slow],
         derandomize=config.getoption("--no-skips"),  # the check of a change does not depend on luck

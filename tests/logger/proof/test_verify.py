@@ -29,7 +29,7 @@ from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, ope
 
 FRAMES = 500
 assert settings.default
-SCALE = settings.default.max_examples // 100
+SCALE = max(1, settings.default.max_examples // 100)
 
 
 @pytest.fixture
