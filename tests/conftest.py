@@ -12,14 +12,14 @@ from collections.abc import AsyncIterator, Generator
 import hypothesis
 import pytest
 
-from tests.helpers import POLL_S, ROOT
+from tests.helpers import KERNELS, POLL_S
 from tests.leaks import held
 
 SCALES = {"quick": 1, "full": 20}
 EXAMPLES = {"quick": 60, "full": 2000}  # of a property
 GRACE_S = 3.0  # what was told to end may take this long
 
-os.environ.setdefault("NUMBA_CACHE_DIR", str(ROOT / ".numba_cache"))  # also for the processes that tests start
+os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))  # also for the processes that tests start
 
 before_key = pytest.StashKey[dict[str, str]]()
 

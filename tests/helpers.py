@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parent.parent
+KERNELS = ROOT / ".numba_cache"  # compiled once for all processes of the tests
 POLL_S = 0.005
 
 Found = TypeVar("Found")
