@@ -49,3 +49,11 @@ def test_the_command_line_answers_without_the_heavy_parts() -> None:
     imported = {line.rpartition("|")[2].strip() for line in told.splitlines()}
     assert "argparse" in imported
     assert not imported & set(HEAVY)
+
+
+def test_no_driver_loads_what_is_slow_to_load() -> None:
+    """The supervisor binds the options of every driver before anything is recorded."""
+    load = "import json, sys; from fti import drivers; [drivers.load(n) for n in drivers.names()]"
+    loaded = set(json.loads(python("-c", f"{load}; print(json.dumps(sorted(sys.modules)))").stdout))
+    assert "fti.ranging.radar.quantise" in loaded
+    assert not loaded & {"numpy", "numba", "scipy", "pyproj", "rasterio"}

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.antenna import WIDE, Antenna
@@ -34,7 +34,7 @@ from fti.ranging.radar.beam import Backscatter, Beam, Echoes, make_beam, range_b
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.quantise import quantised
+from fti.ranging.radar.quantise import FOOT, QUANTISATION_FT
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.outcome import Outcome
@@ -49,6 +49,9 @@ _CHUNK = 16
 _BEHIND_BINS = 32
 #: Share of the beam (gain both ways x solid angle) that may look at ground nobody knows.
 _UNKNOWN_SHARE = 0.01
+#: Where the steps of an RA-4500 end, and how large they are [ft].
+_TOPS_FT = np.array([top for top, _ in QUANTISATION_FT[:-1]], dtype=np.float64)
+_STEPS_FT = np.array([step for _, step in QUANTISATION_FT], dtype=np.float64)
 _UNKNOWN = (Outcome.HOLE, Outcome.OUTSIDE, Outcome.UNKNOWN, Outcome.BURIED)
 
 
@@ -212,3 +215,10 @@ def _strongest_at(slant_range: Array, echoes: Echoes, waveform: Waveform) -> NDA
     share = np.zeros_like(off)
     share[near] = echoes.powers[near] * hann_kernel(off[near])
     return np.asarray(np.argmax(share, axis=1))
+
+
+def quantised(heights: ArrayLike) -> Array:
+    """Heights [m] as the instrument shows them, any shape; negative ones are 0, NaN stays NaN."""
+    feet = np.maximum(np.asarray(heights, dtype=np.float64) / FOOT, 0.0)
+    step = _STEPS_FT[np.searchsorted(_TOPS_FT, feet, side="left")]
+    return np.asarray(np.minimum(np.rint(feet / step) * step, 65535.0) * FOOT)

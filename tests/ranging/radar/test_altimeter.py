@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.error_model import RangeError
-from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at
+from fti.ranging.radar.altimeter import RadarAltimeter, _strongest_at, quantised
 from fti.ranging.radar.antenna import NARROW, WIDE, cosine_antenna
 from fti.ranging.radar.beam import Echoes, trace_beam
 from fti.ranging.radar.dome import random_turn
-from fti.ranging.radar.quantise import quantised
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, Returns, Validity
 from fti.terrain.outcome import Outcome
