@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from fti.errors import ConfigError
 from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, label, sheet, write
 from fti.geodesy.geoid import load_geoid
-from fti.terrain.terrain import NO_SOURCE, Terrain
+from fti.terrain.source import NO_SOURCE
+from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 #: Two places: latitude, longitude [rad].

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.landscape import Cover, Landscape
-from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, irregular_steps
+from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, irregular_steps, smooth_step
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -73,12 +73,6 @@ def _covered(posts: _Posts, *layers: tuple[Mask | bool, Cover]) -> Codes:
     for where, kind in layers:
         cover[np.broadcast_to(where, posts.shape)] = kind
     return cover
-
-
-def _smooth(share: Array) -> Array:
-    """0 below 0, 1 above 1, without a kink between."""
-    t = np.clip(share, 0.0, 1.0)
-    return np.asarray(t * t * (3.0 - 2.0 * t))
 
 
 def _plane(posts: _Posts, rng: Rng) -> _Made:
@@ -177,19 +171,19 @@ def _clear_of_approaches(posts: _Posts) -> Array:
 def _valley_ground(posts: _Posts, rng: Rng) -> tuple[Array, Mask]:
     """Ground [m] without the airfield, and where the river runs."""
     beside = np.abs(posts.east - _along_valley(posts, rng, 150.0))
-    sides = _smooth((beside - _FLOOR_HALF_M) / _SIDE_M)
+    sides = smooth_step((beside - _FLOOR_HALF_M) / _SIDE_M)
     hills = fractal_relief(posts.shape, posts.cell_m, rng, sd=1.0, longest_m=2500.0, shortest_m=60.0)
     floor = fractal_relief(posts.shape, posts.cell_m, rng, sd=0.5, longest_m=600.0, shortest_m=60.0)
     ground = sides * (_SIDE_HEIGHT_M + 30.0 * hills) + (1.0 - sides) * floor
     from_river = np.abs(posts.east - _RIVER_EAST_M - _along_valley(posts, rng, 60.0))
-    bank = _smooth((from_river - _RIVER_HALF_M) / 40.0)
+    bank = smooth_step((from_river - _RIVER_HALF_M) / 40.0)
     return bank * ground + (1.0 - bank) * -_BANK_M, from_river <= _RIVER_HALF_M
 
 
 def _river_valley(posts: _Posts, rng: Rng) -> _Made:
     natural, water = _valley_ground(posts, rng)
     limit, away = _clear_of_approaches(posts), _strip(posts)
-    ground = np.minimum(natural * _smooth(away / 150.0), np.maximum(limit, 0.0))
+    ground = np.minimum(natural * smooth_step(away / 150.0), np.maximum(limit, 0.0))
     trees = forest(posts.shape, posts.cell_m, rng, cover=0.4)
     open_ground = water | (away < 150.0)
     trees = np.where(open_ground | (ground + trees > limit), 0.0, trees)

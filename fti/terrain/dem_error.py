@@ -18,13 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.landscape import Cover, Landscape, Sees
-from fti.terrain.synthetic import forest
+from fti.terrain.synthetic import fft_shape, forest
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
-_FFT_BLOCK = 64  # sizes for the transform are multiples of this: small prime factors
 _FAR = 6.0  # lengths of margin, so that one side of the field does not know the other: exp(-6) is 0.25 %
 
 
@@ -34,8 +33,8 @@ def correlated_noise(shape: tuple[int, int], cell_m: float, rng: Rng, length_m: 
     By circulant embedding: exact but for 0.25 % at great distances and for eigenvalues below zero, which are cut.
     Source: Dietrich and Newsam 1997.
     """
-    rows, columns = (size + int(_FAR * length_m / cell_m) for size in shape)
-    rows, columns = (size + -size % _FFT_BLOCK for size in (rows, columns))
+    margin = int(_FAR * length_m / cell_m)
+    rows, columns = fft_shape((shape[0] + margin, shape[1] + margin))
     north, east = (np.minimum(np.arange(size), size - np.arange(size)) * cell_m for size in (rows, columns))
     correlation = np.exp(-np.hypot(north[:, None], east[None, :]) / length_m)
     spectrum = np.maximum(np.fft.rfft2(correlation).real, 0.0)

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import radii
 from fti.terrain.grid import ElevationGrid, cubic_weights, load_jacksboro
-from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, ridges
+from fti.terrain.synthetic import buildings, fields, forest, fractal_relief, ridges, smooth_step
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -128,8 +128,7 @@ def _country(before: Array, right: Array, length: float) -> Array:
     """0 on the level strip of the runway, 1 in the country, smooth between."""
     beyond_end = np.maximum(before - STRIP_END_M, -before - length - STRIP_END_M)
     outside = np.hypot(np.maximum(beyond_end, 0.0), np.maximum(np.abs(right) - STRIP_HALF_M, 0.0))
-    share = np.clip(outside / BLEND_M, 0.0, 1.0)
-    return np.asarray(share * share * (3.0 - 2.0 * share))
+    return smooth_step(outside / BLEND_M)
 
 
 def _plane(runway: _Runway, before: Array, right: Array) -> Array:
@@ -164,8 +163,7 @@ def _across(before: Array, right: Array, rng: np.random.Generator) -> Array:
 
 def _near_track(right: Array) -> Array:
     """1 within RIDGES_HALF_M of the track, 0 beyond twice as far, smooth between."""
-    share = np.clip(2.0 - np.abs(right) / RIDGES_HALF_M, 0.0, 1.0)
-    return np.asarray(share * share * (3.0 - 2.0 * share))
+    return smooth_step(2.0 - np.abs(right) / RIDGES_HALF_M)
 
 
 def _cover(across: Array, right: Array, crests: NDArray[np.bool_], rng: np.random.Generator) -> Array:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+#: Number of no source: what ``Terrain.source`` says where no source says anything; ``Layer.origin`` counts below it.
+NO_SOURCE = 255
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:

@@ -18,6 +18,18 @@ Shape = tuple[int, int]
 _FFT_BLOCK = 64  # sizes for the transform are multiples of this: small prime factors
 
 
+def fft_shape(shape: Shape) -> Shape:
+    """The next larger shape of a grid whose transform is quick."""
+    rows, columns = (size + -size % _FFT_BLOCK for size in shape)
+    return rows, columns
+
+
+def smooth_step(share: Array) -> Array:
+    """0 below 0, 1 above 1, without a kink between."""
+    t = np.clip(share, 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
+
+
 def fractal_relief(
     shape: Shape, cell_m: float, rng: Rng, *, sd: float, longest_m: float, shortest_m: float, hurst: float = 0.8
 ) -> Array:
@@ -27,7 +39,7 @@ def fractal_relief(
 
     Source: Turcotte 1997, ch. 7 (self-affine surfaces, spectral synthesis).
     """
-    rows, columns = (size + -size % _FFT_BLOCK for size in shape)
+    rows, columns = fft_shape(shape)
     fy, fx = np.fft.fftfreq(rows, cell_m)[:, None], np.fft.rfftfreq(columns, cell_m)[None, :]
     frequency = np.hypot(fx, fy)
     band = (frequency >= 1.0 / longest_m) & (frequency <= 1.0 / shortest_m)

@@ -30,7 +30,7 @@ from fti.terrain.cast import cast_rays
 from fti.terrain.layer import Layer
 from fti.terrain.pyramid import Pyramid, build_pyramid
 from fti.terrain.seams import check_stack
-from fti.terrain.source import Source
+from fti.terrain.source import NO_SOURCE, Source
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -40,9 +40,6 @@ _HEIGHT_STEPS = 4
 
 #: Rays of a piece of work for one thread: 10 ms.
 _CHUNK = 16384
-
-#: What ``Terrain.source`` says where no source says anything.
-NO_SOURCE = 255
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.baselines import Baselines
 from fti.ranging.interferometric import (
@@ -16,7 +17,6 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 EXACT = InterferometricAltimeter()
 HEIGHT, SPEED = 1000.0, 40.0
 
@@ -38,7 +38,7 @@ def poses(
 ) -> Poses:
     """At HEIGHT over the origin; all angles in degrees, crab is heading minus course."""
     roll, pitch, crab, climb = np.broadcast_arrays(*(np.atleast_1d(np.radians(a)) for a in (roll, pitch, crab, climb)))
-    mats = ENU_NED @ mat_from_rpy(roll, pitch, np.radians(course) + crab)
+    mats = MAT_ENU_NED @ mat_from_rpy(roll, pitch, np.radians(course) + crab)
     way = np.array([np.sin(np.radians(course)), np.cos(np.radians(course)), 0.0])
     vels = SPEED * (np.cos(climb)[:, None] * way + np.sin(climb)[:, None] * [0.0, 0.0, 1.0])
     return Poses(np.tile([0.0, 0.0, HEIGHT], (len(mats), 1)), mats, vels)
@@ -151,7 +151,7 @@ def test_slant_angle_needs_both_vectors_in_one_frame() -> None:
     """Eq. 8 with the velocity as the navigation frame has it and the point as the body has it, heading east."""
     at = poses(10.0, 0.0, 0.0, 2.0, course=90.0)
     found = measured(at)
-    vel_n = ENU_NED @ at.vels_l[0]
+    vel_n = MAT_ENU_NED @ at.vels_l[0]
     printed = 90.0 - np.degrees(np.arccos(vel_n @ found.direction_s[0] / SPEED))
     assert np.degrees(found.slant_angle) == pytest.approx(-2.0, abs=0.01)
     assert abs(printed + 2.0) > 5.0

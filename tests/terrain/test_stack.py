@@ -10,7 +10,8 @@ from fti.geodesy.local import LocalFrame
 from fti.terrain.bundle import cast_bundle_min
 from fti.terrain.layer import Layer
 from fti.terrain.outcome import Outcome
-from fti.terrain.terrain import NO_SOURCE, Terrain
+from fti.terrain.source import NO_SOURCE
+from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 FRAME = LocalFrame(0.64, -1.47, 0.0)

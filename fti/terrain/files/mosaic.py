@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.files.elevation_file import ElevationFile, nearest_turn
+from fti.terrain.source import NO_SOURCE
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
 
 #: Posts of two files are one lattice when they agree to so many post distances over the whole of it.
 _ALIGNED = 0.01
-#: The number of no source.
-NOBODY = 255
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Mosaic:
     def read(self, rows: tuple[int, int], columns: tuple[int, int]) -> Window:
         """Posts from the first to before the second row and column; where files overlap the first one counts."""
         heights = np.full((rows[1] - rows[0], columns[1] - columns[0]), np.nan)
-        origin = np.full(heights.shape, NOBODY, dtype=np.uint8)
+        origin = np.full(heights.shape, NO_SOURCE, dtype=np.uint8)
         for number, file, row, column in self._tiles:
             top, bottom = max(rows[0], row), min(rows[1], row + file.rows)
             left, right = max(columns[0], column), min(columns[1], column + file.columns)

@@ -19,11 +19,10 @@ from fti.geodesy.geoid import Geoid, load_geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import Plan, make_plans, place_area
-from fti.terrain.files.mosaic import NOBODY
 from fti.terrain.files.resample import Resampler
 from fti.terrain.files.vertical import words_by_file
 from fti.terrain.layer import Layer
-from fti.terrain.source import Source
+from fti.terrain.source import NO_SOURCE, Source
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -58,8 +57,8 @@ def check_arguments(
     """Raises ValueError for arguments that make no sense, ConfigError for more files than can be numbered."""
     if not paths:
         raise ValueError("a terrain needs at least one file")
-    if len(paths) > NOBODY:
-        raise ConfigError(f"{len(paths)} files; must be {NOBODY} at most: join tiles into one, as gdalbuildvrt does")
+    if len(paths) > NO_SOURCE:
+        raise ConfigError(f"{len(paths)} files; must be {NO_SOURCE} at most: join tiles into one, as gdalbuildvrt does")
     if (centre is None) != (radius_m is None):
         raise ValueError("an area needs both centre and radius_m, or neither for all that the files cover")
     if centre is not None and not (abs(centre[0]) <= math.pi / 2 and abs(centre[1]) <= 2 * math.pi):
@@ -92,7 +91,7 @@ def _build(
     layers: list[Layer] = []
     for plan in reversed(plans):
         ups = np.full(plan.shape, np.nan)
-        origin = np.full(plan.shape, NOBODY, dtype=np.uint8)
+        origin = np.full(plan.shape, NO_SOURCE, dtype=np.uint8)
         for mosaic in plan.mosaics:
             Resampler(frame, mosaic, geoids[mosaic.vertical]).fill(plan.places, (ups, origin), done)
         layer = Layer(ups, plan.cell_m, plan.box.east0, plan.box.north0, origin)

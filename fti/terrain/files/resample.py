@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from fti.geodesy.geoid import Geoid
 from fti.geodesy.local import LocalFrame
-from fti.terrain.files.mosaic import NOBODY, Mosaic, Window
+from fti.terrain.files.mosaic import Mosaic, Window
 from fti.terrain.files.tangent import HALF, Block
+from fti.terrain.source import NO_SOURCE
 
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint8]
@@ -105,7 +106,7 @@ def _needed(mosaic: Mosaic, block: Block) -> tuple[Extent, Extent] | None:
 
 
 def _solve(block: Block, mosaic: Mosaic, window: Window, geoid: Geoid | None, lon0: float) -> tuple[Array, Numbers]:
-    """``up`` of the posts of a block and the number of the source of each; NaN and NOBODY where the window has none."""
+    """``up`` of the posts of a block and the source of each; NaN and NO_SOURCE where the window has none."""
     known = np.isfinite(window.heights)
     mean = window.heights[known].mean()
     filled = np.where(known, window.heights, mean)  # a step may lead over a hole
@@ -128,7 +129,7 @@ def _solve(block: Block, mosaic: Mosaic, window: Window, geoid: Geoid | None, lo
         np.clip(np.rint(index), 0, size - 1).astype(np.intp)
         for index, size in zip((row, column), window.heights.shape, strict=True)
     )
-    return np.where(there, block.up(t), np.nan), np.where(there, window.origin[nearest], NOBODY).astype(np.uint8)
+    return np.where(there, block.up(t), np.nan), np.where(there, window.origin[nearest], NO_SOURCE).astype(np.uint8)
 
 
 def _inside(index: Array, extent: Extent) -> NDArray[np.bool_]:

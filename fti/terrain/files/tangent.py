@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.terrain.files.elevation_file import nearest_turn
 from fti.terrain.files.mosaic import Mosaic
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ class Block:
         up = self._middle + HALF * t
         lat, lon, alt = self._frame.to_geodetic(np.stack(np.broadcast_arrays(east, north, up), axis=-1))
         row, column = self._mosaic.first.indices(lat, lon)
-        from_origin = np.remainder(lon - self._frame.lon0 + np.pi, 2 * np.pi) - np.pi
+        from_origin = nearest_turn(lon - self._frame.lon0, 2 * np.pi)
         return row, column, lat, from_origin, alt
 
 

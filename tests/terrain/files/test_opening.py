@@ -18,7 +18,8 @@ from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.mosaic import Mosaic, assemble
 from fti.terrain.outcome import Outcome
 from fti.terrain.seams import check_stack
-from fti.terrain.terrain import NO_SOURCE, Terrain
+from fti.terrain.source import NO_SOURCE
+from fti.terrain.terrain import Terrain
 from tests.grids import needs_egm96
 from tests.terrain.elevation_files import (
     LAT,
