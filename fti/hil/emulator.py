@@ -14,8 +14,8 @@ from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.config import Config
-from fti.hil.endpoints import Endpoint, SlcanEndpoint, make_endpoint, opened, until
-from fti.hil.faults import DeviceFaults
+from fti.hil.faults.values import DeviceFaults
+from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, make_endpoint, opened, until
 from fti.hil.scenario import CanStatus, Scenario
 from fti.hil.scheduler import Report, Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors

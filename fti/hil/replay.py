@@ -16,7 +16,7 @@ from fti import config as configuration
 from fti.clock import SystemClock
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.endpoints import Endpoint, make_endpoint, opened, until
+from fti.hil.ports.endpoints import Endpoint, make_endpoint, opened, until
 from fti.hil.scheduler import Report, Scheduler
 from fti.logger.reading.recording import Recording
 from fti.types import TICK_LINK, RawFrame

@@ -27,7 +27,7 @@ from pydantic import Field
 from fti import config as configuration
 from fti.config import Config, Name, Positive, StrictModel
 from fti.errors import ConfigError, MissingError
-from fti.hil.trajectory import Manoeuvre, Plan
+from fti.hil.flight.trajectory import Manoeuvre, Plan
 
 FOLDER = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
 NotNegative = Annotated[float, Field(ge=0)]

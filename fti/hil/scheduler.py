@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from fti.hil.pty import Sent
+from fti.hil.ports.pty import Sent
 
 #: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
 MAX_SLEEP_S = 0.05

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.flight.trajectory import State, Trajectory
 from fti.hil.scenario import Flight, Obstacle, Scenario
-from fti.hil.trajectory import State, Trajectory
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn

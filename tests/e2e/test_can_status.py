@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fti.canframe import pack_can
-from fti.hil.lawicel import Adapter
+from fti.hil.ports.lawicel import Adapter
 from fti.links.slcan import format_frame
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import until

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fti.config import SerialLink
 from fti.errors import LinkError
-from fti.hil.endpoints import make_endpoint
+from fti.hil.ports.endpoints import make_endpoint
 from fti.links.half_duplex import Echo, Read, Turn, character_s, quiet_s
 from fti.links.serial import open_port
 from tests.helpers import until_async

@@ -12,7 +12,7 @@ from fti.canframe import pack_can
 from fti.clock import FakeClock
 from fti.config import CanLink
 from fti.errors import LinkError
-from fti.hil.lawicel import Adapter
+from fti.hil.ports.lawicel import Adapter
 from fti.links.slcan import format_frame
 from fti.links.slcan_status import FLAGS
 from fti.types import LinkState

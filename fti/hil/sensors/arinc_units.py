@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers.arinc429 import Options, chosen_labels
+from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.can_units import Interrogator
 from fti.hil.sensors.errors import slow, white
 from fti.hil.sensors.inertial import specific_force_b
-from fti.hil.trajectory import State
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (

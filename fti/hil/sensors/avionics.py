@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.atmosphere import pressure_altitude
+from fti.hil.flight.trajectory import State
 from fti.hil.sensors.altimeters import RadarAltimeter
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
-from fti.hil.trajectory import State
 from fti.hil.world import World, calibrated_airspeed, impact_pressure
 from fti.service.binding import BoundDevice
 from fti.types import (

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from fti.drivers import Encoder
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
-from fti.hil.trajectory import State
+from fti.hil.flight.trajectory import State
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, TimeScale

@@ -16,10 +16,10 @@ from fti.drivers._dbc_makers import quantity_scale
 from fti.drivers._quantities import QUANTITIES
 from fti.drivers.dbc import Options, text_of
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections
 from fti.hil.sensors.errors import slow, white
-from fti.hil.trajectory import State
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import DmeRange, Measurement, Reading, Stamp, SurfaceDeflection

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR, radii
+from fti.hil.flight.trajectory import State, earth_frame_velocity
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
 from fti.hil.sensors.inertial_aids import Aids
-from fti.hil.trajectory import State, earth_frame_velocity
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity

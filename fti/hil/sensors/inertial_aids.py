@@ -15,9 +15,9 @@ from fti.drivers.imar_ixcom.deviations import ITEMS
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import HEALTHY
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import STANDARD_PA, AirData, Reference
 from fti.hil.sensors.errors import slow
-from fti.hil.trajectory import State
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (

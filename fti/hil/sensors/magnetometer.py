@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.trajectory import State
+from fti.hil.flight.trajectory import State
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import MagneticField, Measurement, Stamp

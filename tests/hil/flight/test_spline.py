@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fti.hil.spline import QuinticSpline
+from fti.hil.flight.spline import QuinticSpline
 
 
 def test_reproduces_a_quadratic_and_its_derivatives() -> None:

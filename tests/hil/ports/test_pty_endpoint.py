@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from fti.hil import pty as far_end
-from fti.hil.pty import PtyEndpoint, link_atomically
+from fti.hil.ports import pty as far_end
+from fti.hil.ports.pty import PtyEndpoint, link_atomically
 from tests.helpers import until_async
 
 

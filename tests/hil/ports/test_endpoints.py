@@ -12,8 +12,8 @@ import pytest
 from fti import config
 from fti.canframe import pack_can
 from fti.errors import MissingError
-from fti.hil.endpoints import UdpEndpoint, make_endpoint, opened, until
-from fti.hil.lawicel import Adapter
+from fti.hil.ports.endpoints import UdpEndpoint, make_endpoint, opened, until
+from fti.hil.ports.lawicel import Adapter
 from tests.e2e.harness import free_udp_port
 from tests.helpers import until_async
 from tests.links.bench import running

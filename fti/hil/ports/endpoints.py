@@ -17,9 +17,9 @@ from typing import Any, ClassVar, Protocol
 
 from fti.config import CanLink, SerialLink, UdpLink
 from fti.errors import MissingError
-from fti.hil.lawicel import Adapter
-from fti.hil.pty import POLL_S, PtyEndpoint, Sent
-from fti.hil.trying import TryingEndpoint
+from fti.hil.ports.lawicel import Adapter
+from fti.hil.ports.pty import POLL_S, PtyEndpoint, Sent
+from fti.hil.ports.trying import TryingEndpoint
 from fti.links.slcan import format_frame
 
 Respond = Callable[[bytes], list[bytes]]
@@ -67,7 +67,7 @@ def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: R
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
             f"the emulator offers {', '.join(SHARED_INTERFACES)}"
         )
-    from fti.hil.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
+    from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
 
     return CanBusEndpoint(link, respond)
 

@@ -5,7 +5,7 @@ coefficients (value 1 26 66 26 1 / 120, third derivative -1 2 0 -2 1 / 2, fourth
 from the points and from zero third and fourth derivatives at both ends.
 
 Source: de Boor, A Practical Guide to Splines, 1978, ch. IX (uniform knots).  Checked against: polynomials and finite
-differences, tests/hil/test_spline.py.
+differences, tests/hil/flight/test_spline.py.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.hil.faults import DeviceFaults
+from fti.hil.faults.values import DeviceFaults
 from fti.hil.scenario import Cut, Fault, Invalid, Stuck
 from fti.types import Airspeed, Attitude, DeviceStatus, ImuSample, Measurement, RadioHeight, Range, Stamp
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.flight.trajectory import Manoeuvre, Plan, State, Trajectory, earth_frame_velocity
 from fti.hil.sensors.inertial import angular_rate_b, normal_gravity, specific_force_b
-from fti.hil.trajectory import Manoeuvre, Plan, State, Trajectory, earth_frame_velocity
 from tests.hil.worlds import path
 
 CALM = Plan(wander=0.0, wander_height=0.0, gust=0.0)

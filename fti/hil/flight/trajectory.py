@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.hil.spline import QuinticSpline
+from fti.hil.flight.spline import QuinticSpline
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import can
 
 from fti.config import CanLink
 from fti.errors import MissingError
-from fti.hil.trying import TryingEndpoint
+from fti.hil.ports.trying import TryingEndpoint
 from fti.links.can import pack_message, unpack_message
 
 

@@ -1,0 +1,1 @@
+"""What goes wrong, and what the daemon must say of it."""

@@ -1,0 +1,1 @@
+"""What is flown: trajectories with everything that sensors can measure of them."""
