@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.faults.kinds import Obstacle
 from fti.hil.flight.trajectory import State, Trajectory
-from fti.hil.scenario import Flight, Obstacle, Scenario
+from fti.hil.scenario import Scenario
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -45,13 +46,13 @@ class World:
     """
 
     def __init__(self, scenario: Scenario, path: ApproachPath, terrain: Terrain, undulation: float) -> None:
-        flight: Flight = scenario.flight
+        air = scenario.air
         self.path = path
         self.terrain = with_obstacles(terrain, path, scenario.obstacles)
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
-        self.atmosphere = Atmosphere(flight.qnh_hpa * 100.0, flight.isa_deviation_k, station)
-        self.duration = flight.duration_s
+        self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
+        self.duration = scenario.flight.duration_s
         self._trajectory = Trajectory(path, path.x_gpi, scenario.plan, scenario.seed)
         self._radars = functools.cache(NearestReturn)
 

@@ -12,8 +12,8 @@ import pytest
 from fti import config, drivers
 from fti.config import Device
 from fti.drivers import lightware_ascii
+from fti.hil.faults.kinds import Fog
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.scenario import Fog
 from fti.hil.sensors import MODELS, Sensor
 from fti.hil.world import World
 from fti.service.binding import BoundDevice

@@ -17,8 +17,10 @@ from fti.clock import FakeClock, choose_epoch_ns
 from fti.config import CanLink, Config
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.emulator import Emulator, StatusStream, make_world
-from fti.hil.scenario import CanStatus, Cut, Fault, Flight, Scenario
+from fti.hil.emulator import Emulator, make_world
+from fti.hil.faults.kinds import CanStatus, Cut, Fault
+from fti.hil.scenario.schema import ApproachFlight, Scenario
+from fti.hil.streams import StatusStream
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
@@ -41,7 +43,7 @@ def demo_config(tmp_path: Path) -> Config:
 
 
 def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLIGHT_S) -> tuple[Emulator, World]:
-    flight: Scenario = scenario(flight=Flight(duration_s=duration_s), fault=faults)
+    flight: Scenario = scenario(flight=ApproachFlight(duration_s=duration_s), fault=faults)
     world = World(flight, path(), flat_terrain(), undulation=47.0)
     epoch_ns = choose_epoch_ns()
     truth = tmp_path / "truth.mcap"

@@ -10,7 +10,7 @@ import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil import scenario as scenarios
-from fti.hil.scenario import CanStatus, Invalid, StatusFlag
+from fti.hil.faults.kinds import CanStatus, Invalid, StatusFlag
 from fti.hil.sensors import MODELS
 from fti.links.slcan_status import FLAGS
 
@@ -54,7 +54,7 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
         (
             '[[fault]]\nkind = "explosion"\n',
-            r"'obstacle', 'off_track', 'cut', 'stuck', 'invalid', 'fog', 'can_status'",
+            r"'obstacle', 'off_track', 'cut', 'stuck', 'invalid', 'bias'",
         ),
         ('[[fault]]\nkind = "can_status"\nflags = []\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*flags"),
         ('[[fault]]\nkind = "can_status"\nflags = ["dull"]\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'rx_fifo_full'"),
@@ -86,6 +86,6 @@ def test_the_flags_of_a_fault_are_those_of_the_status() -> None:
 
 
 def test_wind_from_the_east_blows_to_the_west(tmp_path: Path) -> None:
-    plan = scenarios.load(written(tmp_path, "[flight]\nwind_mps = 5\nwind_from_deg = 90\n")).plan
+    plan = scenarios.load(written(tmp_path, "[air]\nwind_mps = 5\nwind_from_deg = 90\n")).plan
     assert plan.wind_n == pytest.approx((0.0, -5.0), abs=1e-9)
     assert math.hypot(*plan.wind_n) == pytest.approx(5.0)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from fti.hil.scenario import Flight, Scenario
+from fti.hil.scenario.schema import ApproachFlight, Scenario
 from fti.hil.world import World
 from fti.nav.approach import Airfield, ApproachPath
 from fti.terrain.terrain import Terrain
@@ -45,4 +45,6 @@ def scenario(**keys: object) -> Scenario:
 
 
 def world(duration_s: float = 10.0, **keys: object) -> World:
-    return World(scenario(flight=Flight(duration_s=duration_s), **keys), path(), flat_terrain(), undulation=47.0)
+    return World(
+        scenario(flight=ApproachFlight(duration_s=duration_s), **keys), path(), flat_terrain(), undulation=47.0
+    )

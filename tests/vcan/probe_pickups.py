@@ -14,7 +14,7 @@ from fti.canframe import unpack_can
 from fti.clock import choose_epoch_ns
 from fti.drivers import deflection_pickups
 from fti.hil.emulator import Emulator
-from fti.hil.scenario import Flight
+from fti.hil.scenario.schema import ApproachFlight
 from fti.hil.world import World
 from tests.helpers import until_async
 from tests.hil.worlds import flat_terrain, path, scenario
@@ -70,7 +70,7 @@ async def probe(folder: Path) -> dict[str, list[object]]:
     (folder / "bus.toml").write_text(CONFIG)
     (folder / "air_data.dbc").write_text(AIR_DATA)
     config = configuration.load(folder / "bus.toml")
-    flight = scenario(flight=Flight(duration_s=FLIGHT_S))
+    flight = scenario(flight=ApproachFlight(duration_s=FLIGHT_S))
     world = World(flight, path(), flat_terrain(200.0), undulation=47.0)
     emulator = Emulator(config, flight, folder / "links", epoch_ns=choose_epoch_ns(), world=world)
     flying = asyncio.create_task(emulator.run(), name="flying")

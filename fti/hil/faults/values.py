@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fti.hil.scenario import Cut, Fault, Fog, Invalid, Stuck
+from fti.hil.faults.kinds import Cut, Fault, Fog, Invalid, Stuck
 from fti.types import (
     Ack,
     Calibration,

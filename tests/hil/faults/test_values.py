@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from fti.hil.faults.kinds import Cut, Fault, Invalid, Stuck
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.scenario import Cut, Fault, Invalid, Stuck
 from fti.types import Airspeed, Attitude, DeviceStatus, ImuSample, Measurement, RadioHeight, Range, Stamp
 
 
@@ -71,7 +71,7 @@ def test_an_invalid_device_says_so_and_names_why() -> None:
 
 
 def test_faults_of_the_world_are_not_faults_of_a_device() -> None:
-    from fti.hil.scenario import Obstacle
+    from fti.hil.faults.kinds import Obstacle
 
     obstacle = Obstacle(kind="obstacle", before_threshold_m=3000.0, height_m=150.0)
     assert applied(obstacle, "a", 1.0) == sample(1.0)

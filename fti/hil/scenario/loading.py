@@ -1,0 +1,57 @@
+"""Scenarios from files: read, checked against the configuration that they name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fti import config as configuration
+from fti.config import Config
+from fti.errors import ConfigError, MissingError
+from fti.hil.faults.kinds import CanStatus, Obstacle, OnDevices
+from fti.hil.scenario.schema import Scenario
+
+FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
+
+
+def load(path: Path) -> Scenario:
+    """Read and check a scenario.  Raises ConfigError or MissingError."""
+    table, _ = configuration.read_toml(path)
+    scenario = configuration.bind(Scenario, table, str(path))
+    for i, fault in enumerate(scenario.fault):
+        if not isinstance(fault, Obstacle) and fault.from_s >= fault.to_s:
+            raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
+    return scenario.model_copy(update={"config": str((path.parent / scenario.config).resolve())})
+
+
+def load_config(scenario: Scenario, path: Path | None = None) -> Config:
+    """The daemon's configuration of a scenario (or another one); faults must name devices and links that it has."""
+    config = configuration.load(path or scenario.config)
+    devices = [d.name for d in config.device]
+    adapters = [k.name for k in config.link if isinstance(k, configuration.CanLink) and k.interface == "slcan"]
+    for i, fault in enumerate(scenario.fault):
+        where = f"{scenario.title}: fault[{i}]"
+        if isinstance(fault, OnDevices):
+            _check_names(f"{where}.devices", "device", fault.devices, devices, config)
+        elif isinstance(fault, CanStatus):
+            _check_names(f"{where}.links", "slcan link", fault.links, adapters, config)
+    return config
+
+
+def _check_names(where: str, kind: str, named: tuple[str, ...], there: list[str], config: Config) -> None:
+    for name in named:
+        if name not in there:
+            known = ", ".join(there) or "none"
+            raise ConfigError(f"{where}: {name!r} is no {kind} of {config.path}; there are {known}")
+
+
+def find(name_or_path: str) -> Path:
+    """The file of a scenario given by path or by the name of a shipped one.  Raises MissingError."""
+    for candidate in (Path(name_or_path), FOLDER / f"{name_or_path}.toml"):
+        if candidate.is_file():
+            return candidate
+    raise MissingError(f"no scenario {name_or_path!r}; there are {', '.join(shipped())} (or give a path)")
+
+
+def shipped() -> list[str]:
+    """Names of the scenarios that come with the program."""
+    return sorted(p.stem for p in FOLDER.glob("*.toml"))

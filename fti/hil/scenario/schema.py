@@ -1,0 +1,133 @@
+"""A scenario: which flight is flown, over which ground, and what goes wrong.  One TOML file, strict.
+
+title = "Unexpected obstacle"      description = "..."      config = "../demo.toml"      seed = 1
+
+[flight]                           # kind = "approach" unless it says otherwise; distances before the threshold
+start_m = 4500
+duration_s = 82
+speed_mps = 60
+
+[air]
+wind_mps = 6
+wind_from_deg = 30
+
+[sensor.ins]                       # how a device differs from what its model does by itself
+shift_ms = 2
+drift_ppm = 40
+
+[[fault]]
+kind = "cut"                       # every kind: fti/hil/faults/kinds.py
+devices = ["altimeter"]            # none named: every device
+from_s = 30
+to_s = 36
+
+[[expect]]                         # beside what each fault must raise by itself
+channel = "/nav/height_above_ground/altimeter.valid"
+at_s = 30
+value = false
+within_s = 1
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fti.config import Name, Positive, StrictModel
+from fti.hil.faults.kinds import Fault, NotNegative, Obstacle, OffTrack
+from fti.hil.flight.trajectory import Manoeuvre, Plan
+
+
+class Air(StrictModel):
+    """``[air]``: wind over the ground, and the pressure and temperature of the day."""
+
+    wind_mps: NotNegative = 0.0
+    wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
+    qnh_hpa: Annotated[float, Field(ge=870, le=1085)] = 1013.25
+    isa_deviation_k: Annotated[float, Field(ge=-60, le=60)] = 0.0
+
+    @property
+    def wind_n(self) -> tuple[float, float]:
+        """Velocity of the air, north and east [m/s]."""
+        towards = math.radians(self.wind_from_deg) + math.pi
+        return self.wind_mps * math.cos(towards), self.wind_mps * math.sin(towards)
+
+
+class ApproachFlight(StrictModel):
+    """``[flight]`` down the published approach of the airfield."""
+
+    kind: Literal["approach"] = "approach"
+    start_m: Positive = 4500.0
+    duration_s: Positive = 82.0
+    speed_mps: Positive = 60.0
+    wander_m: NotNegative = 3.0
+    wander_height_m: NotNegative = 1.5
+    gust_mps: NotNegative = 0.7
+
+
+class SensorSettings(StrictModel):
+    """``[sensor.NAME]``: how one device differs from its model.
+
+    shift_ms, drift_ppm, jitter_ms, latency_ms : of its samples; none: phase and drift are drawn from the seed, the
+                                                 jitter is the model's, the latency that of the configuration
+    """
+
+    shift_ms: NotNegative | None = None
+    drift_ppm: Annotated[float, Field(ge=-1000, le=1000)] | None = None
+    jitter_ms: NotNegative | None = None
+    latency_ms: NotNegative | None = None
+
+
+class Expectation(StrictModel):
+    """What the daemon must say at a time of the flight, at the latest ``within_s`` later.
+
+    channel : topic and field of the session: "/nav/glide_slope.dots"
+    value   : a number is met within ``plus`` above and ``minus`` below; a text or a truth exactly
+    """
+
+    channel: Annotated[str, Field(pattern=r"^/[a-z0-9_/]+\.[a-z0-9_]+$")]
+    at_s: NotNegative
+    value: bool | float | str
+    plus: NotNegative = 0.0
+    minus: NotNegative = 0.0
+    within_s: NotNegative = 1.0
+
+
+class Scenario(StrictModel):
+    """The whole scenario.  ``config`` is the daemon's configuration, absolute after reading."""
+
+    title: str
+    description: str
+    config: str
+    seed: Annotated[int, Field(ge=0)] = 1
+    airfield: Literal["demo"] = "demo"
+    flight: ApproachFlight = ApproachFlight()
+    air: Air = Air()
+    sensor: Mapping[Name, SensorSettings] = Field(default_factory=dict)
+    fault: tuple[Fault, ...] = ()
+    expect: tuple[Expectation, ...] = ()
+
+    @property
+    def plan(self) -> Plan:
+        """The flight as the trajectory wants it."""
+        flight = self.flight
+        return Plan(
+            start=flight.start_m,
+            duration=flight.duration_s,
+            speed=flight.speed_mps,
+            wander=flight.wander_m,
+            wander_height=flight.wander_height_m,
+            gust=flight.gust_mps,
+            wind_n=self.air.wind_n,
+            manoeuvres=tuple(
+                Manoeuvre(f.right_m, f.from_s, f.to_s, f.turn_s) for f in self.fault if isinstance(f, OffTrack)
+            ),
+        )
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """The obstacles."""
+        return tuple(f for f in self.fault if isinstance(f, Obstacle))
