@@ -198,7 +198,7 @@ def test_an_interrupt_leaves_no_half_table(tmp_path: Path) -> None:
     out = tmp_path / "t"
     command = [sys.executable, "-m", "fti.cli.main", "export", str(folder.path), "--out", str(out), "--raw"]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
-        until(lambda: (out / "raw_ins.csv.part").exists() or process.poll() is not None, 20, "the drafts")
+        until(lambda: (out / "raw_ins.csv.part").exists() or process.poll() is not None, what="the drafts")
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=20)
     whole = sorted(p.name for p in out.iterdir())

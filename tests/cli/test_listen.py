@@ -57,7 +57,7 @@ class Listening:
 def test_port_that_talks_is_shown_and_understood(peer: Peer, tmp_path: Path) -> None:
     peer.write(FRAME * 3 + b"\x01\x02AB")
     command = Listening(tmp_path, str(peer.path))
-    until(lambda: "freeflight_ra4500: 3 messages, 27 of 31 bytes" in command.err.read_text(), 30)
+    until(lambda: "freeflight_ra4500: 3 messages, 27 of 31 bytes" in command.err.read_text())
     assert command.interrupt() == 130
     first, second = command.out.read_text().splitlines()
     assert re.match(rf" +\d+\.\d{{6}}  {FRAME.hex(' ')} {FRAME[:7].hex(' ')} +\.", first)
@@ -87,7 +87,7 @@ def test_datagrams(tmp_path: Path) -> None:
             device.sendto(FRAME, place)
             return "freeflight_ra4500" in command.err.read_text()
 
-        until(heard, 30)
+        until(heard)
         assert command.interrupt() == 130
     assert FRAME.hex(" ") in command.out.read_text()
 

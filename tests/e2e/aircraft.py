@@ -32,7 +32,7 @@ from fti.drivers.imar_ixcom.status import HEALTHY, encode_status
 from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.types import Attitude, ImuSample, Position, Stamp, Velocity
 from tests.e2e.flood import free_ports, said
-from tests.e2e.harness import Line
+from tests.e2e.harness import END_S, Line
 from tests.e2e.test_captures import Lawicel
 from tests.helpers import ROOT
 
@@ -97,7 +97,7 @@ class Aircraft:
 
     def close(self) -> None:
         """End the process, and the lines with it."""
-        self._process.communicate(timeout=30)
+        self._process.communicate(timeout=END_S)
 
 
 # ------------------------------------------------------------------------------------------------ in the process

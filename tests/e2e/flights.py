@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.logger.reading.recording import Recording
-from tests.e2e.harness import FTI, START_S, daemon, with_free_ports
+from tests.e2e.harness import END_S, FTI, START_S, daemon, with_free_ports
 from tests.helpers import ROOT, until
 
 DEMO = ROOT / "configs" / "demo.toml"
@@ -31,18 +31,27 @@ def demo_config(folder: Path) -> Path:
 
 @contextlib.contextmanager
 def emulator(scenario: str, config: Path, links: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """``fti hil`` on the links of a configuration, prepared; it ends with the flight, or with the block."""
-    process = subprocess.Popen(
-        [*FTI, "hil", scenario, "--config", str(config), "--links", str(links), *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
+    """``fti hil`` on the links of a configuration, prepared; it ends with the flight, or with the block.
+
+    What it says of itself on stderr stands beside the configuration in ``emulator.txt``.
+    """
+    with said(config).open("w") as errors:
+        process = subprocess.Popen(
+            [*FTI, "hil", scenario, "--config", str(config), "--links", str(links), *arguments],
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+        )
     try:
         yield process
     finally:
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=END_S)
+
+
+def said(config: Path) -> Path:
+    """Where the emulator of a configuration tells its progress and its errors."""
+    return config.with_name("emulator.txt")
 
 
 @dataclass(frozen=True)
@@ -90,8 +99,9 @@ def fly(scenario: str, folder: Path, duration_s: float) -> Flight:
     with emulator(scenario, config, links, *arguments) as played:
         assert played.stdout
         until(lambda: links.is_dir() or played.poll() is not None, START_S, "the emulator's ports")
+        assert played.poll() is None, said(config).read_text()
         with daemon(config, folder / "out", "--links", str(links)) as running:
             session = running.session
-            assert played.wait(timeout=duration_s + 60) == 0
+            assert played.wait(timeout=duration_s + END_S) == 0, said(config).read_text()
             running.stop()
     return Flight(session, truth)

@@ -20,6 +20,7 @@ import sys
 import time
 from collections.abc import Sequence
 
+from tests.e2e.harness import END_S
 from tests.helpers import ROOT
 
 NUMBER = struct.Struct("<IQ")
@@ -87,7 +88,7 @@ class Flood:
     def stop(self) -> None:
         """End it; nothing is sent any more."""
         if self._process.returncode is None:
-            said, _ = self._process.communicate(timeout=30)
+            said, _ = self._process.communicate(timeout=END_S)
             self.sent = json.loads(said)
             self._memory.close()
 

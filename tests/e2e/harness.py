@@ -23,8 +23,9 @@ from tests.helpers import until
 from tests.processes import children_of
 
 FTI = [sys.executable, "-m", "fti.cli.main"]
-START_S = 30.0
-END_S = 60.0
+#: Nobody waits as long on a free machine; the checks run on busy ones, and a wait that is met costs nothing.
+START_S = 120.0
+END_S = 120.0
 
 
 def free_udp_port() -> int:

@@ -17,6 +17,7 @@ import time
 
 from fti.service.recorder import PRIORITY
 from tests.e2e.flood import said
+from tests.e2e.harness import END_S
 from tests.helpers import ROOT
 
 PERIOD_NS = 2_000_000
@@ -42,7 +43,7 @@ class Heartbeats:
     def stop(self) -> None:
         """End them."""
         for process in self._processes:
-            said, _ = process.communicate(timeout=30)
+            said, _ = process.communicate(timeout=END_S)
             self.pauses.append(json.loads(said))
         self._processes = []
 

@@ -9,10 +9,10 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from tests.e2e.flights import DEMO, Flight
-from tests.e2e.harness import FTI, START_S, daemon, fti, with_free_ports
+from tests.e2e.harness import END_S, FTI, START_S, daemon, fti, with_free_ports
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]
 SPEED = 3.0
 
 
@@ -48,7 +48,7 @@ def test_recording_a_replay_gives_the_same_bytes(flights: dict[str, Flight], tmp
         until(lambda: links.is_dir() or replay.poll() is not None, START_S, "the replay's ports")
         with daemon(config, tmp_path / "out", "--links", str(links), "--origin", "replay") as running:
             session = running.session
-            replay.communicate(timeout=120)
+            replay.communicate(timeout=END_S)
             assert replay.returncode == 0
             running.stop()
     first, again = _frames(original), _frames(session)

@@ -13,7 +13,7 @@ from fti.links.slcan import format_frame
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 CONFIG = """
 [session]
 name = "adapter"
@@ -46,7 +46,7 @@ class Attended:
                 self._line.write(answer)
             return look()
 
-        until(answer_and_look, 30, what)
+        until(answer_and_look, what=what)
 
 
 def _told(running: Daemon) -> dict[str, int]:

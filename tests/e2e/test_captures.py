@@ -17,7 +17,7 @@ from fti.logger.reading.recording import Recording
 from tests.e2e.harness import Daemon, Line, daemon, free_udp_port
 from tests.helpers import ROOT, until
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(900)
 CAPTURES = ROOT / "tests" / "captures"
 CAN_LOG = CAPTURES / "nmea2000_part1.candump.log"
 FILES = sorted(p for p in CAPTURES.iterdir() if p.suffix in (".log", ".gps") and p != CAN_LOG)
@@ -84,7 +84,7 @@ def _wait_until_open(running: Daemon, count: int) -> None:
         states = [link["state"] for link in running.health().get("links", {}).values()]
         return states.count("silent") == count
 
-    until(opened, 30, f"{count} open links")
+    until(opened, what=f"{count} open links")
 
 
 def _send_slowly(port: int, pieces: list[bytes]) -> None:
@@ -110,7 +110,7 @@ def test_every_capture_is_recorded_byte_for_byte(tmp_path: Path) -> None:
     try:
         with daemon(config, tmp_path / "out", "--links", str(links)) as running:
             session = running.session
-            until(adapter.answer, 30, "an open bus")
+            until(adapter.answer, what="an open bus")
             _wait_until_open(running, len(serial) + len(udp) + 1)
             _at_once(lambda: _play_lines(lines, serial), lambda: _play_datagrams(ports, udp), adapter.send_log)
             running.stop()

@@ -24,7 +24,7 @@ from fti.service.client import ask
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(120)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 
 CONFIG = """
 [session]

@@ -19,7 +19,7 @@ from mcap.stream_reader import StreamReader
 from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
-from tests.e2e.harness import Daemon, daemon, fti
+from tests.e2e.harness import END_S, Daemon, daemon, fti
 from tests.e2e.killing import Frames, read_as_it_lies, read_finished
 from tests.helpers import until
 from tests.processes import children_of, command_of
@@ -32,9 +32,9 @@ SEED = 20261121
 
 def _feed(feeder: Feeder, running: Daemon) -> None:
     """Start to feed when both links are open, so that nothing is sent to nobody."""
-    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", 20, "an open line")
+    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", what="an open line")
     feeder.start()
-    until(lambda: len(feeder.sent) > 50, 10, "fed frames")
+    until(lambda: len(feeder.sent) > 50, what="fed frames")
 
 
 def _bytes(session: Path, link: str) -> bytes:
@@ -99,9 +99,9 @@ def test_nothing_downstream_touches_the_recording(tmp_path: Path, harm: Callable
             harm(running)
             if harm is not _freeze_navigation:
                 name = "navigation" if harm is _kill_navigation else "display"
-                until(lambda: running.health()["processes"][name]["restarts"] == 1, 20, "a restart")
+                until(lambda: running.health()["processes"][name]["restarts"] == 1, what="a restart")
             fed = len(feeder.sent)
-            until(lambda: len(feeder.sent) > fed + 100, 10, "more frames")
+            until(lambda: len(feeder.sent) > fed + 100, what="more frames")
             feeder.stop()
             running.stop()
         _assert_readable(session)
@@ -114,13 +114,13 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_pat
             session = running.session
             _feed(feeder, running)
             pid, epoch = running.pid_of("recorder"), running.info["epoch_ns"]
-            until(lambda: len(feeder.sent) > 400, 20, "the stand-in")
+            until(lambda: len(feeder.sent) > 400, what="the stand-in")
             killed = time.monotonic_ns() + epoch
             os.kill(pid, signal.SIGKILL)
             last = _last_time(next(iter(sorted(session.glob("*_000.mcap")))))
-            until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, 20, "a restart")
+            until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, what="a restart")
             fed = len(feeder.sent)
-            until(lambda: len(feeder.sent) > fed + 100, 10, "more frames")
+            until(lambda: len(feeder.sent) > fed + 100, what="more frames")
             feeder.stop()
             running.stop()
         assert killed - last < KILL_TOLERANCE_NS
@@ -142,14 +142,14 @@ def test_recorder_and_stand_in_killed_with_nobody_reading_the_output(tmp_path: P
             session = running.session
             assert running.process.stdout
             running.process.stdout.close()
-            killed = until(lambda: pids if len(pids := _recorders(running)) == 2 else None, 20, "the stand-in")
+            killed = until(lambda: pids if len(pids := _recorders(running)) == 2 else None, what="the stand-in")
             for pid in killed:
                 os.kill(pid, signal.SIGKILL)
-            until(lambda: _recorders(running) - killed, 20, "another recorder")
+            until(lambda: _recorders(running) - killed, what="another recorder")
             _feed(feeder, running)
             feeder.stop()
             running.process.send_signal(signal.SIGINT)
-            running.process.wait(timeout=60)
+            running.process.wait(timeout=END_S)
         assert _bytes(session, "line") == b"".join(feeder.sent)
         events = [data for _, _, _, _, data in Recording.open(session).messages("/fti/event", kind="raw")]
         assert any(b"ended with signal 9" in data for data in events)

@@ -21,7 +21,7 @@ from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, free_udp_port
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 CONFIG = """
 [session]
 name = "burst"
@@ -69,11 +69,13 @@ def test_what_a_full_socket_queue_drops_is_counted_and_the_sum_is_what_was_sent(
     sent = 0
     with daemon(config, tmp_path / "out") as running, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         session = running.session
-        until(lambda: running.health().get("links", {}).get("eth", {}).get("state") == "silent", 20, "an open link")
+        until(lambda: running.health().get("links", {}).get("eth", {}).get("state") == "silent", what="an open link")
         with _stopped(running.pid_of("recorder")):
             for sent in range(1, BURST + 1):
                 sender.sendto(b"%08d" % sent, ("127.0.0.1", port))
-        live = until(lambda: (a := _ledger(running))["in_frames"] == sent and not a["held_frames"] and a, 20, "the sum")
+        live = until(
+            lambda: (a := _ledger(running))["in_frames"] == sent and not a["held_frames"] and a, what="the sum"
+        )
         assert running.stop() == 130
     dropped = live["dropped"]["socket_queue"]["frames"]
     assert dropped > 0
@@ -96,11 +98,11 @@ def test_the_books_of_a_killed_recorder_and_of_the_next_one_close(tmp_path: Path
     ):
         session = running.session
         feeder.start()
-        until(lambda: len(feeder.sent) > 200, 20, "more than a ledger")
+        until(lambda: len(feeder.sent) > 200, what="more than a ledger")
         os.kill(running.pid_of("recorder"), signal.SIGKILL)
-        until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, 20, "a restart")
+        until(lambda: running.health()["processes"]["recorder"]["restarts"] == 1, what="a restart")
         fed = len(feeder.sent)
-        until(lambda: len(feeder.sent) > fed + 50, 20, "more frames")
+        until(lambda: len(feeder.sent) > fed + 50, what="more frames")
         feeder.stop()
         assert running.stop() == 130
     code, proof = _verify(session)

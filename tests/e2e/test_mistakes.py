@@ -16,7 +16,7 @@ from fti.drivers import freeflight_ra4500
 from tests.e2e.harness import Daemon, Line, daemon, fti
 from tests.helpers import ROOT, until
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = pytest.mark.timeout(900)
 
 CONFIG = """
 [session]
@@ -75,8 +75,8 @@ def _hint_on(tmp_path: Path, data: bytes, period_s: float, state: str) -> str:
     try:
         with daemon(tmp_path / "bench.toml", tmp_path / "out", "--links", str(tmp_path / "links")) as running:
             with Chatter(line, data, period_s):
-                until(lambda: _device(running).get("state") == state, 30, f"the state {state}")
-                hint = until(lambda: _device(running).get("hint"), 10, "a hint")
+                until(lambda: _device(running).get("state") == state, what=f"the state {state}")
+                hint = until(lambda: _device(running).get("hint"), what="a hint")
             running.stop()
     finally:
         line.close()
@@ -93,7 +93,7 @@ def test_the_wrong_device_is_recognised(tmp_path: Path) -> None:
     try:
         with daemon(tmp_path / "bench.toml", tmp_path / "out", "--links", str(tmp_path / "links")) as running:
             with Chatter(line, sentences, 0.2):
-                until(lambda: "nmea0183" in str(_device(running).get("hint")), 30, "the right driver named")
+                until(lambda: "nmea0183" in str(_device(running).get("hint")), what="the right driver named")
                 assert _device(running)["state"] == "noise"
             running.stop()
     finally:
@@ -125,11 +125,11 @@ def test_a_missing_port_is_told_and_found_when_it_comes(tmp_path: Path) -> None:
     links.mkdir()
     (tmp_path / "bench.toml").write_text(CONFIG)
     with daemon(tmp_path / "bench.toml", tmp_path / "out", "--links", str(links)) as running:
-        link = until(lambda: running.health()["links"].get("line"), 10, "the link's health")
+        link = until(lambda: running.health()["links"].get("line"), what="the link's health")
         assert link["state"] == "absent"
         assert str(links / "line") in link["hint"]
         line = Line(links / "line")
-        until(lambda: running.health()["links"]["line"]["state"] == "silent", 15, "the port found")
+        until(lambda: running.health()["links"]["line"]["state"] == "silent", what="the port found")
         running.stop()
     line.close()
 
@@ -143,7 +143,7 @@ def test_a_port_in_use_is_told(tmp_path: Path) -> None:
         serial.Serial(str(links / "line"), exclusive=True),
         daemon(tmp_path / "bench.toml", tmp_path / "out", "--links", str(links)) as running,
     ):
-        until(lambda: running.health()["links"].get("line", {}).get("state") == "busy", 15, "the state busy")
+        until(lambda: running.health()["links"].get("line", {}).get("state") == "busy", what="the state busy")
         running.stop()
     line.close()
 

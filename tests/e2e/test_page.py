@@ -15,7 +15,7 @@ from tests.e2e.harness import START_S, daemon, fti
 from tests.helpers import until
 from tests.web.chromium import Chromium, Page, by_testid
 
-pytestmark = [pytest.mark.e2e, pytest.mark.browser, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.e2e, pytest.mark.browser, pytest.mark.timeout(900)]
 HEIGHT = "height-altimeter-agl"
 LONG_S = 40.0
 MARK = "over the threshold"

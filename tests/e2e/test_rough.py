@@ -100,16 +100,16 @@ def test_a_long_stop_of_navigation_a_flood_and_a_flapping_line(rig: Rig, scale: 
 def _overrun_the_ring(running: Daemon, port: int) -> int:
     """Stop navigation for so long that the ring cannot hold what comes; returns the frames that it has lost."""
     pid = running.pid_of("navigation")
-    until(lambda: "lag_ms" in running.health()["navigation"], 20, "the first word of navigation")
+    until(lambda: "lag_ms" in running.health()["navigation"], what="the first word of navigation")
     os.kill(pid, signal.SIGSTOP)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         for number in range(OVERRUN):
             sock.sendto(b"%09d" % number + bytes(DATAGRAM), ("127.0.0.1", port))
             if number % 20 == 19:
-                until(lambda: _queued(port) < QUEUED, 60, "a socket that is emptied")
-    until(lambda: running.health()["navigation"]["lag_ms"] > 3000, 20, "health says that navigation is late")
+                until(lambda: _queued(port) < QUEUED, what="a socket that is emptied")
+    until(lambda: running.health()["navigation"]["lag_ms"] > 3000, what="health says that navigation is late")
     os.kill(pid, signal.SIGCONT)
-    lost: int = until(lambda: running.health()["navigation"]["ring_lost_frames"], 20, "lost frames")
+    lost: int = until(lambda: running.health()["navigation"]["ring_lost_frames"], what="lost frames")
     return lost
 
 
@@ -127,7 +127,7 @@ def _flood(line: Line, blocks: int) -> bytes:
 
 
 def _await_line(running: Daemon, key: str, value: object) -> None:
-    until(lambda: _link(running, "line").get(key) == value, 20, f"{key} {value}")
+    until(lambda: _link(running, "line").get(key) == value, what=f"{key} {value}")
 
 
 def test_two_daemons_of_one_name_started_at_the_same_moment(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_two_daemons_of_one_name_started_at_the_same_moment(tmp_path: Path) -> N
     twins = [subprocess.Popen([*FTI, "run", str(config)], env=environment) for _ in range(2)]
     try:
         places = [tmp_path / "fti" / name / "fti.json" for name in ("twin", "twin_2")]
-        until(lambda: all(place.exists() for place in places), 30, "two daemons")
+        until(lambda: all(place.exists() for place in places), what="two daemons")
         told = [json.loads(place.read_text()) for place in places]
     finally:
         for twin in twins:
@@ -167,7 +167,7 @@ def test_a_second_interrupt_does_not_wait_for_the_repair_of_old_sessions(rig: Ri
     with rig.run() as running:
         session = running.session
         running.process.send_signal(signal.SIGINT)
-        until(lambda: not Recording.open(session).unfinished, 30, "a finished recording")
+        until(lambda: not Recording.open(session).unfinished, what="a finished recording")
         running.process.send_signal(signal.SIGINT)
         assert running.wait() == 130
     left = [path for path in old if Recording.open(path).unfinished]

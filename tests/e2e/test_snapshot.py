@@ -24,7 +24,7 @@ from tests.e2e.feeder import Feeder
 from tests.e2e.harness import Daemon, daemon, fti
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 BEFORE_S, AFTER_S = 0.6, 0.3
 SECOND_NS = 1_000_000_000
 PATIENCE_S = 30.0

@@ -17,7 +17,7 @@ from tests.e2e.harness import Daemon, daemon, fti
 from tests.e2e.mounts import Ext4, Tmpfs, mounted, skip_unless_possible
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def wait_for(running: Daemon, *states: str) -> dict[str, Any]:
         return said.get("state") in states
 
     try:
-        until(there, 12, f"storage {states}")
+        until(there, what=f"storage {states}")
     except AssertionError as error:
         raise AssertionError(f"{error}; it says {said}") from None
     return said
@@ -58,11 +58,11 @@ def wait_for(running: Daemon, *states: str) -> dict[str, Any]:
 
 def feed_on(feeder: Feeder, count: int = 50) -> None:
     fed = len(feeder.sent)
-    until(lambda: len(feeder.sent) > fed + count, 20, "more frames")
+    until(lambda: len(feeder.sent) > fed + count, what="more frames")
 
 
 def begin(feeder: Feeder, running: Daemon) -> None:
-    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", 20, "an open line")
+    until(lambda: running.health().get("links", {}).get("line", {}).get("state") == "silent", what="an open line")
     feeder.start()
     feed_on(feeder)
 
@@ -100,8 +100,8 @@ def test_a_recorder_that_is_started_again_while_the_medium_is_full(tmp_path: Pat
             wait_for(running, "error")
             killed = running.pid_of("recorder")
             os.kill(killed, signal.SIGKILL)
-            until(lambda: running.pid_of("recorder") != killed, 20, "another recorder")
-            hint = until(lambda: s["hint"] if (s := storage(running)).get("file") is None else "", 20, "no file")
+            until(lambda: running.pid_of("recorder") != killed, what="another recorder")
+            hint = until(lambda: s["hint"] if (s := storage(running)).get("file") is None else "", what="no file")
             assert "No space left" in hint
             feed_on(feeder, 10)
             marked = len(feeder.sent)
@@ -143,7 +143,7 @@ def test_a_medium_that_is_full_frozen_taken_away_and_moved_without_another(tmp_p
             wait_for(running, "ok")
             away = session.with_name("away")
             session.rename(away)
-            until(lambda: storage(running).get("file") and Path(storage(running)["file"]).exists(), 30, "a new file")
+            until(lambda: storage(running).get("file") and Path(storage(running)["file"]).exists(), what="a new file")
             feed_on(feeder)
             feeder.stop()
             running.stop()
@@ -174,7 +174,7 @@ def test_it_goes_on_at_the_fallback_and_comes_back(tmp_path: Path, feeder: Feede
             assert "Read-only file system" in wait_for(running, "fallback")["hint"]
             feed_on(feeder)
             medium.unmount()
-            until(medium.repair, 20, "a medium that nobody holds")
+            until(medium.repair, what="a medium that nobody holds")
             medium.mount()
             assert Path(wait_for(running, "ok")["file"]).parent == session
             feed_on(feeder)

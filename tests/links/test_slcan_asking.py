@@ -65,7 +65,7 @@ async def test_flags_of_the_emulated_adapter_are_counted(peer: Peer, listen_only
     device.adapter.flags = 0x80
     async with running(link(peer, settings={"listen_only": listen_only}), clock=clock) as (opened, heard):
         errors = opened.status.errors
-        await until_async(device.attend(lambda: "slcan_bus_error" in errors), 20)
+        await until_async(device.attend(lambda: "slcan_bus_error" in errors))
         for _ in range(2):
             before = errors["slcan_data_overrun"]
             device.adapter.flags = 0x09
@@ -81,21 +81,21 @@ async def test_errors_on_the_bus_are_in_the_hint(peer: Peer) -> None:
     clock, device = FakeClock(0), Device(peer)
     async with running(link(peer), clock=clock) as (opened, _):
         device.adapter.flags = 0x04
-        await until_async(device.attend(lambda: "errors on the bus" in opened.status.hint), 20)
+        await until_async(device.attend(lambda: "errors on the bus" in opened.status.hint))
 
 
 async def test_an_adapter_that_was_without_power_is_opened_again(peer: Peer) -> None:
     clock, device = FakeClock(0), Device(peer)
     async with running(link(peer), clock=clock) as (opened, heard):
         errors = opened.status.errors
-        await until_async(device.attend(lambda: "slcan_bus_error" in errors), 20)
+        await until_async(device.attend(lambda: "slcan_bus_error" in errors))
         device.adapter = Adapter(device.frames.append)
 
         def wait() -> bool:
             clock.advance(0.05)
             return device.adapter.is_open
 
-        await until_async(device.attend(wait), 20)
+        await until_async(device.attend(wait))
         assert errors["slcan_channel_closed"] == 1
         peer.write(format_frame(FRAME))
         await until_async(lambda: heard.frames == [FRAME])

@@ -74,7 +74,7 @@ def test_threads_do_not_tear_each_others_messages() -> None:
     found: list[dict[str, object]] = []
     with ThreadPoolExecutor(3) as pool:
         jobs = [pool.submit(_send_many, sender, who) for who in range(3)]
-        until(lambda: _received(receiver, sender, found) == 900, 30, "900 messages")
+        until(lambda: _received(receiver, sender, found) == 900, what="900 messages")
         for job in jobs:
             job.result()
     for who in range(3):

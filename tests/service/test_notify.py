@@ -11,7 +11,7 @@ import pytest
 
 from tests.e2e.harness import FTI
 
-pytestmark = pytest.mark.timeout(60)
+pytestmark = pytest.mark.timeout(900)
 CONFIG = """
 [session]
 name = "notified"

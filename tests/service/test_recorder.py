@@ -19,7 +19,7 @@ from fti.service.orders import LinkOrder, RecorderOrder
 from tests.e2e.harness import Line, free_udp_port
 from tests.helpers import until
 
-pytestmark = pytest.mark.timeout(60)
+pytestmark = pytest.mark.timeout(900)
 
 
 class Rig:
@@ -70,17 +70,17 @@ def rig(tmp_path: Path) -> Iterator[Rig]:
 
 
 def test_it_sends_what_it_was_told_and_records_it(rig: Rig) -> None:
-    until(lambda: rig.hear("ready"), 20, "ready")
-    until(lambda: rig.said().count(b"ask\r") >= 2, 20, "two questions")
+    until(lambda: rig.hear("ready"), what="ready")
+    until(lambda: rig.said().count(b"ask\r") >= 2, what="two questions")
     assert rig.said().startswith(b"hello\rask\r")
     rig.channel.send({"send": {"link": "line", "data": b"set\r".hex(), "id": 7}})
-    answer = until(lambda: rig.hear("sent"), 10, "an answer")
+    answer = until(lambda: rig.hear("sent"), what="an answer")
     assert (answer["sent"]["id"], answer["sent"]["fault"]) == (7, None)
-    until(lambda: b"set\r" in rig.said(), 10, "the command")
+    until(lambda: b"set\r" in rig.said(), what="the command")
     rig.line.write(b"answer")
-    until(lambda: _received(rig), 10, "the answer in the ring")
+    until(lambda: _received(rig), what="the answer in the ring")
     rig.channel.send({"stop": True})
-    until(lambda: rig.hear("stopped"), 20, "stopped")
+    until(lambda: rig.hear("stopped"), what="stopped")
     sent = b"".join(f.data for f in Recording.open(rig.session.path).sent())
     assert sent.startswith(rig.said()[:20])
     assert sent.count(b"set\r") == 1
@@ -92,17 +92,17 @@ def _received(rig: Rig) -> bool:
 
 @pytest.mark.parametrize(("link", "said"), [("eth", "transmit is false"), ("none", "no link 'none'")])
 def test_a_command_that_cannot_be_sent_is_refused_once(rig: Rig, link: str, said: str) -> None:
-    until(lambda: rig.hear("ready"), 20, "ready")
+    until(lambda: rig.hear("ready"), what="ready")
     rig.channel.send({"send": {"link": link, "data": "00", "id": 1}})
-    answer = until(lambda: rig.hear("sent"), 10, "an answer")
+    answer = until(lambda: rig.hear("sent"), what="an answer")
     assert answer["sent"]["id"] == 1
     assert said in answer["sent"]["fault"]
 
 
 def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
-    until(lambda: rig.hear("ready"), 20, "ready")
+    until(lambda: rig.hear("ready"), what="ready")
     rig.line.write(b"last words")
-    until(lambda: any(r.data == b"last words" for r in RingReader(rig.ring).read(10_000)), 10, "the words")
+    until(lambda: any(r.data == b"last words" for r in RingReader(rig.ring).read(10_000)), what="the words")
     rig.child.close()
     process = rig.child.process
     assert process
@@ -124,7 +124,7 @@ def test_linear_algebra_of_a_child_has_one_thread() -> None:
     child.prepare()
     assert child._waiting
     environ = Path(f"/proc/{child._waiting.process.pid}/environ")
-    until(lambda: b"OPENBLAS_NUM_THREADS=1" in environ.read_bytes().split(b"\0"), 5, "its environment")
+    until(lambda: b"OPENBLAS_NUM_THREADS=1" in environ.read_bytes().split(b"\0"), what="its environment")
     child.dismiss()
 
 

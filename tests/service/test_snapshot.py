@@ -57,7 +57,7 @@ class Rig:
 
     def await_end(self, shots: int = 1) -> None:
         """The files are closed."""
-        until(lambda: sum("holds" in text for text in self.told) == shots, 20, f"{shots} files")
+        until(lambda: sum("holds" in text for text in self.told) == shots, what=f"{shots} files")
 
 
 @pytest.fixture
@@ -203,9 +203,9 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
     rig.folder = None
     rig.feed(100)
     rig.sink.trigger("boom", 990 * MS)
-    until(lambda: any("no place" in text for text in rig.told), 20, "the refusal")
+    until(lambda: any("no place" in text for text in rig.told), what="the refusal")
     rig.folder = first
-    until(lambda: rig.sink.outcomes[1].recorded.frames == 100, 20, "frames in the first file")
+    until(lambda: rig.sink.outcomes[1].recorded.frames == 100, what="frames in the first file")
     flush = Part.flush
 
     def refuse_here(part: Part) -> None:
@@ -215,7 +215,7 @@ def test_it_goes_on_where_the_recording_goes_on(rig: Rig, tmp_path: Path, monkey
 
     monkeypatch.setattr(Part, "flush", refuse_here)
     rig.feed(20)
-    until(lambda: any("sick" in text for text in rig.told), 20, "the refusal")
+    until(lambda: any("sick" in text for text in rig.told), what="the refusal")
     rig.folder = other
     rig.feed(200)
     rig.await_end()

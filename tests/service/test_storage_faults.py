@@ -106,12 +106,12 @@ class Rig:
         return self.writer.state()[0]
 
     def wait_for(self, state: State) -> None:
-        until(lambda: self.state() is state, 20, state)
+        until(lambda: self.state() is state, what=state)
 
     def settle(self) -> None:
         """All media good: until everything is written."""
         self.set(*["good"] * len(self.folders))
-        until(lambda: self.buffer.empty and self.writer.file, 20, "empty buffers")
+        until(lambda: self.buffer.empty and self.writer.file, what="empty buffers")
 
     def finish(self) -> list[int]:
         """End; the numbers in the files, each once."""
@@ -172,10 +172,10 @@ def test_it_goes_to_the_fallback_and_comes_back(make: Callable[..., Rig], how: s
     rig.set(how, "good")
     rig.wait_for(State.FALLBACK)
     rig.feed(20)
-    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    until(lambda: rig.buffer.empty, what="an empty buffer")
     assert any(rig.folders[1].glob("*.mcap"))
     rig.set("good", "good")
-    until(lambda: rig.writer.file and rig.writer.file.parent == rig.folders[0], 20, "the main medium")
+    until(lambda: rig.writer.file and rig.writer.file.parent == rig.folders[0], what="the main medium")
     rig.feed(20)
     assert rig.finish() == list(range(60))
     assert all(any(folder.glob("*.mcap")) for folder in rig.folders)
@@ -187,7 +187,7 @@ def test_without_another_medium_the_buffers_hold(make: Callable[..., Rig], how: 
     rig = make(1)
     rig.set("good" if begun else how)
     if begun:
-        until(lambda: rig.writer.file, 20, "a file")
+        until(lambda: rig.writer.file, what="a file")
         rig.feed(20)
         rig.set(how)
     rig.feed(20)
@@ -219,7 +219,7 @@ def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig]) -> 
     away = rig.folders[0].with_name("away")
     rig.folders[0].rename(away)
     rig.feed(20)
-    until(lambda: rig.writer.file and rig.writer.file.exists(), 20, "a file in its place")
+    until(lambda: rig.writer.file and rig.writer.file.exists(), what="a file in its place")
     rig.feed(20)
     rig.close()
     for file in away.iterdir():
@@ -233,9 +233,9 @@ def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
     rig.log._log.split_ns = 10**12
     rig.settle()
     rig.feed(20)
-    before = until(lambda: rig.writer.file, 20, "a file")
+    before = until(lambda: rig.writer.file, what="a file")
     shutil.rmtree(rig.folders[0])
-    until(lambda: rig.writer.file != before, 20, "another file")
+    until(lambda: rig.writer.file != before, what="another file")
     rig.feed(20)
     assert rig.finish() == list(range(40))
     assert before.exists()
@@ -255,12 +255,12 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     rig = make(1)
     rig.settle()
     rig.feed(20)
-    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    until(lambda: rig.buffer.empty, what="an empty buffer")
     away = rig.folders[0].with_name("away")
     rig._media.status = {away: "broken", **rig._media.status}
     rig.folders[0].rename(away)
     rig.feed(5)
-    until(lambda: rig.buffer.empty and rig.writer.file, 20, "a file in its place")
+    until(lambda: rig.buffer.empty and rig.writer.file, what="a file in its place")
     assert rig.finish() == list(range(25))
 
 
@@ -294,7 +294,7 @@ def test_a_sync_that_failed_once_is_never_believed_again(
     rig.settle()
     sick = SickSync(rig, quick, refusals=1)
     rig.feed(20)
-    until(lambda: sick.asked and rig.buffer.empty and rig.writer.file != sick.file, 20, "another file")
+    until(lambda: sick.asked and rig.buffer.empty and rig.writer.file != sick.file, what="another file")
     others = [file for folder in rig.folders for file in folder.glob("*.mcap") if file != sick.file]
     rig.feed(5)
     assert rig.finish() == list(range(25))
@@ -312,7 +312,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     rig.log._log.split_ns = 10**12
     rig.settle()
     rig.feed(20)
-    until(lambda: rig.buffer.empty, 20, "an empty buffer")
+    until(lambda: rig.buffer.empty, what="an empty buffer")
     SickSync(rig, quick, refusals=10**6)
     rig.finish()
     assert numbers_in(*rig.folders[1].glob("*.mcap")) == list(range(20))
@@ -322,7 +322,7 @@ def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]
     rig = make(1)
     elsewhere = Place(rig.folders[0], Path("/proc"))
     rig.writer._places = [elsewhere]
-    until(lambda: rig.writer.hopeless, 20, "a refusal")
+    until(lambda: rig.writer.hopeless, what="a refusal")
     assert "no medium is mounted on /proc" in rig.writer.state()[1]
     assert not rig.folders[0].exists()
     rig.writer._places = [Place.of(rig.folders[0])]

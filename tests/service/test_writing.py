@@ -38,7 +38,7 @@ class Rig:
     def start(self) -> None:
         """Begin, and wait for the file."""
         self.writer.start()
-        until(lambda: self.writer.file, 10, "a file")
+        until(lambda: self.writer.file, what="a file")
 
     def finish(self) -> list[int]:
         """End it; the numbers that are in the file."""
@@ -58,7 +58,7 @@ def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
     rig.buffer.put(0, 1, b"x")
     rig.writer.note("/no/topic", 1, {})
     rig.start()
-    until(lambda: rig.buffer.empty, 10, "an empty buffer")
+    until(lambda: rig.buffer.empty, what="an empty buffer")
     rig.writer.note("/no/topic", 1, {})
     rig.buffer.put(1, 2, b"x")
     assert rig.finish() == [0, 1]
@@ -78,7 +78,7 @@ def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, mon
     for seq in range(3):
         rig.buffer.put(seq, seq, b"x")
     rig.start()
-    until(lambda: rig.buffer.empty, 10, "an empty buffer")
+    until(lambda: rig.buffer.empty, what="an empty buffer")
     assert rig.finish() == [0, 1, 2]
     assert rig.reports == ["writer: sick"] * 3
 
@@ -99,7 +99,7 @@ def test_when_the_next_file_cannot_be_made_recording_goes_on_and_it_is_told(
         patch.setattr(os, "open", refuse)
         for seq in range(5):
             rig.buffer.put(seq, seq * 10_000, b"x")
-            until(lambda: rig.buffer.empty, 10, "an empty buffer")
+            until(lambda: rig.buffer.empty, what="an empty buffer")
         assert "cannot be created" in str(rig.writer.state()[1])
         rig.writer.stop()
     rig.writer.finish()

@@ -25,7 +25,7 @@ def test_every_study_has_its_count_here() -> None:
     assert study.names() == sorted({*RUNS, *LONG})
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", sorted(RUNS))
 def test_a_study_holds(name: str, scale: int) -> None:
     chosen = study.load(name)

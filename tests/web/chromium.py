@@ -33,7 +33,7 @@ FLAGS = (
     "--hide-scrollbars",
     "--remote-debugging-port=0",
 )
-START_S = 30.0
+START_S = 120.0
 WAIT_S = 15.0
 #: A screenshot is a large message.
 LONGEST_MESSAGE = 64 * 2**20
