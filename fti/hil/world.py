@@ -42,11 +42,13 @@ def calibrated_airspeed(q_c: ArrayLike) -> Array:
 class World:
     """Everything that is true during one scenario.
 
+    scenario : its seed, settings and faults are read by the models of sensors
     path : the published approach; terrain : the ground as the reference knows it; undulation : geoid above WGS84 [m]
     """
 
     def __init__(self, scenario: Scenario, path: ApproachPath, terrain: Terrain, undulation: float) -> None:
         air = scenario.air
+        self.scenario = scenario
         self.path = path
         self.terrain = with_obstacles(terrain, path, scenario.obstacles)
         self.undulation = undulation
