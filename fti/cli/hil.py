@@ -60,13 +60,14 @@ def _fly(args: argparse.Namespace) -> int:
     from fti.cli._playing import print_report, until_stopped
     from fti.clock import choose_epoch_ns
     from fti.hil import scenario as scenarios
+    from fti.hil.bench import Ports
     from fti.hil.emulator import Emulator
     from fti.hil.scheduler import Report
 
     scenario = scenarios.load(scenarios.find(args.scenario))
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
     truth = Path(args.truth) if args.truth else None
-    emulator = Emulator(config, scenario, Path(args.links), truth=truth, epoch_ns=choose_epoch_ns())
+    emulator = Emulator(config, scenario, Ports(Path(args.links), choose_epoch_ns()), truth=truth)
     emulator.prepare(lambda step: print(step, file=sys.stderr, flush=True))
 
     async def fly(stop: asyncio.Event) -> Report:

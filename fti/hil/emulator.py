@@ -12,11 +12,11 @@ import contextlib
 from collections.abc import Callable
 from pathlib import Path
 
-from fti.clock import SystemClock
 from fti.config import Config
+from fti.hil.bench import Bench
 from fti.hil.faults.kinds import CanStatus
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, make_endpoint, opened, until
+from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Report, Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
@@ -32,24 +32,21 @@ SECOND_NS = 1_000_000_000
 class Emulator:
     """Plays the devices of a configuration.
 
-    links_dir : where the symlinks to ptys stand; truth : file for the truth, or None
-    epoch_ns  : FTI time - CLOCK_MONOTONIC, the daemon's
-    world     : made from the scenario when None
+    bench : where the devices stand; truth : file for the truth, or None; world : made from the scenario when None
     """
 
     def __init__(
         self,
         config: Config,
         scenario: Scenario,
-        links_dir: Path,
+        bench: Bench,
         *,
         truth: Path | None = None,
-        epoch_ns: int,
         world: World | None = None,
     ) -> None:
         self.ready = asyncio.Event()
-        self._config, self._scenario, self._folder = config, scenario, links_dir
-        self._truth, self._clock, self._world = truth, SystemClock(epoch_ns), world
+        self._config, self._scenario, self._bench = config, scenario, bench
+        self._truth, self._world = truth, world
         self._sensors: list[Sensor] | None = None
         self._endpoints: dict[str, Endpoint] = {}
         self._started = asyncio.Event()
@@ -90,7 +87,7 @@ class Emulator:
             encoders = [s.encoder for s in sensors if s.link == link]
             return lambda data: [answer for encoder in encoders for answer in encoder.respond(data)]
 
-        return {link.name: make_endpoint(link, self._folder, respond(link.name)) for link in self._config.link}
+        return {link.name: self._bench.make_endpoint(link, respond(link.name)) for link in self._config.link}
 
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
         if self._truth is None:
@@ -112,13 +109,14 @@ class Emulator:
         duration_s: float | None,
         stop: asyncio.Event,
     ) -> Scheduler:
-        start_ns = self._clock.now_ns()
-        scheduler = Scheduler(lambda: (self._clock.now_ns() - start_ns) / SECOND_NS)
+        clock = self._bench.clock
+        start_ns = clock.now_ns()
+        scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
         streams: list[Stream] = [
             SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns)
             for s in sensors
         ]
-        streams += self._status_faults()
+        streams += [*self._status_faults(), *self._bench.streams(start_ns)]
         if truth is not None:
             streams.append(truth.stream(start_ns))
         await scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)

@@ -17,6 +17,7 @@ from fti.clock import FakeClock, choose_epoch_ns
 from fti.config import CanLink, Config
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator, make_world
 from fti.hil.faults.kinds import CanStatus, Cut, Fault
 from fti.hil.scenario.schema import ApproachFlight, Scenario
@@ -47,7 +48,7 @@ def make(tmp_path: Path, config: Config, *faults: Fault, duration_s: float = FLI
     world = World(flight, path(), flat_terrain(), undulation=47.0)
     epoch_ns = choose_epoch_ns()
     truth = tmp_path / "truth.mcap"
-    return Emulator(config, flight, tmp_path / "links", truth=truth, epoch_ns=epoch_ns, world=world), world
+    return Emulator(config, flight, Ports(tmp_path / "links", epoch_ns), truth=truth, world=world), world
 
 
 async def fly(emulator: Emulator, config: Config) -> dict[str, Heard]:

@@ -13,6 +13,7 @@ from fti import config as configuration
 from fti.canframe import unpack_can
 from fti.clock import choose_epoch_ns
 from fti.drivers import deflection_pickups
+from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator
 from fti.hil.scenario.schema import ApproachFlight
 from fti.hil.world import World
@@ -72,7 +73,7 @@ async def probe(folder: Path) -> dict[str, list[object]]:
     config = configuration.load(folder / "bus.toml")
     flight = scenario(flight=ApproachFlight(duration_s=FLIGHT_S))
     world = World(flight, path(), flat_terrain(200.0), undulation=47.0)
-    emulator = Emulator(config, flight, folder / "links", epoch_ns=choose_epoch_ns(), world=world)
+    emulator = Emulator(config, flight, Ports(folder / "links", choose_epoch_ns()), world=world)
     flying = asyncio.create_task(emulator.run(), name="flying")
     await emulator.ready.wait()
     async with AsyncExitStack() as stack:

@@ -1,0 +1,48 @@
+"""Where the emulated devices stand: on the ports of this machine and in its time, or elsewhere."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from fti.clock import Clock, SystemClock
+from fti.config import Link
+from fti.hil.ports.endpoints import Endpoint, Respond, make_endpoint
+from fti.hil.scheduler import Stream
+
+
+class Bench(Protocol):
+    """What an emulator needs of the world outside."""
+
+    clock: Clock
+
+    def make_endpoint(self, link: Link, respond: Respond) -> Endpoint:
+        """The far end of a link; respond : what its devices answer."""
+
+    async def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+
+    def streams(self, start_ns: int) -> Sequence[Stream]:
+        """What happens beside the devices in a flight that begins at start_ns (FTI time)."""
+
+
+class Ports:
+    """Ports of this machine, in real time.  links_dir : where the symlinks to ptys stand; epoch_ns : as SystemClock."""
+
+    def __init__(self, links_dir: Path, epoch_ns: int) -> None:
+        self.clock: Clock = SystemClock(epoch_ns)
+        self._folder = links_dir
+
+    def make_endpoint(self, link: Link, respond: Respond) -> Endpoint:
+        """A pty, a socket, a node on a bus."""
+        return make_endpoint(link, self._folder, respond)
+
+    async def sleep(self, seconds: float) -> None:
+        """Wait."""
+        await asyncio.sleep(seconds)
+
+    def streams(self, start_ns: int) -> Sequence[Stream]:
+        """Nothing."""
+        return ()
