@@ -118,7 +118,7 @@ class Emulator:
         ]
         streams += [*self._status_faults(), *self._bench.streams(start_ns)]
         if truth is not None:
-            streams.append(truth.stream(start_ns))
+            streams.append(truth.stream(start_ns, clock.now_ns))
         await scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
         return scheduler
 

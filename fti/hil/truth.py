@@ -1,9 +1,14 @@
-"""The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz."""
+"""The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
+
+Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
+The file says which scenario was flown (attachment ``scenario.json``).
+"""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +20,7 @@ RATE_HZ = 25.0
 FLUSH_EVERY = 5
 SECOND_NS = 1_000_000_000
 TOPIC = "/truth/state"
+SCENARIO_ATTACHMENT = "scenario.json"
 QUANTITIES = {
     "lat": "latitude [rad]",
     "lon": "longitude [rad]",
@@ -50,19 +56,20 @@ class TruthLog:
         self._columns = _columns(world, self._t)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
+        self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", world.scenario.flown.encode(), log_time=0)
         schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(SCHEMA).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)
 
-    def stream(self, start_ns: int) -> TruthStream:
-        """The rows as a stream of the scheduler, for a flight that begins at start_ns (FTI time)."""
-        return TruthStream(self, self._t, start_ns)
+    def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
+        """The rows as a stream of the scheduler, for a flight that begins at start_ns; now_ns : FTI time [ns]."""
+        return TruthStream(self, self._t, start_ns, now_ns)
 
-    def write(self, k: int, start_ns: int) -> None:
-        """Write row k."""
+    def write(self, k: int, start_ns: int, now_ns: int) -> None:
+        """Write row k of a flight that began at start_ns, at now_ns."""
         t_ns = start_ns + round(float(self._t[k]) * SECOND_NS)
         known = {name: float(column[k]) for name, column in self._columns.items()}
         row = {name: value for name, value in known.items() if math.isfinite(value)}
-        self._writer.write(self._channel, t_ns, json.dumps({"t_ns": t_ns, **row}).encode(), k)
+        self._writer.write(self._channel, t_ns, json.dumps({"t_ns": t_ns, **row}).encode(), k, now_ns)
         if k % FLUSH_EVERY == 0:
             self._writer.flush()
 
@@ -74,8 +81,14 @@ class TruthLog:
 class TruthStream:
     """Rows of the truth at their instants."""
 
-    def __init__(self, log: TruthLog, t: np.ndarray[tuple[int], np.dtype[np.float64]], start_ns: int) -> None:
-        self._log, self._t, self._start_ns = log, t, start_ns
+    def __init__(
+        self,
+        log: TruthLog,
+        t: np.ndarray[tuple[int], np.dtype[np.float64]],
+        start_ns: int,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self._log, self._t, self._start_ns, self._now_ns = log, t, start_ns, now_ns
         self._k = 0
 
     def due_s(self) -> float | None:
@@ -84,7 +97,7 @@ class TruthStream:
 
     async def send(self) -> None:
         """Write the row."""
-        self._log.write(self._k, self._start_ns)
+        self._log.write(self._k, self._start_ns, self._now_ns())
         self._k += 1
 
 

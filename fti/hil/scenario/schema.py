@@ -34,7 +34,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from fti.config import Name, Positive, StrictModel
 from fti.hil.faults.kinds import Fault, NotNegative, Obstacle, OffTrack
@@ -73,7 +73,10 @@ class SensorSettings(StrictModel):
 
     shift_ms, drift_ppm, jitter_ms, latency_ms : of its samples; none: phase and drift are drawn from the seed, the
                                                  jitter is the model's, the latency that of the configuration
+    Other keys belong to the model of the device, which refuses those that it does not take.
     """
+
+    model_config = ConfigDict(extra="allow")
 
     shift_ms: NotNegative | None = None
     drift_ppm: Annotated[float, Field(ge=-1000, le=1000)] | None = None
@@ -109,6 +112,14 @@ class Scenario(StrictModel):
     sensor: Mapping[Name, SensorSettings] = Field(default_factory=dict)
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
+
+    @property
+    def flown(self) -> str:
+        """Everything that decides what is flown, as JSON: by it a truth file is known to be of this scenario.
+
+        Which configuration was flown with it is told by the session.
+        """
+        return self.model_dump_json(exclude={"config", "expect"})
 
     @property
     def plan(self) -> Plan:
