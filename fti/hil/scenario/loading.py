@@ -24,10 +24,11 @@ def load(path: Path) -> Scenario:
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:
-    """The daemon's configuration of a scenario (or another one); faults must name devices and links that it has."""
+    """The daemon's configuration of a scenario (or another one); it must have the devices and links that are named."""
     config = configuration.load(path or scenario.config)
     devices = [d.name for d in config.device]
     adapters = [k.name for k in config.link if isinstance(k, configuration.CanLink) and k.interface == "slcan"]
+    _check_names(f"{scenario.title}: sensor", "device", tuple(scenario.sensor), devices, config)
     for i, fault in enumerate(scenario.fault):
         where = f"{scenario.title}: fault[{i}]"
         if isinstance(fault, OnDevices):

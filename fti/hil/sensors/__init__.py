@@ -17,6 +17,7 @@ from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.magnetometer import Magnetometer
 from fti.hil.sensors.novatel import SurveyReceiver
+from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 
@@ -39,9 +40,17 @@ MODELS: dict[str, ModelType] = {
     "ublox_ubx": RawReceiver,
 }
 
+#: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
+SETTINGS: dict[str, type[DeviceSettings]] = {}
+
 
 def make_sensors(config: Config, world: World, seed: int, progress: Callable[[str], None]) -> list[Sensor]:
-    """A sensor for every device of the configuration.  Raises ConfigError where no model speaks a driver."""
+    """A sensor for every device of the configuration.
+
+    Raises ConfigError where no model speaks a driver, or where one does not take a setting of the scenario.
+    """
+    for device in config.device:
+        settings_of(SETTINGS.get(device.driver, DeviceSettings), world.scenario, device.name)
     found = []
     for bound in bind_devices(config):
         device = bound.device
