@@ -38,7 +38,7 @@ from pydantic import ConfigDict, Field
 
 from fti.config import Name, Positive, StrictModel
 from fti.hil.faults.kinds import Fault, NotNegative, Obstacle, OffTrack
-from fti.hil.flight.trajectory import Manoeuvre, Plan
+from fti.hil.flight.approach import Manoeuvre, Plan
 
 
 class Air(StrictModel):
@@ -73,6 +73,8 @@ class SensorSettings(StrictModel):
 
     shift_ms, drift_ppm, jitter_ms, latency_ms : of its samples; none: phase and drift are drawn from the seed, the
                                                  jitter is the model's, the latency that of the configuration
+    boot_s    : from power to the first message, when its breaker is closed again
+    minimum_v : below this voltage of its supply it stops
     Other keys belong to the model of the device, which refuses those that it does not take.
     """
 
@@ -82,6 +84,8 @@ class SensorSettings(StrictModel):
     drift_ppm: Annotated[float, Field(ge=-1000, le=1000)] | None = None
     jitter_ms: NotNegative | None = None
     latency_ms: NotNegative | None = None
+    boot_s: NotNegative = 1.0
+    minimum_v: Annotated[float, Field(ge=0, lt=28)] = 18.0
 
 
 class Expectation(StrictModel):
