@@ -6,7 +6,7 @@ import asyncio
 import signal
 from collections.abc import Awaitable, Callable
 
-from fti.hil.scheduler import Report
+from fti.hil.report import Report
 
 
 async def until_stopped(

@@ -59,10 +59,11 @@ def _fly(args: argparse.Namespace) -> int:
 
     from fti.cli._playing import print_report, until_stopped
     from fti.clock import choose_epoch_ns
+    from fti.hil import looping
     from fti.hil import scenario as scenarios
     from fti.hil.bench import Ports
     from fti.hil.emulator import Emulator
-    from fti.hil.scheduler import Report
+    from fti.hil.report import Report
 
     scenario = scenarios.load(scenarios.find(args.scenario))
     config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
@@ -77,6 +78,6 @@ def _fly(args: argparse.Namespace) -> int:
         finally:
             starting.cancel()
 
-    report, interrupted = asyncio.run(until_stopped(fly, emulator.ready))
+    report, interrupted = looping.run(until_stopped(fly, emulator.ready))
     print_report(report)
     return EXIT_INTERRUPTED if interrupted else 0

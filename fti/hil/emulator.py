@@ -16,10 +16,14 @@ from fti.config import Config
 from fti.hil.bench import Bench
 from fti.hil.faults.kinds import CanStatus
 from fti.hil.faults.values import DeviceFaults
+from fti.hil.lateness import Histogram, Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
+from fti.hil.power import PowerUnit
+from fti.hil.report import Report, lateness_by_link
 from fti.hil.scenario import Scenario
-from fti.hil.scheduler import Report, Scheduler, Stream
+from fti.hil.scheduler import Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
+from fti.hil.sensors.power_unit import distribute
 from fti.hil.streams import SensorStream, StatusStream
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
@@ -48,8 +52,18 @@ class Emulator:
         self._config, self._scenario, self._bench = config, scenario, bench
         self._truth, self._world = truth, world
         self._sensors: list[Sensor] | None = None
+        self.power = PowerUnit(())
         self._endpoints: dict[str, Endpoint] = {}
         self._started = asyncio.Event()
+        self._scheduler: Scheduler | None = None
+        self._meters: list[Meter] = []
+
+    @property
+    def report(self) -> Report:
+        """What was sent so far and how late, at any time; it costs less than a millisecond."""
+        late = self._scheduler.lateness if self._scheduler else Histogram().lateness
+        sent = {name: endpoint.sent for name, endpoint in self._endpoints.items()}
+        return Report(sent, late, lateness_by_link(self._meters), [meter.rate for meter in self._meters])
 
     def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
         """Make the terrain and compute what every sensor will measure.  progress : told each step."""
@@ -58,6 +72,7 @@ class Emulator:
         progress(f"terrain of {self._scenario.airfield}")
         self._world = self._world or make_world(self._scenario)
         self._sensors = make_sensors(self._config, self._world, self._scenario.seed, progress)
+        self.power = distribute(self._sensors, self._scenario)
 
     def start(self) -> None:
         """Let the flight begin (as soon as the endpoints are there)."""
@@ -79,13 +94,13 @@ class Emulator:
             async with opened(self._endpoints):
                 self.ready.set()
                 await until(self._started.wait(), ended)
-                scheduler = await self._fly(self._sensors, truth, duration_s, ended)
-        return Report({name: e.sent for name, e in self._endpoints.items()}, scheduler.lateness)
+                await self._fly(self._sensors, truth, duration_s, ended)
+        return self.report
 
     def _make_endpoints(self, sensors: list[Sensor]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
-            encoders = [s.encoder for s in sensors if s.link == link]
-            return lambda data: [answer for encoder in encoders for answer in encoder.respond(data)]
+            there = [s for s in sensors if s.link == link]
+            return lambda data: [a for s in there if self.power.is_on(s.name) for a in s.encoder.respond(data)]
 
         return {link.name: self._bench.make_endpoint(link, respond(link.name)) for link in self._config.link}
 
@@ -108,19 +123,19 @@ class Emulator:
         truth: TruthLog | None,
         duration_s: float | None,
         stop: asyncio.Event,
-    ) -> Scheduler:
+    ) -> None:
         clock = self._bench.clock
         start_ns = clock.now_ns()
-        scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
-        streams: list[Stream] = [
-            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns)
+        self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
+        devices = [
+            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns, self.power)
             for s in sensors
         ]
-        streams += [*self._status_faults(), *self._bench.streams(start_ns)]
+        self._meters = [device.meter for device in devices]
+        streams: list[Stream] = [*devices, *self._status_faults(), *self._bench.streams(start_ns)]
         if truth is not None:
             streams.append(truth.stream(start_ns, clock.now_ns))
-        await scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
-        return scheduler
+        await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
 
 
 #: Geoid above the ellipsoid at the demo airfield [m] (EGM96, rounded).

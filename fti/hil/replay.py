@@ -17,7 +17,8 @@ from fti.clock import SystemClock
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.ports.endpoints import Endpoint, make_endpoint, opened, until
-from fti.hil.scheduler import Report, Scheduler
+from fti.hil.report import Report
+from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
 from fti.types import TICK_LINK, RawFrame
 

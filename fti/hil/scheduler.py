@@ -1,19 +1,18 @@
 """One deadline scheduler for everything that the emulator sends.
 
-Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, and how late each
-message went out is kept, because a bench that is late must say so.
+Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, nothing is left out, and
+how late each message goes out is kept, because a bench that is late must say so.  How fine a sleep is, is the loop's:
+``fti.hil.looping``.
 """
 
 from __future__ import annotations
 
 import asyncio
 import heapq
-from array import array
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Protocol, runtime_checkable
 
-from fti.hil.ports.pty import Sent
+from fti.hil.lateness import Histogram, Lateness
 
 #: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
 MAX_SLEEP_S = 0.05
@@ -30,34 +29,12 @@ class Stream(Protocol):
         """Send the message that is due and step to the next one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Lateness:
-    """How late messages were sent [ms]."""
+@runtime_checkable
+class Metered(Protocol):
+    """A stream that keeps how late its own messages are."""
 
-    messages: int
-    p50_ms: float
-    p99_ms: float
-    max_ms: float
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What was sent, per link, and how late."""
-
-    links: Mapping[str, Sent]
-    lateness: Lateness
-
-
-def lateness_of(late_s: Sequence[float]) -> Lateness:
-    """Percentiles (nearest rank) of delays [s]."""
-    ordered = sorted(late_s)
-    if not ordered:
-        return Lateness(0, 0.0, 0.0, 0.0)
-
-    def rank(share: float) -> float:
-        return 1e3 * ordered[min(int(share * len(ordered)), len(ordered) - 1)]
-
-    return Lateness(len(ordered), rank(0.5), rank(0.99), 1e3 * ordered[-1])
+    def note(self, due_s: float, late_s: float) -> None:
+        """The next message was due at due_s [s] and goes out so much later."""
 
 
 class Scheduler:
@@ -66,23 +43,24 @@ class Scheduler:
     def __init__(self, now: Callable[[], float], sleep: Callable[[float], Awaitable[None]] = asyncio.sleep) -> None:
         self._now = now
         self._sleep = sleep
-        self._late = array("d")
+        self._late = Histogram()
 
     @property
     def lateness(self) -> Lateness:
         """How late the messages so far were."""
-        return lateness_of(self._late)
+        return self._late.lateness
 
     async def run(self, streams: Sequence[Stream], stop: asyncio.Event, until_s: float = float("inf")) -> None:
         """Send until the streams end, ``until_s`` has passed or ``stop`` is set."""
         heap = [(due, i) for i, stream in enumerate(streams) if (due := stream.due_s()) is not None]
         heapq.heapify(heap)
+        meters = [stream if isinstance(stream, Metered) else None for stream in streams]
         sent = 0
         while heap and heap[0][0] <= until_s and not stop.is_set():
             due, i = heap[0]
             if await self._waited(due) or stop.is_set():
                 continue
-            self._late.append(self._now() - due)
+            self._note(due, meters[i])
             await streams[i].send()
             following = streams[i].due_s()
             if following is None:
@@ -92,6 +70,12 @@ class Scheduler:
             sent += 1
             if sent % BURST == 0:
                 await self._sleep(0)
+
+    def _note(self, due: float, meter: Metered | None) -> None:
+        late = self._now() - due
+        self._late.add(late)
+        if meter is not None:
+            meter.note(due, late)
 
     async def _waited(self, due: float) -> bool:
         """Sleep a part of the time that is left; False when the instant has come."""

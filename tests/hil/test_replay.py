@@ -25,7 +25,7 @@ from fti.canframe import pack_can
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.replay import FrameStream, Replay, recorded_config
-from fti.hil.scheduler import Report
+from fti.hil.report import Report
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.hil.scheduler import Scheduler, lateness_of
+from fti.hil.scheduler import Scheduler
 
 
 class Bench:
@@ -61,10 +61,17 @@ def test_lateness_is_that_of_the_one_who_waits_for_another() -> None:
     assert late.max_ms == pytest.approx(400.0, abs=1e-6)
 
 
-def test_percentiles_are_nearest_rank() -> None:
-    late = lateness_of([0.001 * k for k in range(100)])
-    assert (late.p50_ms, late.p99_ms, late.max_ms) == pytest.approx((50.0, 99.0, 99.0))
-    assert lateness_of([]).messages == 0
+def test_a_stream_with_a_meter_is_told_of_its_own_messages() -> None:
+    bench = Bench()
+
+    noted: list[float] = []
+
+    class Metered(Ticks):
+        def note(self, due_s: float, late_s: float) -> None:
+            noted.extend((due_s, late_s))
+
+    run(bench, [Ticks(bench, "b", [1.0 - 1e-9], 0.3), Metered(bench, "a", [1.0, 2.0], 0.4)])
+    assert noted == pytest.approx([1.0, 0.3, 2.0, 0.0], abs=1e-6)
 
 
 def test_ends_at_the_duration() -> None:

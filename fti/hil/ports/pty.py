@@ -38,6 +38,7 @@ class Sent:
     bytes: int = 0
     dropped_messages: int = 0
     dropped_bytes: int = 0
+    too_slow_messages: int = 0  # of the dropped ones: the line carries less than its devices send
     received_bytes: int = 0
 
 
