@@ -1,0 +1,96 @@
+"""Percentiles of delays in bounded memory, and what may be claimed from them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fti.hil.lateness import BINS, Histogram, Meter
+from fti.hil.ports.pty import Sent
+from fti.hil.report import Report, lateness_by_link
+
+MICROSECOND_MS = 1e-3
+
+
+def histogram(late_s: list[float]) -> Histogram:
+    made = Histogram()
+    for late in late_s:
+        made.add(late)
+    return made
+
+
+@given(st.lists(st.floats(0.0, 2000.0), min_size=1, max_size=300))
+def test_percentiles_are_upper_bounds_and_near(late_s: list[float]) -> None:
+    """Nearest rank; at most 1 us or 1/16 above, up to the longest delay that has a bin."""
+    found, ordered = histogram(late_s).lateness, sorted(late_s)
+    for share, value_ms in ((0.5, found.p50_ms), (0.99, found.p99_ms)):
+        true_ms = 1e3 * ordered[min(int(share * len(ordered)), len(ordered) - 1)]
+        if true_ms < 1e3 * 1000.0:
+            assert true_ms - 1e-9 <= value_ms <= true_ms * (1 + 1 / 16) + MICROSECOND_MS
+    assert found.max_ms == 1e3 * ordered[-1]
+    assert found.messages == len(late_s)
+
+
+def test_its_memory_does_not_grow() -> None:
+    made = histogram([10.0**k for k in range(-9, 9)])
+    assert len(made._counts) == BINS
+
+
+def test_early_is_punctual() -> None:
+    found = histogram([-1.0, -1e-9]).lateness
+    assert (found.messages, found.p50_ms, found.max_ms) == (2, 0.0, 0.0)
+    assert Histogram().lateness.messages == 0
+
+
+@given(st.lists(st.lists(st.floats(0.0, 10.0), max_size=40), max_size=4))
+def test_merged_is_as_if_all_had_been_added_to_one(parts: list[list[float]]) -> None:
+    whole = [late for part in parts for late in part]
+    assert Histogram.merged(map(histogram, parts)).lateness == histogram(whole).lateness
+
+
+def meter(late_ms: float, hz: float = 100.0, name: str = "ins", link: str = "eth") -> Meter:
+    made = Meter(name, link, hz)
+    for k in range(101):
+        made.note(k / hz, 1e-3 * late_ms)
+    return made
+
+
+@pytest.mark.parametrize(("late_ms", "held"), [(0.1, True), (4.6, True), (5.1, False), (40.0, False)])
+def test_a_rate_is_held_below_half_a_period(late_ms: float, held: bool) -> None:
+    rate = meter(late_ms).rate
+    assert rate.held is held
+    assert rate.sent_hz is not None
+    assert math.isclose(rate.sent_hz, 100.0, rel_tol=1e-9)
+
+
+def test_one_that_falls_behind_shows_the_rate_that_it_reached() -> None:
+    """100 Hz asked for; each message takes 20 ms."""
+    slow = Meter("ins", "eth", 100.0)
+    for k in range(101):
+        slow.note(k / 100, k / 50 - k / 100)
+    assert slow.rate.sent_hz == pytest.approx(50.0)
+    assert not slow.rate.held
+
+
+def test_a_line_that_is_too_slow_is_no_rate_that_holds() -> None:
+    punctual = meter(0.1).rate
+    sent = Sent(messages=90, dropped_messages=11, too_slow_messages=11)
+    report = Report({"eth": sent}, punctual.lateness, {"eth": punctual.lateness}, [punctual])
+    assert report.not_held == ["ins: its line eth is too slow: 11 messages were dropped"]
+    assert report.as_json()["devices"]["ins"]["held"] is False
+    assert Report({"eth": Sent()}, punctual.lateness, {}, [punctual]).not_held == []
+    late = meter(40.0).rate
+    assert (
+        "p99 of its lateness is 40.00 ms, half a period is 5.00 ms" in Report({}, late.lateness, {}, [late]).not_held[0]
+    )
+
+
+def test_the_lateness_of_a_link_is_that_of_all_its_devices() -> None:
+    found = lateness_by_link([meter(1.0, link="b"), meter(3.0, link="a"), meter(30.0, name="other", link="b")])
+    assert {name: (late.messages, late.max_ms) for name, late in found.items()} == {
+        "a": (101, 3.0),
+        "b": (202, 30.0),
+    }

@@ -1,0 +1,56 @@
+"""The loop that sleeps finely: it is a loop like any other, and it does not round to milliseconds."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import time
+from collections.abc import Callable
+
+import pytest
+
+from fti.hil import looping
+from fti.hil.looping import FineSelector
+
+
+def test_descriptors_timers_and_threads_wake_it() -> None:
+    async def main() -> bytes:
+        loop, told = asyncio.get_running_loop(), asyncio.Event()
+        out, into = os.pipe()
+        try:
+            loop.add_reader(out, told.set)
+            loop.call_later(0.001, os.write, into, b"x")
+            await told.wait()
+            loop.remove_reader(out)
+            return await asyncio.to_thread(os.read, out, 1)
+        finally:
+            os.close(out)
+            os.close(into)
+
+    assert looping.run(main()) == b"x"
+
+
+def test_a_time_out_is_not_rounded_up_to_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of many short sleeps the shortest is hardly longer than asked for, on a busy machine too."""
+    selector = FineSelector()
+
+    def shortest(wait: Callable[[float], object]) -> float:
+        found = []
+        for _ in range(50):
+            begin = time.perf_counter()
+            wait(0.0002)
+            found.append(time.perf_counter() - begin)
+        return min(found)
+
+    try:
+        assert 0.0002 <= shortest(selector.select) < 0.0009
+    finally:
+        selector.close()
+
+
+def test_an_error_comes_through() -> None:
+    async def fail() -> None:
+        raise ValueError("told")
+
+    with pytest.raises(ValueError, match="told"):
+        looping.run(fail())
