@@ -13,7 +13,8 @@ from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.faults.kinds import Obstacle
-from fti.hil.flight.trajectory import State, Trajectory
+from fti.hil.flight.approach import approach_flight
+from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
@@ -55,12 +56,12 @@ class World:
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
         self.duration = scenario.flight.duration_s
-        self._trajectory = Trajectory(path, path.x_gpi, scenario.plan, scenario.seed)
+        self._flight = approach_flight(path, path.x_gpi, scenario.plan, scenario.seed)
         self._radars = functools.cache(NearestReturn)
 
     def state(self, t: Array) -> State:
         """Truth at t [s], shape (n,)."""
-        return self._trajectory.state(t)
+        return self._flight.state(t)
 
     def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
         """Leading-edge range [m] of a radar altimeter at times t [s]; NaN without return.  beam_width : full [rad]."""

@@ -1,11 +1,12 @@
-"""Uniform quintic spline: four continuous derivatives, so that attitude and angular rate of a flight are smooth.
+"""Quintic spline through points at any times: four continuous derivatives, so that its jerk is smooth.
 
-The spline is a sum of uniform quintic B-splines.  At a knot the values and derivatives are combinations of five
-coefficients (value 1 26 66 26 1 / 120, third derivative -1 2 0 -2 1 / 2, fourth 1 -4 6 -4 1); the coefficients follow
-from the points and from zero third and fourth derivatives at both ends.
+The spline is a sum of B-splines of degree 5 whose knots are the times of the points, but for three at either end (not a
+knot): a polynomial of degree 5 is reproduced exactly, up to the ends.  A derivative is a spline of lower degree whose
+coefficients are divided differences of these; neighbours are subtracted, so a derivative loses no digits to the size of
+the coordinates.
 
-Source: de Boor, A Practical Guide to Splines, 1978, ch. IX (uniform knots).  Checked against: polynomials and finite
-differences, tests/hil/flight/test_spline.py.
+Source: de Boor, A Practical Guide to Splines, 1978, ch. IX, X, XIII.  Checked against: scipy's ``make_interp_spline``,
+polynomials, finite differences, tests/hil/flight/test_spline.py.
 """
 
 from __future__ import annotations
@@ -13,73 +14,79 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.hil.flight.banded import solve_banded
+
 Array = NDArray[np.float64]
 
 DEGREE = 5
-VALUE = np.array([1.0, 26.0, 66.0, 26.0, 1.0]) / 120.0
-THIRD = np.array([-1.0, 2.0, 0.0, -2.0, 1.0]) / 2.0
-FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-
-#: Row j: the polynomial of the j-th B-spline on an interval, coefficients of u^0..u^5 times 120.
-BASIS = (
-    np.array(
-        [
-            [1.0, -5.0, 10.0, -10.0, 5.0, -1.0],
-            [26.0, -50.0, 20.0, 20.0, -20.0, 5.0],
-            [66.0, 0.0, -60.0, 0.0, 30.0, -10.0],
-            [26.0, 50.0, 20.0, -20.0, -20.0, 10.0],
-            [1.0, 5.0, 10.0, 10.0, 5.0, -5.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
-        ]
-    )
-    / 120.0
-)
+#: A time may lie outside the points by what rounding makes of it [s].
+ROUNDING_S = 1e-9
 
 
 class QuinticSpline:
-    """Spline through points at equal steps.
+    """Spline through points.
 
-    start, step : time of the first point and between points [s]
-    points      : ndarray, shape (n, d), n >= 6
+    t       : ndarray, shape (n,) [s], increasing, n >= 6
+    points  : ndarray, shape (n, d)
+    Raises ValueError for fewer points, or times that do not increase.
     """
 
-    def __init__(self, start: float, step: float, points: ArrayLike) -> None:
-        values = np.asarray(points, dtype=float)
-        if values.ndim != 2 or len(values) <= DEGREE:
+    def __init__(self, t: ArrayLike, points: ArrayLike) -> None:
+        times, values = np.asarray(t, dtype=np.float64), np.asarray(points, dtype=np.float64)
+        if values.ndim != 2 or times.shape != values.shape[:1] or len(values) <= DEGREE:
             raise ValueError(f"a quintic spline needs at least 6 points of shape (n, d), not {values.shape}")
-        self.start, self.step = start, step
-        coefficients = _coefficients(values)
-        n = len(values) - 1
-        windows = np.stack([coefficients[j : j + n] for j in range(DEGREE + 1)], axis=1)  # (n, 6, d)
-        self._polynomials = np.einsum("jp,njd->npd", BASIS, windows)
-
-    @property
-    def end(self) -> float:
-        """Time of the last point [s]."""
-        return self.start + self.step * len(self._polynomials)
+        if not np.all(np.diff(times) > 0.0):
+            raise ValueError("the times of a spline must increase")
+        self.start, self.end = float(times[0]), float(times[-1])
+        ends = np.ones(DEGREE + 1)
+        knots = np.concatenate((ends * times[0], times[3:-3], ends * times[-1]))
+        self._levels = [(knots, _coefficients(knots, times, values))]  # by derivative
 
     def __call__(self, t: ArrayLike, derivative: int = 0) -> Array:
-        """Value or derivative at t, shape (m,) [s]: shape (m, d).  ValueError outside the points."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        if times.size and (times.min() < self.start - 1e-9 or times.max() > self.end + 1e-9):
-            raise ValueError(f"time {times.min():.3f}..{times.max():.3f} s is outside {self.start}..{self.end} s")
-        x = (times - self.start) / self.step
-        i = np.clip(x.astype(int), 0, len(self._polynomials) - 1)
-        u = (x - i)[:, None]
-        found = np.zeros((len(times), self._polynomials.shape[2]))
-        for power in range(DEGREE, derivative - 1, -1):
-            factor = float(np.prod(np.arange(power - derivative + 1, power + 1)))
-            found = found * u + factor * self._polynomials[i, power]
-        return np.asarray(found / self.step**derivative)
+        """Value or derivative (up to the fifth) at t, shape (m,) [s]: shape (m, d).  ValueError outside the points."""
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        if times.size and (times.min() < self.start - ROUNDING_S or times.max() > self.end + ROUNDING_S):
+            raise ValueError(
+                f"time {times.min():.3f} to {times.max():.3f} s is outside {self.start:.3f} to {self.end:.3f} s"
+            )
+        knots, coefficients = self._level(derivative)
+        degree = DEGREE - derivative
+        last, weights = _basis(knots, degree, np.clip(times, self.start, self.end))
+        found = np.zeros((len(times), coefficients.shape[1]))
+        for j in range(degree + 1):
+            found += weights[:, j, None] * coefficients[last - degree + j]
+        return found
+
+    def _level(self, derivative: int) -> tuple[Array, Array]:
+        """Knots and coefficients of a derivative."""
+        while len(self._levels) <= derivative:
+            knots, coefficients = self._levels[-1]
+            degree = DEGREE + 1 - len(self._levels)
+            span = knots[degree + 1 : -1] - knots[1 : -degree - 1]
+            self._levels.append((knots[1:-1], degree * np.diff(coefficients, axis=0) / span[:, None]))
+        return self._levels[derivative]
 
 
-def _coefficients(values: Array) -> Array:
-    n = len(values)
-    matrix = np.zeros((n + 4, n + 4))
-    for k in range(n):
-        matrix[k + 2, k : k + 5] = VALUE
-    matrix[0, :5], matrix[1, :5] = THIRD, FOURTH
-    matrix[-2, -5:], matrix[-1, -5:] = THIRD, FOURTH
-    right = np.zeros((n + 4, values.shape[1]))
-    right[2:-2] = values
-    return np.asarray(np.linalg.solve(matrix, right))
+def _basis(knots: Array, degree: int, t: Array) -> tuple[NDArray[np.intp], Array]:
+    """The last of the degree + 1 B-splines that do not vanish at t, shape (n,), and their values, (n, degree + 1)."""
+    last = np.clip(np.searchsorted(knots, t, side="right") - 1, degree, len(knots) - degree - 2)
+    weights = np.zeros((len(t), degree + 1))
+    weights[:, 0] = 1.0
+    for p in range(1, degree + 1):
+        carried = np.zeros(len(t))
+        for j in range(p):
+            left, right = knots[last - p + 1 + j], knots[last + 1 + j]
+            share = weights[:, j] / (right - left)
+            weights[:, j] = carried + share * (right - t)
+            carried = share * (t - left)
+        weights[:, p] = carried
+    return last, weights
+
+
+def _coefficients(knots: Array, t: Array, values: Array) -> Array:
+    last, weights = _basis(knots, DEGREE, t)
+    band = np.zeros((len(t), 2 * DEGREE + 1))
+    row = np.arange(len(t))
+    for j in range(DEGREE + 1):
+        band[row, last - row + j] = weights[:, j]  # column last - DEGREE + j, which is so far from the diagonal
+    return solve_banded(band, values)

@@ -1,83 +1,46 @@
-"""The flight: a quintic spline down a published approach, with attitude derived from it.
+"""A flight as splines of position and attitude: whatever a sensor can measure of it follows by differentiation.
 
-Knots are laid along the glide path once a second: path length from a speed with gusts, offset from wander and
-manoeuvre, height from the glide path and wander.  Position is the spline in the local frame of the glide path intercept
-point; velocity and acceleration are its derivatives.  The aeroplane flies coordinated: it banks against the side
-acceleration, points into the wind (crab), and pitches to the air-relative path plus the angle of attack it needs.
+    x_e = origin_e + spline(t)                  metres in the earth frame: exact at any distance and any place
+    quat_eb ~ spline(t)                         the attitude against the earth frame; only its direction counts
+    vel, accel, omega                           analytic derivatives of these two
 
-Below ``LEVEL_HEIGHT`` the path bends into level flight over the runway, so that a flight may be longer than its
-approach.  Source: Spiegel 2018, 7.1 (spline trajectory, derived attitude).
+Attitude is splined as a quaternion, not as angles: at a pitch of 90 deg roll and heading have no derivative, at the
+poles the heading has none, and angles must be unwrapped.  A quaternion whose sign is kept continuous has none of these,
+and omega_eb_b = 2 Im(q* dq/dt) / |q|^2 is exact for the spline as it stands: it need not be of unit length between its
+knots.  Roll, pitch and heading are then read from the matrix.
+
+From samples of any origin - a plan, a recording, a flight-dynamic model:
+
+    flight = SplineFlight.from_samples(Samples(t, lat, lon, alt, roll, pitch, heading, wind_n))
+    flight.state(np.array([12.34]))             # State: everything at those times
+
+Samples at times that need not be equally spaced; each is passed through exactly, so they must be as smooth as the
+flight was (``fti.hil.flight.smoothing`` for those that are not).  Ten to twenty-five a second are plenty for an
+aeroplane: what is faster than the samples is not in the flight.
+
+Source: Spiegel 2018, 7.1.1 (quintic splines of position and attitude).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.geodesy.local import LocalFrame
-from fti.geodesy.rotations import mat_en, mat_from_rpy
+from fti.geodesy.gravity import transport_rate
+from fti.geodesy.quaternions import mat_from_quat, quat_from_mat, rate_from_quat, unwound
+from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.spline import QuinticSpline
 
 Array = NDArray[np.float64]
 
-KNOT_S = 1.0
-MARGIN_KNOTS = 8  # beyond both ends, where the spline's end conditions have died away
-GRAVITY = 9.80665
-#: Level flight over the runway [m above the intercept point], and how softly the glide path bends into it [m].
-LEVEL_HEIGHT = 10.0
-LEVEL_SOFTNESS = 2.0
-#: Angle of attack at the reference speed in straight flight [rad].
-TRIM_AOA = np.deg2rad(4.0)
-RATE_STEP_S = 0.005
-WANDER_PERIODS_S = (11.0, 17.0, 26.0, 41.0)
-
-
-class Path(Protocol):
-    """What the flight needs to know of the published approach."""
-
-    def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """lat, lon [rad] at path length s before the intercept point and offset y right of the track [m]."""
-
-    def alt_path(self, s: ArrayLike) -> Array:
-        """Height of the glide path above the ellipsoid [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Manoeuvre:
-    """A side step: out by ``offset`` [m, right positive] at ``out_s``, and back from ``back_s`` on [s]."""
-
-    offset: float
-    out_s: float
-    back_s: float
-    turn_s: float = 20.0
-
-    def at(self, t: Array) -> Array:
-        """Offset at t [m]."""
-        out = _minimum_jerk((t - self.out_s) / self.turn_s + 1.0)
-        back = _minimum_jerk((t - self.back_s) / self.turn_s)
-        return np.asarray(self.offset * (out - back))
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """How the approach is flown.
-
-    start        : distance before the threshold at t = 0 [m];  duration [s];  speed over ground [m/s]
-    wander, wander_height, gust : standard deviations of offset, height [m] and speed [m/s] about the plan
-    wind_n       : wind velocity, north and east [m/s] (where it blows to)
-    """
-
-    start: float = 4500.0
-    duration: float = 82.0
-    speed: float = 60.0
-    wander: float = 3.0
-    wander_height: float = 1.5
-    gust: float = 0.7
-    wind_n: tuple[float, float] = (0.0, 0.0)
-    manoeuvres: tuple[Manoeuvre, ...] = ()
+#: A longer time without a sample is a gap: what was flown there is not known [s].
+MAX_GAP_S = 2.5
+#: Velocity of air that is everywhere the same, north, east, down [m/s].
+Wind = tuple[float, float, float]
+CALM: Wind = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,114 +65,128 @@ class State:
     aoa: Array
 
 
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """Attitude and air flow before they are differentiated."""
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """A flight as it was written down, shape (n,) each.
 
+    t                    : [s], increasing, not necessarily in equal steps
+    lat, lon, alt        : [rad], height above the ellipsoid [m]
+    roll, pitch, heading : [rad], wrapped or not
+    wind_n               : velocity of the air (where it blows to), north, east, down [m/s]: constant, or with gusts, at
+                           t, shape (n, 3)
+    """
+
+    t: Array
+    lat: Array
+    lon: Array
+    alt: Array
     roll: Array
     pitch: Array
     heading: Array
-    tas: Array
-    aoa: Array
-
-    def mat_nb(self) -> Array:
-        return mat_from_rpy(self.roll, self.pitch, self.heading)
+    wind_n: Wind | Array = CALM
 
 
-class Trajectory:
-    """One flight.  path : the approach; threshold_s : path length of the threshold [m]; seed : of wander and gusts."""
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Position over time.  origin_e : shape (3,) [m], near the flight; spline : of x_e - origin_e [m]."""
 
-    def __init__(self, path: Path, threshold_s: float, plan: Plan, seed: int) -> None:
-        self.plan = plan
-        self._path = path
-        rng = np.random.default_rng([seed, 7])
-        t = np.arange(-MARGIN_KNOTS, np.ceil(plan.duration / KNOT_S) + MARGIN_KNOTS + 1) * KNOT_S
-        s = threshold_s + plan.start - plan.speed * t - _gust_distance(t, plan.gust, rng)
-        y = _wander(t, plan.wander, rng) + sum((m.at(t) for m in plan.manoeuvres), np.zeros_like(t))
-        lat, lon = path.geodetic(s, y)
-        alt = _levelled(path, s) + _wander(t, plan.wander_height, rng)
-        self._frame = LocalFrame(float(lat[-1]), float(lon[-1]), float(alt[-1]))
-        self._spline = QuinticSpline(float(t[0]), KNOT_S, self._frame.to_local(lat, lon, alt))
+    origin_e: Array
+    spline: QuinticSpline
+
+    @classmethod
+    def through(cls, t: ArrayLike, lat: ArrayLike, lon: ArrayLike, alt: ArrayLike) -> Track:
+        """Through positions at t, shape (n,) [s]: lat, lon [rad], alt above the ellipsoid [m].
+
+        Raises ValueError for what ``check_times`` refuses, and for positions that are no numbers.
+        """
+        times = check_times(t)
+        positions_e = ecef_from_geodetic(lat, lon, alt)
+        if not np.all(np.isfinite(positions_e)):
+            raise ValueError("a position of the flight is not a number")
+        return cls(positions_e[0], QuinticSpline(times, positions_e - positions_e[0]))
+
+    def geodetic(self, t: Array) -> tuple[Array, Array, Array]:
+        """lat, lon [rad], alt [m] at t [s]."""
+        return geodetic_from_ecef(self.origin_e + self.spline(t))
+
+    def attitude(self, t: ArrayLike, mat_nb: Array) -> QuinticSpline:
+        """Spline of quat_eb of who flies this track with these attitudes, shape (n, 3, 3), at t, shape (n,) [s]."""
+        times = check_times(t)
+        if not np.all(np.isfinite(mat_nb)):
+            raise ValueError("an attitude of the flight is not a number")
+        lat, lon, _ = self.geodetic(times)
+        return QuinticSpline(times, unwound(quat_from_mat(mat_en(lat, lon) @ mat_nb)))
+
+
+class SplineFlight:
+    """One flight.
+
+    track    : its position
+    attitude : spline of quat_eb
+    wind_n   : velocity of the air over the ground, north, east, down [m/s]: a constant or a spline over time
+    """
+
+    def __init__(self, track: Track, attitude: QuinticSpline, wind_n: Wind | QuinticSpline = CALM) -> None:
+        self.track, self._attitude, self._wind_n = track, attitude, wind_n
+        self.begin = max(track.spline.start, attitude.start)
+        self.end = min(track.spline.end, attitude.end)
+
+    @classmethod
+    def from_samples(cls, samples: Samples) -> SplineFlight:
+        """The flight through samples; tas and aoa follow from velocity, wind and attitude.
+
+        Raises ValueError for fewer than 6, gaps above ``MAX_GAP_S``, times that do not increase, and no numbers.
+        """
+        track = Track.through(samples.t, samples.lat, samples.lon, samples.alt)
+        attitude = track.attitude(samples.t, mat_from_rpy(samples.roll, samples.pitch, samples.heading))
+        wind_n = samples.wind_n
+        return cls(track, attitude, wind_n if isinstance(wind_n, tuple) else QuinticSpline(samples.t, wind_n))
 
     def state(self, t: ArrayLike) -> State:
-        """Truth at t, shape (n,) [s], within the flight."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        lat, lon, alt = self._frame.to_geodetic(self._spline(times))
-        now = self._motion(times)
+        """Truth at t, shape (n,) [s], from ``begin`` to ``end``.  ValueError outside."""
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        lat, lon, alt = self.track.geodetic(times)
+        mat_ne = np.swapaxes(mat_en(lat, lon), -1, -2)
+        vel_n = np.einsum("nij,nj->ni", mat_ne, self.track.spline(times, 1))
+        quat_eb = self._attitude(times)
+        mat_nb = mat_ne @ mat_from_quat(quat_eb / np.linalg.norm(quat_eb, axis=1, keepdims=True))
+        roll, pitch, heading = rpy_from_mat(mat_nb)
+        turn_b = np.einsum("nji,nj->ni", mat_nb, transport_rate(lat, alt, vel_n))
+        air_b = np.einsum("nji,nj->ni", mat_nb, vel_n - self._wind(times))
         return State(
             t=times,
             lat=lat,
             lon=lon,
             alt=alt,
-            vel_n=self._in_n(self._spline(times, 1), lat, lon),
-            accel_e=np.asarray(self._spline(times, 2) @ self._frame.mat_le),
-            roll=now.roll,
-            pitch=now.pitch,
-            heading=now.heading,
-            omega_nb_b=self._turn_rate(times, now),
-            tas=now.tas,
-            aoa=now.aoa,
+            vel_n=vel_n,
+            accel_e=self.track.spline(times, 2),
+            roll=roll,
+            pitch=pitch,
+            heading=heading,
+            omega_nb_b=rate_from_quat(quat_eb, self._attitude(times, 1)) - turn_b,
+            tas=np.linalg.norm(air_b, axis=1),
+            aoa=np.arctan2(air_b[:, 2], air_b[:, 0]),
         )
 
-    def _in_n(self, vector_l: Array, lat: Array, lon: Array) -> Array:
-        mat_nl = np.swapaxes(self._frame.mat_ln(lat, lon), -1, -2)
-        return np.asarray(np.einsum("nij,nj->ni", mat_nl, vector_l))
+    def _wind(self, times: Array) -> Array:
+        return np.array(self._wind_n) if isinstance(self._wind_n, tuple) else self._wind_n(times)
 
-    def _motion(self, times: Array) -> _Motion:
-        lat, lon, _ = self._frame.to_geodetic(self._spline(times))
-        vel_n = self._in_n(self._spline(times, 1), lat, lon)
-        accel_n = self._in_n(self._spline(times, 2), lat, lon)
-        air_n = vel_n - np.array([*self.plan.wind_n, 0.0])
-        heading = np.arctan2(air_n[:, 1], air_n[:, 0])
-        side = -accel_n[:, 0] * np.sin(heading) + accel_n[:, 1] * np.cos(heading)
-        lift = GRAVITY - accel_n[:, 2]
-        roll = np.arctan2(side, lift)
-        tas = np.linalg.norm(air_n, axis=1)
-        aoa = TRIM_AOA * np.hypot(side, lift) / GRAVITY * (self.plan.speed / tas) ** 2
-        gamma = np.arctan2(-air_n[:, 2], np.hypot(air_n[:, 0], air_n[:, 1]))
-        return _Motion(roll, gamma + aoa * np.cos(roll), heading % (2 * np.pi), tas, aoa)
 
-    def _turn_rate(self, times: Array, now: _Motion) -> Array:
-        """omega_nb in body axes, from the attitude a little before and after."""
-        before, after = self._motion(times - RATE_STEP_S).mat_nb(), self._motion(times + RATE_STEP_S).mat_nb()
-        skew = np.einsum("nji,njk->nik", now.mat_nb(), after - before) / (2.0 * RATE_STEP_S)
-        return np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+def check_times(t: ArrayLike) -> Array:
+    """Times of samples [s] as an array.  Raises ValueError where they do not increase, and for a gap."""
+    times = np.asarray(t, dtype=np.float64)
+    steps = np.diff(times)
+    if not np.all(np.isfinite(times)) or not np.all(steps > 0.0):
+        raise ValueError("the times of a flight must increase from sample to sample")
+    if len(steps) and steps.max() > MAX_GAP_S:
+        k = int(np.argmax(steps))
+        raise ValueError(
+            f"nothing is known of the flight from {times[k]:.3f} s to {times[k + 1]:.3f} s: "
+            f"{steps[k]:.3f} s without a sample, at most {MAX_GAP_S} s are bridged"
+        )
+    return times
 
 
 def earth_frame_velocity(state: State) -> Array:
     """Velocity against the Earth in e axes [m/s], shape (n, 3)."""
     return np.asarray(np.einsum("nij,nj->ni", mat_en(state.lat, state.lon), state.vel_n))
-
-
-def _minimum_jerk(u: Array) -> Array:
-    """From 0 to 1 while u goes from 0 to 1, with speed and acceleration zero at both ends."""
-    x = np.clip(u, 0.0, 1.0)
-    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
-
-
-def _levelled(path: Path, s: Array) -> Array:
-    """The glide path, bent softly into level flight over the runway [m]."""
-    alt_g = path.alt_path(0.0)
-    height = path.alt_path(s) - alt_g
-    over = LEVEL_SOFTNESS * np.logaddexp(0.0, (height - LEVEL_HEIGHT) / LEVEL_SOFTNESS)
-    return np.asarray(alt_g + LEVEL_HEIGHT + over)
-
-
-def _tones(rng: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Angular frequencies, phases and amplitudes of a wander of unit variance; slow parts are the larger ones."""
-    periods = np.array(WANDER_PERIODS_S) * rng.uniform(0.9, 1.1, len(WANDER_PERIODS_S))
-    weight = periods * np.sqrt(2.0) / np.linalg.norm(periods)
-    return 2.0 * np.pi / periods, rng.uniform(0.0, 2.0 * np.pi, len(periods)), weight
-
-
-def _wander(t: Array, sd: float, rng: np.random.Generator) -> Array:
-    """A smooth disturbance with standard deviation sd."""
-    omega, phase, weight = _tones(rng)
-    return np.asarray(sd * np.sin(np.outer(t, omega) + phase) @ weight)
-
-
-def _gust_distance(t: Array, sd: float, rng: np.random.Generator) -> Array:
-    """Path flown more than planned because of speed variations with standard deviation sd [m]; 0 at t = 0."""
-    omega, phase, weight = _tones(rng)
-    swing = (np.cos(phase) - np.cos(np.outer(t, omega) + phase)) / omega
-    return np.asarray(sd * swing @ weight)

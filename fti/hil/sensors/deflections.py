@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from fti.drivers.deflection_pickups.factory import factory_tables
 from fti.drivers.deflection_pickups.table import HIGHEST_RAW, Table, read_tables
-from fti.hil.flight.trajectory import TRIM_AOA, State
+from fti.hil.flight.coordinated import TRIM_AOA
+from fti.hil.flight.trajectory import State
 from fti.hil.sensors.errors import white
 from fti.hil.world import World
 from fti.service.binding import BoundDevice

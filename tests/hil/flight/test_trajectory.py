@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.flight.trajectory import Manoeuvre, Plan, State, Trajectory, earth_frame_velocity
+from fti.hil.flight.approach import Manoeuvre, Plan, approach_flight
+from fti.hil.flight.trajectory import SplineFlight, State, earth_frame_velocity
 from fti.hil.sensors.inertial import angular_rate_b, normal_gravity, specific_force_b
 from tests.hil.worlds import path
 
@@ -18,8 +19,8 @@ CALM = Plan(wander=0.0, wander_height=0.0, gust=0.0)
 T = np.arange(0.5, 81.0, 0.25)
 
 
-def fly(plan: Plan, seed: int = 1) -> Trajectory:
-    return Trajectory(path(), path().x_gpi, plan, seed)
+def fly(plan: Plan, seed: int = 1) -> SplineFlight:
+    return approach_flight(path(), path().x_gpi, plan, seed)
 
 
 def along(state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -1,0 +1,118 @@
+"""The flight down a published approach.
+
+Knots are laid along the glide path once a second: path length from a speed with gusts, offset from wander and
+manoeuvre, height from the glide path and wander.  The aeroplane flies them coordinated: it banks into its turns, points
+into the wind (crab), and pitches to the air-relative path plus the angle of attack that it needs.
+
+Below ``LEVEL_HEIGHT`` the path bends into level flight over the runway, so that a flight may be longer than its
+approach.  Source: Spiegel 2018, 7.1 (spline trajectory, derived attitude).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.hil.flight.coordinated import coordinated_flight
+from fti.hil.flight.trajectory import SplineFlight, Track
+
+Array = NDArray[np.float64]
+
+KNOT_S = 1.0
+MARGIN_KNOTS = 8  # beyond both ends, where the spline's end conditions have died away
+#: Level flight over the runway [m above the intercept point], and how softly the glide path bends into it [m].
+LEVEL_HEIGHT = 10.0
+LEVEL_SOFTNESS = 2.0
+WANDER_PERIODS_S = (11.0, 17.0, 26.0, 41.0)
+
+
+class Path(Protocol):
+    """What the flight needs to know of the published approach."""
+
+    def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """lat, lon [rad] at path length s before the intercept point and offset y right of the track [m]."""
+
+    def alt_path(self, s: ArrayLike) -> Array:
+        """Height of the glide path above the ellipsoid [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """A side step: out by ``offset`` [m, right positive] at ``out_s``, and back from ``back_s`` on [s]."""
+
+    offset: float
+    out_s: float
+    back_s: float
+    turn_s: float = 20.0
+
+    def at(self, t: Array) -> Array:
+        """Offset at t [m]."""
+        out = _minimum_jerk((t - self.out_s) / self.turn_s + 1.0)
+        back = _minimum_jerk((t - self.back_s) / self.turn_s)
+        return np.asarray(self.offset * (out - back))
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How the approach is flown.
+
+    start        : distance before the threshold at t = 0 [m];  duration [s];  speed over ground [m/s]
+    wander, wander_height, gust : standard deviations of offset, height [m] and speed [m/s] about the plan
+    wind_n       : wind velocity, north and east [m/s] (where it blows to)
+    """
+
+    start: float = 4500.0
+    duration: float = 82.0
+    speed: float = 60.0
+    wander: float = 3.0
+    wander_height: float = 1.5
+    gust: float = 0.7
+    wind_n: tuple[float, float] = (0.0, 0.0)
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+
+
+def approach_flight(path: Path, threshold_s: float, plan: Plan, seed: int) -> SplineFlight:
+    """The flight down a path.  threshold_s : path length of the threshold [m]; seed : of wander and gusts."""
+    rng = np.random.default_rng([seed, 7])
+    t = np.arange(-MARGIN_KNOTS, np.ceil(plan.duration / KNOT_S) + MARGIN_KNOTS + 1) * KNOT_S
+    s = threshold_s + plan.start - plan.speed * t - _gust_distance(t, plan.gust, rng)
+    y = _wander(t, plan.wander, rng) + sum((m.at(t) for m in plan.manoeuvres), np.zeros_like(t))
+    alt = _levelled(path, s) + _wander(t, plan.wander_height, rng)
+    return coordinated_flight(Track.through(t, *path.geodetic(s, y), alt), plan.wind_n, plan.speed)
+
+
+def _minimum_jerk(u: Array) -> Array:
+    """From 0 to 1 while u goes from 0 to 1, with speed and acceleration zero at both ends."""
+    x = np.clip(u, 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
+
+
+def _levelled(path: Path, s: Array) -> Array:
+    """The glide path, bent softly into level flight over the runway [m]."""
+    alt_g = path.alt_path(0.0)
+    height = path.alt_path(s) - alt_g
+    over = LEVEL_SOFTNESS * np.logaddexp(0.0, (height - LEVEL_HEIGHT) / LEVEL_SOFTNESS)
+    return np.asarray(alt_g + LEVEL_HEIGHT + over)
+
+
+def _tones(rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Angular frequencies, phases and amplitudes of a wander of unit variance; slow parts are the larger ones."""
+    periods = np.array(WANDER_PERIODS_S) * rng.uniform(0.9, 1.1, len(WANDER_PERIODS_S))
+    weight = periods * np.sqrt(2.0) / np.linalg.norm(periods)
+    return 2.0 * np.pi / periods, rng.uniform(0.0, 2.0 * np.pi, len(periods)), weight
+
+
+def _wander(t: Array, sd: float, rng: np.random.Generator) -> Array:
+    """A smooth disturbance with standard deviation sd."""
+    omega, phase, weight = _tones(rng)
+    return np.asarray(sd * np.sin(np.outer(t, omega) + phase) @ weight)
+
+
+def _gust_distance(t: Array, sd: float, rng: np.random.Generator) -> Array:
+    """Path flown more than planned because of speed variations with standard deviation sd [m]; 0 at t = 0."""
+    omega, phase, weight = _tones(rng)
+    swing = (np.cos(phase) - np.cos(np.outer(t, omega) + phase)) / omega
+    return np.asarray(sd * swing @ weight)
