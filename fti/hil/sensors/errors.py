@@ -1,4 +1,4 @@
-"""Errors of simulated sensors: slow ones that wander, white ones that do not."""
+"""Errors of simulated sensors: slow ones that wander, white ones that do not, steps of a converter, play of a rod."""
 
 from __future__ import annotations
 
@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 KNOT_S = 1.0
+#: What is left of a sample after which nothing of it counts any more.
+FORGOTTEN = 1e-18
+#: Correlation times of the processes that make flicker noise together, one a decade [s].
+FLICKER_PERIODS_S = (10.0, 100.0, 1000.0, 10_000.0)
+#: Standard deviation of each against the floor that they make in the Allan deviation.
+FLICKER_SHARE = float(np.sqrt(np.log(10.0) / np.pi) / np.sqrt(2.0 * np.log(2.0) / np.pi))
 
 
 def slow(t: Array, sd: float, period_s: float, rng: np.random.Generator) -> Array:
@@ -16,15 +22,68 @@ def slow(t: Array, sd: float, period_s: float, rng: np.random.Generator) -> Arra
     Drawn once a second and joined by straight lines: it is slow.
     """
     knots = np.arange(t[0], t[-1] + 2 * KNOT_S, KNOT_S)
-    keep = np.exp(-KNOT_S / period_s)
+    keep = float(np.exp(-KNOT_S / period_s))
     kicks = rng.normal(0.0, sd * np.sqrt(1.0 - keep**2), len(knots))
-    values = np.empty(len(knots))
-    values[0] = rng.normal(0.0, sd)
-    for k in range(1, len(knots)):
-        values[k] = keep * values[k - 1] + kicks[k]
-    return np.asarray(np.interp(t, knots, values))
+    kicks[0] = rng.normal(0.0, sd)
+    return np.asarray(np.interp(t, knots, recursion(kicks, keep)))
+
+
+def recursion(kicks: Array, keep: float) -> Array:
+    """x[k] = keep x[k-1] + kicks[k], for 0 <= keep < 1, in sweeps over the whole array instead of sample by sample.
+
+    After the sweep with step s every x[k] holds the last 2 s kicks; it ends where what is left of them is FORGOTTEN.
+    """
+    found, step = kicks.copy(), 1
+    while step < len(found) and keep**step > FORGOTTEN:
+        found[step:] += keep**step * found[:-step].copy()
+        step *= 2
+    return found
 
 
 def white(t: Array, sd: float, rng: np.random.Generator) -> Array:
     """Independent errors with standard deviation sd, shape of t."""
     return rng.normal(0.0, sd, len(t))
+
+
+def density(t: Array, per_root_hz: float, rng: np.random.Generator) -> Array:
+    """White noise of a spectral density [unit / sqrt(Hz)], as means over the intervals between samples, shape of t.
+
+    Its integral is a random walk with this coefficient: rad/s/sqrt(Hz) is rad/sqrt(s).
+    """
+    return white(t, per_root_hz / np.sqrt(_interval(t)), rng)
+
+
+def random_walk(t: Array, per_root_s: float, rng: np.random.Generator) -> Array:
+    """A random walk from zero that spreads by per_root_s times the root of time, shape of t."""
+    return np.asarray(np.cumsum(white(t, per_root_s * np.sqrt(_interval(t)), rng)))
+
+
+def flicker(t: Array, floor: float, rng: np.random.Generator) -> Array:
+    """Noise with the spectrum 1/f between 10 s and 3 h, whose Allan deviation has a flat floor there, shape of t.
+
+    A sum of Gauss-Markov processes with one variance and a correlation time per decade: their sum of spectra follows
+    B^2 / (2 pi f) when each has the standard deviation B sqrt(ln 10 / pi), and the floor is B sqrt(2 ln 2 / pi).
+    Source: IEEE Std 952-1997, annex C (bias instability); Keshner 1982, 1/f noise, Proc. IEEE 70 (sum of relaxations).
+    """
+    return np.asarray(sum(slow(t, FLICKER_SHARE * floor, period, rng) for period in FLICKER_PERIODS_S))
+
+
+def stepped(values: Array, resolution: float) -> Array:
+    """What a converter makes of values: whole multiples of its resolution."""
+    return np.asarray(np.rint(values / resolution) * resolution)
+
+
+def play(values: Array, width: float) -> Array:
+    """What follows ``values`` through a linkage with this slack from end to end, moving when pushed, shape (n,).
+
+    Begins in the middle of its slack.  The same operator is the hysteresis of a pickup.
+    """
+    found, at, half = np.empty_like(values), float(values[0]), 0.5 * width
+    for k, value in enumerate(values.tolist()):
+        at = min(max(at, value - half), value + half)
+        found[k] = at
+    return found
+
+
+def _interval(t: Array) -> float:
+    return float(np.median(np.diff(t))) if len(t) > 1 else KNOT_S

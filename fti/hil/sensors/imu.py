@@ -1,0 +1,103 @@
+"""The errors of an inertial measurement unit: three accelerometers and three gyros, each drawn once and then sampled.
+
+    measured = clip(round(mat x + bias + in-run + walk + white))
+    mat      = (I + scale) (I + skew) rotation
+
+turn-on bias and ``mat`` are constant from one start to the next; the in-run bias is flicker noise, a sum of first-order
+Gauss-Markov processes; the walk is rate (or acceleration) random walk; white noise of density N integrates to an angle
+(or velocity) random walk N sqrt(t).  Source: IEEE Std 952-1997, annex C; Groves 2013, section 4.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.sensors.errors import density, flicker, random_walk, stepped
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """How large the errors of three like axes are, one sigma; unit : of the quantity, m/s^2 or rad/s.
+
+    turn_on       : bias from one start to the next [unit]
+    in_run        : floor of the Allan deviation [unit], which is what data sheets call bias stability in run
+    white         : density of the white noise [unit / sqrt(Hz)]: velocity or angle random walk
+    walk          : random walk of the bias [unit / sqrt(s)]
+    scale         : error of the scale factor
+    misalignment  : of the three axes together against the case [rad, each angle]
+    skew          : of one axis against another: what is missing to a right angle [rad]
+    resolution    : step of the output [unit];  limit : of the range, to both sides [unit]
+    """
+
+    turn_on: float
+    in_run: float
+    white: float
+    walk: float
+    scale: float
+    misalignment: float
+    skew: float
+    resolution: float
+    limit: float
+
+
+@dataclass(frozen=True, slots=True)
+class Grade:
+    """One kind of unit: its accelerometers [m/s^2] and its gyros [rad/s]."""
+
+    accel: Triad
+    gyro: Triad
+
+
+@dataclass(frozen=True, slots=True)
+class Instrument:
+    """Three axes of one unit.  bias : of this start, shape (3,); mat : case to axes, with scales, shape (3, 3)."""
+
+    triad: Triad
+    bias: Array
+    mat: Array
+
+    @classmethod
+    def drawn(cls, triad: Triad, rng: np.random.Generator) -> Instrument:
+        """One of its kind."""
+        bias, scale, angles, skew = (
+            rng.normal(0.0, sd, 3) for sd in (triad.turn_on, triad.scale, triad.misalignment, triad.skew)
+        )
+        return cls(triad, bias, mat_of(scale, angles, skew))
+
+    def measure(self, t: Array, true_b: Array, rng: np.random.Generator) -> Array:
+        """What it says where true_b, shape (n, 3), is true at t, shape (n,) [s, evenly spaced]."""
+        noise = np.stack([self._noise(t, rng) for _ in range(3)], axis=1)
+        felt = true_b @ self.mat.T + self.bias + noise
+        return np.clip(stepped(felt, self.triad.resolution), -self.triad.limit, self.triad.limit)
+
+    def _noise(self, t: Array, rng: np.random.Generator) -> Array:
+        triad = self.triad
+        return flicker(t, triad.in_run, rng) + random_walk(t, triad.walk, rng) + density(t, triad.white, rng)
+
+
+def mat_of(scale: Array, angles: Array, skew: Array) -> Array:
+    """Case to axes: turned by small angles (roll, pitch, yaw of the axes in the case), skewed, scaled; shape (3, 3).
+
+    skew : how much y leans from the right angle on x, z on x, z on y [rad]
+    """
+    leaning = np.eye(3)
+    leaning[1, 0], leaning[2, 0], leaning[2, 1] = skew
+    return np.asarray(np.diag(1.0 + scale) @ leaning @ mat_from_rpy(*angles).T)
+
+
+class Imu:
+    """One unit of a grade.  rng : its errors are drawn from it, and nothing else may draw between them."""
+
+    def __init__(self, grade: Grade, rng: np.random.Generator) -> None:
+        self._rng = rng
+        self.accel, self.gyro = Instrument.drawn(grade.accel, rng), Instrument.drawn(grade.gyro, rng)
+
+    def measure(self, t: Array, force_b: Array, rate_b: Array) -> tuple[Array, Array]:
+        """Specific force [m/s^2] and angular rate [rad/s] as they are said, shape (n, 3), where these are true."""
+        return self.accel.measure(t, force_b, self._rng), self.gyro.measure(t, rate_b, self._rng)
