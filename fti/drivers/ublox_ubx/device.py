@@ -35,6 +35,7 @@ from fti.types import (
 SENT = {"NAV-PVT": 1, "NAV-SAT": 1, "NAV-CLOCK": 1, "RXM-RAWX": 1}
 VERSION = "EXT CORE 1.00 (emulated); 00190000; PROTVER=27.11; MOD=FTI"
 TIME_KNOWN = 0x07
+SHORT_MESSAGE_RATE, LONG_MESSAGE_RATE = 3, 8
 T_ACC_NS = 20
 HEADING_ACC_DEG = 0.4
 TAIL = struct.Struct("<B5xihH")  # flags3, reserved, and no heading of the vehicle
@@ -52,6 +53,7 @@ class Encoder:
 
     def __init__(self, options: commands.Options) -> None:
         self._rates: dict[str, int] = {} if options.messages else dict(SENT)
+        self._port = PORTS.index(options.port)
         self._solutions = 0
         self._sent: dict[str, int] = {}  # the solution with which a message went out last
         self._latest: dict[type, Measurement] = {}
@@ -127,9 +129,16 @@ class Encoder:
             return len(payload) == 6
         if about == commands.CFG_VALSET:
             return self._set_values(payload[4:])
-        if about != commands.CFG_MSG or len(payload) != 3:
+        rate = self._rate_of(payload)
+        if about != commands.CFG_MSG or rate is None:
             return False
-        return self._set_rates({_ASKED_BY_ID.get((payload[0], payload[1]), ""): payload[2]})
+        return self._set_rates({_ASKED_BY_ID.get((payload[0], payload[1]), ""): rate})
+
+    def _rate_of(self, payload: bytes) -> int | None:
+        """The rate in CFG-MSG: one for the port that it came on, or one for each port (M8 description, 32.10.18)."""
+        if len(payload) == LONG_MESSAGE_RATE:
+            return payload[2 + self._port]
+        return payload[2] if len(payload) == SHORT_MESSAGE_RATE else None
 
     def _set_values(self, data: bytes) -> bool:
         rates, at = {}, 0
