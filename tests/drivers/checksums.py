@@ -89,6 +89,7 @@ CHECKED: dict[str, Callable[[bytes], bool]] = {
     "mavlink": _mavlink,
     "nmea0183": _exclusive_or,
     "novatel_oem6": _novatel,
+    "power_unit": _exclusive_or,
     "ublox_ubx": _ublox,
 }
 _BY_CONTROLLER = "the controller checks each CAN frame, and gives out none that is damaged"

@@ -17,6 +17,7 @@ from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.magnetometer import Magnetometer
 from fti.hil.sensors.novatel import SurveyReceiver
+from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.service.binding import bind_devices
@@ -37,6 +38,7 @@ MODELS: dict[str, ModelType] = {
     "mavlink": Autopilot,
     "nmea0183": Receiver,
     "novatel_oem6": SurveyReceiver,
+    "power_unit": PowerPanel,
     "ublox_ubx": RawReceiver,
 }
 

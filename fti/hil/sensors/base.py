@@ -63,22 +63,28 @@ class Sensor:
         self.name, self.link = device.name, device.link
         self.rate_hz = device.rate_hz or model.rate_hz
         self.drift_ppm = float(rng.normal(0.0, DRIFT_PPM_SD))
-        self.boot_s = float(rng.uniform(20.0, 120.0))  # how long the device had been on when the flight started
+        self._powered_s = -float(rng.uniform(20.0, 120.0))  # since then it is on: before the flight started
         self.t = sample_times(self.rate_hz, world.duration, float(rng.uniform()), self.drift_ppm)
         jitter = np.abs(rng.normal(0.0, JITTER_SD_S, len(self.t)))
         self.due = np.maximum.accumulate(self.t + 1e-3 * device.latency_ms + jitter)
+        self.bound = bound
         self.encoder: Encoder = bound.driver.make_encoder(bound.options)
-        self._model = model(bound, world, self.t, rng)
+        self.model = model(bound, world, self.t, rng)
         self._time_scale = model.time_scale
 
     def measure(self, k: int, start_ns: int) -> list[Measurement]:
         """Measurements of sample k of a flight that began at start_ns (FTI time)."""
-        return self._model.measure(k, self._stamp(float(self.t[k]), start_ns))
+        return self.model.measure(k, self._stamp(float(self.t[k]), start_ns))
+
+    def restart(self, t: float) -> None:
+        """It gets power again at t [s]: what it was told is forgotten; what it counts, and its time, begin at 0."""
+        self.encoder = self.bound.driver.make_encoder(self.bound.options)
+        self._powered_s = t
 
     def _stamp(self, t: float, start_ns: int) -> Stamp:
         true_ns = start_ns + round(t * SECOND_NS)
         if self._time_scale is TimeScale.BOOT:
-            on_s = (self.boot_s + t) * (1.0 + 1e-6 * self.drift_ppm)
+            on_s = (t - self._powered_s) * (1.0 + 1e-6 * self.drift_ppm)
             return Stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
         return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
 

@@ -1,0 +1,187 @@
+r"""Power distribution unit of the laboratory: a circuit breaker for each device, over a serial line or UDP.
+
+Document: this docstring.  The protocol is this project's own, for the power unit that the emulator plays in the manner
+of the one beside the interface cabinet (Spiegel 2018, section 6.5, figure 6.16).  A unit in an aircraft speaks another
+one, and gets a driver of its own.
+
+Sentences of NMEA 0183: ``$``, fields, ``*``, the exclusive or of what stands between as two hexadecimal digits, CR LF.
+
+    $PFTI,BRK,<breaker>,<state>,<current>*hh            each breaker, at the rate of the unit; current [A], 2 decimals
+    $PFTI,PDU,<voltage>,<current>,<count>*hh            behind them: supply [V], all of them together [A], how many
+    $PFTI,SET,<command>,<breaker>*hh                    to the unit: on, off, trip, reset
+    $PFTI,ACK,<command>,<breaker>,<0 or 1>,<words>*hh   its answer: 1 done; what it says about it
+
+    state   on          the device has power and has started
+            starting    it has power, and has not started yet
+            off         switched off by hand
+            tripped     opened by itself, and stays open until it is reset
+            brown_out   closed, but the supply is below what the device needs
+
+A breaker has the name of the device that it feeds.  The unit feeds itself and has none.
+
+``DeviceStatus`` is told when as many breakers were heard as the unit says that it has; it is ok when all are on, and a
+flag names each other one: ``altimeter_tripped``.  ``Reading`` of a breaker: its current, and its state as ``text``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+
+from fti.config import StrictModel
+from fti.drivers import Command, Counters
+from fti.drivers._arguments import check_complete
+from fti.drivers._framing import Framer, Skip, skip_to
+from fti.drivers._nmea_fields import sentence
+from fti.drivers._nmea_framing import MAX_SENTENCE, measure_sentence, split
+from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
+
+DOCUMENT = "this project's own protocol for the laboratory: docstring of fti/drivers/power_unit.py"
+MESSAGES = {
+    "breaker": "state and current of a breaker",
+    "supply": "voltage and current of the unit",
+    "answer": "what the unit answers to a command",
+    "(other)": "a sentence of another kind, or one whose fields are wrong",
+}
+CARRIERS = frozenset({"serial", "udp"})
+
+START = b"$PFTI,"
+STATES = ("on", "starting", "off", "tripped", "brown_out")
+VOLTAGE, CURRENT = "supply_voltage", "supply_current"
+LONGEST_NAME, LONGEST_WORDS = 64, 60
+NUMBER = r"(\d{1,4}\.\d\d)"
+BREAKER = r"([a-z][a-z0-9_]{0,63})"
+BRK = re.compile(rf"PFTI,BRK,{BREAKER},({'|'.join(STATES)}),{NUMBER}")
+PDU = re.compile(rf"PFTI,PDU,{NUMBER},{NUMBER},(\d{{1,3}})")
+SET = re.compile(rf"PFTI,SET,(on|off|trip|reset),{BREAKER}")
+ACK = re.compile(rf"PFTI,ACK,(on|off|trip|reset),{BREAKER},([01]),([^,]{{0,{LONGEST_WORDS}}})")
+
+WHICH = {"breaker": "name of the device that it feeds"}
+COMMANDS: Mapping[str, Command] = {
+    "off": Command("switch a breaker off", WHICH),
+    "on": Command("switch a breaker on that is off", WHICH),
+    "trip": Command("open a breaker as an overload does", WHICH),
+    "reset": Command("close a breaker that has tripped", WHICH),
+}
+
+#: What a unit does with (command, breaker): whether it did it, and its words.
+Obey = Callable[[str, str], tuple[bool, str]]
+
+
+class Options(StrictModel):
+    """There are none."""
+
+
+class Decoder:
+    """Sentences of the unit to Reading, DeviceStatus and Ack."""
+
+    def __init__(self, options: Options) -> None:
+        self.counters = Counters()
+        self._framer = Framer(_measure, self.counters, limit=MAX_SENTENCE)
+        self._states: dict[str, str] = {}  # of the breakers heard since the last word about the supply
+
+    def feed(self, data: bytes, t_rx_ns: int) -> list[Measurement]:
+        found: list[Measurement] = []
+        for t_ns, frame in self._framer.feed(data, t_rx_ns):
+            name, read = self._read(",".join(split(frame)), Stamp(t_ns))
+            self.counters.messages[name] += 1
+            found += read
+        return found
+
+    def _read(self, text: str, stamp: Stamp) -> tuple[str, list[Measurement]]:
+        if seen := BRK.fullmatch(text):
+            self._states[seen[1]] = seen[2]
+            return "breaker", [Reading(stamp=stamp, name=seen[1], value=float(seen[3]), unit="A", text=seen[2])]
+        if seen := PDU.fullmatch(text):
+            return "supply", [*self._status(int(seen[3]), stamp), *decode_supply(float(seen[1]), float(seen[2]), stamp)]
+        if seen := ACK.fullmatch(text):
+            return "answer", [
+                Ack(stamp=stamp, command=seen[1], accepted=seen[3] == "1", detail=f"{seen[2]}: {seen[4]}")
+            ]
+        return "(other)", []
+
+    def _status(self, count: int, stamp: Stamp) -> list[Measurement]:
+        """The state of all breakers; nothing when some of them were not heard."""
+        states, self._states = self._states, {}
+        if len(states) != count:
+            return []
+        flags = tuple(f"{name}_{state}" for name, state in states.items() if state != "on")
+        return [DeviceStatus(stamp=stamp, ok=not flags, flags=flags)]
+
+
+def _measure(buffer: bytearray) -> int | Skip:
+    return skip_to(buffer, START) or measure_sentence(buffer)
+
+
+def decode_supply(volts: float, amps: float, stamp: Stamp) -> list[Measurement]:
+    """Voltage [V] and current [A] of the supply."""
+    return [
+        Reading(stamp=stamp, name=VOLTAGE, value=volts, unit="V"),
+        Reading(stamp=stamp, name=CURRENT, value=amps, unit="A"),
+    ]
+
+
+def refuse(command: str, breaker: str) -> tuple[bool, str]:
+    """What a unit without breakers says."""
+    return False, f"there is no breaker {breaker}"
+
+
+class Encoder:
+    """The unit's end of the line.  ``obey`` : what does the commands; it has no breakers until it is given another."""
+
+    def __init__(self, options: Options) -> None:
+        self.obey: Obey = refuse
+        self._volts, self._count = 0.0, 0
+        self._heard = Framer(_measure, Counters(), limit=MAX_SENTENCE)
+
+    def encode(self, measurement: Measurement) -> list[bytes]:
+        if not isinstance(measurement, Reading):
+            return []
+        if measurement.name == VOLTAGE:
+            self._volts = measurement.value or 0.0
+            return []
+        amps = measurement.value or 0.0
+        if measurement.name == CURRENT:
+            count, self._count = self._count, 0
+            return [sentence(f"PFTI,PDU,{self._volts:.2f},{amps:.2f},{count}")]
+        self._count += 1
+        return [sentence(f"PFTI,BRK,{measurement.name},{measurement.text},{amps:.2f}")]
+
+    def respond(self, data: bytes) -> list[bytes]:
+        asked = (SET.fullmatch(",".join(split(frame))) for _, frame in self._heard.feed(data, 0))
+        return [self._answer(found[1], found[2]) for found in asked if found]
+
+    def _answer(self, name: str, breaker: str) -> bytes:
+        done, words = self.obey(name, breaker)
+        return sentence(f"PFTI,ACK,{name},{breaker},{done:d},{words[:LONGEST_WORDS]}")
+
+
+def make_decoder(options: Options) -> Decoder:
+    """A fresh decoder."""
+    return Decoder(options)
+
+
+def make_encoder(options: Options) -> Encoder:
+    """A fresh encoder."""
+    return Encoder(options)
+
+
+def on_connect(options: Options) -> list[bytes]:
+    """Nothing must be told."""
+    return []
+
+
+def poll(options: Options) -> tuple[float, bytes] | None:
+    """Nothing is asked: the unit talks by itself."""
+    return None
+
+
+def command(name: str, args: Mapping[str, str], options: Options | None = None) -> bytes:
+    """The sentence of a command.  Raises ValueError."""
+    check_complete(COMMANDS, name, args)
+    breaker = args["breaker"]
+    if not re.fullmatch(BREAKER, breaker):
+        raise ValueError(
+            f"{name}: breaker = {breaker!r}: must be the name of a device, {LONGEST_NAME} characters at most"
+        )
+    return sentence(f"PFTI,SET,{name},{breaker}")
