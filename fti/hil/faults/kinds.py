@@ -312,9 +312,10 @@ class Breaker(OnDevices):
 
 
 class BrownOut(OnDevices):
-    """The supply sags: the devices stop, and start anew when it is back."""
+    """The supply sags to ``supply_v``: devices that need more stop, and start anew when it is back (28 V)."""
 
     kind: Literal["brown_out"]
+    supply_v: Annotated[float, Field(ge=0, lt=28)] = 12.0
 
 
 OfWorld = Obstacle | OffTrack
