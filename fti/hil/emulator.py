@@ -14,8 +14,8 @@ from pathlib import Path
 
 from fti.config import Config
 from fti.hil.bench import Bench
-from fti.hil.faults.kinds import CanStatus
-from fti.hil.faults.values import DeviceFaults
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, OnLinks
+from fti.hil.faults.line import DeviceLine
 from fti.hil.lateness import Histogram, Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.power import PowerUnit
@@ -24,7 +24,7 @@ from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
 from fti.hil.sensors.power_unit import distribute
-from fti.hil.streams import SensorStream, StatusStream
+from fti.hil.streams import Babble, SensorStream, StatusStream
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
 from fti.nav.approach import ApproachPath, load_airfield
@@ -89,18 +89,26 @@ class Emulator:
         self.prepare()
         assert self._sensors is not None
         ended = stop or asyncio.Event()
-        self._endpoints = self._make_endpoints(self._sensors)
+        lines = [self._line(s, float("inf") if duration_s is None else duration_s) for s in self._sensors]
+        self._endpoints = self._make_endpoints(lines)
         with self._truth_log() as truth:
             async with opened(self._endpoints):
                 self.ready.set()
                 await until(self._started.wait(), ended)
-                await self._fly(self._sensors, truth, duration_s, ended)
+                await self._fly(lines, truth, duration_s, ended)
         return self.report
 
-    def _make_endpoints(self, sensors: list[Sensor]) -> dict[str, Endpoint]:
+    def _line(self, sensor: Sensor, until_s: float) -> DeviceLine:
+        return DeviceLine(sensor, self._scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
+
+    def _now_s(self) -> float:
+        """Time of the flight; negative before it begins."""
+        return -1.0 if self._start_ns is None else (self._bench.clock.now_ns() - self._start_ns) / SECOND_NS
+
+    def _make_endpoints(self, lines: list[DeviceLine]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
-            there = [s for s in sensors if s.link == link]
-            return lambda data: [a for s in there if self.power.is_on(s.name) for a in s.encoder.respond(data)]
+            there = [line for line in lines if line.sensor.link == link]
+            return lambda data: [answer for line in there for answer in line.respond(data, self._now_s())]
 
         return {link.name: self._bench.make_endpoint(link, respond(link.name)) for link in self._config.link}
 
@@ -110,29 +118,32 @@ class Emulator:
         assert self._world is not None
         return contextlib.closing(TruthLog(self._truth, self._world))
 
-    def _status_faults(self) -> list[Stream]:
-        def adapters(fault: CanStatus) -> list[SlcanEndpoint]:
-            named = fault.links or self._endpoints
-            return [e for name, e in self._endpoints.items() if name in named and isinstance(e, SlcanEndpoint)]
+    def _line_faults(self) -> list[Stream]:
+        buses = [link.name for link in self._config.link if link.kind == "can"]
 
-        return [StatusStream(f, adapters(f)) for f in self._scenario.fault if isinstance(f, CanStatus)]
+        def on(fault: OnLinks) -> list[Endpoint]:
+            return [self._endpoints[name] for name in fault.links or buses]
+
+        def adapters(fault: OnLinks) -> list[SlcanEndpoint]:
+            return [e for e in on(fault) if isinstance(e, SlcanEndpoint)]
+
+        faults = self._scenario.fault
+        babbling: list[Stream] = [Babble(f, on(f)) for f in faults if isinstance(f, Babbling)]
+        return babbling + [StatusStream(f, adapters(f)) for f in faults if isinstance(f, CanStatus | BusOff)]
 
     async def _fly(
         self,
-        sensors: list[Sensor],
+        lines: list[DeviceLine],
         truth: TruthLog | None,
         duration_s: float | None,
         stop: asyncio.Event,
     ) -> None:
         clock = self._bench.clock
-        start_ns = clock.now_ns()
+        self._start_ns = start_ns = clock.now_ns()
         self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
-        devices = [
-            SensorStream(s, DeviceFaults(s.name, self._scenario.fault), self._endpoints[s.link], start_ns, self.power)
-            for s in sensors
-        ]
+        devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
         self._meters = [device.meter for device in devices]
-        streams: list[Stream] = [*devices, *self._status_faults(), *self._bench.streams(start_ns)]
+        streams: list[Stream] = [*devices, *self._line_faults(), *self._bench.streams(start_ns)]
         if truth is not None:
             streams.append(truth.stream(start_ns, clock.now_ns))
         await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)

@@ -1,30 +1,27 @@
-"""What the emulator hands to the scheduler: the messages of each device, and the troubles of adapters."""
+"""What the emulator hands to the scheduler: the messages of each device, a node that babbles, troubles of adapters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fti.hil.faults.kinds import CanStatus
-from fti.hil.faults.values import DeviceFaults
+from fti.canframe import STANDARD_MASK, pack_can
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus
+from fti.hil.faults.line import DeviceLine
 from fti.hil.lateness import Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
-from fti.hil.power import PowerUnit
-from fti.hil.sensors import Sensor
 from fti.links.slcan_status import FLAGS
 
 TROUBLE_S = 0.25
+#: What a controller says of a bus that is off.
+OFF_FLAGS = ("error_warning", "error_passive", "bus_error")
 
 
 class SensorStream:
     """The messages of one simulated device, as a stream of the scheduler."""
 
-    def __init__(
-        self, sensor: Sensor, faults: DeviceFaults, endpoint: Endpoint, start_ns: int, power: PowerUnit
-    ) -> None:
-        self._sensor, self._faults, self._endpoint, self._start_ns = sensor, faults, endpoint, start_ns
-        self._power = power
-        self._k = 0
-        self.meter = Meter(sensor.name, sensor.link, sensor.rate_hz)
+    def __init__(self, line: DeviceLine, endpoint: Endpoint, start_ns: int) -> None:
+        self._line, self._endpoint, self._start_ns = line, endpoint, start_ns
+        self.meter = Meter(line.sensor.name, line.sensor.link, line.sensor.rate_hz)
 
     def note(self, due_s: float, late_s: float) -> None:
         """How late the next message leaves."""
@@ -32,29 +29,43 @@ class SensorStream:
 
     def due_s(self) -> float | None:
         """When the next message leaves."""
-        return float(self._sensor.due[self._k]) if self._k < len(self._sensor.due) else None
+        return self._line.due_s()
 
     async def send(self) -> None:
-        """Measure, spoil, encode, send; without power nothing of all that."""
-        k, self._k = self._k, self._k + 1
-        if not self._power.is_on(self._sensor.name, float(self._sensor.due[k])):
-            return
-        t = float(self._sensor.t[k])
-        measurements = self._sensor.measure(k, self._start_ns)
-        sent = self._faults.apply(t, measurements)
-        messages = [message for m in sent for message in self._sensor.encoder.encode(m)]
-        if self._endpoint.is_stream:  # a device hands its line a whole cycle, not byte by byte
+        """Send what leaves now; a device hands its line a whole cycle, not byte by byte."""
+        messages = self._line.step(self._start_ns)
+        if self._endpoint.is_stream:
             messages = [b"".join(messages)] if messages else []
         for message in messages:
             self._endpoint.send(message)
 
 
+class Babble:
+    """A node that talks all the time, as a stream of the scheduler: eight bytes of zeros each time."""
+
+    def __init__(self, fault: Babbling, endpoints: Sequence[Endpoint]) -> None:
+        self._fault, self._endpoints, self._k = fault, endpoints, 0
+        self._frame = pack_can(fault.can_id, bytes(8), extended=fault.can_id > STANDARD_MASK)
+
+    def due_s(self) -> float | None:
+        """When it talks next."""
+        due_s = self._fault.from_s + self._k / self._fault.rate_hz
+        return due_s if due_s < self._fault.to_s else None
+
+    async def send(self) -> None:
+        """Talk."""
+        self._k += 1
+        for endpoint in self._endpoints:
+            endpoint.send(self._frame)
+
+
 class StatusStream:
     """A fault of the controllers of slcan adapters, as a stream of the scheduler: trouble every quarter of a second."""
 
-    def __init__(self, fault: CanStatus, adapters: Sequence[SlcanEndpoint]) -> None:
+    def __init__(self, fault: CanStatus | BusOff, adapters: Sequence[SlcanEndpoint]) -> None:
         self._adapters, self._end_s, self._due_s = adapters, fault.to_s, fault.from_s
-        self._flags = sum(bit for bit, name in FLAGS.items() if name.removeprefix("slcan_") in fault.flags)
+        names = fault.flags if isinstance(fault, CanStatus) else OFF_FLAGS
+        self._flags = sum(bit for bit, name in FLAGS.items() if name.removeprefix("slcan_") in names)
 
     def due_s(self) -> float | None:
         """When there is trouble next."""

@@ -54,7 +54,7 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
         (
             '[[fault]]\nkind = "explosion"\n',
-            r"'obstacle', 'off_track', 'cut', 'stuck', 'invalid', 'bias'",
+            r"'obstacle', 'off_track', 'stuck', 'invalid', 'bias'",
         ),
         ('[[fault]]\nkind = "can_status"\nflags = []\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*flags"),
         ('[[fault]]\nkind = "can_status"\nflags = ["dull"]\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'rx_fifo_full'"),

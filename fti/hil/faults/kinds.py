@@ -9,9 +9,10 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from fti.config import Name, Positive, StrictModel
+from fti.hil.faults.quantities import parse
 
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -43,6 +44,7 @@ class FaultKind(StrEnum):
     WRONG_CHECKSUM = "wrong_checksum"
     WRONG_LABEL = "wrong_label"
     WRONG_UNIT = "wrong_unit"
+    FORCED = "forced"
     BURST = "burst"
     BABBLING = "babbling"
     BUS_OFF = "bus_off"
@@ -79,7 +81,7 @@ class OffTrack(StrictModel):
 
 
 class OnDevices(StrictModel):
-    """A fault of devices in an interval of the flight; no device named means every device."""
+    """A fault of devices in an interval of the flight; no device named means every one that it can be on."""
 
     devices: tuple[Name, ...] = ()
     from_s: NotNegative
@@ -87,13 +89,16 @@ class OnDevices(StrictModel):
 
 
 class Cut(OnDevices):
-    """Nothing comes: a broken cable, a device without power."""
+    """Nothing comes: a broken cable.  The device does not know, and goes on counting."""
 
     kind: Literal["cut"]
 
 
 class Freeze(OnDevices):
-    """The last messages before the interval are sent again and again, byte for byte, also their times and counters."""
+    """The last messages before the interval are sent again and again, byte for byte, also their times and counters.
+
+    Where nothing was sent before, the first messages in the interval are.
+    """
 
     kind: Literal["freeze"]
 
@@ -112,9 +117,20 @@ class Invalid(OnDevices):
 
 
 class OnQuantity(OnDevices):
-    """A fault of one field of one measurement, in SI and radians: ``quantity = "range.slant_range"``."""
+    """A fault of one field of one measurement, in SI and radians: ``quantity = "range.slant_range"``.
 
-    quantity: Annotated[str, Field(pattern=r"^[a-z_]+\.[a-z_0-9]+$")]
+    Of a vector the component is named: ``quantity = "imu_sample.gyro_b_2"``.  What is not measured (None) stays so.
+    name : of a Reading, a surface or a station: only this one
+    """
+
+    quantity: str
+    name: str | None = None
+
+    @field_validator("quantity")
+    @classmethod
+    def _is_there(cls, text: str) -> str:
+        parse(text)
+        return text
 
 
 class Bias(OnQuantity):
@@ -143,6 +159,13 @@ class WrongUnit(OnQuantity):
 
     kind: Literal["wrong_unit"]
     factor: float
+
+
+class Forced(OnQuantity):
+    """The field says ``value``, whatever is measured: the set point of a profile."""
+
+    kind: Literal["forced"]
+    value: float
 
 
 class Fog(OnDevices):
@@ -185,7 +208,7 @@ class GnssOffset(OnDevices):
 
 
 class ClockJump(OnDevices):
-    """The clock of the device is off by ``by_s`` in the interval."""
+    """The clock of the device is off by ``by_s`` in the interval.  Where no time is sent: ``fti.hil.faults.places``."""
 
     kind: Literal["clock_jump"]
     by_s: float
@@ -208,21 +231,22 @@ class OnMessages(OnDevices):
 
 
 class BitErrors(OnDevices):
-    """Every bit is wrong with this probability."""
+    """Every bit is wrong with this probability.  On CAN the data alone: a controller refuses what its CRC refuses, so
+    the fault is of a node that sends wrong data with a good CRC."""
 
     kind: Literal["bit_errors"]
     rate: Share
 
 
 class LostHeader(OnMessages):
-    """The first ``count`` bytes are missing."""
+    """The first ``count`` bytes are missing.  Not on CAN, where a frame has its header or is none."""
 
     kind: Literal["lost_header"]
     count: Annotated[int, Field(ge=1)] = 1
 
 
 class Truncated(OnMessages):
-    """The last ``count`` bytes are missing."""
+    """The last ``count`` bytes are missing; of a CAN frame those of its data."""
 
     kind: Literal["truncated"]
     count: Annotated[int, Field(ge=1)] = 1
@@ -235,25 +259,25 @@ class Duplicated(OnMessages):
 
 
 class Reordered(OnMessages):
-    """The message leaves after the one behind it."""
+    """The message leaves after the one behind it, which is not held itself; at ``to_s`` at the latest."""
 
     kind: Literal["reordered"]
 
 
 class WrongChecksum(OnMessages):
-    """The last byte that its driver calls a checksum is wrong; everything before it is right."""
+    """The checksum is wrong, everything else right.  Which drivers have one: ``fti.hil.faults.places``."""
 
     kind: Literal["wrong_checksum"]
 
 
 class WrongLabel(OnMessages):
-    """The identifier of the message (label, message number, talker, CAN identifier) is another one."""
+    """The identifier (label, number, formatter, CAN identifier) is one that nobody knows; the checksum holds."""
 
     kind: Literal["wrong_label"]
 
 
 class Burst(OnDevices):
-    """Messages are held back for ``hold_s`` and then leave all at once, again and again."""
+    """Messages are held back for ``hold_s`` and then leave all at once, again and again; the last at ``to_s``."""
 
     kind: Literal["burst"]
     hold_s: Positive
@@ -279,7 +303,7 @@ class Babbling(OnLinks):
 
 
 class BusOff(OnLinks):
-    """The emulator's side of the bus is off: no frame of any of its devices comes."""
+    """The bus is off: no frame of any device on it comes, and slcan adapters say when asked that it is in trouble."""
 
     kind: Literal["bus_off"]
 
@@ -320,10 +344,12 @@ class BrownOut(OnDevices):
 
 OfWorld = Obstacle | OffTrack
 OfValues = (
-    Cut | Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Fog | GnssOutage | GnssDegraded | GnssOffset
+    Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Forced | Fog | GnssOutage | GnssDegraded | GnssOffset
 )  # fmt: skip
 OfClock = ClockJump | ClockDrift
-OfBytes = Freeze | BitErrors | LostHeader | Truncated | Duplicated | Reordered | WrongChecksum | WrongLabel | Burst
+OfBytes = (
+    Cut | Freeze | BitErrors | LostHeader | Truncated | Duplicated | Reordered | WrongChecksum | WrongLabel | Burst
+)  # fmt: skip
 OfLinks = Babbling | BusOff | CanStatus
 OfPower = Breaker | BrownOut
 

@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from fti.hil.faults.kinds import Cut, Fault, Fog, Invalid, Stuck
+import numpy as np
+
+from fti.hil.faults.kinds import (
+    Bias,
+    Fault,
+    Fog,
+    Forced,
+    Invalid,
+    Noise,
+    OnDevices,
+    OnLinks,
+    OnQuantity,
+    Ramp,
+    Stuck,
+    WrongUnit,
+)
+from fti.hil.faults.quantities import changed, is_meant, parse
 from fti.types import (
     Ack,
     Calibration,
@@ -20,32 +37,48 @@ from fti.types import (
     Satellites,
 )
 
-OnDevice = Cut | Stuck | Invalid | Fog
+OnDevice = Stuck | Invalid | Fog | Bias | Ramp | Noise | WrongUnit | Forced
 WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, DeviceTime, Ack, Calibration)
 
 
-class DeviceFaults:
-    """The faults of one device, in the order of the scenario."""
+def random_of(seed: int, device: str, index: int) -> np.random.Generator:
+    """The random numbers of one fault of one device.  index : of the fault in the scenario."""
+    return np.random.default_rng([seed, zlib.crc32(device.encode()), index])
 
-    def __init__(self, device: str, faults: Sequence[Fault]) -> None:
-        self._faults = [f for f in faults if isinstance(f, OnDevice) and (not f.devices or device in f.devices)]
+
+def is_on(fault: OnDevices | OnLinks, t: float) -> bool:
+    """Is t [s] in the interval of the fault?"""
+    return fault.from_s <= t < fault.to_s
+
+
+class DeviceFaults:
+    """The faults of what one device measures, in the order of the scenario.  seed : of the scenario."""
+
+    def __init__(self, device: str, faults: Sequence[Fault], seed: int = 0) -> None:
+        self._faults = [
+            (f, random_of(seed, device, i))
+            for i, f in enumerate(faults)
+            if isinstance(f, OnDevice) and (not f.devices or device in f.devices)
+        ]
         self._held: dict[tuple[int, type, int], Measurement] = {}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
-        """What the device sends at t [s] instead of these measurements."""
-        for i, fault in enumerate(self._faults):
-            if fault.from_s <= t < fault.to_s:
-                measurements = self._applied(i, fault, t, measurements)
+        """What the device says at t [s] instead of these measurements."""
+        for i, (fault, rng) in enumerate(self._faults):
+            if is_on(fault, t):
+                measurements = self._applied(i, fault, t, measurements, rng)
         return measurements
 
-    def _applied(self, index: int, fault: OnDevice, t: float, measurements: list[Measurement]) -> list[Measurement]:
-        if isinstance(fault, Cut):
-            return []
+    def _applied(
+        self, index: int, fault: OnDevice, t: float, measurements: list[Measurement], rng: np.random.Generator
+    ) -> list[Measurement]:
         if isinstance(fault, Stuck):
             return self._stuck(index, measurements)
         if isinstance(fault, Fog):
             return [_in_fog(m, fault, t) for m in measurements]
-        return [_invalidated(m, fault.flags) for m in measurements]
+        if isinstance(fault, Invalid):
+            return [_invalidated(m, fault.flags) for m in measurements]
+        return _with_wrong_number(fault, _error_of(fault, t, rng), measurements)
 
     def _stuck(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
         """Each kind of measurement as it was the first time: a device may send some in every cycle and some seldom."""
@@ -55,6 +88,27 @@ class DeviceFaults:
             seen[type(m)] += 1
             found.append(replace(self._held.setdefault((index, type(m), seen[type(m)]), m), stamp=m.stamp))
         return found
+
+
+def _error_of(
+    fault: Bias | Ramp | Noise | WrongUnit | Forced, t: float, rng: np.random.Generator
+) -> Callable[[float], float]:
+    """What becomes of a right value at t [s]."""
+    if isinstance(fault, WrongUnit):
+        return lambda value: value * fault.factor
+    if isinstance(fault, Forced):
+        return lambda _: fault.value
+    if isinstance(fault, Noise):
+        return lambda value: value + float(rng.normal(0.0, fault.sd))
+    added = fault.value if isinstance(fault, Bias) else fault.rate * (t - fault.from_s)
+    return lambda value: value + added
+
+
+def _with_wrong_number(
+    fault: OnQuantity, error: Callable[[float], float], measurements: list[Measurement]
+) -> list[Measurement]:
+    quantity = parse(fault.quantity)
+    return [changed(m, quantity, error) if is_meant(m, quantity, fault.name) else m for m in measurements]
 
 
 def _in_fog(measurement: Measurement, fog: Fog, t: float) -> Measurement:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fti.hil.faults.kinds import Cut, Fault, Invalid, Stuck
+from fti.hil.faults.kinds import Fault, Invalid, Stuck
 from fti.hil.faults.values import DeviceFaults
 from fti.types import Airspeed, Attitude, DeviceStatus, ImuSample, Measurement, RadioHeight, Range, Stamp
 
@@ -20,16 +20,16 @@ def applied(fault: Fault, device: str, t: float) -> list[Measurement]:
     return DeviceFaults(device, [fault]).apply(t, sample(t))
 
 
-def test_a_cut_silences_the_named_device_in_the_interval() -> None:
-    cut = Cut(kind="cut", devices=("a",), from_s=10.0, to_s=20.0)
-    assert applied(cut, "a", 9.99) == sample(9.99)
-    assert applied(cut, "a", 10.0) == []
-    assert applied(cut, "a", 20.0) == sample(20.0)
-    assert applied(cut, "b", 15.0) == sample(15.0)
+def test_a_fault_is_of_the_named_device_in_the_interval() -> None:
+    fault = Invalid(kind="invalid", devices=("a",), from_s=10.0, to_s=20.0)
+    assert applied(fault, "a", 9.99) == sample(9.99)
+    assert applied(fault, "a", 10.0) != sample(10.0)
+    assert applied(fault, "a", 20.0) == sample(20.0)
+    assert applied(fault, "b", 15.0) == sample(15.0)
 
 
 def test_no_name_means_every_device() -> None:
-    assert applied(Cut(kind="cut", from_s=0.0, to_s=9.0), "anything", 1.0) == []
+    assert applied(Invalid(kind="invalid", from_s=0.0, to_s=9.0), "anything", 1.0) != sample(1.0)
 
 
 def test_a_stuck_device_repeats_its_values_with_fresh_times() -> None:

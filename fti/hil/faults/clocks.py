@@ -1,0 +1,46 @@
+"""Faults of a device's clock: what it says of the time, and nothing else.  When it samples and sends is as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from fti.hil.faults.fitting import is_of
+from fti.hil.faults.kinds import ClockDrift, ClockJump, Fault
+from fti.hil.faults.values import is_on
+from fti.service.binding import BoundDevice
+from fti.types import Measurement, Stamp, TimeScale
+
+SECOND_NS = 1_000_000_000
+
+
+class DeviceClock:
+    """The faults of the clock of one device."""
+
+    def __init__(self, bound: BoundDevice, faults: Sequence[Fault]) -> None:
+        self._faults = [f for f in faults if isinstance(f, ClockJump | ClockDrift) and is_of(f, bound)]
+
+    def error_s(self, t: float) -> float:
+        """How far the clock is ahead at t [s] of the flight; what a drift has gained stays."""
+        error = 0.0
+        for fault in self._faults:
+            if isinstance(fault, ClockDrift):
+                error += 1e-6 * fault.ppm * min(max(t - fault.from_s, 0.0), fault.to_s - fault.from_s)
+            elif is_on(fault, t):
+                error += fault.by_s
+        return error
+
+    def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
+        """The measurements of t [s] with the time of this clock."""
+        error_ns = round(self.error_s(t) * SECOND_NS) if self._faults else 0
+        if not error_ns:
+            return measurements
+        return [replace(m, stamp=_moved(m.stamp, error_ns)) for m in measurements]
+
+
+def _moved(stamp: Stamp, by_ns: int) -> Stamp:
+    """A time since power-on is never below zero."""
+    if stamp.t_dev_ns is None:
+        return stamp
+    t_dev_ns = stamp.t_dev_ns + by_ns
+    return replace(stamp, t_dev_ns=max(t_dev_ns, 0) if stamp.time_scale is TimeScale.BOOT else t_dev_ns)

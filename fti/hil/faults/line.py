@@ -1,0 +1,80 @@
+"""One device, from what it measures to what leaves at its connector, with everything that goes wrong on the way.
+
+    measure -> clock -> values -> encode -> bytes, message by message -> line
+
+Faults of clock and values count from the time of the sample, those of bytes and lines from when a message leaves.
+Nothing is opened here and nobody waits: ``due_s`` says when ``step`` has something to give.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fti.hil.faults.clocks import DeviceClock
+from fti.hil.faults.fitting import stages_of
+from fti.hil.faults.values import DeviceFaults
+from fti.hil.scenario.schema import Scenario
+from fti.hil.sensors.base import Sensor
+
+
+def _always(t: float) -> bool:
+    return True
+
+
+class DeviceLine:
+    """A device in one flight.
+
+    until_s    : the flight is cut off there [s]; nothing is held back any longer
+    is_powered : does it have power at t [s]?
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        scenario: Scenario,
+        until_s: float = float("inf"),
+        is_powered: Callable[[float], bool] = _always,
+    ) -> None:
+        faults, seed = scenario.fault, scenario.seed
+        end_s = min(until_s, float(sensor.due[-1])) if len(sensor.due) else 0.0
+        self.sensor, self._is_powered = sensor, is_powered
+        self._clock = DeviceClock(sensor.bound, faults)
+        self._values = DeviceFaults(sensor.name, faults, seed)
+        self._stages = stages_of(sensor.bound, faults, seed, end_s)
+        self._k = 0
+
+    def due_s(self) -> float | None:
+        """When something may leave next [s]; None when nothing will."""
+        instants = [due for stage in self._stages if (due := stage.due_s()) is not None]
+        if self._k < len(self.sensor.due):
+            instants.append(float(self.sensor.due[self._k]))
+        return min(instants, default=None)
+
+    def step(self, start_ns: int) -> list[bytes]:
+        """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
+        t = self.due_s()
+        assert t is not None
+        messages = []
+        if self._k < len(self.sensor.due) and self.sensor.due[self._k] <= t:
+            messages = self._cycle(self._k, start_ns) if self._is_powered(t) else []
+            self._k += 1
+        return self._spoiled(t, messages)
+
+    def respond(self, data: bytes, t: float) -> list[bytes]:
+        """What it answers at t [s] to bytes from the daemon; before the flight begins (t < 0) nothing goes wrong."""
+        if not self._is_powered(t):
+            return []
+        answers = self.sensor.encoder.respond(data)
+        return self._spoiled(t, answers) if t >= 0.0 else answers
+
+    def _cycle(self, k: int, start_ns: int) -> list[bytes]:
+        """The messages of sample k, before anything is wrong with their bytes."""
+        t = float(self.sensor.t[k])
+        measurements = self._clock.apply(t, self.sensor.measure(k, start_ns))
+        said = self._values.apply(t, measurements)
+        return [message for m in said for message in self.sensor.encoder.encode(m)]
+
+    def _spoiled(self, t: float, messages: list[bytes]) -> list[bytes]:
+        for stage in self._stages:
+            messages = stage.apply(t, messages)
+        return messages

@@ -1,0 +1,154 @@
+"""Faults of the bytes of a device, applied to its messages one by one, between the encoder and the line.
+
+A stage takes the messages that leave at a time and says which leave instead; what it holds back has an instant of its
+own.  Nothing is held beyond the end of the flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from fti.canframe import CANFD_SIZE, FD_LENGTHS
+from fti.hil.faults.kinds import BitErrors, Burst, BusOff, Freeze, OnDevices, Reordered
+from fti.hil.faults.values import is_on
+
+#: What becomes of one message: none, one or several.
+Become = Callable[[bytes], list[bytes]]
+CAN_HEAD = 8
+
+
+class Stage(Protocol):
+    """One fault of one device."""
+
+    def due_s(self) -> float | None:
+        """When something leaves that is held back [s]; None when nothing is."""
+
+    def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
+        """What leaves at t [s] instead of these messages; t is never before an instant that was due."""
+
+
+class Spoiled:
+    """Messages of the interval become others; of a share of them."""
+
+    def __init__(self, fault: OnDevices | BusOff, become: Become, rng: np.random.Generator) -> None:
+        self._fault, self._become, self._rng = fault, become, rng
+        self._share: float = getattr(fault, "share", 1.0)
+
+    def due_s(self) -> float | None:
+        """Nothing is held."""
+        return None
+
+    def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
+        """See ``Stage``."""
+        if not is_on(self._fault, t):
+            return messages
+        return [other for message in messages for other in self._one(message)]
+
+    def _one(self, message: bytes) -> list[bytes]:
+        if self._share < 1.0 and self._rng.random() >= self._share:
+            return [message]
+        return [other for other in self._become(message) if other]
+
+
+class Frozen:
+    """The last messages before the interval, whenever others would leave."""
+
+    def __init__(self, fault: Freeze) -> None:
+        self._fault = fault
+        self._last: list[bytes] = []
+
+    def due_s(self) -> float | None:
+        """Nothing is held."""
+        return None
+
+    def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
+        """See ``Stage``."""
+        if messages and not (is_on(self._fault, t) and self._last):
+            self._last = messages
+        return self._last if messages else []
+
+
+class Swapped:
+    """A message waits for the one behind it."""
+
+    def __init__(self, fault: Reordered, rng: np.random.Generator, end_s: float) -> None:
+        self._fault, self._rng = fault, rng
+        self._until_s = min(fault.to_s, end_s)
+        self._held: bytes | None = None
+
+    def due_s(self) -> float | None:
+        """The end of the interval, or of the flight."""
+        return None if self._held is None else self._until_s
+
+    def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
+        """See ``Stage``."""
+        found = []
+        for message in messages:
+            if self._held is not None:
+                found += [message, self._held]
+                self._held = None
+            elif is_on(self._fault, t) and t < self._until_s and self._rng.random() < self._fault.share:
+                self._held = message
+            else:
+                found.append(message)
+        if self._held is not None and t >= self._until_s:
+            found.append(self._held)
+            self._held = None
+        return found
+
+
+class Held:
+    """Messages wait for the next multiple of ``hold_s`` after the beginning."""
+
+    def __init__(self, fault: Burst, end_s: float) -> None:
+        self._fault, self._until_s = fault, min(fault.to_s, end_s)
+        self._waiting: list[bytes] = []
+        self._release_s = 0.0
+
+    def due_s(self) -> float | None:
+        """The next release."""
+        return self._release_s if self._waiting else None
+
+    def apply(self, t: float, messages: list[bytes]) -> list[bytes]:
+        """See ``Stage``."""
+        released: list[bytes] = []
+        if self._waiting and t >= self._release_s:
+            released, self._waiting = self._waiting, []
+        if not is_on(self._fault, t) or t >= self._until_s:
+            return released + messages
+        if messages and not self._waiting:
+            holds = math.floor((t - self._fault.from_s) / self._fault.hold_s) + 1
+            self._release_s = min(self._fault.from_s + holds * self._fault.hold_s, self._until_s)
+        self._waiting += messages
+        return released
+
+
+def with_bit_errors(fault: BitErrors, rng: np.random.Generator, *, on_can: bool) -> Become:
+    """Every bit is turned over with the probability of the fault; on CAN the data alone."""
+
+    def become(message: bytes) -> list[bytes]:
+        begin, end = (CAN_HEAD, CAN_HEAD + message[4]) if on_can else (0, len(message))
+        bits = rng.random(8 * (end - begin)) < fault.rate
+        wrong = np.frombuffer(message[begin:end], np.uint8) ^ np.packbits(bits)
+        return [message[:begin] + wrong.tobytes() + message[end:]]
+
+    return become
+
+
+def without_end(count: int, *, on_can: bool) -> Become:
+    """``count`` bytes less; a CAN frame has so many bytes of data less, FD the next length that there is."""
+    if not on_can:
+        return lambda message: [message[:-count]]
+
+    def become(message: bytes) -> list[bytes]:
+        left = max(message[4] - count, 0)
+        if len(message) == CANFD_SIZE:
+            left = max(length for length in FD_LENGTHS if length <= left)
+        data = message[CAN_HEAD : CAN_HEAD + left].ljust(len(message) - CAN_HEAD, b"\0")
+        return [message[:4] + bytes([left]) + message[5:CAN_HEAD] + data]
+
+    return become
