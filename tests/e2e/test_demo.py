@@ -15,7 +15,7 @@ from mcap.records import Channel, Message, Schema
 from tests.e2e.harness import fti
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
-LINKS = ("radalt_line", "ins_eth", "air_can", "ahrs_line", "gnss_line", "mavlink_eth")
+LINKS = ("radalt_line", "ins_eth", "air_can", "ahrs_line", "gnss_line", "mavlink_eth", "pdu_line")
 OUTPUTS = ("nav_solution", "height_above_ground/altimeter", "clearance_integrity", "glide_slope", "location")
 
 
