@@ -33,7 +33,7 @@ def _lists_to_tuples(value: Any) -> Any:
 
 def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: str) -> Iterable[str]:
     for item in error.errors():
-        where = _key_path(key, item["loc"])
+        where = _key_path(key, item["loc"], model)
         if item["type"] == "extra_forbidden":
             known = ", ".join(sorted(_known_keys(model, item["loc"][:-1])))
             yield f"{file}: {where}: there is no such key; allowed here: {known or 'none'}"
@@ -43,13 +43,20 @@ def _sentences(error: ValidationError, model: type[BaseModel], file: str, key: s
             yield f"{file}: {where} = {_shown(item['input'])}: {item['msg'][0].lower()}{item['msg'][1:]}"
 
 
-def _key_path(key: str, loc: tuple[int | str, ...]) -> str:
-    path = key
+def _key_path(key: str, loc: tuple[int | str, ...], model: type[BaseModel]) -> str:
+    path, schema = key, _json_schema(model)
+    node = _resolve(schema, schema)
     for part in loc:
-        if part in ("serial", "udp", "can") and path.endswith("]"):
-            continue  # the discriminator of a link is not a key of the file
-        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
+        if part not in _kinds(node):  # which of several tables it is is not a key of the file
+            path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
+        node = _resolve(schema, _step(node, part, schema))
     return path
+
+
+def _kinds(node: dict[str, Any]) -> dict[int | str, str]:
+    """The tables that can stand here, by their discriminator."""
+    found: dict[int | str, str] = node.get("discriminator", {}).get("mapping", {})
+    return found
 
 
 def _known_keys(model: type[BaseModel], loc: tuple[int | str, ...]) -> set[str]:
@@ -70,9 +77,8 @@ def _step(node: dict[str, Any], part: int | str, schema: dict[str, Any]) -> dict
     if isinstance(part, int):
         items: dict[str, Any] = node.get("items", {})
         return items
-    mapping = node.get("discriminator", {}).get("mapping", {})
-    if part in mapping:
-        return {"$ref": mapping[part]}
+    if part in _kinds(node):
+        return {"$ref": _kinds(node)[part]}
     found: dict[str, Any] = node.get("properties", {}).get(part, {})
     return next((o for o in found.get("anyOf", ()) if "$ref" in o), found)
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR, radii
+from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
 from fti.hil.flight.trajectory import State, earth_frame_velocity
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
@@ -22,18 +23,13 @@ from fti.types import Attitude, ImuSample, Measurement, Position, Stamp, TimeSca
 Array = NDArray[np.float64]
 
 EARTH_RATE_E = np.array([0.0, 0.0, EARTH_RATE])
-#: Normal gravity at the equator [m/s^2], Somigliana's constant, free-air gradient [1/s^2] (NIMA TR 8350.2).
-GRAVITY_EQUATOR, SOMIGLIANA, FREE_AIR = 9.7803253359, 0.00193185265241, 3.086e-6
-
-
-def normal_gravity(lat: Array, alt: Array) -> Array:
-    """Normal gravity, down positive [m/s^2].  lat [rad], alt above the ellipsoid [m].  Source: NIMA TR 8350.2, 4.1."""
-    sin_sq = np.sin(lat) ** 2
-    return np.asarray(GRAVITY_EQUATOR * (1.0 + SOMIGLIANA * sin_sq) / np.sqrt(1.0 - ECC_SQ * sin_sq) - FREE_AIR * alt)
 
 
 def specific_force_b(state: State) -> Array:
-    """What ideal accelerometers feel [m/s^2], shape (n, 3): Earth-fixed acceleration + Coriolis - gravity."""
+    """What ideal accelerometers feel [m/s^2], shape (n, 3): Earth-fixed acceleration + Coriolis - gravity.
+
+    Source: Spiegel 2018, eq. 7.2, in e.
+    """
     coriolis_e = 2.0 * np.cross(EARTH_RATE_E, earth_frame_velocity(state))
     mat = mat_en(state.lat, state.lon)
     force_n = np.einsum("nji,nj->ni", mat, state.accel_e + coriolis_e)
@@ -42,17 +38,11 @@ def specific_force_b(state: State) -> Array:
 
 
 def angular_rate_b(state: State) -> Array:
-    """What ideal gyros feel [rad/s], shape (n, 3): turn of the body + of the local level + of the Earth."""
-    r_meridian, r_normal = radii(state.lat)
-    north, east = state.vel_n[:, 0], state.vel_n[:, 1]
-    transport_n = np.stack(
-        [
-            east / (r_normal + state.alt),
-            -north / (r_meridian + state.alt),
-            -east * np.tan(state.lat) / (r_normal + state.alt),
-        ],
-        axis=1,
-    )
+    """What ideal gyros feel [rad/s], shape (n, 3): turn of the body + of the local level + of the Earth.
+
+    Source: Spiegel 2018, eq. 7.3.
+    """
+    transport_n = transport_rate(state.lat, state.alt, state.vel_n)
     earth_n = np.einsum("nji,j->ni", mat_en(state.lat, state.lon), EARTH_RATE_E)
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     return np.asarray(state.omega_nb_b + np.einsum("nji,nj->ni", mat_nb, transport_n + earth_n))
