@@ -7,7 +7,8 @@ from pathlib import Path
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.kinds import CanStatus, Obstacle, OnDevices
+from fti.hil.faults.kinds import Obstacle
+from fti.hil.scenario.checking import check
 from fti.hil.scenario.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -24,25 +25,10 @@ def load(path: Path) -> Scenario:
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:
-    """The daemon's configuration of a scenario (or another one); it must have the devices and links that are named."""
+    """The daemon's configuration of a scenario (or another one), which must have what the scenario needs."""
     config = configuration.load(path or scenario.config)
-    devices = [d.name for d in config.device]
-    adapters = [k.name for k in config.link if isinstance(k, configuration.CanLink) and k.interface == "slcan"]
-    _check_names(f"{scenario.title}: sensor", "device", tuple(scenario.sensor), devices, config)
-    for i, fault in enumerate(scenario.fault):
-        where = f"{scenario.title}: fault[{i}]"
-        if isinstance(fault, OnDevices):
-            _check_names(f"{where}.devices", "device", fault.devices, devices, config)
-        elif isinstance(fault, CanStatus):
-            _check_names(f"{where}.links", "slcan link", fault.links, adapters, config)
+    check(scenario, config)
     return config
-
-
-def _check_names(where: str, kind: str, named: tuple[str, ...], there: list[str], config: Config) -> None:
-    for name in named:
-        if name not in there:
-            known = ", ".join(there) or "none"
-            raise ConfigError(f"{where}: {name!r} is no {kind} of {config.path}; there are {known}")
 
 
 def find(name_or_path: str) -> Path:
