@@ -2,7 +2,7 @@
 
 title = "Unexpected obstacle"      description = "..."      config = "../demo.toml"      seed = 1
 
-[flight]                           # kind = "approach" unless it says otherwise; distances before the threshold
+[flight]                           # kind = "approach" unless it says otherwise; every kind: fti/hil/scenario/flights.py
 start_m = 4500
 duration_s = 82
 speed_mps = 60
@@ -37,8 +37,8 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.kinds import Fault, NotNegative, Obstacle, OffTrack
-from fti.hil.flight.approach import Manoeuvre, Plan
+from fti.hil.faults.kinds import Fault, NotNegative, Obstacle
+from fti.hil.scenario.flights import ApproachFlight, FlightTable
 
 
 class Air(StrictModel):
@@ -56,23 +56,13 @@ class Air(StrictModel):
         return self.wind_mps * math.cos(towards), self.wind_mps * math.sin(towards)
 
 
-class ApproachFlight(StrictModel):
-    """``[flight]`` down the published approach of the airfield."""
-
-    kind: Literal["approach"] = "approach"
-    start_m: Positive = 4500.0
-    duration_s: Positive = 82.0
-    speed_mps: Positive = 60.0
-    wander_m: NotNegative = 3.0
-    wander_height_m: NotNegative = 1.5
-    gust_mps: NotNegative = 0.7
-
-
 class SensorSettings(StrictModel):
     """``[sensor.NAME]``: how one device differs from its model.
 
-    shift_ms, drift_ppm, jitter_ms, latency_ms : of its samples; none: phase and drift are drawn from the seed, the
-                                                 jitter is the model's, the latency that of the configuration
+    shift_ms   : of its first sample after the beginning of the flight; none: a part of a period, from the seed
+    drift_ppm  : its clock is so much fast; none: from the seed
+    jitter_ms  : standard deviation of what a message waits beyond the latency; none: 0.3 ms
+    latency_ms : from the sample to its message; none: what the configuration says
     boot_s    : from power to the first message, when its breaker is closed again
     minimum_v : below this voltage of its supply it stops
     Other keys belong to the model of the device, which refuses those that it does not take.
@@ -111,11 +101,17 @@ class Scenario(StrictModel):
     config: str
     seed: Annotated[int, Field(ge=0)] = 1
     airfield: Literal["demo"] = "demo"
-    flight: ApproachFlight = ApproachFlight()
+    flight: FlightTable = ApproachFlight()
     air: Air = Air()
     sensor: Mapping[Name, SensorSettings] = Field(default_factory=dict)
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _approach_unless_it_says_otherwise(cls, table: Any) -> Any:
+        flight = table.get("flight")
+        return {**table, "flight": {"kind": "approach", **flight}} if isinstance(flight, Mapping) else table
 
     @property
     def flown(self) -> str:
@@ -124,23 +120,6 @@ class Scenario(StrictModel):
         Which configuration was flown with it is told by the session.
         """
         return self.model_dump_json(exclude={"config", "expect"})
-
-    @property
-    def plan(self) -> Plan:
-        """The flight as the trajectory wants it."""
-        flight = self.flight
-        return Plan(
-            start=flight.start_m,
-            duration=flight.duration_s,
-            speed=flight.speed_mps,
-            wander=flight.wander_m,
-            wander_height=flight.wander_height_m,
-            gust=flight.gust_mps,
-            wind_n=self.air.wind_n,
-            manoeuvres=tuple(
-                Manoeuvre(f.right_m, f.from_s, f.to_s, f.turn_s) for f in self.fault if isinstance(f, OffTrack)
-            ),
-        )
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:

@@ -2,7 +2,8 @@
 
 A sensor samples at its own rate, with its own phase and its own drift, and its message leaves ``latency_ms`` of the
 configuration later (that is what the configuration says, so that is what the emulated device does), with a little
-jitter.  Everything random comes from the seed of the scenario and the name of the device.
+jitter.  ``[sensor.NAME]`` of the scenario says otherwise: a latency there is one that the daemon does not know of.
+Everything random comes from the seed of the scenario and the name of the device.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers import Encoder
+from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import State
+from fti.hil.scenario.schema import SensorSettings
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, TimeScale
@@ -24,7 +27,7 @@ from fti.types import Measurement, Stamp, TimeScale
 Array = NDArray[np.float64]
 
 DRIFT_PPM_SD = 20.0
-JITTER_SD_S = 0.0003
+JITTER_SD_MS = 0.3
 SECOND_NS = 1_000_000_000
 
 
@@ -55,6 +58,8 @@ class Sensor:
 
     t   : true times of its samples [s after the start], shape (n,)
     due : when their messages leave [s], shape (n,), never before the sample
+
+    Raises ConfigError when it has no sample in the flight.
     """
 
     def __init__(self, bound: BoundDevice, model: ModelType, world: World, seed: int) -> None:
@@ -62,11 +67,19 @@ class Sensor:
         rng = np.random.default_rng([seed, zlib.crc32(device.name.encode())])
         self.name, self.link = device.name, device.link
         self.rate_hz = device.rate_hz or model.rate_hz
-        self.drift_ppm = float(rng.normal(0.0, DRIFT_PPM_SD))
+        settings = world.scenario.sensor.get(device.name) or SensorSettings()
+        self.drift_ppm = _given(settings.drift_ppm, float(rng.normal(0.0, DRIFT_PPM_SD)))
         self._powered_s = -float(rng.uniform(20.0, 120.0))  # since then it is on: before the flight started
-        self.t = sample_times(self.rate_hz, world.duration, float(rng.uniform()), self.drift_ppm)
-        jitter = np.abs(rng.normal(0.0, JITTER_SD_S, len(self.t)))
-        self.due = np.maximum.accumulate(self.t + 1e-3 * device.latency_ms + jitter)
+        shift_s = _given(settings.shift_ms, float(rng.uniform()) * 1e3 / self.rate_hz) * 1e-3
+        self.t = sample_times(self.rate_hz, world.duration, shift_s, self.drift_ppm)
+        if not len(self.t):
+            raise ConfigError(
+                f"{world.scenario.title}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
+                f"the first one would be after {shift_s:g} s"
+            )
+        jitter_s = np.abs(rng.normal(0.0, 1e-3 * _given(settings.jitter_ms, JITTER_SD_MS), len(self.t)))
+        latency_s = 1e-3 * _given(settings.latency_ms, device.latency_ms)
+        self.due = np.maximum.accumulate(self.t + latency_s + jitter_s)
         self.bound = bound
         self.encoder: Encoder = bound.driver.make_encoder(bound.options)
         self.model = model(bound, world, self.t, rng)
@@ -89,10 +102,14 @@ class Sensor:
         return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
 
 
-def sample_times(rate_hz: float, duration: float, phase: float, drift_ppm: float) -> Array:
-    """True times [s] in [0, duration) at which a clock that is drift_ppm fast samples.  phase : 0..1 of a period."""
+def _given(setting: float | None, otherwise: float) -> float:
+    return otherwise if setting is None else setting
+
+
+def sample_times(rate_hz: float, duration: float, shift: float, drift_ppm: float) -> Array:
+    """True times [s] in [0, duration) at which a clock that is drift_ppm fast samples.  shift : of the first [s]."""
     period = 1.0 / rate_hz / (1.0 + 1e-6 * drift_ppm)
-    return np.asarray(np.arange(phase * period, duration, period))
+    return np.asarray(np.arange(shift, duration, period))
 
 
 def position_at(state: State, lever_arm_b: tuple[float, float, float]) -> tuple[Array, Array, Array]:
