@@ -28,8 +28,9 @@ GSA before it says that it is used.  The sigma of a GST holds for the positions 
 as good as the newest fix that was stated.  A dilution of precision of 0, or from 99 on, means that there is none.
 
 alt = altMSL + undulation of the same sentence.  The device time is UTC as soon as RMC or ZDA have told the date; a
-sentence soon after midnight belongs to the new day.  The emulated receiver sends RMC (with the Velocity of the same
-t_rx_ns) and GGA for a Position, HDT for a heading, ZDA for a DeviceTime.
+sentence soon after midnight belongs to the new day.  The emulated receiver sends RMC and GGA for a Position (with
+the Velocity and the Satellites of the same t_rx_ns), before them GST where it has a sigma, HDT for a heading, ZDA for a
+DeviceTime.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ from fti.drivers._nmea_sentences import Sentences
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
 from fti.drivers._times import device_time_ns, utc_date
 from fti.drivers._units import KNOT, wrap_heading
-from fti.types import Attitude, DeviceTime, Measurement, Position, TimeScale, Velocity
+from fti.types import Attitude, DeviceTime, Measurement, Position, Satellites, TimeScale, Velocity
 
 DOCUMENT = 'NMEA 0183 4.11 as publicly documented (gpsd, "NMEA Revealed")'
 MESSAGES = {
@@ -70,6 +71,8 @@ MESSAGES = {
 CARRIERS = frozenset({"serial", "udp"})
 
 _NO_START = re.compile(rb"[^$!#]+")
+#: What stands for a dilution of precision that there is not.
+NO_DILUTION = 99.99
 _COMMENT = re.compile(rb"[^$!\n]*\n?")
 
 
@@ -132,10 +135,13 @@ class Encoder:
 
     def __init__(self, options: Options) -> None:
         self._velocity: Velocity | None = None
+        self._sky: Satellites | None = None
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if isinstance(measurement, Velocity):
             self._velocity = measurement
+        elif isinstance(measurement, Satellites):
+            self._sky = measurement
         elif isinstance(measurement, Position):
             return self._fix(measurement)
         elif isinstance(measurement, Attitude) and measurement.heading is not None:
@@ -155,10 +161,19 @@ class Encoder:
         speed, track = self._speed_and_track(position.stamp.t_rx_ns)
         status, mode, quality = ("A", "A", 1) if position.valid else ("V", "N", 0)
         height = f"{fields.format_number(_alt_msl(position), 3)},M,{fields.format_number(position.undulation, 3)},M"
+        sky = self._quality(position.stamp.t_rx_ns)
         return [
+            *_sigma(time, position),
             fields.sentence(f"GNRMC,{time},{status},{here},{speed},{track},{day:%d%m%y},,,{mode}"),
-            fields.sentence(f"GNGGA,{time},{here},{quality},12,0.80,{height},,"),
+            fields.sentence(f"GNGGA,{time},{here},{quality},{sky},{height},,"),
         ]
+
+    def _quality(self, t_rx_ns: int) -> str:
+        """Satellites used and HDOP; a receiver that was told nothing of them is content."""
+        sky = self._sky
+        if sky is None or sky.stamp.t_rx_ns != t_rx_ns:
+            return "12,0.80"
+        return f"{sky.used or 0:02d},{NO_DILUTION if sky.hdop is None else min(sky.hdop, NO_DILUTION):.2f}"
 
     def _speed_and_track(self, t_rx_ns: int) -> tuple[str, str]:
         v = self._velocity
@@ -170,6 +185,14 @@ class Encoder:
         return fields.format_number(None if speed is None else speed / KNOT, 3), "" if track is None else _degrees(
             track
         )
+
+
+def _sigma(time: str, position: Position) -> list[bytes]:
+    """GST, where the position says how good it is."""
+    if position.horizontal_sd is None:
+        return []
+    horizontal, vertical = (fields.format_number(sd, 2) for sd in (position.horizontal_sd, position.vertical_sd))
+    return [fields.sentence(f"GNGST,{time},,,,,{horizontal},{horizontal},{vertical}")]
 
 
 def _alt_msl(position: Position) -> float | None:

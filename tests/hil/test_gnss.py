@@ -20,6 +20,7 @@ from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.hil.sensors import Sensor
 from fti.hil.sensors.constellation import SPEED_OF_LIGHT, SYSTEMS, Constellation, dilution
 from fti.hil.sensors.gnss import RawReceiver
+from fti.hil.sensors.reception import sky_start_s
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Position, Pseudoranges, ReceiverClock, Satellites, TimeScale, Velocity
@@ -27,7 +28,6 @@ from tests.hil.worlds import world
 
 START_NS = 1_700_000_000_000_000_000
 GPS_EPOCH_NS, LEAP_NS = 315_964_800 * 10**9, 18 * 10**9
-WEEK_NS = 604_800 * 10**9
 SIDEREAL_DAY_S = 86_164.1
 Array = NDArray[np.float64]
 
@@ -84,8 +84,9 @@ def test_dilution_of_a_symmetric_sky() -> None:
         dilution(azimuth[:3], elevation[:3])
 
 
-def gps_seconds(t_dev_ns: int) -> float:
-    return t_dev_ns % WEEK_NS / 1e9
+def sky_seconds(t_dev_ns: int) -> float:
+    """Time of the sky at a GPS time: it has one of its own at the start of the flight."""
+    return sky_start_s(1) + (t_dev_ns - (START_NS - GPS_EPOCH_NS + LEAP_NS)) / 1e9
 
 
 def solve(observations: Pseudoranges, start: Array) -> tuple[Array, float]:
@@ -93,7 +94,7 @@ def solve(observations: Pseudoranges, start: Array) -> tuple[Array, float]:
     sky, solution = Constellation(), np.append(start, 0.0)
     used = [o for o in observations.observations if o.system == "gps"]
     places = [sky.keys.index((o.system, o.number)) for o in used]
-    local_s = gps_seconds(observations.stamp.t_dev_ns or 0)
+    local_s = sky_seconds(observations.stamp.t_dev_ns or 0)
     for _ in range(6):
         t = local_s - solution[3] / SPEED_OF_LIGHT
         rows, misclosures = [], []

@@ -109,7 +109,8 @@ def test_its_receiver_has_a_solution_of_its_own() -> None:
     assert isinstance(velocity, Velocity)
     assert isinstance(satellites, Satellites)
     assert position.stamp.t_dev_ns is not None
-    assert (satellites.used, position.valid) == (12, True)
+    assert 8 <= (satellites.used or 0) <= 24
+    assert position.valid
     assert position.lat is not None
     assert position.horizontal_sd is not None
     state = flown().state(np.array([0.0]))

@@ -41,6 +41,7 @@ from fti.types import (
     Position,
     RadioHeight,
     Range,
+    Satellites,
     Stamp,
     StaticPressure,
     TimeScale,
@@ -121,10 +122,11 @@ class Encoder:
         return fields, tuple(value for _, vector in parts for value in vector or (0.0,) * 3)
 
     def _position(self, m: Position) -> list[Any]:
-        if m.lat is None or m.lon is None:
-            return []
         velocity = self._beside(Velocity, m)
-        receiver = [self._gps_raw(m, velocity)] if m.alt is not None and m.alt_msl is not None else []
+        known = None not in (m.lat, m.lon, m.alt, m.alt_msl)
+        receiver = [self._gps_raw(m, velocity)] if known or not m.valid else []
+        if m.lat is None or m.lon is None:
+            return receiver
         height = m.alt_msl if self._height == "msl" else m.alt
         vel = _speeds(velocity)
         if height is None or vel is None or not m.valid:
@@ -137,21 +139,30 @@ class Encoder:
 
     def _gps_raw(self, m: Position, velocity: Velocity | None) -> Any:
         speed, track = _polar(velocity)
+        hdop, vdop, used = self._quality(m)
         return common.MAVLink_gps_raw_int_message(
             time_usec=_boot_us(m.stamp),
             fix_type=FIX_3D if m.valid else 1,
             lat=_e7(m.lat or 0.0),
             lon=_e7(m.lon or 0.0),
             alt=round((m.alt_msl or 0.0) * 1000),
-            eph=UNKNOWN_U16,
-            epv=UNKNOWN_U16,
+            eph=hdop,
+            epv=vdop,
             vel=_speed_u16(speed),
             cog=_course(track),
-            satellites_visible=NO_SATELLITES,
+            satellites_visible=used,
             alt_ellipsoid=round((m.alt or 0.0) * 1000),
             h_acc=round((m.horizontal_sd or 0.0) * 1000),
             v_acc=round((m.vertical_sd or 0.0) * 1000),
         )
+
+    def _quality(self, m: Position) -> tuple[int, int, int]:
+        """HDOP and VDOP [1/100] and satellites, as they were told beside the position."""
+        sky = self._beside(Satellites, m)
+        if sky is None:
+            return UNKNOWN_U16, UNKNOWN_U16, NO_SATELLITES
+        hdop, vdop = (UNKNOWN_U16 if x is None else _limited(x * 100, 0, UNKNOWN_U16 - 1) for x in (sky.hdop, sky.vdop))
+        return hdop, vdop, NO_SATELLITES if sky.used is None else min(sky.used, NO_SATELLITES - 1)
 
     def _pressure(self, m: StaticPressure) -> list[Any]:
         impact = self._beside(ImpactPressure, m)
@@ -195,14 +206,15 @@ class Encoder:
 
     def _hil_gps(self, m: Position) -> list[Any]:
         velocity = self._beside(Velocity, m)
-        vel = _speeds(velocity)
-        if m.lat is None or m.lon is None or m.alt_msl is None or vel is None:
+        vel = _speeds(velocity) if m.valid else [0, 0, 0]
+        if m.valid and (m.lat is None or m.lon is None or m.alt_msl is None or vel is None):
             return []
         speed, track = _polar(velocity)
+        hdop, vdop, used = self._quality(m)
         return [
             common.MAVLink_hil_gps_message(
-                _boot_us(m.stamp), FIX_3D if m.valid else 1, _e7(m.lat), _e7(m.lon), round(m.alt_msl * 1000),
-                UNKNOWN_U16, UNKNOWN_U16, _speed_u16(speed), *vel, _course(track), NO_SATELLITES,
+                _boot_us(m.stamp), FIX_3D if m.valid else 1, _e7(m.lat or 0.0), _e7(m.lon or 0.0),
+                round((m.alt_msl or 0.0) * 1000), hdop, vdop, _speed_u16(speed), *(vel or ()), _course(track), used,
             )
         ]  # fmt: skip
 

@@ -48,16 +48,11 @@ UNITS = {
     "vertical_integrity_limit": "m",
 }
 
-#: What a GNSS receiver says of a good day: mode 01100 is navigation (Esterline CMA-5024, label 273).
-GNSS = {
-    "hdop": 0.9,
-    "vdop": 1.4,
-    "horizontal_integrity_limit": 190.0,
-    "vertical_integrity_limit": 40.0,
-    "satellites_visible": 12.0,
-    "satellites_used": 9.0,
-    "gnss_mode": 12.0,
-}
+#: Mode 01100 is navigation, 01000 acquisition (label 273; Esterline CMA-5024).
+NAVIGATING, ACQUIRING = 12.0, 8.0
+#: Integrity limits against sigma, horizontal (non-precision approach) and vertical: RTCA DO-229, J.2.1.
+K_HORIZONTAL, K_VERTICAL = 6.18, 5.33
+MOST_SATELLITES = 15  # in four bits
 
 
 class IlsReceiver:
@@ -110,11 +105,26 @@ class ArincUnit:
             found += receiver.measure(k, stamp)
         static, impact, temperature = self._avionics.air(k)
         mach = math.sqrt(5.0 * ((impact / static + 1.0) ** (1 / 3.5) - 1.0))
-        readings = {"mach": mach, "total_pressure": static + impact, "baro_setting": self._qnh, **GNSS}
+        readings: dict[str, float | None] = {"mach": mach, "total_pressure": static + impact, "baro_setting": self._qnh}
         readings |= self._inertial(k) | self._equipment
-        found += [Reading(stamp=stamp, name=n, value=value, unit=UNITS.get(n, "")) for n, value in readings.items()]
+        found += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)
         return [*found, Temperature(stamp=stamp, total=total), DeviceStatus(stamp=stamp, ok=True)]
+
+    def _gnss(self, k: int, stamp: Stamp) -> dict[str, float | None]:
+        """What the receiver says of itself; without a fix it computes neither dilution nor limits."""
+        sky, position = self._avionics.satellites(k, stamp), self._avionics.position(k, stamp)
+        horizontal, vertical = position.horizontal_sd, position.vertical_sd
+        used = float(min(sky.used or 0, MOST_SATELLITES))
+        return {
+            "hdop": sky.hdop,
+            "vdop": sky.vdop,
+            "horizontal_integrity_limit": None if horizontal is None else K_HORIZONTAL * math.sqrt(2.0) * horizontal,
+            "vertical_integrity_limit": None if vertical is None else K_VERTICAL * vertical,
+            "satellites_visible": used,
+            "satellites_used": used,
+            "gnss_mode": NAVIGATING if position.valid else ACQUIRING,
+        }
 
     def _inertial(self, k: int) -> dict[str, float]:
         roll_rate, pitch_rate, yaw_rate = map(float, self._rates[k])
@@ -129,3 +139,11 @@ class ArincUnit:
             "normal_acceleration": -down,  # up: gravity in level flight
             "inertial_altitude": float(self._alt_msl[k]),
         }
+
+
+def _readings(stamp: Stamp, values: dict[str, float | None]) -> list[Measurement]:
+    """Readings by name; one without a value is not valid."""
+    return [
+        Reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
+        for name, value in values.items()
+    ]

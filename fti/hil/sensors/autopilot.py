@@ -57,7 +57,8 @@ class Autopilot:
         if self._ranges is not None and k % self.RANGE_EVERY == 0:
             found.append(self._range(float(self._ranges[k]), stamp))
         if k % self.POSITION_EVERY == 0:
-            found += [self._reference.velocity(k, stamp), self._reference.position(k, stamp)]
+            reference = self._reference
+            found += [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
         if k % self.PRESSURE_EVERY == 0:
             found += [
                 ImpactPressure(stamp=stamp, q_c=float(self._air.q_c[k])),

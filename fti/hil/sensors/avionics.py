@@ -5,16 +5,14 @@ The model offers every quantity that it knows; the encoder sends those that the 
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.atmosphere import pressure_altitude
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.altimeters import RadarAltimeter
-from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.reception import NAVIGATION, Reception
 from fti.hil.world import World, calibrated_airspeed, impact_pressure
 from fti.service.binding import BoundDevice
 from fti.types import (
@@ -25,6 +23,7 @@ from fti.types import (
     Measurement,
     Position,
     PressureAltitude,
+    Satellites,
     Stamp,
     StaticPressure,
     Temperature,
@@ -70,22 +69,15 @@ class AirData:
 
 
 class Reference:
-    """Attitude, position and velocity of a heading reference: worse than an inertial navigation system."""
+    """Attitude of a heading reference, worse than an inertial navigation system, with a satellite receiver in it."""
 
     ATTITUDE_SD, HEADING_SD = np.deg2rad(0.3), np.deg2rad(0.8)
-    HORIZONTAL_SD, VERTICAL_SD, VELOCITY_SD = 2.0, 3.0, 0.1
 
     def __init__(self, bound: BoundDevice, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
         self.roll = state.roll + slow(t, self.ATTITUDE_SD, 60.0, rng)
         self.pitch = state.pitch + slow(t, self.ATTITUDE_SD, 60.0, rng)
         self.heading = (state.heading + slow(t, self.HEADING_SD, 60.0, rng)) % (2 * np.pi)
-        lat, lon, alt = position_at(state, bound.device.lever_arm_b)
-        radius = 6.371e6
-        self.lat = lat + slow(t, self.HORIZONTAL_SD, 60.0, rng) / radius
-        self.lon = lon + slow(t, self.HORIZONTAL_SD, 60.0, rng) / (radius * np.cos(lat))
-        self.alt = alt + slow(t, self.VERTICAL_SD, 60.0, rng)
-        self.vel_n = state.vel_n + np.stack([slow(t, self.VELOCITY_SD, 20.0, rng) for _ in range(3)], axis=1)
-        self._undulation = world.undulation
+        self._receiver = Reception(bound, NAVIGATION, world, t, rng)
 
     def attitude(self, k: int, stamp: Stamp) -> Attitude:
         """Roll, pitch and heading of sample k."""
@@ -94,31 +86,16 @@ class Reference:
         )
 
     def position(self, k: int, stamp: Stamp) -> Position:
-        """Position of sample k, with both heights and the undulation between them."""
-        alt = float(self.alt[k])
-        return Position(
-            stamp=stamp,
-            lat=float(self.lat[k]),
-            lon=float(self.lon[k]),
-            alt=alt,
-            alt_msl=alt - self._undulation,
-            undulation=self._undulation,
-            horizontal_sd=self.HORIZONTAL_SD,
-            vertical_sd=self.VERTICAL_SD,
-        )
+        """Position of sample k: that of the receiver."""
+        return self._receiver.position(k, stamp)
 
     def velocity(self, k: int, stamp: Stamp) -> Velocity:
-        """Velocity of sample k, in components and as ground speed and track."""
-        north, east, down = map(float, self.vel_n[k])
-        return Velocity(
-            stamp=stamp,
-            north=north,
-            east=east,
-            down=down,
-            ground_speed=math.hypot(north, east),
-            track=math.atan2(east, north) % (2 * math.pi),
-            sd=self.VELOCITY_SD,
-        )
+        """Velocity of sample k: that of the receiver."""
+        return self._receiver.velocity(k, stamp)
+
+    def satellites(self, k: int, stamp: Stamp) -> Satellites:
+        """Satellites used and dilution of precision of sample k."""
+        return self._receiver.satellites(k, stamp)
 
 
 class Avionics:
@@ -136,6 +113,14 @@ class Avionics:
     def air(self, k: int) -> tuple[float, float, float]:
         """Static and impact pressure [Pa] and static temperature [K] of sample k."""
         return float(self._air.p_static[k]), float(self._air.q_c[k]), float(self._air.temperature[k])
+
+    def position(self, k: int, stamp: Stamp) -> Position:
+        """Position of sample k: that of the receiver."""
+        return self._reference.position(k, stamp)
+
+    def satellites(self, k: int, stamp: Stamp) -> Satellites:
+        """Satellites used and dilution of precision of sample k."""
+        return self._reference.satellites(k, stamp)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Everything; what is not enabled is not sent."""

@@ -50,6 +50,12 @@ class Seen(NamedTuple):
     distance: Array
     rate: Array
 
+    def where(self, chosen: NDArray[np.bool_]) -> Seen:
+        """Those that are chosen, shape (n,)."""
+        return Seen(
+            self.which[chosen], self.azimuth[chosen], self.elevation[chosen], self.distance[chosen], self.rate[chosen]
+        )
+
 
 class Constellation:
     """All satellites; ``keys`` [(system, number)], ``carriers`` [Hz] and ``signals`` in the order of the index."""
@@ -96,6 +102,18 @@ class Constellation:
         azimuth = np.arctan2(level[:, 1], level[:, 0]) % (2 * np.pi)
         rate = np.sum((velocity - moving) * unit, axis=1)
         return Seen(index, azimuth[index], elevation[index], distance[index], rate[index])
+
+    def directions(self, t: Array, position_e: Array, mats_en: Array) -> tuple[Array, Array]:
+        """Azimuth and elevation [rad] of all satellites, (n, satellites), at times t (n,) [s]; 1e-5 rad off: the signal
+        takes no time.
+
+        position_e : receiver, shape (n, 3) [m], e frame; mats_en : its level axes, n to e, shape (n, 3, 3)
+        """
+        turn = EARTH_RATE * t
+        at = _turned(self.state(t[:, None])[0].T, -turn[:, None])
+        line_e = at - position_e.T[:, :, None]
+        north, east, down = np.einsum("cns,ncl->lns", line_e, mats_en) / np.linalg.norm(line_e, axis=0)
+        return np.arctan2(east, north) % (2 * np.pi), -np.arcsin(down)
 
 
 def _orbits(w: Walker) -> Array:

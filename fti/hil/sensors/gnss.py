@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S
+from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.avionics import Reference
-from fti.hil.sensors.base import position_at
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Constellation, Seen, dilution
+from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Seen
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.reception import NAVIGATION, Make, Reception
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (
@@ -36,11 +35,12 @@ class Receiver:
     time_scale = TimeScale.UTC
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        self._reference = Reference(bound, world.state(t), world, t, rng)
+        self._reception = Reception(bound, NAVIGATION, world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """Velocity before position: a receiver's sentences carry both, and the position completes them."""
-        return [self._reference.velocity(k, stamp), self._reference.position(k, stamp)]
+        """The position last: a receiver's sentences carry all of it, and the position completes them."""
+        reception = self._reception
+        return [reception.satellites(k, stamp), reception.velocity(k, stamp), reception.position(k, stamp)]
 
 
 class RawReceiver:
@@ -54,58 +54,54 @@ class RawReceiver:
     rate_hz = 5.0
     time_scale = TimeScale.UTC
 
-    MASK, USED_ABOVE = np.deg2rad(5.0), np.deg2rad(10.0)
+    MASK = np.deg2rad(5.0)
+    MAKE = Make(("gps", "glonass", "galileo"), np.deg2rad(10.0), 2.3, 0.1)
     TROPOSPHERE, IONOSPHERE, CODE_SD, PHASE_SD, DOPPLER_SD = 2.3, 4.0, 0.3, 0.02, 0.1
     CN0_ZENITH, CN0_HORIZON, CN0_SD = 50.0, 35.0, 1.0
     DRIFT_SD, DRIFT_PERIOD_S, OFFSET_SD, STEP_S = 2e-7, 300.0, 20e-9, 1e-3
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        state = world.state(t)
-        self._reference = Reference(bound, state, world, t, rng)
-        self._place = np.stack(position_at(state, bound.device.lever_arm_b), axis=1)
-        self._vel_n = state.vel_n
+        self._reception = Reception(bound, self.MAKE, world, t, rng)
+        self._sky = self._reception.sky
         self._drift = rng.normal(0.0, self.DRIFT_SD) + slow(t, 0.05 * self.DRIFT_SD, self.DRIFT_PERIOD_S, rng)
         self._offset = rng.uniform(-0.5, 0.5) * self.STEP_S + np.cumsum(self._drift * np.gradient(t))
-        self._sky = Constellation()
         self._cycles = rng.integers(-1_000_000, 1_000_000, len(self._sky.keys))
         self._rng = rng
         self._every = max(round(bound.device.rate_hz or self.rate_hz), 1)
-        self._quality = Satellites(stamp=Stamp(0))
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The solution, and what is due beside it."""
-        beside = self._raw(k, stamp) if k % self._every == 0 else []
-        quality = self._quality
+        """The solution, and what is due beside it: the sky, the clock and the ranges."""
+        reception = self._reception
+        fix = bool(reception.fix[k])
         return [
-            self._reference.velocity(k, stamp),
-            Satellites(stamp=stamp, used=quality.used, pdop=quality.pdop),
-            DeviceStatus(stamp=stamp, ok=True, flags=("fix_3d",)),
-            self._reference.position(k, stamp),
-            *beside,
+            reception.velocity(k, stamp),
+            reception.satellites(k, stamp),
+            DeviceStatus(stamp=stamp, ok=fix, flags=("fix_3d",) if fix else ("no_fix",)),
+            reception.position(k, stamp),
+            *(self._raw(k, stamp) if k % self._every == 0 else []),
         ]
 
     def _raw(self, k: int, stamp: Stamp) -> list[Measurement]:
         gps_ns = (stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS
-        seen = self._look(k, gps_ns % (WEEK_S * SECOND_NS) / SECOND_NS)
-        used = seen.elevation > self.USED_ABOVE
-        cn0 = self._cn0(seen)
-        hdop, vdop, pdop = dilution(seen.azimuth[used], seen.elevation[used])
-        self._quality = Satellites(stamp=stamp, used=int(used.sum()), hdop=hdop, vdop=vdop, pdop=pdop)
+        seen, tracked = self._look(k), self._reception.tracked(k)
+        used = tracked[seen.which]
+        cn0 = np.where(used, self._cn0(seen), 0.0)
         offset = float((self._offset[k] + 0.5 * self.STEP_S) % self.STEP_S - 0.5 * self.STEP_S)
         own = Stamp(stamp.t_rx_ns, gps_ns + round(offset * SECOND_NS), TimeScale.GPS)
         clock = ReceiverClock(
-            stamp=stamp, offset=offset, drift=float(self._drift[k]), offset_sd=self.OFFSET_SD, drift_sd=1e-9
-        )
-        return [
-            Satellites(stamp=stamp, satellites=self._satellites(seen, cn0, used)),
-            clock,
-            Pseudoranges(stamp=own, observations=self._observations(seen, cn0, offset, clock.drift or 0.0)),
-        ]
+            stamp=stamp, offset=offset, drift=float(self._drift[k]), offset_sd=self.OFFSET_SD, drift_sd=1e-9,
+            valid=bool(self._reception.fix[k]),
+        )  # fmt: skip
+        heard = self._observations(seen.where(used), cn0[used], offset, clock.drift or 0.0)
+        ranges = Pseudoranges(stamp=own, observations=heard)
+        return [Satellites(stamp=stamp, satellites=self._satellites(seen, cn0, used)), clock, ranges]
 
-    def _look(self, k: int, t: float) -> Seen:
-        lat, lon, alt = self._place[k]
+    def _look(self, k: int) -> Seen:
+        """What stands above the mask, received or not."""
+        lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
-        return self._sky.seen(t, ecef_from_geodetic(lat, lon, alt), mat @ self._vel_n[k], mat, self.MASK)
+        here, moving = ecef_from_geodetic(lat, lon, alt), mat @ self._reception.vel_n[k]
+        return self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
 
     def _cn0(self, seen: Seen) -> Array:
         share = np.sin(seen.elevation)

@@ -27,7 +27,6 @@ from fti.types import (
     Measurement,
     PressureAltitude,
     Reading,
-    Satellites,
     Stamp,
 )
 
@@ -75,8 +74,7 @@ class Aids:
 
 def _receiver(reference: Reference) -> Measure:
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
-        satellites = Satellites(stamp=stamp, used=12, pdop=1.6)
-        return [satellites, reference.velocity(k, stamp), reference.position(k, stamp)]
+        return [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
 
     return measure
 

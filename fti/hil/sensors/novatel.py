@@ -9,18 +9,18 @@ the delay of the ionosphere goes with the inverse square of the frequency.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS, WEEK_S
+from fti.drivers._times import LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.avionics import Reference
-from fti.hil.sensors.base import position_at
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Constellation, Seen, dilution
+from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Seen
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.reception import Make, Reception
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (
@@ -76,12 +76,6 @@ BANDS = {
 }
 
 
-class Solution(Reference):
-    """Position and velocity, worth what the maker states; sigma of one axis."""
-
-    HORIZONTAL_SD, VERTICAL_SD, VELOCITY_SD = 0.85, 1.8, 0.02
-
-
 class SurveyReceiver:
     """Status, solution, clock, time, satellites and raw observations of every sample, stamped with UTC."""
 
@@ -89,64 +83,62 @@ class SurveyReceiver:
     time_scale = TimeScale.UTC
 
     MASK = np.deg2rad(5.0)
+    MAKE = Make(("gps", "glonass"), MASK, 1.05, 0.016)
     CN0_ZENITH, CN0_HORIZON = 51.0, 36.0
     TROPOSPHERE, IONOSPHERE = 2.3, 4.0
     OFFSET_SD, OFFSET_PERIOD_S, DRIFT_SD = 20e-9, 30.0, 1e-9
     UTC_OFFSET_S = -LEAP_NS / SECOND_NS
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        state = world.state(t)
-        self._solution = Solution(bound, state, world, t, rng)
-        self._place = np.stack(position_at(state, bound.device.lever_arm_b), axis=1)
-        self._vel_n, self._t = state.vel_n, t
+        self._reception, self._t = Reception(bound, self.MAKE, world, t, rng), t
+        self._sky = self._reception.sky
         self._offset = slow(t, self.OFFSET_SD, self.OFFSET_PERIOD_S, rng)
         self._drift = np.gradient(self._offset, t)
-        self._sky = Constellation()
         self._cycles = rng.integers(-1_000_000, 1_000_000, (len(self._sky.keys), 2))
         self._rng = rng
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status first, since every header repeats it; the satellites before the position that they gave."""
-        seen = self._look(k, stamp)
+        seen, reception = self._look(k), self._reception
+        tracked = seen.where(reception.tracked(k)[seen.which])
+        fix = bool(reception.fix[k])
         clock = ReceiverClock(
             stamp=stamp,
             offset=float(self._offset[k]),
             drift=float(self._drift[k]),
             offset_sd=self.OFFSET_SD,
             drift_sd=self.DRIFT_SD,
+            valid=fix,
         )
         return [
-            DeviceStatus(stamp=stamp, ok=True),
-            self._satellites(stamp, seen),
-            self._solution.velocity(k, stamp),
-            self._solution.position(k, stamp),
+            DeviceStatus(stamp=stamp, ok=True, flags=() if fix else ("position_invalid", "clock_model_invalid")),
+            self._satellites(k, stamp, seen),
+            reception.velocity(k, stamp),
+            reception.position(k, stamp),
             clock,
             Reading(stamp=stamp, name="utc_offset", value=self.UTC_OFFSET_S, unit="s"),
             DeviceTime(stamp=stamp),
-            Pseudoranges(stamp=stamp, observations=tuple(self._observations(k, seen))),
+            Pseudoranges(stamp=stamp, observations=tuple(self._observations(k, tracked))),
         ]
 
-    def _look(self, k: int, stamp: Stamp) -> Seen:
-        """What is in view, of the systems that the receiver follows."""
-        of_week_s = ((stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS) % (WEEK_S * SECOND_NS) / SECOND_NS
-        lat, lon, alt = self._place[k]
+    def _look(self, k: int) -> Seen:
+        """What stands above the mask, received or not, of the systems that the receiver follows."""
+        lat, lon, alt = self._reception.place[k]
         mat = mat_en(np.asarray(lat), np.asarray(lon))
-        seen = self._sky.seen(of_week_s, ecef_from_geodetic(lat, lon, alt), mat @ self._vel_n[k], mat, self.MASK)
-        followed = np.array([self._sky.keys[i][0] in BANDS for i in seen.which])
-        return Seen(*(values[followed] for values in seen))
+        here, moving = ecef_from_geodetic(lat, lon, alt), mat @ self._reception.vel_n[k]
+        seen = self._sky.seen(float(self._reception.sky_s[k]), here, moving, mat, self.MASK)
+        return seen.where(np.array([self._sky.keys[i][0] in BANDS for i in seen.which], dtype=bool))
 
-    def _satellites(self, stamp: Stamp, seen: Seen) -> Satellites:
-        hdop, vdop, pdop = dilution(seen.azimuth, seen.elevation)
+    def _satellites(self, k: int, stamp: Stamp, seen: Seen) -> Satellites:
+        used = self._reception.tracked(k)
         satellites = (
             Satellite(
                 system=self._sky.keys[i][0], number=self._sky.keys[i][1], azimuth=float(azimuth),
-                elevation=float(elevation), used=True,
+                elevation=float(elevation), used=bool(used[i]),
             )
             for i, azimuth, elevation in zip(seen.which, seen.azimuth, seen.elevation, strict=True)
         )  # fmt: skip
-        return Satellites(
-            stamp=stamp, satellites=tuple(satellites), used=len(seen.which), hdop=hdop, vdop=vdop, pdop=pdop
-        )
+        return replace(self._reception.satellites(k, stamp), satellites=tuple(satellites))
 
     def _observations(self, k: int, seen: Seen) -> Iterator[Pseudorange]:
         clock, drift, lock_time = float(self._offset[k]), float(self._drift[k]), 60.0 + float(self._t[k])

@@ -1,0 +1,61 @@
+"""Faults of satellite navigation, as a receiver feels them: over the times of its samples, all at once.
+
+They are no faults of the values on the wire: a receiver that hears nothing says so in every field that it has, and one
+that is drawn away by a false signal moves consistently.  So the model of the receiver asks here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.faults.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+OfGnss = GnssOutage | GnssDegraded | GnssOffset
+
+
+class GnssFaults:
+    """The faults of the receiver of one device."""
+
+    def __init__(self, device: str, faults: Sequence[Fault]) -> None:
+        self._faults = [f for f in faults if isinstance(f, OfGnss) and (not f.devices or device in f.devices)]
+
+    def jammed(self, t: Array, after_s: float = 0.0) -> Mask:
+        """Where no signal is received, or has been for less than after_s [s]; t : shape (n,) [s]."""
+        found = np.zeros(t.shape, dtype=bool)
+        for fault in self._faults:
+            if isinstance(fault, GnssOutage):
+                found |= (t >= fault.from_s) & (t < fault.to_s + after_s)
+        return found
+
+    def degraded(self, t: Array) -> Array:
+        """Standard deviation of each horizontal axis and of the height [m], shape (n, 2); NaN where it is as usual."""
+        found = np.full((*t.shape, 2), np.nan)
+        for fault in self._faults:
+            if isinstance(fault, GnssDegraded):
+                found[(t >= fault.from_s) & (t < fault.to_s)] = fault.horizontal_m, fault.vertical_m
+        return found
+
+    def offset_n(self, t: Array) -> tuple[Array, Array]:
+        """Where a false signal has drawn the solution [m], and how fast it goes there [m/s]: north, east, down, (n, 3).
+
+        It goes there evenly in ``over_s`` and stays until the end of the interval.
+        """
+        offset, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
+        for fault in self._faults:
+            if isinstance(fault, GnssOffset):
+                goal = np.array([fault.north_m, fault.east_m, -fault.up_m])
+                here, since = (t >= fault.from_s) & (t < fault.to_s), t - fault.from_s
+                offset[here] += _share(since, fault.over_s)[here, None] * goal
+                moving = here & (since < fault.over_s)
+                rate[moving] += goal / max(fault.over_s, 1e-9)
+        return offset, rate
+
+
+def _share(since: Array, over_s: float) -> Array:
+    """0 to 1 over so many seconds; at once where they are none."""
+    return np.clip(since / over_s, 0.0, 1.0) if over_s > 0.0 else (since >= 0.0).astype(float)
