@@ -9,7 +9,8 @@ from typing import Protocol
 
 from fti.clock import Clock, SystemClock
 from fti.config import Link
-from fti.hil.ports.endpoints import Endpoint, Respond, make_endpoint
+from fti.hil.ports.endpoints import Endpoint, make_endpoint
+from fti.hil.ports.line import Respond
 from fti.hil.scheduler import Stream
 
 

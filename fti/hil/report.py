@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from fti.hil.lateness import Histogram, Lateness, Meter, Rate
-from fti.hil.ports.pty import Sent
+from fti.hil.ports.sent import Sent
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.hil.lateness import BINS, Histogram, Meter
-from fti.hil.ports.pty import Sent
+from fti.hil.ports.sent import Sent
 from fti.hil.report import Report, lateness_by_link
 
 MICROSECOND_MS = 1e-3

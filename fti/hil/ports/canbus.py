@@ -32,6 +32,8 @@ class CanBusEndpoint(TryingEndpoint):
         settings = dict(self._link.settings)
         if self._link.interface == "udp_multicast":
             settings["hop_limit"] = 0
+        elif self._link.bitrate and self._link.interface not in ("socketcan", "virtual"):
+            settings["bitrate"] = self._link.bitrate
         try:
             self._bus = can.Bus(
                 self._link.channel, self._link.interface, ignore_config=True, fd=self._link.fd, **settings

@@ -4,6 +4,8 @@ serial                       pty, symlink ``DIR/<link>``
 can, interface slcan         Lawicel adapter on a pty, symlink ``DIR/<link>``
 can, socketcan and the like  the same channel through python-can; udp_multicast with hop limit 0
 udp                          datagrams to ``bind``, sent from ``source`` (``peer`` when the daemon answers there)
+
+``[port.LINK]`` of a scenario puts the end of a link outside this machine (``outside``).
 """
 
 from __future__ import annotations
@@ -11,18 +13,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
+from collections.abc import AsyncIterator, Coroutine, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from fti.config import CanLink, SerialLink, UdpLink
+from fti.config import CanLink, Link, SerialLink, UdpLink
 from fti.errors import MissingError
 from fti.hil.ports.lawicel import Adapter
-from fti.hil.ports.pty import POLL_S, PtyEndpoint, Sent
+from fti.hil.ports.line import Respond, Tell
+from fti.hil.ports.outside import Port, TtyEndpoint
+from fti.hil.ports.pty import POLL_S, PtyEndpoint
+from fti.hil.ports.sent import Sent
 from fti.hil.ports.trying import TryingEndpoint
+from fti.hil.ports.wire import Message, byte_s, frame_s
 from fti.links.slcan import format_frame
 
-Respond = Callable[[bytes], list[bytes]]
 #: python-can interfaces whose channel two programs of one machine can share.
 SHARED_INTERFACES = ("slcan", "socketcan", "udp_multicast", "virtual")
 #: Where a datagram to "any address" goes without leaving the machine.
@@ -54,22 +59,50 @@ class Endpoint(Protocol):
         """Take the port away."""
 
 
-def make_endpoint(link: SerialLink | UdpLink | CanLink, folder: Path, respond: Respond) -> Endpoint:
-    """The far end of a link.  folder : where symlinks to ptys stand."""
+def make_endpoint(
+    link: Link,
+    folder: Path,
+    respond: Respond,
+    *,
+    paced: bool = False,
+    tell: Tell = lambda _: None,
+    port: Port | None = None,
+) -> Endpoint:
+    """The far end of a link.
+
+    folder : where symlinks to ptys stand; tell : told of what a person should know
+    paced  : bytes leave a pty no faster than the link's wire carries them; not so in a replay, which has its cuts
+    port   : where it leaves this machine
+    """
     if isinstance(link, UdpLink):
-        return UdpEndpoint(link, respond)
+        return UdpEndpoint(link, respond, to=port.to if port else None)
     if isinstance(link, SerialLink):
-        return PtyEndpoint(folder / link.name, _hearing_itself(respond) if link.echo else respond)
+        heard = _hearing_itself(respond) if link.echo else respond
+        if port is not None and port.device is not None:
+            return TtyEndpoint(link, port.device, heard, tell)
+        slowness = byte_s(link) if paced else 0.0
+        return PtyEndpoint(folder / link.name, heard, byte_s=slowness, carries=carries(link), tell=tell)
+    if port is not None:
+        return _bus_endpoint(link.model_copy(update={"interface": port.interface, "channel": port.device}), respond)
     if link.interface == "slcan":
-        return SlcanEndpoint(folder / link.name, respond)
+        return SlcanEndpoint(folder / link.name, respond, bitrate=link.bitrate if paced else None, tell=tell)
     if link.interface not in SHARED_INTERFACES:
         raise MissingError(
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
             f"the emulator offers {', '.join(SHARED_INTERFACES)}"
         )
+    return _bus_endpoint(link, respond)
+
+
+def _bus_endpoint(link: CanLink, respond: Respond) -> Endpoint:
     from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
 
     return CanBusEndpoint(link, respond)
+
+
+def carries(link: SerialLink) -> str:
+    """What a serial line carries, in words."""
+    return f"{link.baud} baud carry {1.0 / byte_s(link):.0f} bytes a second"
 
 
 def _hearing_itself(respond: Respond) -> Respond:
@@ -103,12 +136,18 @@ async def until(work: Coroutine[Any, Any, object], stop: asyncio.Event) -> None:
 
 
 class SlcanEndpoint(PtyEndpoint):
-    """A Lawicel adapter on a pty: frames are passed on while the host has the channel open."""
+    """A Lawicel adapter on a pty: frames are passed on while the host has the channel open.
+
+    bitrate : of the bus [bit/s], which carries no faster; none : as fast as the pty takes it
+    """
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, place: Path, respond: Respond) -> None:
-        super().__init__(place, self._answer)
+    def __init__(
+        self, place: Path, respond: Respond, *, bitrate: int | None = None, tell: Tell = lambda _: None
+    ) -> None:
+        super().__init__(place, self._answer, carries=f"a bus of {bitrate} bit/s carries less", tell=tell)
+        self._bitrate = bitrate
         self._frames: list[bytes] = []
         self._adapter = Adapter(self._frames.append)
         self._respond_to_frame = respond
@@ -125,11 +164,11 @@ class SlcanEndpoint(PtyEndpoint):
 
     def send(self, data: bytes) -> None:
         """Send a ``can_frame``; with a closed channel it is dropped."""
-        if self._adapter.is_open:
-            super().send(format_frame(data))
-        else:
-            self.sent.dropped_messages += 1
-            self.sent.dropped_bytes += len(data)
+        if not self._adapter.is_open:
+            self._drop(len(data))
+        elif self._is_heard(len(data)):
+            duration_s = frame_s(data, self._bitrate) if self._bitrate else 0.0
+            self._queue(Message(format_frame(data), duration_s, whole=True))
 
     async def send_all(self, data: bytes) -> None:
         """Send a ``can_frame`` without loss."""
@@ -146,21 +185,22 @@ class SlcanEndpoint(PtyEndpoint):
 
 
 class UdpEndpoint(TryingEndpoint):
-    """Datagrams from a simulated device."""
+    """Datagrams from a simulated device.  to : the receiver's address:port, where it is outside this machine"""
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, link: UdpLink, respond: Respond) -> None:
+    def __init__(self, link: UdpLink, respond: Respond, to: str | None = None) -> None:
         super().__init__()
         self._link = link
         self._respond = respond
-        self._target = _target(link)
+        self._leaves = to is not None
+        self._target = split_endpoint(to) if to else _target(link)
         family = socket.AF_INET6 if ":" in self._target[0] else socket.AF_INET
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
 
     async def open(self) -> None:
-        """Bind to the device's address.  Only addresses of this machine are used, so nothing leaves it."""
-        address, port = _source(self._link)
+        """Bind to the device's address.  Without ``to`` only addresses of this machine are used: nothing leaves it."""
+        address, port = ("", 0) if self._leaves else _source(self._link)
         try:
             self._socket.bind((address, port))
         except OSError as error:
@@ -168,15 +208,15 @@ class UdpEndpoint(TryingEndpoint):
                 f"link {self._link.name!r}: cannot send as {address}:{port} to {self._target[0]}:{self._target[1]}: "
                 f"{error.strerror}; the emulator needs addresses of this machine, such as 127.0.0.1"
             ) from None
-        if self._link.group:
+        if self._link.group and not self._leaves:
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
         self._socket.setblocking(False)
         asyncio.get_running_loop().add_reader(self._socket, self._receive)
 
     async def reader_ready(self) -> None:
-        """Wait until somebody has bound the port that we send to."""
-        while not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
+        """Wait until somebody has bound the port that we send to; of another machine that is not known."""
+        while not self._leaves and not _is_bound(self._target[1]):  # noqa: ASYNC110  another program binds it; nothing tells us
             await asyncio.sleep(POLL_S)
 
     async def drained(self) -> None:

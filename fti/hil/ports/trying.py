@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from abc import ABC, abstractmethod
 
-from fti.hil.ports.pty import Sent
+from fti.hil.ports.sent import Sent
 
 RETRY_S = 0.002
 

@@ -1,0 +1,150 @@
+"""What every serial far end does: hand messages to a descriptor at the pace of the wire, and answer what comes.
+
+What the kernel or the wire does not take waits here, and that is bounded: beyond BACKLOG_BYTES behind a full
+descriptor, and beyond a second or BUFFER_BYTES of a wire that is too slow, the oldest whole messages are dropped,
+counted and told once, until everything that waited has left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+from fti.hil.ports.sent import Sent
+from fti.hil.ports.wire import Message, Wire
+
+#: Bytes that may wait behind a full descriptor, and behind a slow wire: what a device's own output buffer holds.
+BACKLOG_BYTES = 16384
+BUFFER_BYTES, BUFFER_S = 4096, 1.0
+
+#: What a device answers to bytes; what is told to the person at the bench.
+Respond = Callable[[bytes], list[bytes]]
+Tell = Callable[[str], None]
+
+
+class LineEndpoint(ABC):
+    """A far end behind a descriptor that ``open`` puts into ``_fd``.
+
+    name    : of the link; respond : what the device answers to bytes from the daemon
+    byte_s  : how long a byte takes [s]; 0 : as fast as the kernel takes it
+    carries : what the line carries, in words
+    """
+
+    is_stream: ClassVar[bool] = True
+
+    def __init__(self, name: str, respond: Respond, byte_s: float, carries: str, tell: Tell) -> None:
+        self.sent = Sent()
+        self._name, self._respond, self._byte_s, self._carries, self._tell = name, respond, byte_s, carries, tell
+        self._fd = -1
+        self._wire = Wire()
+        self._space = asyncio.Event()
+        self._is_full = False  # the kernel takes nothing more
+        self._is_behind = False  # something was dropped, and since then something has always waited
+        self._timer: asyncio.TimerHandle | None = None
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Make the port."""
+
+    def send(self, data: bytes) -> None:
+        """Send a message, or queue it."""
+        self._queue(Message(data, len(data) * self._byte_s, whole=False))
+
+    async def send_all(self, data: bytes) -> None:
+        """Send a message without losing any; wait while the line is full."""
+        self._wire.add(Message(data, 0.0, whole=False), self._now())
+        self._flush()
+        while self._wire:
+            self._space.clear()
+            await self._space.wait()
+
+    def _queue(self, message: Message) -> None:
+        self._wire.add(message, self._now())
+        self._flush()
+        while self._has_too_much():
+            self._drop_oldest()
+
+    def _has_too_much(self) -> bool:
+        wire = self._wire
+        if self._is_full:
+            return wire.waiting_bytes > BACKLOG_BYTES
+        return wire.waiting_bytes > BUFFER_BYTES and wire.waiting_s > BUFFER_S and len(wire) > 1
+
+    def _drop_oldest(self) -> None:
+        self._drop(len(self._wire.drop_oldest().data))
+        if not self._is_full:
+            self.sent.too_slow_messages += 1
+        if not self._is_behind:
+            why = "nobody reads it" if self._is_full else f"{self._carries}, and its devices send more"
+            self._tell(f"{self._name}: {why}; the oldest messages are dropped")
+            self._is_behind = True
+
+    def _drop(self, count: int) -> None:
+        self.sent.dropped_messages += 1
+        self.sent.dropped_bytes += count
+
+    def _flush(self) -> None:
+        """Write what wire and kernel take; come back when they take more."""
+        self._set_full(False)
+        now = self._now()
+        while (due := self._wire.due(now)) is not None:
+            written = self._write(due)
+            if self._wire.took(written):
+                self.sent.messages += 1
+            elif written < len(due):
+                self._set_full(True)
+                return
+        if self._wire:
+            self._wake_at(self._wire.next_s(now))
+        else:
+            self._is_behind = False
+            self._space.set()
+
+    def _wake_at(self, when: float) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = asyncio.get_running_loop().call_at(when, self._flush)
+
+    def _write(self, data: memoryview) -> int:
+        try:
+            written = os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+        self.sent.bytes += written
+        return written
+
+    def _set_full(self, full: bool) -> None:
+        if full != self._is_full:
+            loop = asyncio.get_running_loop()
+            if full:
+                loop.add_writer(self._fd, self._flush)
+            else:
+                loop.remove_writer(self._fd)
+            self._is_full = full
+
+    def _listen(self) -> None:
+        asyncio.get_running_loop().add_reader(self._fd, self._receive)
+
+    def _receive(self) -> None:
+        try:
+            data = os.read(self._fd, 4096)
+        except BlockingIOError:
+            return
+        self.sent.received_bytes += len(data)
+        for answer in self._respond(data):
+            self.send(answer)
+
+    def _forget(self) -> None:
+        """Let the loop forget the descriptor, before it is closed."""
+        if self._timer is not None:
+            self._timer.cancel()
+        loop = asyncio.get_running_loop()
+        loop.remove_reader(self._fd)
+        loop.remove_writer(self._fd)
+
+    @staticmethod
+    def _now() -> float:
+        return asyncio.get_running_loop().time()
