@@ -14,6 +14,7 @@ from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC
 from fti.nav.device_times import DeviceTimes
+from fti.nav.mounted import Mountings
 from fti.nav.pipeline import Pipeline
 from fti.nav.reference import Reference
 from fti.service.binding import BoundDevice
@@ -64,7 +65,7 @@ class Chain:
         self._on_link: dict[str, list[Listener]] = {}
         for listener in self.listeners:
             self._on_link.setdefault(listener.bound.device.link, []).append(listener)
-        self._times = DeviceTimes(config.device)
+        self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
         self._pipeline = Pipeline(config, reference)
 
     def pass_gap(self) -> None:
@@ -84,7 +85,7 @@ class Chain:
         for listener in self._on_link.get(frame.link, ()):
             for measurement in self._decode(listener, frame, products):
                 with self._guard("pipeline", frame, products):
-                    stamped = self._times.stamp(listener.name, measurement)
+                    stamped = self._times.stamp(listener.name, self._mountings.turn(listener.name, measurement))
                     products.measurements.append((listener.name, stamped))
                     products.outputs += self._pipeline.feed(listener.name, stamped)
         return products

@@ -16,9 +16,9 @@ in ``framing``.  Outside +-30000 counts a sample is not valid; the three after a
 "continuous" starts the device at ``rate`` when the port is opened.  Above 30 (ASCII) or 100 (binary) samples a second
 the line needs 19200 Bd, and the device leaves out commands that come closer than 20 ms to each other.
 
-The field is in the axes of the sensor's case; ``rpy_bs_deg`` of the device says how the case is mounted, and is for
-whoever uses the field: no navigation function does yet.  The emulated device begins with what the options say and
-keeps every rule of the commands; it samples at the rate of its model whatever ``rate`` it is told.
+The field that is decoded is in the axes of the sensor's case; ``rpy_bs_deg`` of the device says how the case is
+mounted, and ``fti.nav.mounted`` turns the field by it.  The emulated device begins with what the options say and keeps
+every rule of the commands; it samples at the rate of its model whatever ``rate`` it is told.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from fti.hil.sensors.deflections import DeflectionPickups
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.inertial import InertialNavigation
-from fti.hil.sensors.magnetometer import Magnetometer
+from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.settings import DeviceSettings, settings_of
@@ -43,7 +43,9 @@ MODELS: dict[str, ModelType] = {
 }
 
 #: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
-SETTINGS: dict[str, type[DeviceSettings]] = {}
+SETTINGS: dict[str, type[DeviceSettings]] = {
+    "honeywell_hmr2300": MagnetometerSettings,
+}
 
 
 def make_sensors(config: Config, world: World, seed: int, progress: Callable[[str], None]) -> list[Sensor]:

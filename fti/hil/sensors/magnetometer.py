@@ -1,59 +1,82 @@
-"""A magnetometer: the Earth's field as a tilted dipole, seen from the case, with the iron of the aircraft."""
+"""A magnetometer: the Earth's field, bent by the iron of the aircraft, in the axes of a case that is mounted in it.
+
+    field_s = (I + scale) R_mis mat_sb ((I + soft) field_b + hard) + noise
+
+hard iron turns with the aircraft; soft iron is magnetised by the Earth's field and bends it.  Step and range, 6.67 nT
+and +-2 G for the HMR2300, are those of the line: the driver's encoder has them.
+
+Scale: 0.5 % of 1 G at most, noise: a resolution below 70 uG (Honeywell, data sheet 900139, features).  Iron and
+misalignment are assumed: those of a light aircraft after a compass swing, the sensor in a wing tip.
+"""
 
 from __future__ import annotations
 
+import math
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.faults.kinds import NotNegative
 from fti.hil.flight.trajectory import State
+from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import MagneticField, Measurement, Stamp
 
 Array = NDArray[np.float64]
 
-#: First degree of the International Geomagnetic Reference Field, IGRF-13, epoch 2020 [T]: g10, g11, h11.
-DIPOLE = (-29404.8e-9, -1450.9e-9, 4652.5e-9)
-EARTH_RADIUS = 6371.2e3
+#: The flight has no date: the middle of the years in which the magnetic model holds.
+YEAR = 2027.5
 
 
-def earth_field_n(lat: Array, lon: Array, alt: Array) -> Array:
-    """The Earth's field [T], north, east, down, shape (n, 3), of the dipole alone.
-
-    lat, lon [rad], alt [m]; the sphere stands for the ellipsoid.  What a dipole leaves out is a fifth of the field
-    and some ten degrees of its direction: enough for a line, not for a compass.  Source: IGRF-13, degree 1.
-    """
-    g10, g11, h11 = DIPOLE
-    across = g11 * np.cos(lon) + h11 * np.sin(lon)
-    north = -g10 * np.cos(lat) + across * np.sin(lat)
-    east = g11 * np.sin(lon) - h11 * np.cos(lon)
-    down = -2.0 * (g10 * np.sin(lat) + across * np.cos(lat))
-    scale = (EARTH_RADIUS / (EARTH_RADIUS + alt)) ** 3
-    return np.asarray(np.stack([north, east, down], axis=1) * scale[:, None])
+def earth_field_n(state: State) -> Array:
+    """The Earth's field [T], north, east, down, shape (n, 3)."""
+    return magnetic_field_n(state.lat, state.lon, state.alt, YEAR)
 
 
 def earth_field_b(state: State) -> Array:
     """The same [T] in the body frame, shape (n, 3)."""
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
-    return np.asarray(np.einsum("nji,nj->ni", mat_nb, earth_field_n(state.lat, state.lon, state.alt)))
+    return np.asarray(np.einsum("nji,nj->ni", mat_nb, earth_field_n(state)))
+
+
+def declination(state: State) -> Array:
+    """Magnetic north, east of true north [rad], shape (n,)."""
+    north, east, _ = earth_field_n(state).T
+    return np.asarray(np.arctan2(east, north))
+
+
+class MagnetometerSettings(DeviceSettings):
+    """One sigma of what is drawn once for the flight.
+
+    hard_iron_ut : of each axis [uT];  soft_iron : of each element of the matrix;  misalignment_deg : of each angle
+    """
+
+    hard_iron_ut: NotNegative = 1.0
+    soft_iron: Annotated[float, Field(ge=0, le=0.3)] = 0.005
+    misalignment_deg: Annotated[float, Field(ge=0, le=30)] = 0.3
 
 
 class Magnetometer:
-    """Three axes of a magneto-resistive sensor.
-
-    Errors: iron of the aircraft that turns with it, scale (data sheet of the HMR2300: 0.5 % of 1 G), noise of a count.
-    """
+    """Three axes of a magneto-resistive sensor."""
 
     rate_hz = 20.0
     time_scale = None
-    IRON_SD, SCALE_SD, NOISE_SD = 1.0e-6, 0.003, 7e-9  # [T], -, [T]
+    SCALE_SD, NOISE_SD = 0.003, 7e-9  # -, [T]
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        field_b = earth_field_b(world.state(t)) + rng.normal(0.0, self.IRON_SD, 3)
-        field_s = field_b @ mounting(bound.device)
+        drawn = settings_of(MagnetometerSettings, world.scenario, bound.device.name)
+        hard = rng.normal(0.0, 1e-6 * drawn.hard_iron_ut, 3)
+        mat_soft = np.eye(3) + rng.normal(0.0, drawn.soft_iron, (3, 3))
+        mat_mis = mat_from_rpy(*rng.normal(0.0, math.radians(drawn.misalignment_deg), 3))
+        gain = 1.0 + rng.normal(0.0, self.SCALE_SD, 3)
+        field_b = earth_field_b(world.state(t)) @ mat_soft.T + hard
         noise = rng.normal(0.0, self.NOISE_SD, (len(t), 3))
-        self._field = field_s * (1.0 + rng.normal(0.0, self.SCALE_SD, 3)) + noise
+        self._field = field_b @ mounting(bound.device) @ mat_mis * gain + noise
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The field in the axes of the case."""
