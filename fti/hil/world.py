@@ -13,7 +13,7 @@ from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.faults.kinds import Obstacle
-from fti.hil.flight.approach import approach_flight
+from fti.hil.flight.making import make_flight
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
 from fti.nav.approach import ApproachPath
@@ -55,8 +55,9 @@ class World:
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
-        self.duration = scenario.flight.duration_s
-        self._flight = approach_flight(path, path.x_gpi, scenario.plan, scenario.seed)
+        made = make_flight(scenario, path)
+        self._flight, self.remarks = made.flight, made.remarks
+        self.duration = self._flight.end
         self._radars = functools.cache(NearestReturn)
 
     def state(self, t: Array) -> State:

@@ -20,7 +20,8 @@ from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator, make_world
 from fti.hil.faults.kinds import CanStatus, Cut, Fault
-from fti.hil.scenario.schema import ApproachFlight, Scenario
+from fti.hil.scenario.flights import ApproachFlight
+from fti.hil.scenario.schema import Scenario
 from fti.hil.streams import StatusStream
 from fti.hil.world import World
 from fti.service.binding import bind_devices

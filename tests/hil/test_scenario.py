@@ -86,6 +86,6 @@ def test_the_flags_of_a_fault_are_those_of_the_status() -> None:
 
 
 def test_wind_from_the_east_blows_to_the_west(tmp_path: Path) -> None:
-    plan = scenarios.load(written(tmp_path, "[air]\nwind_mps = 5\nwind_from_deg = 90\n")).plan
-    assert plan.wind_n == pytest.approx((0.0, -5.0), abs=1e-9)
-    assert math.hypot(*plan.wind_n) == pytest.approx(5.0)
+    wind_n = scenarios.load(written(tmp_path, "[air]\nwind_mps = 5\nwind_from_deg = 90\n")).air.wind_n
+    assert wind_n == pytest.approx((0.0, -5.0), abs=1e-9)
+    assert math.hypot(*wind_n) == pytest.approx(5.0)

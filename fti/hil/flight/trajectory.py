@@ -23,6 +23,7 @@ Source: Spiegel 2018, 7.1.1 (quintic splines of position and attitude).
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,9 +143,23 @@ class SplineFlight:
         wind_n = samples.wind_n
         return cls(track, attitude, wind_n if isinstance(wind_n, tuple) else QuinticSpline(samples.t, wind_n))
 
+    def during(self, begin: float, end: float) -> SplineFlight:
+        """The part of it from begin to end [s]; what was known beyond is not told any more.  ValueError outside."""
+        if not self.begin <= begin < end <= self.end:
+            raise ValueError(
+                f"{begin:.3f} to {end:.3f} s is no part of a flight of {self.begin:.3f} to {self.end:.3f} s"
+            )
+        part = copy.copy(self)
+        part.begin, part.end = begin, end
+        return part
+
     def state(self, t: ArrayLike) -> State:
         """Truth at t, shape (n,) [s], from ``begin`` to ``end``.  ValueError outside."""
         times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        if times.size and not (self.begin <= times.min() and times.max() <= self.end):
+            raise ValueError(
+                f"the flight is known from {self.begin:.3f} to {self.end:.3f} s, not at all times asked for"
+            )
         lat, lon, alt = self.track.geodetic(times)
         mat_ne = np.swapaxes(mat_en(lat, lon), -1, -2)
         vel_n = np.einsum("nij,nj->ni", mat_ne, self.track.spline(times, 1))

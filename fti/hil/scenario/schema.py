@@ -15,6 +15,9 @@ wind_from_deg = 30
 shift_ms = 2
 drift_ppm = 40
 
+[port.gnss_line]                   # where a link ends outside this machine: fti/hil/ports/outside.py
+device = "/dev/ttyUSB3"
+
 [[fault]]
 kind = "cut"                       # every kind: fti/hil/faults/kinds.py
 devices = ["altimeter"]            # none named: every device
@@ -32,12 +35,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import ConfigDict, Field, model_validator
 
-from fti.config import Name, Positive, StrictModel
+from fti.config import Name, StrictModel
 from fti.hil.faults.kinds import Fault, NotNegative, Obstacle
+from fti.hil.ports.outside import Port
 from fti.hil.scenario.flights import ApproachFlight, FlightTable
 
 
@@ -104,6 +108,7 @@ class Scenario(StrictModel):
     flight: FlightTable = ApproachFlight()
     air: Air = Air()
     sensor: Mapping[Name, SensorSettings] = Field(default_factory=dict)
+    port: Mapping[Name, Port] = Field(default_factory=dict)
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
 

@@ -1,0 +1,72 @@
+"""``[flight]``: what is flown, one table per kind; ``kind = "approach"`` unless it says otherwise.
+
+[flight]
+kind = "waypoints"                 # straight legs, turned into before each waypoint
+bank_deg = 25
+
+[[flight.waypoint]]
+lat_deg = 36.63
+lon_deg = -84.16
+alt_m = 600                        # above the ellipsoid
+speed_mps = 55                     # over the ground
+
+[flight]
+kind = "recorded"                  # a table t_s, lat_deg, lon_deg, alt_m, roll_deg, pitch_deg, heading_deg ...
+file = "flight.csv"                # ... or the folder of a session
+device = "ins"                     # of a session: whose position and attitude; none: the only one that has them
+from_s = 10
+duration_s = 300
+smooth_s = 2                       # what is faster than this is taken for steps of the recorder; none: nothing is
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from fti.config import Name, Positive, StrictModel
+from fti.hil.faults.kinds import NotNegative
+
+
+class ApproachFlight(StrictModel):
+    """``[flight]`` down the published approach of the airfield."""
+
+    kind: Literal["approach"] = "approach"
+    start_m: Positive = 4500.0
+    duration_s: Positive = 82.0
+    speed_mps: Positive = 60.0
+    wander_m: NotNegative = 3.0
+    wander_height_m: NotNegative = 1.5
+    gust_mps: NotNegative = 0.7
+
+
+class WaypointTable(StrictModel):
+    """``[[flight.waypoint]]``: a place, the height above the ellipsoid, and the speed over the ground there."""
+
+    lat_deg: Annotated[float, Field(ge=-89, le=89)]
+    lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    alt_m: Annotated[float, Field(ge=-500, le=20000)]
+    speed_mps: Positive
+
+
+class WaypointFlight(StrictModel):
+    """``[flight]`` along waypoints, from the first to the last."""
+
+    kind: Literal["waypoints"]
+    waypoint: Annotated[tuple[WaypointTable, ...], Field(min_length=2)]
+    bank_deg: Annotated[float, Field(ge=5, le=75)] = 25.0
+
+
+class RecordedFlight(StrictModel):
+    """``[flight]`` that was flown before.  ``file`` is absolute after reading."""
+
+    kind: Literal["recorded"]
+    file: str
+    device: Name | None = None
+    from_s: NotNegative = 0.0
+    duration_s: Positive | None = None
+    smooth_s: Positive | None = None
+
+
+FlightTable = Annotated[ApproachFlight | WaypointFlight | RecordedFlight, Field(discriminator="kind")]
