@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 
 #: A longer time without a sample is a gap: what was flown there is not known [s].
 MAX_GAP_S = 2.5
+#: Below this there is no flow whose angle could be told [m/s].
+TINY = 1e-3
 #: Velocity of air that is everywhere the same, north, east, down [m/s].
 Wind = tuple[float, float, float]
 CALM: Wind = (0.0, 0.0, 0.0)
@@ -49,7 +51,8 @@ class State:
     """Truth at times t, shape (n,): position [rad, m], velocity [m/s], attitude [rad].
 
     ``accel_e`` is the second derivative of the earth-fixed position [m/s^2]; ``omega_nb_b`` the turn rate of the
-    body against n in body axes [rad/s]; ``tas`` true airspeed [m/s]; ``aoa`` angle of attack [rad].
+    body against n in body axes [rad/s]; ``tas`` true airspeed [m/s]; ``aoa`` angle of attack and ``aos`` angle of
+    sideslip, wind from the right, [rad].
     """
 
     t: Array
@@ -64,6 +67,7 @@ class State:
     omega_nb_b: Array
     tas: Array
     aoa: Array
+    aos: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +172,7 @@ class SplineFlight:
         roll, pitch, heading = rpy_from_mat(mat_nb)
         turn_b = np.einsum("nji,nj->ni", mat_nb, transport_rate(lat, alt, vel_n))
         air_b = np.einsum("nji,nj->ni", mat_nb, vel_n - self._wind(times))
+        tas = np.linalg.norm(air_b, axis=1)
         return State(
             t=times,
             lat=lat,
@@ -179,8 +184,9 @@ class SplineFlight:
             pitch=pitch,
             heading=heading,
             omega_nb_b=rate_from_quat(quat_eb, self._attitude(times, 1)) - turn_b,
-            tas=np.linalg.norm(air_b, axis=1),
+            tas=tas,
             aoa=np.arctan2(air_b[:, 2], air_b[:, 0]),
+            aos=np.arcsin(air_b[:, 1] / np.maximum(tas, TINY)),
         )
 
     def _wind(self, times: Array) -> Array:
