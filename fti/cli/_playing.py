@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import signal
+import sys
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 
+from fti.errors import MissingError
+from fti.hil.lateness import Lateness
 from fti.hil.report import Report
+
+#: Each ends the playing in good order; the last one is a terminal that is closed.
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 async def until_stopped(
@@ -15,7 +23,7 @@ async def until_stopped(
     """Run ``play(stop)``; print "ready" when the ports exist.  Returns the report, and whether a signal ended it."""
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
-    for name in (signal.SIGINT, signal.SIGTERM):
+    for name in ENDING:
         loop.add_signal_handler(name, stop.set)
     announcing = asyncio.create_task(_announce(ready), name="fti-hil-ready")
     try:
@@ -30,12 +38,42 @@ async def _announce(ready: asyncio.Event) -> None:
     print("ready", flush=True)
 
 
+def tell(news: str) -> None:
+    """Say something to the person at the bench."""
+    print(news, file=sys.stderr, flush=True)
+
+
 def print_report(report: Report) -> None:
-    """What was sent on each link, what was lost, and how late it was."""
+    """What was sent on each link, what was lost, how late it was, and which rates may not be claimed."""
     for name, sent in sorted(report.links.items()):
-        lost = f", {sent.dropped_messages} dropped (nobody read)" if sent.dropped_messages else ""
-        print(f"{name:20} {sent.messages} messages, {sent.bytes} bytes{lost}")
-    late = report.lateness
-    print(
-        f"lateness of {late.messages} messages: p50 {late.p50_ms:.2f}, p99 {late.p99_ms:.2f}, max {late.max_ms:.2f} ms"
-    )
+        lost = f", {sent.dropped_messages} dropped ({_why(sent.too_slow_messages)})" if sent.dropped_messages else ""
+        late = f"; late by {_shown(report.by_link[name])}" if name in report.by_link else ""
+        print(f"{name:20} {sent.messages} messages, {sent.bytes} bytes{lost}{late}")
+    for rate in report.rates:
+        sent_hz = "-" if rate.sent_hz is None else f"{rate.sent_hz:.2f}"
+        print(f"{rate.name:20} {rate.asked_hz:g} Hz asked for, {sent_hz} Hz sent, held: {_held(report, rate.name)}")
+    for why in report.not_held:
+        print(f"not held: {why}")
+    print(f"lateness of {report.lateness.messages} messages: {_shown(report.lateness)}")
+
+
+def _why(too_slow: int) -> str:
+    return f"the line was too slow for {too_slow}" if too_slow else "nobody read"
+
+
+def _held(report: Report, device: str) -> str:
+    return "no" if any(why.startswith(f"{device}: ") for why in report.not_held) else "yes"
+
+
+def _shown(late: Lateness) -> str:
+    return f"p50 {late.p50_ms:.2f}, p99 {late.p99_ms:.2f}, max {late.max_ms:.2f} ms"
+
+
+def write_report(report: Report, path: str | None) -> None:
+    """The report as JSON, where a path is given.  Raises MissingError when it cannot be written."""
+    if path is None:
+        return
+    try:
+        Path(path).write_text(json.dumps(report.as_json(), indent=1) + "\n")
+    except OSError as error:
+        raise MissingError(f"{path}: cannot be written: {error.strerror}") from None

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol
 
 from fti.clock import Clock, SystemClock
 from fti.config import Link
 from fti.hil.ports.endpoints import Endpoint, make_endpoint
-from fti.hil.ports.line import Respond
+from fti.hil.ports.line import Respond, Tell
+from fti.hil.ports.outside import Port
 from fti.hil.scheduler import Stream
 
 
@@ -30,15 +32,26 @@ class Bench(Protocol):
 
 
 class Ports:
-    """Ports of this machine, in real time.  links_dir : where the symlinks to ptys stand; epoch_ns : as SystemClock."""
+    """Ports of this machine, in real time.
 
-    def __init__(self, links_dir: Path, epoch_ns: int) -> None:
+    links_dir : where the symlinks to ptys stand; epoch_ns : as SystemClock
+    outside   : links that end outside this machine; tell : told of what a person at the bench should know
+    """
+
+    def __init__(
+        self,
+        links_dir: Path,
+        epoch_ns: int,
+        outside: Mapping[str, Port] = MappingProxyType({}),
+        tell: Tell = lambda _: None,
+    ) -> None:
         self.clock: Clock = SystemClock(epoch_ns)
-        self._folder = links_dir
+        self._folder, self._outside, self._tell = links_dir, outside, tell
 
     def make_endpoint(self, link: Link, respond: Respond) -> Endpoint:
         """A pty, a socket, a node on a bus."""
-        return make_endpoint(link, self._folder, respond)
+        port = self._outside.get(link.name)
+        return make_endpoint(link, self._folder, respond, paced=True, tell=self._tell, port=port)
 
     async def sleep(self, seconds: float) -> None:
         """Wait."""

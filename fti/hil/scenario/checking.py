@@ -15,6 +15,10 @@ from fti.service.binding import BoundDevice, bind_devices
 def check(scenario: Scenario, config: Config) -> None:
     """Raises ConfigError that names the place in the scenario, and what there is."""
     _check_names(f"{scenario.title}: sensor", "device", scenario.sensor, [d.name for d in config.device], config)
+    _check_names(f"{scenario.title}: port", "link", scenario.port, [link.name for link in config.link], config)
+    for link in config.link:
+        if link.name in scenario.port:
+            scenario.port[link.name].check(link, f"{scenario.title}: port.{link.name}")
     has_wire = any(isinstance(fault, OfBytes | OfClock) for fault in scenario.fault)
     bound = bind_devices(config) if has_wire else []
     for i, fault in enumerate(scenario.fault):

@@ -124,7 +124,7 @@ class Scenario(StrictModel):
 
         Which configuration was flown with it is told by the session.
         """
-        return self.model_dump_json(exclude={"config", "expect"})
+        return self.model_dump_json(exclude={"config", "expect", "port"})
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
