@@ -15,6 +15,8 @@ from fti.canframe import unpack_can
 from fti.config import SerialLink
 
 CHUNK_S = 0.001
+#: Instants so near to each other are the same: a sum of floats may end a little behind the instant that it was told.
+SAME_S = 1e-9
 #: Bits of a frame without its data: from start of frame to the third bit of the intermission, no stuff bit counted.
 STANDARD_BITS, EXTENDED_BITS = 47, 67
 
@@ -41,9 +43,9 @@ class Message:
 
     def passed(self, elapsed_s: float) -> int:
         """Bytes that have left so long after its begin."""
-        if elapsed_s >= self.duration_s:
+        if elapsed_s >= self.duration_s - SAME_S:
             return len(self.data)
-        return 0 if self.whole else int(elapsed_s / self.duration_s * len(self.data))
+        return 0 if self.whole else int((elapsed_s + SAME_S) / self.duration_s * len(self.data))
 
 
 class Wire:
