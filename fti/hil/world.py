@@ -14,6 +14,7 @@ from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.faults.kinds import Obstacle
 from fti.hil.flight.making import make_flight
+from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
 from fti.nav.approach import ApproachPath
@@ -44,7 +45,9 @@ class World:
     """Everything that is true during one scenario.
 
     scenario : its seed, settings and faults are read by the models of sensors
-    path : the published approach; terrain : the ground as the reference knows it; undulation : geoid above WGS84 [m]
+    path : the published approach, whether it is flown or not; terrain : the ground as the reference knows it;
+    undulation : geoid above WGS84 [m]
+    Raises ConfigError or MissingError for a flight that cannot be made, or that is below the ground.
     """
 
     def __init__(self, scenario: Scenario, path: ApproachPath, terrain: Terrain, undulation: float) -> None:
@@ -56,7 +59,9 @@ class World:
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
         made = make_flight(scenario, path)
-        self._flight, self.remarks = made.flight, made.remarks
+        self._flight = made.flight
+        #: What is to be told of the flight before it begins.
+        self.remarks = made.remarks + look_around(made.flight, terrain, scenario.title)
         self.duration = self._flight.end
         self._radars = functools.cache(NearestReturn)
 

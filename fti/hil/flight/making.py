@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from fti.errors import ConfigError
 from fti.hil.faults.kinds import OffTrack
 from fti.hil.flight.approach import Manoeuvre, Plan, approach_flight
+from fti.hil.flight.recorded import recorded_flight
 from fti.hil.flight.trajectory import SplineFlight
-from fti.hil.scenario.flights import ApproachFlight
+from fti.hil.flight.waypoints import Waypoint, waypoint_flight
+from fti.hil.scenario.flights import ApproachFlight, RecordedFlight, WaypointFlight
 from fti.hil.scenario.schema import Scenario
 from fti.nav.approach import ApproachPath
 
@@ -51,7 +55,26 @@ def _approach(table: ApproachFlight, scenario: Scenario, path: ApproachPath) -> 
     return Made(flight.during(0.0, table.duration_s))
 
 
+def _waypoints(table: WaypointFlight, scenario: Scenario, path: ApproachPath) -> Made:
+    del path  # the waypoints say where
+    waypoints = [
+        Waypoint(math.radians(w.lat_deg), math.radians(w.lon_deg), w.alt_m, w.speed_mps) for w in table.waypoint
+    ]
+    try:
+        return Made(waypoint_flight(waypoints, math.radians(table.bank_deg), scenario.air.wind_n))
+    except ValueError as error:
+        raise ConfigError(f"{scenario.title}: flight.{error}") from None
+
+
+def _recorded(table: RecordedFlight, scenario: Scenario, path: ApproachPath) -> Made:
+    del path  # the recording says where
+    flight, remark = recorded_flight(table, scenario.air.wind_n)
+    return Made(flight, (remark,))
+
+
 #: What makes a flight of each table: called with the table, its scenario and the approach.
 MAKERS: dict[type, Callable[[Any, Scenario, ApproachPath], Made]] = {
     ApproachFlight: _approach,
+    WaypointFlight: _waypoints,
+    RecordedFlight: _recorded,
 }

@@ -69,4 +69,5 @@ class RecordedFlight(StrictModel):
     smooth_s: Positive | None = None
 
 
-FlightTable = Annotated[ApproachFlight | WaypointFlight | RecordedFlight, Field(discriminator="kind")]
+AnyFlight = ApproachFlight | WaypointFlight | RecordedFlight
+FlightTable = Annotated[AnyFlight, Field(discriminator="kind")]

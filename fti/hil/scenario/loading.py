@@ -7,8 +7,9 @@ from pathlib import Path
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.kinds import Obstacle
+from fti.hil.faults.kinds import Obstacle, OffTrack
 from fti.hil.scenario.checking import check
+from fti.hil.scenario.flights import AnyFlight, ApproachFlight, RecordedFlight
 from fti.hil.scenario.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -21,7 +22,22 @@ def load(path: Path) -> Scenario:
     for i, fault in enumerate(scenario.fault):
         if not isinstance(fault, Obstacle) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
-    return scenario.model_copy(update={"config": str((path.parent / scenario.config).resolve())})
+        if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
+            raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': a flight of {scenario.flight.kind} has no track")
+    return scenario.model_copy(
+        update={"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}
+    )
+
+
+def _beside(path: Path, named: str) -> str:
+    return str((path.parent / named).resolve())
+
+
+def _found(path: Path, flight: AnyFlight) -> AnyFlight:
+    """The same flight; a file that it names is beside the scenario's."""
+    if not isinstance(flight, RecordedFlight):
+        return flight
+    return flight.model_copy(update={"file": _beside(path, flight.file)})
 
 
 def load_config(scenario: Scenario, path: Path | None = None) -> Config:

@@ -1,0 +1,87 @@
+"""A recorded flight from a session: position and attitude of one of its devices, decoded again from its bytes.
+
+Times are those at which the measurements were true, by the clock of the device; parts of a position or an attitude that
+come in messages of their own are joined, and the lever arm is taken off, as in navigation (``fti.nav.sources``): what
+is found is the path of P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from fti.config import Config
+from fti.errors import ConfigError
+from fti.hil.flight.trajectory import Samples
+from fti.hil.replay import recorded_config
+from fti.logger.reading.recording import Recording
+from fti.nav.device_times import DeviceTimes
+from fti.nav.sources import Source
+from fti.service.binding import BoundDevice, bind_devices
+from fti.types import Attitude, Measurement, Position
+
+SECOND_NS = 1_000_000_000
+#: A position is joined with what came within this time after it [ns].
+PATIENCE_NS = SECOND_NS // 5
+#: t [ns], lat, lon [rad], alt [m], roll, pitch, heading [rad].
+Row = tuple[int, float, float, float, float, float, float]
+
+
+def read_session(folder: Path, device: str | None) -> Samples:
+    """The samples of a device, t = 0 at the first; None: of the only device that says position and attitude.
+
+    Raises MissingError for no session, ConfigError when the device is not one of it, does not say both, or when several
+    do.
+    """
+    recording = Recording.open(folder)
+    config = recorded_config(recording, folder)
+    texts = {name: data.decode() for name, data in recording.attachments().items()}
+    known = {bound.device.name: bound for bound in bind_devices(config, texts)}
+    if device is not None and device not in known:
+        raise ConfigError(f"{folder}: {device!r} is no device of the session; there are {', '.join(known)}")
+    wanted = [known[device]] if device else list(known.values())
+    tracks = {bound.device.name: list(_rows(recording, config, bound)) for bound in wanted}
+    able = [name for name, rows in tracks.items() if rows]
+    if not able:
+        raise ConfigError(f"{folder}: no position with attitude from {device or 'any of its devices'}")
+    if len(able) > 1:
+        raise ConfigError(f"{folder}: {', '.join(able)} say position and attitude: name one of them")
+    rows = sorted({row[0]: row for row in tracks[able[0]]}.values())
+    t_ns, *values = zip(*rows, strict=True)
+    return Samples((np.array(t_ns) - t_ns[0]) / SECOND_NS, *(np.array(column) for column in values))
+
+
+def _rows(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[Row]:
+    """Position and attitude at the times of the positions."""
+    source, waiting = Source(bound.device), list[int]()
+    for m in _measurements(recording, config, bound):
+        t_ns = m.stamp.t_valid_ns
+        if t_ns is None:
+            continue
+        if isinstance(m, Attitude):
+            source.push_attitude(m, t_ns)
+        elif isinstance(m, Position):
+            source.push_position(m, t_ns)
+            waiting.append(t_ns)
+        while waiting and waiting[0] < t_ns - PATIENCE_NS:
+            yield from _row(source, waiting.pop(0))
+    for t_ns in waiting:
+        yield from _row(source, t_ns)
+
+
+def _row(source: Source, t_ns: int) -> Iterator[Row]:
+    attitude = source.attitude(t_ns)
+    place = source.position(t_ns, attitude)
+    if place is None or place.alt is None or attitude is None or attitude.heading is None:
+        return
+    yield t_ns, place.lat, place.lon, place.alt, attitude.roll, attitude.pitch, attitude.heading
+
+
+def _measurements(recording: Recording, config: Config, bound: BoundDevice) -> Iterator[Measurement]:
+    decoder, times = bound.make_decoder(), DeviceTimes(config.device)
+    for frame in recording.frames():
+        if frame.link == bound.device.link:
+            for m in decoder.feed(frame.data, frame.t_rx_ns):
+                yield times.stamp(bound.device.name, m)

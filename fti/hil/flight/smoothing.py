@@ -1,0 +1,149 @@
+"""From recorded samples to a flight: what their steps have put in is filtered out, then a spline is laid through.
+
+A recorder that keeps radians in single precision moves a position at 180 deg of longitude by up to 0.76 m, in steps of
+1.5 m (eq. 7.1 of the source has 0.64 m; see the errata); a spline through such steps would shake.
+
+    z = argmin  sum (z - y)^2 + lambda sum (third difference of z)^2        lambda = (2 sin(pi h / period))^-6
+
+is Whittaker's graduation: it keeps every parabola, passes half of a wave of that period and nothing of much faster
+ones, and needs no values beyond the ends.  The filtered samples are smooth over a quarter of the period, so one knot in
+so long is enough for the spline, and the samples between show how well it fits.
+
+Source: Spiegel 2018, 7.1.1, figures 7.2 and 7.3; Whittaker 1923; Eilers 2003 (as a banded system).  Checked against:
+sines and parabolas, tests/hil/flight/test_smoothing.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.quaternions import mat_from_quat, quat_from_mat, unwound
+from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.hil.flight.banded import solve_banded
+from fti.hil.flight.trajectory import Samples, SplineFlight, State, check_times
+
+Array = NDArray[np.float64]
+
+ORDER = 3
+NAMES = ("t", "lat", "lon", "alt", "roll", "pitch", "heading")
+KNOTS_PER_PERIOD = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A flight through samples, and how far each step of its making moved them.
+
+    filtered    : the samples without their steps; the same as those given where nothing was filtered
+    filter_m, filter_rad : of each sample, distance and angle from what was given to what was filtered, shape (n,)
+    spline_m, spline_rad : from there to the flight, at those samples that are no knots; empty where all are
+    """
+
+    flight: SplineFlight
+    filtered: Samples
+    filter_m: Array
+    filter_rad: Array
+    spline_m: Array
+    spline_rad: Array
+
+    def words(self) -> str:
+        """The errors for a person: root mean square and greatest."""
+        steps = [("filtered minus recorded", self.filter_m, self.filter_rad)]
+        if len(self.spline_m):
+            steps.append(("spline minus filtered", self.spline_m, self.spline_rad))
+        return "; ".join(f"{name}: {_words(metres, angles)}" for name, metres, angles in steps)
+
+
+def fit(samples: Samples, period: float | None) -> Fit:
+    """The flight that samples tell of.  period : waves that are faster are none of the flight's [s]; None: all are.
+
+    Raises ValueError for gaps, for times that do not increase, and for fewer samples or knots than six.
+    """
+    check_times(samples.t)
+    if period is None:
+        filtered, knots = samples, np.arange(len(samples.t))
+    else:
+        filtered, knots = smoothed(samples, period), _thinned(samples.t, period / KNOTS_PER_PERIOD)
+    flight = SplineFlight.from_samples(_at(filtered, knots))
+    between = np.setdiff1d(np.flatnonzero(filtered.t <= flight.end), knots)
+    there = _at(filtered, between)
+    return Fit(flight, filtered, *moved(samples, filtered), *moved(there, flight.state(there.t)))
+
+
+def smoothed(samples: Samples, period: float) -> Samples:
+    """The samples without what is faster than a period [s]; the wind is left as it is."""
+    positions_e = ecef_from_geodetic(samples.lat, samples.lon, samples.alt)
+    lat, lon, alt = geodetic_from_ecef(positions_e[0] + graduate(samples.t, positions_e - positions_e[0], period))
+    quats = graduate(samples.t, unwound(quat_from_mat(_attitude(samples))), period)
+    roll, pitch, heading = rpy_from_mat(mat_from_quat(quats / np.linalg.norm(quats, axis=1, keepdims=True)))
+    return replace(samples, lat=lat, lon=lon, alt=alt, roll=roll, pitch=pitch, heading=heading)
+
+
+def graduate(t: Array, values: Array, period: float) -> Array:
+    """Whittaker's graduation of values, shape (n, d), at t, shape (n,) [s], increasing; half passes at ``period`` [s].
+
+    Differences are divided ones, so the times need no equal steps.  Raises ValueError when the period is no longer than
+    two steps: such waves cannot be told from others.
+    """
+    step = float(np.median(np.diff(t)))
+    if period <= 2.0 * step:
+        raise ValueError(
+            f"samples {step:.3f} s apart cannot be smoothed over {period:.3f} s: take more than twice that"
+        )
+    weight = (2.0 * np.sin(np.pi * step / period)) ** (-2 * ORDER)
+    rows = _third_differences(t, step)
+    m = len(rows)
+    band = np.zeros((len(t), 2 * ORDER + 1))
+    band[:, ORDER] = 1.0
+    rough = sum(rows[:, a, None] * values[a : a + m] for a in range(ORDER + 1))
+    right = np.zeros_like(values)
+    for a in range(ORDER + 1):
+        right[a : a + m] += weight * rows[:, a, None] * rough
+        for b in range(ORDER + 1):
+            band[a : a + m, ORDER + b - a] += weight * rows[:, a] * rows[:, b]
+    return np.asarray(values - solve_banded(band, right))  # the correction is small: it loses no digits to the values
+
+
+def _third_differences(t: Array, step: float) -> Array:
+    """Row i, shape (n - 3, 4): what t[i] to t[i + 3] contribute to the third difference; -1 3 -3 1 for equal steps."""
+    times = np.stack([t[a : len(t) - ORDER + a] for a in range(ORDER + 1)], axis=1) / step
+    apart = times[:, :, None] - times[:, None, :] + np.eye(ORDER + 1)
+    return np.asarray(6.0 / np.prod(apart, axis=2))
+
+
+def moved(before: Samples, after: Samples | State) -> tuple[Array, Array]:
+    """Distance [m] and angle [rad] from one flight to another at the same times, shape (n,) each."""
+    here, there = (ecef_from_geodetic(s.lat, s.lon, s.alt) for s in (before, after))
+    return np.linalg.norm(there - here, axis=1), angle_between(_attitude(before), _attitude(after))
+
+
+def angle_between(mats: Array, others: Array) -> Array:
+    """Angle of the turn from one attitude to another [rad], shape (n,); exact for the smallest."""
+    turned = np.swapaxes(mats, 1, 2) @ others
+    skew = turned - np.swapaxes(turned, 1, 2)
+    sines = np.linalg.norm(np.stack((skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0])), axis=0)
+    return np.asarray(np.arctan2(sines, np.einsum("nii->n", turned) - 1.0))
+
+
+def _attitude(of: Samples | State) -> Array:
+    return mat_from_rpy(of.roll, of.pitch, of.heading)
+
+
+def _thinned(t: Array, step: float) -> NDArray[np.intp]:
+    """Indices of the first sample in each interval of ``step`` [s]; the rest of the last interval is left out."""
+    return np.unique(np.floor((t - t[0]) / step + 1e-6), return_index=True)[1]
+
+
+def _at(samples: Samples, rows: NDArray[np.intp]) -> Samples:
+    t, lat, lon, alt, roll, pitch, heading = (np.asarray(getattr(samples, name))[rows] for name in NAMES)
+    wind_n = samples.wind_n if isinstance(samples.wind_n, tuple) else samples.wind_n[rows]
+    return Samples(t, lat, lon, alt, roll, pitch, heading, wind_n)
+
+
+def _words(metres: Array, angles: Array) -> str:
+    deg = np.rad2deg(angles)
+    rms = [float(np.sqrt(np.mean(np.square(values)))) for values in (metres, deg)]
+    return f"{rms[0]:.4f} m and {rms[1]:.4f} deg rms, at most {metres.max():.4f} m and {deg.max():.4f} deg"

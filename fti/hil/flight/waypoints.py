@@ -1,0 +1,176 @@
+"""A flight along waypoints: straight legs, and turns of a bank limit that begin before each waypoint (fly-by).
+
+    radius = speed^2 / (g tan bank)          the turn touches both legs  radius tan(turn / 2)  from the waypoint
+
+Legs are great circles between places on the ellipsoid; height and speed change evenly along the way from one waypoint
+to the next.  Lines and arcs alone would bank at a step, so positions are averaged over ``SMOOTH_S`` (a raised cosine):
+the aeroplane rolls and pitches over that time, flies some metres inside its turns - acceleration times 0.033 SMOOTH_S^2
+/ 2, 3 m at 25 deg of bank - and never banks more than the limit, which counts in still air.
+Source: Spiegel 2018, 7.1; ICAO Doc 8168, volume II, part I, section 2, chapter 3 (fly-by turns).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.local import LocalFrame
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.hil.flight.coordinated import GRAVITY, coordinated_flight
+from fti.hil.flight.trajectory import SplineFlight, Track
+from fti.nav.approach import EARTH_RADIUS
+
+Array = NDArray[np.float64]
+
+#: Time over which positions are averaged, and between the knots of the spline [s].
+SMOOTH_S, KNOT_S = 6.0, 0.5
+#: The averaged path, and the legs, are followed in steps of [s, m].
+FINE_S, FINE_M = 0.125, 10.0
+#: The legs go on beyond both ends for so long [s]: half of an average, and some knots.
+MARGIN_S = 6.0
+#: A smaller change of direction is none [rad].
+STRAIGHT = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """lat, lon [rad], alt above the ellipsoid [m], speed over the ground [m/s]."""
+
+    lat: float
+    lon: float
+    alt: float
+    speed: float
+
+    @property
+    def normal_e(self) -> Array:
+        """The ellipsoid's normal: it says where, whatever the height."""
+        return np.array(
+            [np.cos(self.lat) * np.cos(self.lon), np.cos(self.lat) * np.sin(self.lon), np.sin(self.lat)]
+        )  # fmt: skip
+
+
+def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[float, float]) -> SplineFlight:
+    """The flight from the first waypoint (t = 0) to the last one.
+
+    bank   : of its turns in still air [rad]; wind_n : where the wind blows to, north and east [m/s]
+    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have.
+    """
+    t, positions_e, end = _timed(_with_margins(waypoints), _route(waypoints, bank))
+    fine = np.arange(-MARGIN_S, end + MARGIN_S, FINE_S)
+    path_e = np.stack([np.interp(fine, t, axis) for axis in positions_e.T], axis=1)
+    weights = np.hanning(round(SMOOTH_S / FINE_S) + 1)
+    offsets = (path_e - path_e[0]).T
+    averaged = np.stack([np.convolve(axis, weights / weights.sum(), mode="valid") for axis in offsets], axis=1)
+    half, every = len(weights) // 2, round(KNOT_S / FINE_S)
+    track = Track.through(fine[half:-half][::every], *geodetic_from_ecef(path_e[0] + averaged[::every]))
+    trim_speed = float(np.mean([w.speed for w in waypoints]))
+    return coordinated_flight(track, wind_n, trim_speed).during(0.0, end)
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """Around one waypoint: normals of the places from the one leg to the other, shape (k, 3); room it takes [m]."""
+
+    normals_e: Array
+    lead: float
+
+
+def _route(waypoints: Sequence[Waypoint], bank: float) -> list[_Turn]:
+    turns = [_Turn(waypoints[0].normal_e[None], 0.0)]
+    turns += [_turn(*three, bank) for three in zip(waypoints, waypoints[1:], waypoints[2:], strict=False)]
+    turns.append(_Turn(waypoints[-1].normal_e[None], 0.0))
+    for i, (before, after) in enumerate(itertools.pairwise(turns)):
+        length = EARTH_RADIUS * _angle(waypoints[i].normal_e, waypoints[i + 1].normal_e)
+        if length <= before.lead + after.lead:
+            raise ValueError(
+                f"waypoint[{i}] and waypoint[{i + 1}] are {length:.0f} m apart, their turns need "
+                f"{before.lead:.0f} m + {after.lead:.0f} m: fly slower, bank more, or move them"
+            )
+    return turns
+
+
+def _turn(before: Waypoint, here: Waypoint, after: Waypoint, bank: float) -> _Turn:
+    """The arc that touches both legs, in the plane that touches the Earth at the waypoint."""
+    frame = LocalFrame(here.lat, here.lon, 0.0)
+    inwards, outwards = -_course(frame, here, before), _course(frame, here, after)
+    turn = np.arctan2(inwards[0] * outwards[1] - inwards[1] * outwards[0], inwards @ outwards)  # left positive
+    if abs(turn) < STRAIGHT:
+        return _Turn(here.normal_e[None], 0.0)
+    radius = here.speed**2 / (GRAVITY * np.tan(bank))
+    lead = radius * np.tan(abs(turn) / 2.0)
+    along = np.linspace(0.0, abs(turn), int(np.ceil(abs(turn) * radius / FINE_M)) + 2)
+    aside = np.sign(turn) * np.array([-inwards[1], inwards[0]])
+    places = (radius * np.sin(along) - lead)[:, None] * inwards + (radius * (1.0 - np.cos(along)))[:, None] * aside
+    up = -np.sum(places**2, axis=1) / (2.0 * EARTH_RADIUS)
+    lat, lon, _ = frame.to_geodetic(np.column_stack((places, up)))
+    level = np.cos(lat)
+    return _Turn(np.stack((level * np.cos(lon), level * np.sin(lon), np.sin(lat)), axis=1), float(lead))
+
+
+def _course(frame: LocalFrame, here: Waypoint, there: Waypoint) -> Array:
+    """Unit vector, east and north, in which the great circle to another waypoint leaves."""
+    east, north, _ = frame.mat_le @ there.normal_e
+    length = np.hypot(east, north)
+    if length == 0.0:
+        raise ValueError(f"two waypoints in a row are at {np.rad2deg(here.lat):.6f}, {np.rad2deg(here.lon):.6f} deg")
+    return np.asarray((east / length, north / length))
+
+
+def _angle(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def _with_margins(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+    """The waypoints, and one more before the first and beyond the last, straight on."""
+    return [_beyond(waypoints[1], waypoints[0]), *waypoints, _beyond(waypoints[-2], waypoints[-1])]
+
+
+def _beyond(before: Waypoint, last: Waypoint) -> Waypoint:
+    """Where who flew from one waypoint to the last would be a margin later."""
+    angle = _angle(before.normal_e, last.normal_e)
+    share = 1.0 + 1.5 * MARGIN_S * last.speed / EARTH_RADIUS / angle
+    x, y, z = _between(before.normal_e, last.normal_e, share)
+    alt = before.alt + share * (last.alt - before.alt)
+    return Waypoint(float(np.arctan2(z, np.hypot(x, y))), float(np.arctan2(y, x)), alt, last.speed)
+
+
+def _timed(waypoints: Sequence[Waypoint], turns: Sequence[_Turn]) -> tuple[Array, Array, float]:
+    """Times [s] and positions, shape (m, 3) [m], along the whole way, and when the last waypoint is reached.
+
+    waypoints : with margins; turns : of those between
+    """
+    arcs = [waypoints[0].normal_e[None], *(turn.normals_e for turn in turns), waypoints[-1].normal_e[None]]
+    pieces = [arcs[0]]
+    for before, arc in itertools.pairwise(arcs):
+        pieces += [_leg(before[-1], arc[0]), arc]
+    normals_e = np.concatenate(pieces)
+    begins = np.cumsum([0, *map(len, pieces)])[:-1:2]
+    places = [begin + len(arc) // 2 for begin, arc in zip(begins, arcs, strict=True)]
+    level_e = _at_height(normals_e, np.zeros(len(normals_e)))
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(level_e, axis=0), axis=1))))
+    alt = np.interp(way, way[places], [w.alt for w in waypoints])
+    speed = np.interp(way, way[places], [w.speed for w in waypoints])
+    t = np.concatenate(([0.0], np.cumsum(2.0 * np.diff(way) / (speed[1:] + speed[:-1]))))
+    t -= t[places[1]]
+    return t, _at_height(normals_e, alt), float(t[places[-2]])
+
+
+def _leg(start: Array, end: Array) -> Array:
+    """Normals strictly between two, along the great circle, at most ``FINE_M`` apart."""
+    steps = max(2, int(np.ceil(_angle(start, end) * EARTH_RADIUS / FINE_M)))
+    return _between(start, end, np.linspace(0.0, 1.0, steps + 1)[1:-1, None])
+
+
+def _between(start: Array, end: Array, share: float | Array) -> Array:
+    """Normals at shares of the great circle from one to another; beyond them for shares outside 0 to 1."""
+    angle = _angle(start, end)
+    return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle))
+
+
+def _at_height(normals_e: Array, alt: Array) -> Array:
+    x, y, z = normals_e.T
+    return ecef_from_geodetic(np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x), alt)
