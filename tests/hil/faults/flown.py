@@ -1,0 +1,129 @@
+"""Every driver's emulated device in a short flight, without ports and without waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from fti import config, drivers
+from fti.config import Device
+from fti.hil.faults.kinds import Fault
+from fti.hil.faults.line import DeviceLine
+from fti.hil.sensors import MODELS, Sensor
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import Measurement, Stamp
+from tests.hil.worlds import scenario, world
+
+START_NS = 1_767_225_600 * 10**9
+DURATION_S = 6.0
+RADAR = {"kind": "radar", "range_m": (0.5, 762.0)}
+LASER = {"kind": "laser", "range_m": (0.2, 500.0)}
+LINE = {"line": "$WI,{slant_range:.2f}*{checksum:02X}", "checksum": {"kind": "xor8", "after": "$", "before": "*"}}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A device: its driver, one of its numbers that a fault can be of, its options and its altimeter.
+
+    name : of the reading, surface or station; size : of an error that its line shows; forced : a value that it can say
+    """
+
+    driver: str
+    quantity: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    altimeter: Mapping[str, Any] | None = None
+    name: str | None = None
+    size: float = 0.03
+    forced: float = 0.03
+    rate_hz: float = 10.0
+
+
+DEVICES = {
+    "arinc429": Kind("arinc429", "radio_height.height_agl", altimeter=RADAR, size=9.0),
+    "arinc429_little": Kind("arinc429", "attitude.roll", {"set": "ahrs", "byte_order": "little", "parity": "even"}),
+    "arinc429_apmp": Kind("arinc429", "attitude.roll", {"set": "ahrs", "packets": "apmp"}),
+    "arinc429_chapter10": Kind("arinc429", "attitude.roll", {"set": "ahrs", "packets": "chapter10"}),
+    "ascii_line": Kind("ascii_line", "range.slant_range", {"first_line": "take"}, LASER),
+    "ascii_line_checked": Kind("ascii_line", "range.slant_range", {**LINE, "first_line": "take"}, LASER),
+    "binary_struct": Kind("binary_struct", "range.slant_range", altimeter=LASER),
+    "canaerospace": Kind("canaerospace", "static_pressure.p_static"),
+    "dbc": Kind("dbc", "dme_range.slant_range", name="dme_2", rate_hz=4.0)  # slow to encode,
+    "deflection_pickups": Kind(
+        "deflection_pickups", "surface_deflection.raw", name="elevator", size=40.0, forced=2500.0
+    ),
+    "freeflight_ra4500": Kind("freeflight_ra4500", "radio_height.height_agl", altimeter=RADAR, size=9.0),
+    "freeflight_ra4500_checked": Kind(
+        "freeflight_ra4500", "radio_height.height_agl", {"checksum": "sum", "dle_stuffing": True}, RADAR, size=9.0
+    ),
+    "honeywell_hmr2300": Kind("honeywell_hmr2300", "magnetic_field.field_b_1", {"mode": "continuous"}),
+    "imar_ixcom": Kind("imar_ixcom", "velocity.down"),
+    "lightware_ascii": Kind("lightware_ascii", "range.slant_range", {"first_line": "take"}, LASER),
+    "lightware_binary": Kind("lightware_binary", "range.slant_range", altimeter=LASER),
+    "mavlink": Kind("mavlink", "attitude.pitch"),
+    "nmea0183": Kind("nmea0183", "position.alt_msl"),
+    "novatel_oem6": Kind("novatel_oem6", "position.lat", {"unasked": True}),
+    "power_unit": Kind("power_unit", "reading.value", name="supply_voltage"),
+    "ublox_ubx": Kind("ublox_ubx", "position.lon"),
+}
+LINK = "line"
+
+
+class Recalled:
+    """A model that repeats what was measured once, so that flights differ by their faults alone."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._cycles = [sensor.measure(k, START_NS) for k in range(len(sensor.t))]
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        return self._cycles[k]
+
+
+@cache
+def flown() -> World:
+    return world(DURATION_S, sensor={"device": {"shift_ms": 20.0, "drift_ppm": 0.0}})
+
+
+@cache
+def bound_of(name: str) -> BoundDevice:
+    """A device of ``DEVICES`` in the configuration."""
+    kind, module = DEVICES[name], drivers.load(DEVICES[name].driver)
+    keys: dict[str, Any] = {"name": "device", "link": LINK, "driver": kind.driver, "rate_hz": kind.rate_hz}
+    device = Device.model_validate({**keys, "altimeter": kind.altimeter})
+    return BoundDevice(device, module, config.bind(module.Options, kind.options, "test"))
+
+
+@cache
+def _sensor(name: str) -> Sensor:
+    bound = bound_of(name)
+    made = Sensor(bound, MODELS[bound.device.driver], flown(), seed=1)
+    made.model = Recalled(made)
+    return made
+
+
+def device(name: str) -> Sensor:
+    """A device of ``DEVICES`` as it is when it is switched on."""
+    made = _sensor(name)
+    made.encoder = made.bound.driver.make_encoder(made.bound.options)
+    return made
+
+
+Flight = list[tuple[float, list[bytes]]]
+
+
+def fly(name: str, *faults: Fault, seed: int = 7, until_s: float = float("inf")) -> Flight:
+    """What leaves, and when [s]; instants at which nothing does are not in it."""
+    line = DeviceLine(device(name), scenario(fault=faults, seed=seed), until_s)
+    found: Flight = []
+    while (t := line.due_s()) is not None:
+        if messages := line.step(START_NS):
+            found.append((t, messages))
+    return found
+
+
+@cache
+def nominal(name: str) -> Flight:
+    """The flight without a fault."""
+    return fly(name)
