@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from fti.config import Config
 from fti.errors import ConfigError
+from fti.hil.sensors.air_data import AirSettings
 from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
 from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import Autopilot
@@ -14,11 +15,12 @@ from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
+from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
-from fti.hil.sensors.settings import DeviceSettings, settings_of
+from fti.hil.sensors.settings import DeviceSettings, check_settings
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 
@@ -42,9 +44,21 @@ MODELS: dict[str, ModelType] = {
     "ublox_ubx": RawReceiver,
 }
 
+
+class UnitSettings(AirSettings, ImuSettings):
+    """Of a unit that has air data and inertial sensors."""
+
+
 #: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
 SETTINGS: dict[str, type[DeviceSettings]] = {
+    "arinc429": UnitSettings,
+    "ascii_line": AirSettings,
+    "binary_struct": AirSettings,
+    "canaerospace": AirSettings,
+    "dbc": AirSettings,
     "honeywell_hmr2300": MagnetometerSettings,
+    "imar_ixcom": AirSettings,
+    "mavlink": UnitSettings,
 }
 
 
@@ -54,7 +68,7 @@ def make_sensors(config: Config, world: World, seed: int, progress: Callable[[st
     Raises ConfigError where no model speaks a driver, or where one does not take a setting of the scenario.
     """
     for device in config.device:
-        settings_of(SETTINGS.get(device.driver, DeviceSettings), world.scenario, device.name)
+        check_settings(SETTINGS.get(device.driver, DeviceSettings), world.scenario, device.name)
     found = []
     for bound in bind_devices(config):
         device = bound.device

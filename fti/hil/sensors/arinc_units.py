@@ -16,8 +16,11 @@ from fti.drivers.arinc429 import Options, chosen_labels
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.can_units import Interrogator
-from fti.hil.sensors.errors import slow, white
-from fti.hil.sensors.inertial import specific_force_b
+from fti.hil.sensors.errors import slow
+from fti.hil.sensors.imu_grades import ImuSettings
+from fti.hil.sensors.inertial import inertial_samples
+from fti.hil.sensors.magnetometer import declination
+from fti.hil.sensors.settings import settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (
@@ -83,17 +86,15 @@ class ArincUnit:
 
     rate_hz = 20.0
     time_scale = TimeScale.BOOT
-    DECLINATION, RATE_SD, ACCELERATION_SD = np.deg2rad(2.5), np.deg2rad(0.05), 0.02
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         state = world.state(t)
         self._avionics = Avionics(bound, world, t, rng)
         self._receivers = (Interrogator(state, world, t, rng), IlsReceiver(state, world, t, rng))
-        self._force = specific_force_b(state) + white(t, self.ACCELERATION_SD, rng)[:, None]
-        self._rates = state.omega_nb_b + white(t, self.RATE_SD, rng)[:, None]
-        self._heading = (state.heading - self.DECLINATION) % (2 * np.pi)
+        grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
+        self._force, self._rates = inertial_samples(grade, state, rng)
+        self._heading = (state.heading - declination(state)) % (2 * np.pi)
         self._alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
-        self._qnh = world.atmosphere.qnh
         options = bound.options
         equipment = chosen_labels(options).equipment if isinstance(options, Options) else None
         self._equipment = {"equipment_id": float(int(equipment, 16))} if equipment else {}
@@ -105,7 +106,8 @@ class ArincUnit:
             found += receiver.measure(k, stamp)
         static, impact, temperature = self._avionics.air(k)
         mach = math.sqrt(5.0 * ((impact / static + 1.0) ** (1 / 3.5) - 1.0))
-        readings: dict[str, float | None] = {"mach": mach, "total_pressure": static + impact, "baro_setting": self._qnh}
+        readings: dict[str, float | None] = {"mach": mach, "total_pressure": static + impact}
+        readings["baro_setting"] = self._avionics.setting_pa
         readings |= self._inertial(k) | self._equipment
         found += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.sensors.avionics import AirData, Reference
+from fti.hil.sensors.air_data import AirData
+from fti.hil.sensors.avionics import Reference
 from fti.hil.sensors.errors import white
-from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.hil.sensors.imu_grades import ImuSettings
+from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import earth_field_b
-from fti.hil.world import World
+from fti.hil.sensors.settings import settings_of
+from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import (
     DeviceStatus,
@@ -31,16 +34,16 @@ class Autopilot:
     time_scale = TimeScale.BOOT
 
     RANGE_EVERY, POSITION_EVERY, PRESSURE_EVERY, HEARTBEAT_EVERY = 2, 5, 10, 50  # samples
-    ACCEL_SD, GYRO_SD, LASER_SD, FIELD_SD = 0.05, np.deg2rad(0.2), 0.05, 0.3e-6
+    LASER_SD, FIELD_SD = 0.05, 0.3e-6
     LASER_RANGE_M = (0.2, 500.0)
 
     def __init__(self, bound: BoundDevice, world: World, t: NDArray[np.float64], rng: np.random.Generator) -> None:
         state, limits = world.state(t), bound.device.altimeter
         self._reference = Reference(bound, state, world, t, rng)
-        self._air = AirData(state, world, t, rng)
-        self._accel = specific_force_b(state) + rng.normal(0.0, self.ACCEL_SD, (len(t), 3))
-        self._gyro = angular_rate_b(state) + rng.normal(0.0, self.GYRO_SD, (len(t), 3))
-        self._field = earth_field_b(state) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
+        self._air = AirData(bound, state, world, t, rng)
+        grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
+        self._accel, self._gyro = inertial_samples(grade, state, rng)
+        self._field = earth_field_b(state) @ mounting(bound.device) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
         self._limits = limits.range_m if limits else self.LASER_RANGE_M
         self._ranges = world.laser_ranges(t, bound.device) + white(t, self.LASER_SD, rng) if limits else None
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers._fields import Field, Meaning
+from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
-from fti.hil.sensors.avionics import AirData, Reference
+from fti.hil.sensors.avionics import Reference
 from fti.hil.sensors.base import Model
 from fti.hil.sensors.errors import slow
 from fti.hil.world import World
@@ -49,7 +50,7 @@ class DescribedDevice:
         if RadioHeight in kinds:
             self._altimeters.append(RadarAltimeter(bound, world, t, rng))
         self._reference = Reference(bound, state, world, t, rng) if kinds & {Attitude, Position, Velocity} else None
-        self._air = AirData(state, world, t, rng)
+        self._air = AirData(bound, state, world, t, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Everything; the encoder takes what its fields carry."""

@@ -40,6 +40,18 @@ def recursion(kicks: Array, keep: float) -> Array:
     return found
 
 
+def lagged(t: Array, values: Array, lag_s: float) -> Array:
+    """Values behind a first-order lag, shape (n,): exact for straight lines between samples, settled at the first."""
+    if lag_s == 0.0:
+        return values
+    share = lag_s / _interval(t)
+    keep = float(np.exp(-1.0 / share))
+    kicks = (1.0 - share * (1.0 - keep)) * values
+    kicks[1:] += (share * (1.0 - keep) - keep) * values[:-1]
+    kicks[0] = values[0]
+    return recursion(kicks, keep)
+
+
 def white(t: Array, sd: float, rng: np.random.Generator) -> Array:
     """Independent errors with standard deviation sd, shape of t."""
     return rng.normal(0.0, sd, len(t))

@@ -15,9 +15,11 @@ limit (1 % of scale) is taken as one sigma.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 from fti.hil.sensors.imu import Grade, Triad
+from fti.hil.sensors.settings import DeviceSettings
 
 GradeName = Literal["navigation", "tactical", "mems"]
 
@@ -28,6 +30,8 @@ PER_ROOT_H = 1.0 / 60.0
 G = 9.80665
 MILLI_G, MICRO_G, PPM, FOOT = 1e-3 * G, 1e-6 * G, 1e-6, 0.3048
 DAY_S = 86_400.0
+#: Every unit stands still so long before the flight [s]: assumed.
+STANDING_S = 60.0
 
 
 def walk_after_a_day(in_run: float) -> float:
@@ -109,3 +113,19 @@ GRADES: dict[GradeName, Grade] = {
         ),
     ),
 }
+
+
+class ImuSettings(DeviceSettings):
+    """Of a unit with an autopilot's or a heading reference's inertial sensors."""
+
+    grade: GradeName = "mems"
+
+
+def at_rest(grade: Grade) -> Grade:
+    """A unit that has taken its gyros' mean while it stood still for their bias: what is left is how well it knows it.
+
+    The Earth's turn is in that mean too, and is known to be.
+    """
+    gyro = grade.gyro
+    known = math.hypot(gyro.in_run, gyro.white / math.sqrt(STANDING_S))
+    return replace(grade, gyro=replace(gyro, turn_on=min(gyro.turn_on, known)))

@@ -15,6 +15,8 @@ from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
 from fti.hil.flight.trajectory import State, earth_frame_velocity
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.imu import Imu
+from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
 from fti.hil.sensors.inertial_aids import Aids
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -46,6 +48,11 @@ def angular_rate_b(state: State) -> Array:
     earth_n = np.einsum("nji,j->ni", mat_en(state.lat, state.lon), EARTH_RATE_E)
     mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
     return np.asarray(state.omega_nb_b + np.einsum("nji,nj->ni", mat_nb, transport_n + earth_n))
+
+
+def inertial_samples(grade: GradeName, state: State, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Specific force [m/s^2] and angular rate [rad/s] as a unit of a grade says them, shape (n, 3)."""
+    return Imu(at_rest(GRADES[grade]), rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
 
 
 class InertialNavigation:

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from fti.drivers.imar_ixcom.deviations import ITEMS
 from fti.drivers.imar_ixcom.options import Options
 from fti.drivers.imar_ixcom.status import HEALTHY
-from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.trajectory import State
-from fti.hil.sensors.avionics import STANDARD_PA, AirData, Reference
+from fti.hil.sensors.air_data import STANDARD_PA, AirData
+from fti.hil.sensors.avionics import Reference
 from fti.hil.sensors.errors import slow
-from fti.hil.world import World
+from fti.hil.sensors.magnetometer import earth_field_b
+from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import (
     Airspeed,
@@ -35,8 +36,6 @@ Measure = Callable[[int, Stamp], list[Measurement]]
 
 #: How often an aid has something new [Hz].
 OWN_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
-#: Axial dipole of the Earth at the equator [T].  Source: IGRF-13, g(1, 0) of 2020.
-DIPOLE = 2.94048e-5
 FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and what calibration leaves
 STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
 #: One sigma of what the filter estimates besides the solution: accelerometer [m/s^2] and gyro bias [rad/s], scales.
@@ -56,8 +55,8 @@ class Aids:
         state, rate_hz = world.state(t), 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         makers: dict[str, Callable[[], Measure]] = {
             "GNSSSOL": lambda: _receiver(Reference(bound, state, world, t, rng)),
-            "AIRDATA": lambda: _air_data(AirData(state, world, t, rng)),
-            "MAGDATA": lambda: _magnetometer(state, t, rng),
+            "AIRDATA": lambda: _air_data(AirData(bound, state, world, t, rng)),
+            "MAGDATA": lambda: _magnetometer(bound, state, t, rng),
             "EKFSTDDEV": lambda: _filter(deviations),
             "SYSSTAT": lambda: lambda _, stamp: [DeviceStatus(stamp=stamp, ok=True, flags=STATUS)],
         }
@@ -88,15 +87,9 @@ def _air_data(air: AirData) -> Measure:
     return measure
 
 
-def dipole_field_b(state: State) -> Array:
-    """The field of an axial dipole in the body frame [T], shape (n, 3): north B cos lat, down 2 B sin lat."""
-    field_n = DIPOLE * np.stack([np.cos(state.lat), np.zeros_like(state.lat), 2.0 * np.sin(state.lat)], axis=1)
-    return np.asarray(np.einsum("nji,nj->ni", mat_from_rpy(state.roll, state.pitch, state.heading), field_n))
-
-
-def _magnetometer(state: State, t: Array, rng: np.random.Generator) -> Measure:
+def _magnetometer(bound: BoundDevice, state: State, t: Array, rng: np.random.Generator) -> Measure:
     left = np.stack([slow(t, FIELD_BIAS_SD, 300.0, rng) for _ in range(3)], axis=1)
-    field = dipole_field_b(state) + left + rng.normal(0.0, FIELD_SD, (len(t), 3))
+    field = (earth_field_b(state) + left) @ mounting(bound.device) + rng.normal(0.0, FIELD_SD, (len(t), 3))
 
     def measure(k: int, stamp: Stamp) -> list[Measurement]:
         x, y, z = map(float, field[k])

@@ -6,7 +6,7 @@ driver's model has which.  What a model does not take is refused before anything
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ConfigDict
 
@@ -25,7 +25,19 @@ Kind = TypeVar("Kind", bound=DeviceSettings)
 
 
 def settings_of(kind: type[Kind], scenario: Scenario, name: str) -> Kind:
-    """The settings of a device as its model's class.  Raises ConfigError that names key and what is allowed."""
+    """A part of a device's settings: those of ``kind``.  The others are another part's, and were checked before."""
+    return _bound(kind, scenario, name, {k: v for k, v in _given(scenario, name).items() if k in kind.model_fields})
+
+
+def check_settings(kind: type[DeviceSettings], scenario: Scenario, name: str) -> None:
+    """All settings of a device are its model's.  Raises ConfigError that names key and what is allowed."""
+    _bound(kind, scenario, name, _given(scenario, name))
+
+
+def _given(scenario: Scenario, name: str) -> dict[str, Any]:
     given = scenario.sensor.get(name)
-    table = given.model_dump(exclude_unset=True) if given else {}
+    return given.model_dump(exclude_unset=True) if given else {}
+
+
+def _bound(kind: type[Kind], scenario: Scenario, name: str, table: dict[str, Any]) -> Kind:
     return configuration.bind(kind, table, scenario.title, f"sensor.{name}")

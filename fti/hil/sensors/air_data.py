@@ -1,0 +1,107 @@
+"""Air data: what probes, tubes and an air-data computer make of the air around the flight.
+
+    p_s = lag(p + C_p q_c) + error          static port: it feels a little of the impact pressure (position error)
+    q   = lag(p + q_c) - p_s                pitot against static: what the position error adds there is missing here
+    H   = H_standard(p_s)                   altitude at 1013.25 hPa; at a setting B: H - H_standard(B)
+    Mach, CAS, TAS                          from q, p_s and the air temperature, subsonic
+
+The flow is the flight's own: velocity against the air, gusts included, so that wind from the side is seen as sideslip
+by vanes as it is in the attitude.
+
+Source: ISO 2533 (constants); Gracey 1980, NASA RP-1046, chapters 2, 3 and 10 (airspeed, position error, lag of tubes);
+FAR 23.1325(e): 30 ft per 100 kt of position error are allowed, C_p = 0.07.  C_p of 0.01 and lags of 0.1 s (static) and
+0.05 s (pitot) are assumed: a boom with short tubes.  So are the sizes of the errors of transducers and vanes.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
+from fti.hil.flight.trajectory import State
+from fti.hil.sensors.errors import lagged, slow, white
+from fti.hil.sensors.settings import DeviceSettings, settings_of
+from fti.hil.world import HEAT_RATIO, World, calibrated_airspeed, impact_pressure
+from fti.service.binding import BoundDevice
+from fti.types import (
+    Airspeed,
+    FlowAngles,
+    ImpactPressure,
+    Measurement,
+    PressureAltitude,
+    Stamp,
+    StaticPressure,
+    Temperature,
+)
+
+Array = NDArray[np.float64]
+Lag = Annotated[float, Field(ge=0, le=10)]
+
+STANDARD_PA = ISA_PRESSURE
+
+
+class AirSettings(DeviceSettings):
+    """Of an air-data computer.
+
+    static_error             : C_p, what the static port feels of the impact pressure
+    static_lag_s, pitot_lag_s : time constants of the tubes
+    altimeter_hpa            : what the crew has set on the altimeter; none: the QNH of the scenario
+    """
+
+    static_error: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.01
+    static_lag_s: Lag = 0.1
+    pitot_lag_s: Lag = 0.05
+    altimeter_hpa: Annotated[float, Field(ge=870, le=1085)] | None = None
+
+
+class AirData:
+    """Pressures, temperature, speeds and flow angles of an air-data computer.
+
+    setting_pa : what is set on its altimeter [Pa]
+    """
+
+    PRESSURE_SD, IMPACT_SD, TEMPERATURE_SD, FLOW_SD = 8.0, 6.0, 0.3, np.deg2rad(0.2)
+
+    def __init__(self, bound: BoundDevice, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
+        settings = settings_of(AirSettings, world.scenario, bound.device.name)
+        alt_msl = state.alt - world.undulation
+        temperature, p = world.atmosphere.temperature(alt_msl), world.atmosphere.p_static(alt_msl)
+        q_c = impact_pressure(state.tas, p, temperature)
+        at_port = lagged(t, p + settings.static_error * q_c, settings.static_lag_s)
+        self.p_static = at_port + slow(t, self.PRESSURE_SD, 30.0, rng) + white(t, 2.0, rng)
+        total = lagged(t, p + q_c, settings.pitot_lag_s)
+        self.q_c = np.maximum(total - at_port + white(t, self.IMPACT_SD, rng), 0.0)
+        self.temperature = temperature + slow(t, self.TEMPERATURE_SD, 60.0, rng)
+        self.tas = true_airspeed(self.q_c, self.p_static, self.temperature)
+        self.aoa = state.aoa + white(t, self.FLOW_SD, rng)
+        self.aos = state.aos + white(t, self.FLOW_SD, rng)
+        set_hpa = settings.altimeter_hpa
+        self.setting_pa = world.atmosphere.qnh if set_hpa is None else 100.0 * set_hpa
+        self._at_setting = float(pressure_altitude(self.setting_pa))
+
+    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """All that an air-data computer says: altitude at the standard setting, then at the crew's."""
+        p_static, q_c = float(self.p_static[k]), float(self.q_c[k])
+        alt_press, cas = float(pressure_altitude(p_static)), float(calibrated_airspeed(q_c))
+        return [
+            StaticPressure(stamp=stamp, p_static=p_static),
+            ImpactPressure(stamp=stamp, q_c=q_c),
+            PressureAltitude(stamp=stamp, alt_press=alt_press, setting_pa=STANDARD_PA),
+            PressureAltitude(stamp=stamp, alt_press=alt_press - self._at_setting),
+            Airspeed(stamp=stamp, cas=cas, ias=cas, tas=float(self.tas[k])),
+            Temperature(stamp=stamp, static=float(self.temperature[k])),
+            FlowAngles(stamp=stamp, aoa=float(self.aoa[k]), aos=float(self.aos[k])),
+        ]
+
+
+def true_airspeed(q_c: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
+    """TAS [m/s] of impact and static pressure [Pa] and static air temperature [K], subsonic.
+
+    The way back of ``impact_pressure``.  Source: Gracey 1980, chapter 3.
+    """
+    mach_sq = 5.0 * ((np.asarray(q_c) / np.asarray(p_static) + 1.0) ** (1 / 3.5) - 1.0)
+    return np.asarray(np.sqrt(mach_sq * HEAT_RATIO * GAS_CONSTANT * np.asarray(temperature)))
