@@ -50,7 +50,7 @@ DEVICES = {
     "ascii_line_checked": Kind("ascii_line", "range.slant_range", {**LINE, "first_line": "take"}, LASER),
     "binary_struct": Kind("binary_struct", "range.slant_range", altimeter=LASER),
     "canaerospace": Kind("canaerospace", "static_pressure.p_static"),
-    "dbc": Kind("dbc", "dme_range.slant_range", name="dme_2", rate_hz=4.0)  # slow to encode,
+    "dbc": Kind("dbc", "dme_range.slant_range", name="dme_2", rate_hz=4.0),  # slow to encode
     "deflection_pickups": Kind(
         "deflection_pickups", "surface_deflection.raw", name="elevator", size=40.0, forced=2500.0
     ),
