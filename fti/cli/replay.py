@@ -2,19 +2,35 @@
 
 Serial and slcan ports appear as symlinks in a folder; give the same folder to the daemon.  The replay begins when
 every serial line, slcan channel and UDP port has been opened, and half a second later (a CAN bus does not tell who
-listens).  Nothing is lost: while a line is full, the replay waits.  A snapshot, or a session in mode "snapshot", is
-sent as far as it was recorded, with its pauses; it begins with its first frame.
+listens).  Nothing is lost: while a line is full, the replay waits.  What the daemon had sent itself is not sent again.
+A snapshot, or a session in mode "snapshot", is sent as far as it was recorded, with its pauses; it begins with its
+first frame.
+
+In a terminal: space pauses and goes on, "." or s sends one frame and pauses, q ends.
+
+At the end stands how late the frames of each link were; ``fti compare`` proves that recording them gave the same.
 
     fti replay data/demo_20260101T120000Z_0 --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links --origin replay
+    fti replay data/demo_20260101T120000Z_0 --only gnss_line,ins_eth --from 120 --loop
 """
 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from fti.cli._arguments import factor, seconds
 from fti.cli.main import EXIT_INTERRUPTED
+
+if TYPE_CHECKING:
+    import asyncio
+
+    from fti.hil.replay import Replay
+    from fti.hil.report import Report
+
+#: How often the position is shown on a terminal, and told elsewhere [s].
+SHOW_S, TELL_S = 0.5, 60.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,8 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("session", metavar="SESSION", help="folder of a session, or one of its files")
     parser.add_argument("--speed", type=factor, default=1.0, metavar="X", help="times as fast (default: 1)")
     parser.add_argument("--from", type=seconds, default=0.0, dest="from_s", metavar="T", help="leave out the first T s")
+    parser.add_argument("--loop", action="store_true", help="again and again, until it is interrupted")
+    parser.add_argument("--only", type=_names, default=(), metavar="LINK[,LINK]", help="these links alone")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--config", metavar="CONFIG", help="another configuration than the session's own")
+    parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
     parser.add_argument(
         "--wait",
         type=seconds,
@@ -33,27 +52,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
+
+
 def run(args: argparse.Namespace) -> int:
     """Replay to the end or to a signal."""
-    import asyncio
-    import sys
+    from fti.cli._playing import print_report, until_stopped, write_report
+    from fti.hil import looping
+
+    replay, length_s = _open(args)
+    report, interrupted = looping.run(until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready))
+    print_report(report)
+    write_report(report, args.report)
+    return EXIT_INTERRUPTED if interrupted else 0
+
+
+def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
+    """The replay, and how long the session is [s]."""
     from pathlib import Path
 
     from fti import config as configuration
-    from fti.cli._playing import print_report, until_stopped
     from fti.cli._reading import report_remarks
-    from fti.hil.replay import Replay, recorded_config
+    from fti.hil.replay import Replay, length_s, recorded_config
     from fti.logger.reading.recording import Recording
 
     session = Path(args.session)
     recording = Recording.open(session)
     report_remarks(recording)
     config = configuration.load(args.config) if args.config else recorded_config(recording, session)
-    replay = Replay(recording, config, Path(args.links), speed=args.speed, from_s=args.from_s, wait_s=args.wait)
+    replay = Replay(
+        recording,
+        config,
+        Path(args.links),
+        speed=args.speed,
+        from_s=args.from_s,
+        wait_s=args.wait,
+        loop=args.loop,
+        only=args.only,
+    )
+    return replay, length_s(recording)
 
-    def progress(step: str) -> None:
-        print(step, file=sys.stderr, flush=True)
 
-    report, interrupted = asyncio.run(until_stopped(lambda stop: replay.run(stop, progress), replay.ready))
-    print_report(report)
-    return EXIT_INTERRUPTED if interrupted else 0
+async def _play(replay: Replay, length_s: float | None, stop: asyncio.Event) -> Report:
+    """Replay, with keys and the position where somebody sees them."""
+    import asyncio
+
+    from fti.cli._keys import keys
+    from fti.cli._playing import tell
+
+    transport = replay.transport
+    with keys({" ": transport.pause, ".": transport.step, "s": transport.step, "q": stop.set}):
+        showing = asyncio.create_task(_show(replay, length_s), name="fti-replay-position")
+        try:
+            return await replay.run(stop, tell)
+        finally:
+            showing.cancel()
+
+
+async def _show(replay: Replay, length_s: float | None) -> None:
+    """Show the position: in place on a terminal, else a line a minute."""
+    import asyncio
+    import sys
+
+    seen = sys.stderr.isatty()
+    while True:
+        await asyncio.sleep(SHOW_S if seen else TELL_S)
+        if (position_s := replay.position_s) is not None:
+            whole = f" of {length_s:.0f}" if length_s else ""
+            state = ", paused" if replay.transport.stands else ""
+            end = "\x1b[K\r" if seen else "\n"
+            print(f"{position_s:.1f}{whole} s{state}", end=end, file=sys.stderr, flush=True)

@@ -2,79 +2,42 @@
 
 One read, datagram or CAN frame of the recording is one message here.  Nothing is lost: where a pty is full, the
 replay waits (and is late).  It begins when somebody has opened every serial line, slcan channel and UDP port; a CAN
-bus does not tell, which is what the extra wait is for.  It ends when the serial readers have read everything.
+bus does not tell, which is what the extra wait is for.  It ends when the serial readers have read everything.  What
+the recorder itself had sent on a link is not sent again: the far end never said that.
 """
 
 from __future__ import annotations
 
 import asyncio
+import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
 from fti import config as configuration
-from fti.clock import SystemClock
 from fti.config import Config
 from fti.errors import MissingError
+from fti.hil.ahead import Ahead
+from fti.hil.playback import SECOND_NS, FrameStream, Transport, chosen
 from fti.hil.ports.endpoints import Endpoint, make_endpoint, opened, until
 from fti.hil.report import Report
 from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
-from fti.types import TICK_LINK, RawFrame
+from fti.types import RawFrame
 
-SECOND_NS = 1_000_000_000
-#: A longer pause is told: in a snapshot it may last until the next trigger.
-PAUSE_S = 5.0
 CONFIG_ATTACHMENT = "config.toml"
-
-
-class FrameStream:
-    """The frames of a recording as a stream of the scheduler.
-
-    from_s   : part of the recording that is left out [s after its first frame]; speed : 2 is twice as fast
-    progress : told of long pauses
-    """
-
-    def __init__(
-        self,
-        frames: Iterator[RawFrame],
-        endpoints: Mapping[str, Endpoint],
-        from_s: float,
-        speed: float,
-        progress: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        self._frames = (f for f in frames if f.link != TICK_LINK)
-        self._endpoints, self._speed, self._progress = endpoints, speed, progress
-        self._next = next(self._frames, None)
-        self._origin_ns = (self._next.t_rx_ns if self._next else 0) + round(from_s * SECOND_NS)
-        self._due = 0.0
-        while self._next is not None and self._next.t_rx_ns < self._origin_ns:
-            self._next = next(self._frames, None)
-
-    def due_s(self) -> float | None:
-        """When the next frame goes out; frames keep their order also where their stamps do not."""
-        if self._next is None:
-            return None
-        self._due = max(self._due, (self._next.t_rx_ns - self._origin_ns) / SECOND_NS / self._speed)
-        return self._due
-
-    async def send(self) -> None:
-        """Send the frame, without loss."""
-        assert self._next is not None
-        endpoint = self._endpoints.get(self._next.link)
-        if endpoint is None:
-            raise MissingError(f"link {self._next.link!r} of the recording is not in the configuration")
-        await endpoint.send_all(self._next.data)
-        self._next = next(self._frames, None)
-        before_s = self._due
-        if (due_s := self.due_s()) is not None and due_s - before_s > PAUSE_S:
-            self._progress(f"no frames were recorded now; it goes on in {due_s - before_s:.0f} s")
+#: A replay has held its speed when its last frame was late by no more than this, or a thousandth of its length.
+BEHIND_S, BEHIND_SHARE = 0.02, 0.001
 
 
 class Replay:
     """A session, sent again.
 
     links_dir : where the symlinks to ptys stand; wait_s : time between the last reader's coming and the first frame
+    loop      : again and again; only : these links alone (none named: all)
     """
 
     def __init__(
@@ -86,35 +49,65 @@ class Replay:
         speed: float = 1.0,
         from_s: float = 0.0,
         wait_s: float = 0.5,
+        loop: bool = False,
+        only: Sequence[str] = (),
     ) -> None:
         if speed <= 0.0 or from_s < 0.0 or wait_s < 0.0:
             raise ValueError(f"speed {speed} must be positive, from {from_s} and wait {wait_s} not negative")
         self.ready = asyncio.Event()
-        self._recording, self._config, self._folder = recording, config, links_dir
-        self._speed, self._from_s, self._wait_s = speed, from_s, wait_s
+        self.transport = Transport(time.monotonic)
+        self._recording, self._folder = recording, links_dir
+        self._speed, self._from_s, self._wait_s, self._loop, self._only = speed, from_s, wait_s, loop, only
+        self._links = [link for link in config.link if not only or link.name in only]
+        self._stream: FrameStream | None = None
+        for name in only:
+            if name not in [link.name for link in self._links]:
+                known = ", ".join(link.name for link in config.link)
+                raise MissingError(f"{name!r} is no link of {config.path}; there are {known}")
+
+    @property
+    def position_s(self) -> float | None:
+        """Where in the recording it is [s after its first frame], counted on through a loop; None before it begins."""
+        return self._from_s + self._stream.lasts_s * self._speed if self._stream else None
+
+    def _frames(self) -> Iterator[RawFrame]:
+        return chosen(self._recording.frames, from_s=self._from_s, only=self._only, loop=self._loop)
 
     async def run(self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None) -> Report:
         """Open the endpoints, wait for readers, send everything.  progress : told what is waited for."""
         ended = stop or asyncio.Event()
-        clock = SystemClock(0)
-        started = [0]
-        scheduler = Scheduler(lambda: (clock.now_ns() - started[0]) / SECOND_NS)
-
-        async def play(endpoints: Mapping[str, Endpoint]) -> None:
-            await _readers(endpoints, progress)
-            await asyncio.sleep(self._wait_s)
-            stream = FrameStream(self._recording.frames(), endpoints, self._from_s, self._speed, progress)
-            started[0] = clock.now_ns()
-            await scheduler.run([stream], ended)
-            for endpoint in endpoints.values():
-                await endpoint.drained()
-
-        async with opened(
-            {link.name: make_endpoint(link, self._folder, lambda _: []) for link in self._config.link}
-        ) as endpoints:
+        scheduler = Scheduler(self.transport.now_s)
+        ends = {link.name: make_endpoint(link, self._folder, lambda _: [], tell=progress) for link in self._links}
+        async with opened(ends):
             self.ready.set()
-            await until(play(endpoints), ended)
-        return Report({name: e.sent for name, e in endpoints.items()}, scheduler.lateness)
+            await until(self._play(scheduler, ends, ended, progress), ended)
+        by_link = self._stream.by_link if self._stream else {}
+        sent = {name: endpoint.sent for name, endpoint in ends.items()}
+        return Report(sent, scheduler.lateness, by_link, remarks=self._behind())
+
+    async def _play(
+        self,
+        scheduler: Scheduler,
+        endpoints: Mapping[str, Endpoint],
+        stop: asyncio.Event,
+        progress: Callable[[str], None],
+    ) -> None:
+        await _readers(endpoints, progress)
+        await asyncio.sleep(self._wait_s)
+        with Ahead(self._frames) as frames:
+            self._stream = FrameStream(frames, endpoints, self.transport, self._speed, progress)
+            self.transport.start()
+            await scheduler.run([self._stream], stop)
+        for endpoint in endpoints.values():
+            await endpoint.drained()
+
+    def _behind(self) -> list[str]:
+        """What may not be claimed of the speed."""
+        stream = self._stream
+        if stream is None or stream.last_late_s <= max(BEHIND_S, BEHIND_SHARE * stream.lasts_s):
+            return []
+        reached = self._speed * stream.lasts_s / (stream.lasts_s + stream.last_late_s)
+        return [f"speed {self._speed:g} was asked for, {reached:.3g} was reached"]
 
 
 async def _readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], None]) -> None:
@@ -130,3 +123,19 @@ def recorded_config(recording: Recording, session: Path) -> Config:
         raise MissingError(f"{session}: holds no attachment {CONFIG_ATTACHMENT}; name the configuration with --config")
     text = data.decode("utf-8")
     return configuration.parse(tomllib.loads(text), text, session / CONFIG_ATTACHMENT)
+
+
+def length_s(recording: Recording) -> float | None:
+    """How long a recording is [s], as its finished files say; None when one of them has no end."""
+    begins, ends = [], []
+    for path in recording.frame_files:
+        with path.open("rb") as file:
+            try:
+                summary = make_reader(file).get_summary()
+            except McapError:
+                return None
+        if summary is None or summary.statistics is None:
+            return None
+        begins.append(summary.statistics.message_start_time)
+        ends.append(summary.statistics.message_end_time)
+    return (max(ends) - min(begins)) / SECOND_NS if begins else None

@@ -13,17 +13,21 @@ from fti.hil.ports.sent import Sent
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What was sent, per link, and how late; ``rates`` of the devices, where devices have any."""
+    """What was sent, per link, and how late.
+
+    rates : of the devices, where devices have any; remarks : what else may not be claimed
+    """
 
     links: Mapping[str, Sent]
     lateness: Lateness
     by_link: Mapping[str, Lateness] = field(default_factory=dict)
     rates: Sequence[Rate] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def not_held(self) -> list[str]:
-        """For each rate that may not be claimed, why not."""
-        return [why for rate in self.rates if (why := self._why_not(rate))]
+        """What may not be claimed, and why not."""
+        return [*self.remarks, *(why for rate in self.rates if (why := self._why_not(rate)))]
 
     def _why_not(self, rate: Rate) -> str:
         sent = self.links.get(rate.link)

@@ -24,7 +24,8 @@ from fti import config as configuration
 from fti.canframe import pack_can
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.replay import FrameStream, Replay, recorded_config
+from fti.hil.playback import FrameStream, Transport, chosen
+from fti.hil.replay import Replay, recorded_config
 from fti.hil.report import Report
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
@@ -168,7 +169,8 @@ def due_of(recorded: list[RawFrame], told: list[str] | None = None, **keys: floa
 
     sinks: dict[str, Any] = {frame.link: Sink() for frame in recorded}
     said = list[str]() if told is None else told
-    stream = FrameStream(iter(recorded), sinks, keys.get("from_s", 0.0), keys.get("speed", 1.0), said.append)
+    frames = chosen(lambda: recorded, from_s=keys.get("from_s", 0.0))
+    stream = FrameStream(frames, sinks, Transport(lambda: 0.0), keys.get("speed", 1.0), said.append)
     found = []
     while (due := stream.due_s()) is not None:
         found.append(due)

@@ -1,0 +1,147 @@
+"""The time of a replay, and its frames in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from fti.errors import MissingError
+from fti.hil.lateness import Histogram, Lateness
+from fti.hil.ports.endpoints import Endpoint
+from fti.types import TICK_LINK, RawFrame
+
+SECOND_NS = 1_000_000_000
+#: A longer pause is told: in a snapshot it may last until the next trigger.
+PAUSE_S = 5.0
+#: After a step the time stands so little before the frame that follows at the same instant [s].
+BEFORE_S = 1e-6
+
+
+class Transport:
+    """Time that runs, stands, or goes on by one frame.  real_s : a clock [s]; time 0 is ``start``"""
+
+    def __init__(self, real_s: Callable[[], float]) -> None:
+        self._real_s = real_s
+        self._zero_s = real_s()
+        self._stands_at: float | None = None
+        self._steps = 0
+        self.next_s = 0.0  # when the next frame is due
+
+    def start(self) -> None:
+        """Now is the begin."""
+        self._zero_s = self._real_s()
+        if self._stands_at is not None:
+            self._stands_at = 0.0
+
+    @property
+    def stands(self) -> bool:
+        """Is it paused?"""
+        return self._stands_at is not None
+
+    def now_s(self) -> float:
+        """The time [s]; with a step to do it is that of the next frame."""
+        if self._stands_at is None:
+            return self._real_s() - self._zero_s
+        return max(self._stands_at, self.next_s) if self._steps else self._stands_at
+
+    def pause(self) -> None:
+        """Stand still, or go on from there."""
+        if self._stands_at is None:
+            self._stands_at = self._real_s() - self._zero_s
+        else:
+            self._zero_s = self._real_s() - self._stands_at
+            self._stands_at, self._steps = None, 0
+
+    def step(self) -> None:
+        """One frame more, and stand still."""
+        if self._stands_at is None:
+            self.pause()
+        self._steps += 1
+
+    def went(self) -> None:
+        """The next frame was sent."""
+        if self._stands_at is not None and self._steps:
+            self._steps -= 1
+            self._stands_at = max(self._stands_at, self.next_s - BEFORE_S)
+
+
+def chosen(
+    frames: Callable[[], Iterable[RawFrame]], *, from_s: float = 0.0, only: Sequence[str] = (), loop: bool = False
+) -> Iterator[RawFrame]:
+    """The frames that a replay sends; t_rx_ns counts from its begin, which is from_s after the first frame.
+
+    frames : makes an iterator over a recording, anew for each pass
+    only   : these links alone (none named: all); loop : the first frame again at the instant of the last, for ever
+    """
+    begin_ns = end_ns = 0
+    while True:
+        links = (frame for frame in frames() if frame.link != TICK_LINK)
+        origin_ns, found = None, False
+        for frame in links:
+            if origin_ns is None:
+                origin_ns = frame.t_rx_ns + round(from_s * SECOND_NS)
+            if frame.t_rx_ns >= origin_ns and (not only or frame.link in only):
+                end_ns = max(end_ns, begin_ns + frame.t_rx_ns - origin_ns)
+                found = True
+                yield RawFrame(frame.link, frame.seq, begin_ns + frame.t_rx_ns - origin_ns, frame.data)
+        if not loop or not found:
+            return
+        begin_ns = end_ns
+
+
+class FrameStream:
+    """Frames as ``chosen`` gives them, as a stream of the scheduler.
+
+    speed    : 2 is twice as fast
+    progress : told of long pauses
+    """
+
+    def __init__(
+        self,
+        frames: Iterator[RawFrame],
+        endpoints: Mapping[str, Endpoint],
+        transport: Transport,
+        speed: float = 1.0,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self._frames, self._endpoints, self._transport = frames, endpoints, transport
+        self._speed, self._progress = speed, progress
+        self._late = {link: Histogram() for link in endpoints}
+        self._next = next(frames, None)
+        self._due = self.last_late_s = 0.0
+
+    @property
+    def by_link(self) -> dict[str, Lateness]:
+        """How late the frames of each link were."""
+        return {link: late.lateness for link, late in self._late.items()}
+
+    @property
+    def lasts_s(self) -> float:
+        """How long the frames so far take at the speed that was asked for [s]."""
+        return self._due
+
+    def due_s(self) -> float | None:
+        """When the next frame goes out; frames keep their order also where their stamps do not."""
+        if self._next is None:
+            return None
+        self._due = max(self._due, self._next.t_rx_ns / SECOND_NS / self._speed)
+        self._transport.next_s = self._due
+        return self._due
+
+    def note(self, due_s: float, late_s: float) -> None:
+        """How late the next frame goes out."""
+        assert self._next is not None
+        self.last_late_s = late_s
+        self._late.setdefault(self._next.link, Histogram()).add(late_s)
+
+    async def send(self) -> None:
+        """Send the frame, without loss."""
+        assert self._next is not None
+        endpoint = self._endpoints.get(self._next.link)
+        if endpoint is None:
+            raise MissingError(f"link {self._next.link!r} of the recording is not in the configuration")
+        await endpoint.send_all(self._next.data)
+        self._transport.went()
+        self._next = next(self._frames, None)
+        before_s = self._due
+        if (due_s := self.due_s()) is not None and due_s - before_s > PAUSE_S:
+            self._progress(f"no frames were recorded now; it goes on in {due_s - before_s:.0f} s")
