@@ -145,5 +145,5 @@ def _at(samples: Samples, rows: NDArray[np.intp]) -> Samples:
 
 def _words(metres: Array, angles: Array) -> str:
     deg = np.rad2deg(angles)
-    rms = [float(np.sqrt(np.mean(np.square(values)))) for values in (metres, deg)]
-    return f"{rms[0]:.4f} m and {rms[1]:.4f} deg rms, at most {metres.max():.4f} m and {deg.max():.4f} deg"
+    rms_m, rms_deg = (float(np.sqrt(np.mean(np.square(values)))) for values in (metres, deg))
+    return f"{rms_m:.2g} m and {rms_deg:.2g} deg rms, at most {metres.max():.2g} m and {deg.max():.2g} deg"

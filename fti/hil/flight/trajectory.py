@@ -150,9 +150,7 @@ class SplineFlight:
     def during(self, begin: float, end: float) -> SplineFlight:
         """The part of it from begin to end [s]; what was known beyond is not told any more.  ValueError outside."""
         if not self.begin <= begin < end <= self.end:
-            raise ValueError(
-                f"{begin:.3f} to {end:.3f} s is no part of a flight of {self.begin:.3f} to {self.end:.3f} s"
-            )
+            raise ValueError(f"{begin} to {end} s is no part of a flight of {self.begin:.3f} to {self.end:.3f} s")
         part = copy.copy(self)
         part.begin, part.end = begin, end
         return part

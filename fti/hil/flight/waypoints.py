@@ -32,8 +32,8 @@ SMOOTH_S, KNOT_S = 6.0, 0.5
 FINE_S, FINE_M = 0.125, 10.0
 #: The legs go on beyond both ends for so long [s]: half of an average, and some knots.
 MARGIN_S = 6.0
-#: A smaller change of direction is none [rad].
-STRAIGHT = 1e-4
+#: A smaller change of direction is none [rad]; waypoints that are nearer than this are one [m].
+STRAIGHT, LEAST_M = 1e-4, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +57,10 @@ def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[fl
     """The flight from the first waypoint (t = 0) to the last one.
 
     bank   : of its turns in still air [rad]; wind_n : where the wind blows to, north and east [m/s]
-    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have.
+    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have, or two are one.
     """
-    t, positions_e, end = _timed(_with_margins(waypoints), _route(waypoints, bank))
+    turns = _route(waypoints, bank)
+    t, positions_e, end = _timed(_with_margins(waypoints), turns)
     fine = np.arange(-MARGIN_S, end + MARGIN_S, FINE_S)
     path_e = np.stack([np.interp(fine, t, axis) for axis in positions_e.T], axis=1)
     weights = np.hanning(round(SMOOTH_S / FINE_S) + 1)
@@ -80,14 +81,17 @@ class _Turn:
 
 
 def _route(waypoints: Sequence[Waypoint], bank: float) -> list[_Turn]:
+    lengths = [EARTH_RADIUS * _angle(a.normal_e, b.normal_e) for a, b in itertools.pairwise(waypoints)]
+    if min(lengths) < LEAST_M:
+        k = int(np.argmin(lengths))
+        raise ValueError(f"waypoint[{k}] and waypoint[{k + 1}] are at one place")
     turns = [_Turn(waypoints[0].normal_e[None], 0.0)]
     turns += [_turn(*three, bank) for three in zip(waypoints, waypoints[1:], waypoints[2:], strict=False)]
     turns.append(_Turn(waypoints[-1].normal_e[None], 0.0))
     for i, (before, after) in enumerate(itertools.pairwise(turns)):
-        length = EARTH_RADIUS * _angle(waypoints[i].normal_e, waypoints[i + 1].normal_e)
-        if length <= before.lead + after.lead:
+        if lengths[i] <= before.lead + after.lead:
             raise ValueError(
-                f"waypoint[{i}] and waypoint[{i + 1}] are {length:.0f} m apart, their turns need "
+                f"waypoint[{i}] and waypoint[{i + 1}] are {lengths[i]:.0f} m apart, their turns need "
                 f"{before.lead:.0f} m + {after.lead:.0f} m: fly slower, bank more, or move them"
             )
     return turns
@@ -115,8 +119,6 @@ def _course(frame: LocalFrame, here: Waypoint, there: Waypoint) -> Array:
     """Unit vector, east and north, in which the great circle to another waypoint leaves."""
     east, north, _ = frame.mat_le @ there.normal_e
     length = np.hypot(east, north)
-    if length == 0.0:
-        raise ValueError(f"two waypoints in a row are at {np.rad2deg(here.lat):.6f}, {np.rad2deg(here.lon):.6f} deg")
     return np.asarray((east / length, north / length))
 
 
