@@ -16,6 +16,7 @@ from fti.config import Config
 from fti.hil.bench import Bench
 from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, OnLinks
 from fti.hil.faults.line import DeviceLine
+from fti.hil.flight.jsbsim.settings import JsbsimFlight
 from fti.hil.lateness import Histogram, Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.power import PowerUnit
@@ -29,6 +30,7 @@ from fti.hil.truth import TruthLog
 from fti.hil.world import World
 from fti.nav.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
+from fti.terrain.surroundings import demo_country
 
 SECOND_NS = 1_000_000_000
 
@@ -70,7 +72,7 @@ class Emulator:
         if self._sensors is not None:
             return
         progress(f"terrain of {self._scenario.airfield}")
-        self._world = self._world or make_world(self._scenario)
+        self._world = self._world or make_world(self._scenario, progress)
         self._sensors = make_sensors(self._config, self._world, self._scenario.seed, progress)
         self.power = distribute(self._sensors, self._scenario)
 
@@ -153,7 +155,11 @@ class Emulator:
 DEMO_UNDULATION = -31.0
 
 
-def make_world(scenario: Scenario) -> World:
-    """The demo airfield and its ground, with what the scenario puts on it."""
+def make_world(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> World:
+    """The demo airfield and its ground, with what the scenario puts on it; progress : told how far it is.
+
+    An aircraft with a model of its flight goes where it will: there, the country around belongs to the ground.
+    """
     airfield = load_airfield(scenes.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(scenes.DEMO_AIRFIELD))
-    return World(scenario, ApproachPath(airfield), scenes.demo_scene(), undulation=DEMO_UNDULATION)
+    terrain = demo_country() if isinstance(scenario.flight, JsbsimFlight) else scenes.demo_scene()
+    return World(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.faults.kinds import Obstacle
-from fti.hil.flight.making import make_flight
+from fti.hil.flight.making import Around, make_flight
 from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
@@ -46,11 +46,18 @@ class World:
 
     scenario : its seed, settings and faults are read by the models of sensors
     path : the published approach, whether it is flown or not; terrain : the ground as the reference knows it;
-    undulation : geoid above WGS84 [m]
+    undulation : geoid above WGS84 [m]; progress : told how far the making of the flight is
     Raises ConfigError or MissingError for a flight that cannot be made, or that is below the ground.
     """
 
-    def __init__(self, scenario: Scenario, path: ApproachPath, terrain: Terrain, undulation: float) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        path: ApproachPath,
+        terrain: Terrain,
+        undulation: float,
+        progress: Callable[[str], None] = lambda _: None,
+    ) -> None:
         air = scenario.air
         self.scenario = scenario
         self.path = path
@@ -58,8 +65,9 @@ class World:
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
-        made = make_flight(scenario, path)
+        made = make_flight(scenario, Around(path, self.terrain, self.atmosphere, undulation, progress))
         self._flight = made.flight
+        self._surfaces_t, self._surfaces = made.surfaces_t, made.surfaces
         #: What is to be told of the flight before it begins.
         self.remarks = made.remarks + look_around(made.flight, terrain, scenario.title)
         self.duration = self._flight.end
@@ -68,6 +76,10 @@ class World:
     def state(self, t: Array) -> State:
         """Truth at t [s], shape (n,)."""
         return self._flight.state(t)
+
+    def surfaces(self, t: Array) -> dict[str, Array]:
+        """Deflections of the control surfaces [rad] at t [s] by name; none where the flight was not flown with any."""
+        return {name: np.interp(t, self._surfaces_t, angles) for name, angles in self._surfaces.items()}
 
     def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
         """Leading-edge range [m] of a radar altimeter at times t [s]; NaN without return.  beam_width : full [rad]."""

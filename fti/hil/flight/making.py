@@ -3,35 +3,64 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fti.errors import ConfigError
+from fti.geodesy.atmosphere import Atmosphere
 from fti.hil.faults.kinds import OffTrack
 from fti.hil.flight.approach import Manoeuvre, Plan, approach_flight
+from fti.hil.flight.jsbsim.fdm import Weather
+from fti.hil.flight.jsbsim.flight import fly
+from fti.hil.flight.jsbsim.settings import JsbsimFlight
 from fti.hil.flight.recorded import recorded_flight
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.scenario.flights import ApproachFlight, RecordedFlight, WaypointFlight
 from fti.hil.scenario.schema import Scenario
 from fti.nav.approach import ApproachPath
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Around:
+    """Where it is flown: the approach of the airfield, ground and air, geoid above WGS84 [m].
+
+    progress : told how far the making of a flight is
+    """
+
+    path: ApproachPath
+    terrain: Terrain
+    atmosphere: Atmosphere
+    undulation: float
+    progress: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A flight, from 0 to ``flight.end`` [s], and what is to be told about how it was made."""
+    """A flight, from 0 to ``flight.end`` [s], and what is to be told about how it was made.
+
+    surfaces : deflections [rad] of control surfaces by name, where the maker knows them, at ``surfaces_t`` [s]
+    """
 
     flight: SplineFlight
     remarks: tuple[str, ...] = ()
+    surfaces_t: Array = field(default_factory=lambda: np.empty(0))
+    surfaces: Mapping[str, Array] = field(default_factory=dict)
 
 
-def make_flight(scenario: Scenario, path: ApproachPath) -> Made:
-    """The flight of a scenario.  path : the approach of its airfield.
+def make_flight(scenario: Scenario, around: Around) -> Made:
+    """The flight of a scenario.
 
     Raises ConfigError or MissingError with what is wrong in the table, or in what it names.
     """
-    return MAKERS[type(scenario.flight)](scenario.flight, scenario, path)
+    return MAKERS[type(scenario.flight)](scenario.flight, scenario, around)
 
 
 def approach_plan(table: ApproachFlight, scenario: Scenario) -> Plan:
@@ -50,13 +79,14 @@ def approach_plan(table: ApproachFlight, scenario: Scenario) -> Plan:
     )
 
 
-def _approach(table: ApproachFlight, scenario: Scenario, path: ApproachPath) -> Made:
+def _approach(table: ApproachFlight, scenario: Scenario, around: Around) -> Made:
+    path = around.path
     flight = approach_flight(path, path.x_gpi, approach_plan(table, scenario), scenario.seed)
     return Made(flight.during(0.0, table.duration_s))
 
 
-def _waypoints(table: WaypointFlight, scenario: Scenario, path: ApproachPath) -> Made:
-    del path  # the waypoints say where
+def _waypoints(table: WaypointFlight, scenario: Scenario, around: Around) -> Made:
+    del around  # the waypoints say where
     waypoints = [
         Waypoint(math.radians(w.lat_deg), math.radians(w.lon_deg), w.alt_m, w.speed_mps) for w in table.waypoint
     ]
@@ -66,15 +96,27 @@ def _waypoints(table: WaypointFlight, scenario: Scenario, path: ApproachPath) ->
         raise ConfigError(f"{scenario.title}: flight.{error}") from None
 
 
-def _recorded(table: RecordedFlight, scenario: Scenario, path: ApproachPath) -> Made:
-    del path  # the recording says where
+def _recorded(table: RecordedFlight, scenario: Scenario, around: Around) -> Made:
+    del around  # the recording says where
     flight, remark = recorded_flight(table, scenario.air.wind_n)
     return Made(flight, (remark,))
 
 
-#: What makes a flight of each table: called with the table, its scenario and the approach.
-MAKERS: dict[type, Callable[[Any, Scenario, ApproachPath], Made]] = {
+def _jsbsim(table: JsbsimFlight, scenario: Scenario, around: Around) -> Made:
+    air = Weather(scenario.air.wind_n, around.atmosphere, around.undulation, table.turbulence, scenario.seed)
+    try:
+        flown = fly(table, air, around.path, around.terrain, around.progress)
+    except ConfigError as error:
+        raise ConfigError(f"{scenario.title}: {error}") from None
+    flight = SplineFlight.from_samples(flown.samples).during(0.0, flown.duration)
+    remark = f"the {table.aircraft} of JSBSim flies the route {table.route} in {flown.duration:.0f} s"
+    return Made(flight, (remark,), flown.samples.t, flown.surfaces())
+
+
+#: What makes a flight of each table: called with the table, its scenario and what is around.
+MAKERS: dict[type, Callable[[Any, Scenario, Around], Made]] = {
     ApproachFlight: _approach,
     WaypointFlight: _waypoints,
     RecordedFlight: _recorded,
+    JsbsimFlight: _jsbsim,
 }

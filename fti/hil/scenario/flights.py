@@ -17,6 +17,11 @@ device = "ins"                     # of a session: whose position and attitude; 
 from_s = 10
 duration_s = 300
 smooth_s = 2                       # what is faster than this is taken for steps of the recorder; none: nothing is
+
+[flight]
+kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/flight/jsbsim/settings.py
+route = "approach"                 # "pattern", "go_around", "low_level"
+turbulence = "light"
 """
 
 from __future__ import annotations
@@ -27,6 +32,7 @@ from pydantic import Field
 
 from fti.config import Name, Positive, StrictModel
 from fti.hil.faults.kinds import NotNegative
+from fti.hil.flight.jsbsim.settings import JsbsimFlight
 
 
 class ApproachFlight(StrictModel):
@@ -69,5 +75,5 @@ class RecordedFlight(StrictModel):
     smooth_s: Positive | None = None
 
 
-AnyFlight = ApproachFlight | WaypointFlight | RecordedFlight
+AnyFlight = ApproachFlight | WaypointFlight | RecordedFlight | JsbsimFlight
 FlightTable = Annotated[AnyFlight, Field(discriminator="kind")]

@@ -1,0 +1,120 @@
+"""The autopilot: from a track and a height to the controls, in cascaded loops with limits.
+
+    across      bank from the turn to a point ahead on the track:  a = 2 V^2 / L sin(eta),  L = V LOOK_S
+                (Park, Deyst and How 2004); then aileron from the error of the bank, rudder against yaw
+    up and down climb from the error of the height and the slope of the route, limited, and slowed where the airspeed is
+                missing; pitch from climb and angle of attack; elevator from the error of the pitch
+    along       throttle from the error of the airspeed and from the climb
+
+Sums (integral parts) stop at the stops of their control.  Deflections are per dynamic pressure: divided by that over
+the one at ``trim_speed``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fti.hil.flight.jsbsim.airframe import Airframe
+from fti.hil.flight.jsbsim.fdm import Controls, Sensed
+
+GRAVITY = 9.80665
+BANK_LIMIT = math.radians(30.0)
+PITCH_LIMITS = math.radians(-12.0), math.radians(15.0)
+#: Speed towards a missed height [1/s], limits of climbing and sinking [m/s], and how fast that may change [m/s^2].
+HEIGHT_GAIN = 0.35
+CLIMB_LIMITS = -7.0, 9.0
+CLIMB_CHANGE = 2.0
+#: Climb given up per missing airspeed [1].
+SLOW_GAIN = 1.0
+#: Pitch per missing climb angle, and per that and second [1, 1/s]; the angle of attack is smoothed over so long [s].
+PATH_GAIN, PATH_SUM = 0.6, 0.25
+AOA_S = 2.0
+#: On the ground: steering per side acceleration [1/(m/s^2)], and how hard it brakes.
+STEER, BRAKES = 0.12, 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What the route wants now: side acceleration [m/s^2, right], height above the one wanted [m], slope of the route
+    as climb [m/s], calibrated airspeed [m/s]."""
+
+    side: float
+    too_high: float
+    climb: float
+    cas: float
+
+
+class Autopilot:
+    """One aircraft's autopilot, called every ``period`` [s]."""
+
+    def __init__(self, airframe: Airframe, period: float) -> None:
+        self._airframe, self._gains, self._period = airframe, airframe.gains, period
+        self._aoa = airframe.trim_aoa
+        self._climb = 0.0
+        self._pitch_sum = self._path_sum = self._bank_sum = 0.0
+        self._throttle_sum = airframe.cruise_throttle
+
+    def step(self, now: Sensed, want: Wanted) -> Controls:
+        """The commands of the axes; flaps, gear and brakes are the route's."""
+        if now.on_ground:
+            return self._rolling(now, want.side)
+        climb = self._climb_command(now, want)
+        softness = min((self._airframe.trim_speed / max(now.tas, 20.0)) ** 2, 3.0)
+        aileron, rudder = self._across(now, want.side)
+        return Controls(
+            aileron=_clip(aileron * softness, -1.0, 1.0),
+            elevator=self._elevator(now, self._pitch_command(now, climb), softness),
+            rudder=_clip(rudder * softness, -1.0, 1.0),
+            throttle=self._throttle(now, want.cas, climb),
+        )
+
+    def _rolling(self, now: Sensed, side: float) -> Controls:
+        """On the runway: power off, brakes, along the track with rudder and one brake more than the other."""
+        steer = _clip(STEER * side - self._gains.yaw_rate * now.yaw_rate, -1.0, 1.0)
+        brakes = (max(BRAKES - steer, 0.0), max(BRAKES + steer, 0.0))
+        return Controls(rudder=-steer, throttle=0.0, brakes=brakes)
+
+    def _climb_command(self, now: Sensed, want: Wanted) -> float:
+        wanted = _clip(want.climb - HEIGHT_GAIN * want.too_high, *CLIMB_LIMITS)
+        wanted -= SLOW_GAIN * max(want.cas - 2.0 - now.cas, 0.0)
+        change = CLIMB_CHANGE * self._period
+        self._climb = _clip(wanted, self._climb - change, self._climb + change)
+        return self._climb
+
+    def _pitch_command(self, now: Sensed, climb: float) -> float:
+        speed = max(math.hypot(*now.vel_n), 20.0)
+        path = math.asin(_clip(climb / speed, -0.5, 0.5))
+        missing = path - math.asin(_clip(-now.vel_n[2] / speed, -0.5, 0.5))
+        self._aoa += (now.aoa - self._aoa) * self._period / AOA_S
+        self._path_sum = _clip(self._path_sum + PATH_SUM * missing * self._period, -0.1, 0.1)
+        return _clip(path + self._aoa * math.cos(now.roll) + PATH_GAIN * missing + self._path_sum, *PITCH_LIMITS)
+
+    def _elevator(self, now: Sensed, pitch: float, softness: float) -> float:
+        """Command -1 (nose up) to 1: the travel differs up and down."""
+        gains, missing = self._gains, pitch - now.pitch
+        self._pitch_sum = _clip(self._pitch_sum + gains.pitch_sum * missing * self._period, -0.2, 0.2)
+        up = softness * (gains.pitch * missing + self._pitch_sum - gains.pitch_rate * now.pitch_rate)
+        travel = self._airframe.elevator_up if up > 0.0 else self._airframe.elevator_down
+        return _clip(-up / travel, -1.0, 1.0)
+
+    def _across(self, now: Sensed, side: float) -> tuple[float, float]:
+        gains = self._gains
+        bank = _clip(math.atan2(side, GRAVITY), -BANK_LIMIT, BANK_LIMIT)
+        missing = bank - now.roll
+        self._bank_sum = _clip(self._bank_sum + gains.bank_sum * missing * self._period, -0.2, 0.2)
+        aileron = gains.bank * missing + self._bank_sum - gains.bank_rate * now.roll_rate
+        turn = GRAVITY / max(now.tas, 20.0) * math.tan(now.roll)
+        return aileron, gains.yaw_rate * (now.yaw_rate - turn * math.cos(now.roll))
+
+    def _throttle(self, now: Sensed, cas: float, climb: float) -> float:
+        gains, missing = self._gains, cas - now.cas
+        direct = gains.speed * missing + gains.climb * climb / max(now.tas, 20.0)
+        wanted = self._throttle_sum + direct
+        if 0.0 < wanted < 1.0 or (wanted >= 1.0) == (missing < 0.0):
+            self._throttle_sum = _clip(self._throttle_sum + gains.speed_sum * missing * self._period, 0.0, 1.0)
+        return _clip(wanted, 0.0, 1.0)
+
+
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)

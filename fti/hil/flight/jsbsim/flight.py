@@ -1,0 +1,160 @@
+"""Flies a route with JSBSim and our autopilot, and gives the samples of the flight."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.errors import ConfigError
+from fti.geodesy.rotations import mat_en, mat_from_rpy
+from fti.geodesy.wgs84 import geodetic_from_ecef
+from fti.hil.flight.jsbsim.airframe import AIRFRAMES, INCH, Airframe
+from fti.hil.flight.jsbsim.autopilot import Autopilot
+from fti.hil.flight.jsbsim.fdm import COLUMNS, FOOT, STEPS_PER_SECOND, Fdm, Row, Sensed, Start, Weather
+from fti.hil.flight.jsbsim.navigator import Navigator
+from fti.hil.flight.jsbsim.routes import Route, make_route
+from fti.hil.flight.jsbsim.settings import JsbsimFlight
+from fti.hil.flight.trajectory import Samples
+from fti.nav.approach import ApproachPath
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+PERIOD_S = 1.0 / STEPS_PER_SECOND
+#: One row is kept in so many steps: 50 a second.
+KEPT = 2
+#: Rows before the begin and after the end of the route that belong to the samples: splines are poor at their ends.
+MARGIN_ROWS = 100
+#: No route takes longer [s].
+LONGEST_S = 1800.0
+#: Progress is told so often [s of the flight].
+TOLD_S = 60.0
+#: P this far below the ground of the route: the aircraft is lost [m].
+LOST_M = 1.0
+#: A landing ends when it has become so slow [m/s].
+TAXI_SPEED = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One flight of JSBSim.
+
+    samples  : position of P, attitude, wind with its gusts; 50 a second, t = 0 at the begin of the route
+    duration : to the end of the route [s]; the samples go on MARGIN_ROWS further
+    columns  : ``fdm.COLUMNS`` at the times of the samples, in JSBSim's units
+    """
+
+    samples: Samples
+    duration: float
+    columns: dict[str, Array]
+
+    def surfaces(self) -> dict[str, Array]:
+        """Deflections [rad] at the times of the samples, by the names of the deflection pickups: down and right are +.
+
+        Of the rudder, as of all, JSBSim's sign is the pickups': what yaws to the left is positive.
+        """
+        names = ("left_aileron", "right_aileron", "elevator", "rudder")
+        return {name: self.columns[name] for name in names} | {"flaps": np.deg2rad(self.columns["flaps"])}
+
+
+def fly(
+    flight: JsbsimFlight,
+    weather: Weather,
+    path: ApproachPath,
+    terrain: Terrain,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Flown:
+    """Fly a scenario's route.  The same arguments give the same bits, on one machine.
+
+    Raises MissingError without JSBSim, and ConfigError for a route that the terrain or the aircraft does not allow.
+    """
+    airframe = AIRFRAMES[flight.aircraft]
+    route = make_route(flight, airframe, path, terrain)
+    pilot = _Pilot(airframe, Fdm(airframe, _start(route, path), weather, route.ground.item(0)), route, path)
+    rows = _rows(pilot, progress)
+    columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
+    columns["t"] = np.arange(-MARGIN_ROWS, len(rows) - MARGIN_ROWS) * KEPT * PERIOD_S
+    return Flown(_samples(airframe, columns), float(columns["t"][-MARGIN_ROWS - 1]), columns)
+
+
+def _start(route: Route, path: ApproachPath) -> Start:
+    """On the track, at the height and about the speed that are wanted there."""
+    (east, north), (next_east, next_north) = route.track.points[:2]
+    lat, lon, _ = path.frame.to_geodetic((east, north, 0.0))
+    heading = math.atan2(next_east - east, next_north - north) % (2.0 * math.pi)
+    return Start(float(lat), float(lon), route.alt.item(0), heading, route.cas.item(0))
+
+
+class _Pilot:
+    """One flight: the aircraft, its autopilot and its place on the route, step by step."""
+
+    def __init__(self, airframe: Airframe, fdm: Fdm, route: Route, path: ApproachPath) -> None:
+        self._fdm, self._route = fdm, route
+        self._autopilot, self._navigator = Autopilot(airframe, PERIOD_S), Navigator(route, path)
+        self._steps = 0
+        self.ended = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether the run-in is over."""
+        return self._navigator.along >= self._route.begin
+
+    @property
+    def done(self) -> float:
+        """How much of the track is flown, 0 to 1."""
+        return max(self._navigator.along / self._route.end, 0.0)
+
+    def row(self) -> Row:
+        """Where the aircraft is, KEPT steps later."""
+        for _ in range(KEPT):
+            self._step()
+        return self._fdm.row()
+
+    def _step(self) -> None:
+        now = self._fdm.sense()
+        self._check(now)
+        controls = self._autopilot.step(now, self._navigator.wanted(now))
+        at, route = self._navigator.at, self._route
+        controls.flaps, controls.gear = at(route.flaps), at(route.gear)
+        self._fdm.set_ground(at(route.ground))
+        self._fdm.step(controls)
+        self._steps += 1
+        self.ended |= self._navigator.along >= route.end or (now.on_ground and now.cas < TAXI_SPEED)
+
+    def _check(self, now: Sensed) -> None:
+        """Raises ConfigError where the aircraft is lost."""
+        after = f"{self._steps * PERIOD_S:.0f} s after its start"
+        if not now.alt > self._navigator.at(self._route.ground) - LOST_M:
+            raise ConfigError(f"flight: the aircraft flew into the ground {after}: the air is too rough for this route")
+        if self._steps * PERIOD_S > LONGEST_S:
+            raise ConfigError(f"flight: the route is not at its end {after}, and none may take longer")
+
+
+def _rows(pilot: _Pilot, progress: Callable[[str], None]) -> list[Row]:
+    """The flight with MARGIN_ROWS before the begin of the route and after its end."""
+    before: deque[Row] = deque(maxlen=MARGIN_ROWS)
+    while not pilot.begun:
+        before.append(pilot.row())
+    rows = list(before)
+    while not pilot.ended:
+        rows.append(pilot.row())
+        if len(rows) % int(TOLD_S / (KEPT * PERIOD_S)) == 0:
+            progress(f"flight: {pilot.done:.0%} flown")
+    return rows + [pilot.row() for _ in range(MARGIN_ROWS)]
+
+
+def _samples(airframe: Airframe, columns: dict[str, Array]) -> Samples:
+    """P from the centre of gravity, and the rest in SI."""
+    attitude = columns["roll"], columns["pitch"], columns["heading"]
+    cg_e = np.stack([columns[axis] for axis in "xyz"], axis=1) * FOOT
+    lat, lon, _ = geodetic_from_ecef(cg_e)
+    cg = np.stack([columns[f"cg_{axis}"] for axis in "xyz"], axis=1) * INCH
+    lever_b = (np.array(airframe.reference) - cg) * np.array([-1.0, 1.0, -1.0])
+    lever_e = np.einsum("nij,njk,nk->ni", mat_en(lat, lon), mat_from_rpy(*attitude), lever_b)
+    wind_n = np.stack([columns[f"wind_{axis}"] for axis in ("north", "east", "down")], axis=1) * FOOT
+    return Samples(columns["t"], *geodetic_from_ecef(cg_e + lever_e), *attitude, wind_n)

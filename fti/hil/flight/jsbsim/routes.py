@@ -1,0 +1,232 @@
+"""The four routes: a track over the ground with height, speed and configuration along it.
+
+approach   down the glide path, flare, roll out on the runway
+pattern    a circuit: from abeam the threshold on the downwind leg over base and final down the glide path, away at
+           the height given, crosswind, and back to where it began
+go_around  down the glide path to the height given, then out on the runway course
+low_level  over places of the country at a clearance above the highest ground of the corridor
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.errors import ConfigError
+from fti.hil.flight.jsbsim.airframe import Airframe
+from fti.hil.flight.jsbsim.autopilot import GRAVITY
+from fti.hil.flight.jsbsim.settings import JsbsimFlight, Place
+from fti.hil.flight.jsbsim.terrain_following import following_height
+from fti.hil.flight.jsbsim.track import STEP_M, Track
+from fti.nav.approach import ApproachPath
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+
+#: Flown before the flight begins: engines are started, trims found, the track is joined [s].
+RUN_IN_S = 35.0
+#: Turns are laid out for this bank, in air that makes the true airspeed so much more than the calibrated one.
+BANK, THINNER = math.radians(25.0), 1.08
+#: Levels are gone over to softly: within so much of their height [m].
+SOFT_M = 5.0
+#: Pattern: the downwind leg from the runway (at least), the base leg and the crosswind leg from the threshold [m].
+DOWNWIND_M, BASE_M, CROSSWIND_M = 1800.0, 3000.0, -2600.0
+#: A go-around ends so far behind the threshold, at most so high above it, and climbs with this slope [m, m, 1].
+AWAY_M, AWAY_HEIGHT_M, AWAY_SLOPE = 5500.0, 450.0, 0.08
+#: Flare: it begins with the wheels so high [m], and ends with this slope.
+FLARE_M, TOUCH_SLOPE = 8.0, 0.01
+#: Speed at touchdown, as a share of that of the approach.
+TOUCH_SPEED = 0.8
+#: Terrain following: half width of the corridor [m], limits of slope, and the way over which the slope changes [m].
+CORRIDOR_M, CLIMB, DESCENT, BEND_M = 80.0, 0.07, 0.07, 500.0
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """What is to be flown; arrays by the stations of the track.
+
+    begin, end  : distances along the track where the flight begins and ends [m]
+    alt, ground : wanted height of P, and of the ground as JSBSim has to know it, above the ellipsoid [m]
+    cas [m/s];  flaps, gear : commands, 0 to 1
+    """
+
+    track: Track
+    begin: float
+    end: float
+    alt: Array
+    ground: Array
+    cas: Array
+    flaps: Array
+    gear: Array
+
+
+def make_route(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath, terrain: Terrain) -> Route:
+    """The route of a scenario.  Raises ConfigError where a low-level route leaves the terrain."""
+    make: dict[str, Callable[[], Route]] = {
+        "approach": lambda: _approach(flight, airframe, path),
+        "pattern": lambda: _pattern(flight, airframe, path),
+        "go_around": lambda: _go_around(flight, airframe, path),
+        "low_level": lambda: _low_level(flight, path, terrain),
+    }
+    return make[flight.route]()
+
+
+def _line(path: ApproachPath, places: list[Place], radius: float) -> Track:
+    """The track through places; those are counted from the threshold, the path from its intercept point."""
+    course = math.radians(path.airfield.course_deg)
+    sin, cos = math.sin(course), math.cos(course)
+    along = [(before + path.x_gpi, right) for before, right in places]
+    return Track([(-s * sin + y * cos, -s * cos - y * sin) for s, y in along], radius)
+
+
+def _before(track: Track, path: ApproachPath) -> Array:
+    """Path length before the intercept point of the stations [m]."""
+    course = math.radians(path.airfield.course_deg)
+    return np.asarray(-(track.points @ np.array([math.sin(course), math.cos(course)])))
+
+
+def _level(track: Track, value: float) -> Array:
+    return np.full(len(track.along), value)
+
+
+def _radius(flight: JsbsimFlight) -> float:
+    """Radius of turns [m]."""
+    return (THINNER * flight.speed_mps) ** 2 / (GRAVITY * math.tan(BANK))
+
+
+def _up_to(alt: Array, top: Array | float) -> Array:
+    """Heights [m] kept below a level, softly."""
+    return np.asarray(-SOFT_M * np.logaddexp(-alt / SOFT_M, -top / SOFT_M))
+
+
+def _run_in(flight: JsbsimFlight) -> float:
+    return RUN_IN_S * flight.speed_mps
+
+
+def _approach(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
+    run_in = _run_in(flight)
+    track = _line(path, [(flight.start_m + run_in, 0.0), (-path.airfield.runway_length_m, 0.0)], 0.0)
+    s = _before(track, path)
+    alt, flare = _flared(path, s, airframe.wheels)
+    return Route(
+        track=track,
+        begin=run_in,
+        end=track.length - 300.0,
+        alt=alt,
+        ground=_runway(path, s),
+        cas=flight.speed_mps * (1.0 - (1.0 - TOUCH_SPEED) * flare),
+        flaps=_level(track, airframe.landing_flaps),
+        gear=_level(track, 1.0),
+    )
+
+
+def _runway(path: ApproachPath, s: Array) -> Array:
+    """The plane of the runway, followed in both directions [m]."""
+    return path.alt_gpi - path.airfield.runway_slope * s
+
+
+def _flared(path: ApproachPath, s: Array, wheels: float) -> tuple[Array, Array]:
+    """Height of P down the glide path and through the flare [m], and how much of the flare is done.
+
+    In the flare the wheels sink towards a line below the runway, exponentially: slope and height are in proportion.
+    """
+    tangent = math.tan(path.glide)
+    aim = TOUCH_SLOPE * FLARE_M / (tangent - TOUCH_SLOPE)
+    way = (FLARE_M + aim) / tangent
+    ground = _runway(path, s)
+    into = np.maximum(path.alt_path(s)[:, None] - ground[:, None] - wheels - FLARE_M, 0.0)[:, 0]
+    begin = float(s[np.argmax(into <= 0.0)])
+    flown = np.maximum(begin - s, 0.0)
+    flaring = ground + wheels + (FLARE_M + aim) * np.exp(-flown / way) - aim
+    touch = way * math.log((FLARE_M + aim) / aim)
+    return np.where(s > begin, path.alt_path(s), flaring), np.clip(flown / touch, 0.0, 1.0)
+
+
+def _go_around(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
+    run_in = _run_in(flight)
+    track = _line(path, [(flight.start_m + run_in, 0.0), (-AWAY_M, 0.0)], 0.0)
+    alt, away = _climbing_away(flight, path, track, path.alt_path(_before(track, path)))
+    top = path.airfield.threshold_alt_m + AWAY_HEIGHT_M
+    return Route(
+        track=track,
+        begin=run_in,
+        end=track.length - 100.0,
+        alt=np.where(away, _up_to(alt, top), alt),
+        ground=_level(track, path.airfield.threshold_alt_m),
+        cas=np.where(away, airframe.climb_speed, flight.speed_mps),
+        flaps=np.where(away, 0.0, airframe.landing_flaps),
+        gear=np.where(away, 0.0, 1.0),
+    )
+
+
+def _climbing_away(
+    flight: JsbsimFlight, path: ApproachPath, track: Track, alt: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Heights that descend, made to climb from ``go_around_m`` above the threshold on; and where they do."""
+    decision = path.airfield.threshold_alt_m + flight.go_around_m
+    first = int(np.argmax(alt <= decision))
+    away = np.arange(len(alt)) >= first
+    climb = decision + AWAY_SLOPE * (track.along - track.along[first])
+    return np.where(away, climb, alt), away
+
+
+def _pattern(flight: JsbsimFlight, airframe: Airframe, path: ApproachPath) -> Route:
+    run_in, radius = _run_in(flight), _radius(flight)
+    side = (-1.0 if flight.side == "left" else 1.0) * max(DOWNWIND_M, 2.1 * radius)
+    corners = [(-run_in, side), (BASE_M, side), (BASE_M, 0.0), (CROSSWIND_M, 0.0), (CROSSWIND_M, side), (200.0, side)]
+    track = _line(path, corners, radius)
+    s, top = _before(track, path), path.airfield.threshold_alt_m + flight.pattern_m
+    final = int(np.argmin(np.abs(s) + np.linalg.norm(track.points, axis=1)))
+    to_go = track.along[final] - track.along
+    down = _up_to(path.alt_path(to_go), top)
+    alt, away = _climbing_away(flight, path, track, down)
+    approaching = (down < top - SOFT_M) & ~away
+    return Route(
+        track=track,
+        begin=run_in,
+        end=track.length - 200.0,
+        alt=np.where(away, _up_to(alt, top), alt),
+        ground=_level(track, path.airfield.threshold_alt_m),
+        cas=np.where(away & (alt < top), airframe.climb_speed, flight.speed_mps),
+        flaps=np.where(approaching, airframe.landing_flaps, 0.0),
+        gear=np.where(approaching, 1.0, 0.0),
+    )
+
+
+def _low_level(flight: JsbsimFlight, path: ApproachPath, terrain: Terrain) -> Route:
+    first, second = np.array(flight.via_m[0]), np.array(flight.via_m[1])
+    back = first - (second - first) / np.linalg.norm(second - first) * _run_in(flight)
+    track = _line(path, [(float(back[0]), float(back[1])), *flight.via_m], _radius(flight))
+    ground, highest = _corridor(track, path, terrain, flight)
+    return Route(
+        track=track,
+        begin=_run_in(flight),
+        end=track.length - 100.0,
+        alt=following_height(highest + flight.clearance_m, STEP_M, CLIMB, DESCENT, BEND_M),
+        ground=ground,
+        cas=_level(track, flight.speed_mps),
+        flaps=_level(track, 0.0),
+        gear=_level(track, 0.0),
+    )
+
+
+def _corridor(track: Track, path: ApproachPath, terrain: Terrain, flight: JsbsimFlight) -> tuple[Array, Array]:
+    """Height of the ground below the stations, and of the highest in the corridor [m]; level in the run-in."""
+    ahead = np.gradient(track.points, axis=0)
+    right = np.stack((ahead[:, 1], -ahead[:, 0]), axis=1) / np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = np.linspace(-CORRIDOR_M, CORRIDOR_M, 9)
+    places = track.points[:, None, :] + across[None, :, None] * right[:, None, :]
+    lat, lon, _ = path.frame.to_geodetic(np.concatenate((places, np.zeros((*places.shape[:2], 1))), axis=-1))
+    height = terrain.height(lat, lon)
+    begin = int(_run_in(flight) / STEP_M) + 1
+    height[:begin] = height[begin]
+    if np.isnan(height).any():
+        missed = int(np.argmax(np.isnan(height).any(axis=1)))
+        raise ConfigError(
+            f"flight.via_m: the route leaves the terrain {track.along[missed] - _run_in(flight):.0f} m after its begin"
+        )
+    return height[:, len(across) // 2], height.max(axis=1)
