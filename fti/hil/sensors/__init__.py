@@ -12,7 +12,7 @@ from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.base import ModelType, Sensor
 from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
-from fti.hil.sensors.deflections import DeflectionPickups
+from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
 from fti.hil.sensors.imu_grades import ImuSettings
@@ -56,6 +56,7 @@ SETTINGS: dict[str, type[DeviceSettings]] = {
     "binary_struct": AirSettings,
     "canaerospace": AirSettings,
     "dbc": AirSettings,
+    "deflection_pickups": PickupSettings,
     "honeywell_hmr2300": MagnetometerSettings,
     "imar_ixcom": AirSettings,
     "mavlink": UnitSettings,

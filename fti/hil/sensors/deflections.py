@@ -11,19 +11,29 @@ an elevator, a turn needs a little rudder.  They have the right sign, size and r
     controls   geared to their surfaces
 
 Source: Etkin & Reid, Dynamics of Flight, chapters 2 and 3 (the relations); gains are this project's, of a light twin.
-A raw count is the table read backwards plus white noise of 1.5 counts: a 12-bit converter and a laser distance sensor.
+A raw count is the table read backwards, with what a pickup has and its table does not know:
+
+    count = round(hysteresis(table^-1(slack(angle) + table error)) + noise)
+
+slack is the play of the rod between surface and pickup, hysteresis the same in the pickup itself; the table error is
+what changed since the calibration: an offset, a gain and a bend, each of a share of the travel.  Noise of 1.5 counts: a
+12-bit converter and a laser distance sensor.  All sizes are assumed.
 """
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from fti.drivers.deflection_pickups.factory import factory_tables
 from fti.drivers.deflection_pickups.table import HIGHEST_RAW, Table, read_tables
 from fti.hil.flight.coordinated import TRIM_AOA
 from fti.hil.flight.trajectory import State
-from fti.hil.sensors.errors import white
+from fti.hil.sensors.errors import play, white
+from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, SurfaceDeflection
@@ -79,13 +89,39 @@ def _trimmed(t: Array, values: Array) -> Array:
 
 
 def raw_counts(table: Table, angle: Array, noise: Array) -> NDArray[np.int64]:
-    """Counts of a pickup with this table at angles [rad]; beyond the table it goes on with its outermost slope."""
-    points = np.array([(p.deflection, p.raw) for p in table.as_points()])
-    points = points[np.argsort(points[:, 0])]
+    """Counts of a perfect pickup with this table at angles [rad]; noise : in counts."""
+    return _whole(_on_curve(table, angle) + noise)
+
+
+def _on_curve(table: Table, angle: Array) -> Array:
+    """The table read backwards; beyond it, it goes on with its outermost slope."""
+    points = _by_angle(table)
     slopes = np.diff(points[:, 1]) / np.diff(points[:, 0])
     inside = np.interp(angle, points[:, 0], points[:, 1])
     beyond = np.minimum(angle - points[0, 0], 0.0) * slopes[0] + np.maximum(angle - points[-1, 0], 0.0) * slopes[-1]
-    return np.asarray(np.clip(np.rint(inside + beyond + noise), 0, HIGHEST_RAW), dtype=np.int64)
+    return np.asarray(inside + beyond)
+
+
+def _by_angle(table: Table) -> Array:
+    points = np.array([(p.deflection, p.raw) for p in table.as_points()])
+    return np.asarray(points[np.argsort(points[:, 0])])
+
+
+def _whole(counts: Array) -> NDArray[np.int64]:
+    return np.asarray(np.clip(np.rint(counts), 0, HIGHEST_RAW), dtype=np.int64)
+
+
+class PickupSettings(DeviceSettings):
+    """Of the pickups of one bus.
+
+    slack_deg         : of the rod, from end to end, at the surface
+    hysteresis_counts : of the pickup, from end to end
+    table_error       : one sigma of offset, gain and bend, against half the travel of the table
+    """
+
+    slack_deg: Annotated[float, Field(ge=0, le=10)] = 0.05
+    hysteresis_counts: Annotated[float, Field(ge=0, le=200)] = 2.0
+    table_error: Annotated[float, Field(ge=0, le=0.2)] = 0.002
 
 
 class DeflectionPickups:
@@ -98,10 +134,29 @@ class DeflectionPickups:
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         angles = deflections(world.state(t))
         tables = factory_tables(angles) | read_tables(getattr(bound.options, "calibration", ""), angles)
-        self._raw = {s: raw_counts(tables[s], angles[s], white(t, self.NOISE_COUNTS, rng)) for s in angles}
+        settings = settings_of(PickupSettings, world.scenario, bound.device.name)
+        self._raw = {s: self._counts(tables[s], angles[s], settings, rng) for s in angles}
+
+    def _counts(
+        self, table: Table, angle: Array, settings: PickupSettings, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        followed = play(angle, np.deg2rad(settings.slack_deg))
+        true = _on_curve(table, followed + table_error(table, followed, settings.table_error * rng.normal(size=3)))
+        return _whole(play(true, settings.hysteresis_counts) + white(angle, self.NOISE_COUNTS, rng))
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Every sensor; a bus sends those that it has."""
         return [
             SurfaceDeflection(stamp=stamp, surface=s, deflection=None, raw=int(raw[k])) for s, raw in self._raw.items()
         ]
+
+
+def table_error(table: Table, angle: Array, shares: Array) -> Array:
+    """By how much a pickup is off its table at angles [rad].  shares : of offset, gain, bend, against half the travel.
+
+    The bend is a parabola through the ends and the middle of the travel: 1, -1, 1.
+    """
+    low, high = _by_angle(table)[[0, -1], 0]
+    half = 0.5 * (high - low)
+    x = (angle - low) / half - 1.0
+    return np.asarray(half * (shares[0] + shares[1] * x + shares[2] * (2.0 * x**2 - 1.0)))
