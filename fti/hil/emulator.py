@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fti.config import Config
@@ -17,7 +17,7 @@ from fti.hil.bench import Bench
 from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, OnLinks
 from fti.hil.faults.line import DeviceLine
 from fti.hil.flight.jsbsim.settings import JsbsimFlight
-from fti.hil.lateness import Histogram, Meter
+from fti.hil.lateness import Histogram
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.power import PowerUnit
 from fti.hil.report import Report, lateness_by_link
@@ -58,14 +58,36 @@ class Emulator:
         self._endpoints: dict[str, Endpoint] = {}
         self._started = asyncio.Event()
         self._scheduler: Scheduler | None = None
-        self._meters: list[Meter] = []
+        self._start_ns: int | None = None
+        self._devices: list[SensorStream] = []
 
     @property
     def report(self) -> Report:
         """What was sent so far and how late, at any time; it costs less than a millisecond."""
         late = self._scheduler.lateness if self._scheduler else Histogram().lateness
         sent = {name: endpoint.sent for name, endpoint in self._endpoints.items()}
-        return Report(sent, late, lateness_by_link(self._meters), [meter.rate for meter in self._meters])
+        meters = [device.meter for device in self._devices]
+        return Report(sent, late, lateness_by_link(meters), [meter.rate for meter in meters])
+
+    @property
+    def flight_s(self) -> float | None:
+        """Time of the flight [s]; None before it begins."""
+        return None if self._start_ns is None else (self._bench.clock.now_ns() - self._start_ns) / SECOND_NS
+
+    @property
+    def duration_s(self) -> float | None:
+        """How long the flight is [s]; None before ``prepare``."""
+        return self._world.duration if self._world else None
+
+    @property
+    def sensors(self) -> Sequence[Sensor]:
+        """The devices; none before ``prepare``."""
+        return self._sensors or ()
+
+    @property
+    def messages(self) -> dict[str, int]:
+        """How many each device has sent in the flight."""
+        return {device.meter.name: device.messages for device in self._devices}
 
     def prepare(self, progress: Callable[[str], None] = lambda _: None) -> None:
         """Make the terrain and compute what every sensor will measure.  progress : told each step."""
@@ -73,6 +95,8 @@ class Emulator:
             return
         progress(f"terrain of {self._scenario.airfield}")
         self._world = self._world or make_world(self._scenario, progress)
+        for remark in self._world.remarks:
+            progress(remark)
         self._sensors = make_sensors(self._config, self._world, self._scenario.seed, progress)
         self.power = distribute(self._sensors, self._scenario)
 
@@ -103,14 +127,15 @@ class Emulator:
     def _line(self, sensor: Sensor, until_s: float) -> DeviceLine:
         return DeviceLine(sensor, self._scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
 
-    def _now_s(self) -> float:
-        """Time of the flight; negative before it begins."""
-        return -1.0 if self._start_ns is None else (self._bench.clock.now_ns() - self._start_ns) / SECOND_NS
-
     def _make_endpoints(self, lines: list[DeviceLine]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
             there = [line for line in lines if line.sensor.link == link]
-            return lambda data: [answer for line in there for answer in line.respond(data, self._now_s())]
+
+            def answer(data: bytes) -> list[bytes]:
+                t = -1.0 if self.flight_s is None else self.flight_s
+                return [said for line in there for said in line.respond(data, t)]
+
+            return answer
 
         return {link.name: self._bench.make_endpoint(link, respond(link.name)) for link in self._config.link}
 
@@ -143,9 +168,8 @@ class Emulator:
         clock = self._bench.clock
         self._start_ns = start_ns = clock.now_ns()
         self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
-        devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
-        self._meters = [device.meter for device in devices]
-        streams: list[Stream] = [*devices, *self._line_faults(), *self._bench.streams(start_ns)]
+        self._devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
+        streams: list[Stream] = [*self._devices, *self._line_faults(), *self._bench.streams(start_ns)]
         if truth is not None:
             streams.append(truth.stream(start_ns, clock.now_ns))
         await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)

@@ -17,11 +17,12 @@ OFF_FLAGS = ("error_warning", "error_passive", "bus_error")
 
 
 class SensorStream:
-    """The messages of one simulated device, as a stream of the scheduler."""
+    """The messages of one simulated device, as a stream of the scheduler.  messages : how many have left"""
 
     def __init__(self, line: DeviceLine, endpoint: Endpoint, start_ns: int) -> None:
         self._line, self._endpoint, self._start_ns = line, endpoint, start_ns
         self.meter = Meter(line.sensor.name, line.sensor.link, line.sensor.rate_hz)
+        self.messages = 0
 
     def note(self, due_s: float, late_s: float) -> None:
         """How late the next message leaves."""
@@ -34,6 +35,7 @@ class SensorStream:
     async def send(self) -> None:
         """Send what leaves now; a device hands its line a whole cycle, not byte by byte."""
         messages = self._line.step(self._start_ns)
+        self.messages += len(messages)
         if self._endpoint.is_stream:
             messages = [b"".join(messages)] if messages else []
         for message in messages:

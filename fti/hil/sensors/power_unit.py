@@ -21,7 +21,7 @@ from fti.types import Measurement, Reading, Stamp
 class PowerPanel:
     """The unit's own measurements.  ``power`` : its breakers; ``distribute`` connects those of the flight."""
 
-    rate_hz = 2.0
+    rate_hz = 5.0
     time_scale = None
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
