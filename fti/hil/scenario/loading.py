@@ -10,6 +10,7 @@ from fti.errors import ConfigError, MissingError
 from fti.hil.faults.kinds import Obstacle, OffTrack
 from fti.hil.scenario.checking import check
 from fti.hil.scenario.flights import AnyFlight, ApproachFlight, RecordedFlight
+from fti.hil.scenario.profile import read as read_profile
 from fti.hil.scenario.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -19,17 +20,33 @@ def load(path: Path) -> Scenario:
     """Read and check a scenario.  Raises ConfigError or MissingError."""
     table, _ = configuration.read_toml(path)
     scenario = configuration.bind(Scenario, table, str(path))
+    _check(scenario, path)
+    found = {"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}
+    return _with_profile(scenario.model_copy(update=found), path)
+
+
+def _check(scenario: Scenario, path: Path) -> None:
+    """What no table can say by itself."""
     for i, fault in enumerate(scenario.fault):
         if not isinstance(fault, Obstacle) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
             raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': a flight of {scenario.flight.kind} has no track")
-    return scenario.model_copy(
-        update={"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}
-    )
+
+
+def _with_profile(scenario: Scenario, path: Path) -> Scenario:
+    """The same scenario with what its profile says."""
+    if scenario.profile is None:
+        return scenario
+    file = _beside(path, scenario.profile)
+    profile = read_profile(Path(file))
+    merged = {"fault": scenario.fault + profile.faults, "expect": scenario.expect + profile.expectations}
+    return scenario.model_copy(update={"profile": file, **merged})
 
 
 def _beside(path: Path, named: str) -> str:
+    if "\0" in named:
+        raise ConfigError(f"{path}: {named!r}: is not the name of a file")
     return str((path.parent / named).resolve())
 
 

@@ -98,7 +98,12 @@ class Expectation(StrictModel):
 
 
 class Scenario(StrictModel):
-    """The whole scenario.  ``config`` is the daemon's configuration, absolute after reading."""
+    """The whole scenario.
+
+    config  : the daemon's configuration, absolute after reading
+    profile : a CSV file with further faults and expectations (``fti.hil.scenario.profile``); they are read into
+              ``fault`` and ``expect``, behind those of this file
+    """
 
     title: str
     description: str
@@ -111,6 +116,7 @@ class Scenario(StrictModel):
     port: Mapping[Name, Port] = Field(default_factory=dict)
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
+    profile: str | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -124,7 +130,7 @@ class Scenario(StrictModel):
 
         Which configuration was flown with it is told by the session.
         """
-        return self.model_dump_json(exclude={"config", "expect", "port"})
+        return self.model_dump_json(exclude={"config", "expect", "port", "profile"})
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
