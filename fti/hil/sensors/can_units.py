@@ -142,7 +142,7 @@ class DbcUnits:
         assert isinstance(bound.options, Options)
         state = world.state(t)
         self._air = AirDataUnit(bound, world, t, rng)
-        self._deflections = deflections(state)
+        self._deflections = deflections(state, world.surfaces(t))
         layouts = read_layouts(text_of(bound.options))
         self._messages = [_UnitMessage(layout, t, rng, bound.options.counter) for layout in layouts]
 

@@ -1,8 +1,9 @@
 """Control surfaces that fit the flight, and the pickups that see them.
 
-The trajectory is flown by a spline, not by controls, so the deflections are worked out backwards with the classic
-linear relations: in steady motion a rate needs a deflection (damping against control power), an angle of attack needs
-an elevator, a turn needs a little rudder.  They have the right sign, size and rhythm; they are no flight dynamics.
+A flight of a flight dynamic model brings its control surfaces with it.  Others are flown by a spline, not by controls:
+there the deflections are worked out backwards with the classic linear relations.  In steady motion a rate needs a
+deflection (damping against control power), an angle of attack needs an elevator, a turn needs a little rudder.  They
+have the right sign, size and rhythm; they are no flight dynamics.
 
     aileron    roll rate:  p b / (2 V) = (right roll) per radian of aileron / damping      right aileron up, left down
     elevator   trimmed at the approach's angle of attack; more of it, or a pitch rate, needs the elevator up
@@ -22,6 +23,7 @@ what changed since the calibration: an offset, a gain and a bend, each of a shar
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
@@ -50,23 +52,34 @@ TRIM_S = 30.0
 FLAP_STEPS, FLAP_RATE_DEG = ((5.0, 20.0), (30.0, 42.0)), 4.0
 
 
-def deflections(state: State) -> dict[str, Array]:
-    """Deflections and control positions [rad] by surface, shape (n,): down, clockwise, right, aft and nose up are +."""
-    p, q, r = (state.omega_nb_b[:, i] for i in range(3))
-    aileron = ROLL_GAIN * p * SPAN / (2.0 * state.tas)
-    elevator = ELEVATOR_PER_AOA * (state.aoa - TRIM_AOA) - PITCH_GAIN * q * CHORD / (2.0 * state.tas)
-    rudder = -YAW_GAIN * r * SPAN / (2.0 * state.tas)
+def deflections(state: State, flown: Mapping[str, Array] | None = None) -> dict[str, Array]:
+    """Deflections and control positions [rad] by surface, shape (n,): down, clockwise, right, aft and nose up are +.
+
+    flown : the control surfaces of the flight, if it was flown with any (``World.surfaces``)
+    """
+    surfaces = flown or fitting_surfaces(state)
+    aileron, elevator, rudder = -surfaces["right_aileron"], surfaces["elevator"], surfaces["rudder"]
     return {
-        "right_aileron": -aileron,
-        "left_aileron": LEFT_PER_RIGHT * aileron,
-        "elevator": elevator,
-        "rudder": rudder,
+        **{name: surfaces[name] for name in ("right_aileron", "left_aileron", "elevator", "rudder")},
         "rudder_trim": -_trimmed(state.t, rudder),
         "elevator_trim": -_trimmed(state.t, elevator),
-        "flaps": np.deg2rad(flap_angle_deg(state.t)),
+        "flaps": surfaces["flaps"],
         "stick_aileron": STICK_PER_AILERON * aileron,
         "stick_elevator": -STICK_PER_ELEVATOR * elevator,
         "pedals": -PEDAL_PER_RUDDER * rudder,
+    }
+
+
+def fitting_surfaces(state: State) -> dict[str, Array]:
+    """Control surfaces [rad] that fit a flight, shape (n,)."""
+    p, q, r = (state.omega_nb_b[:, i] for i in range(3))
+    aileron = ROLL_GAIN * p * SPAN / (2.0 * state.tas)
+    return {
+        "right_aileron": -aileron,
+        "left_aileron": LEFT_PER_RIGHT * aileron,
+        "elevator": ELEVATOR_PER_AOA * (state.aoa - TRIM_AOA) - PITCH_GAIN * q * CHORD / (2.0 * state.tas),
+        "rudder": -YAW_GAIN * r * SPAN / (2.0 * state.tas),
+        "flaps": np.deg2rad(flap_angle_deg(state.t)),
     }
 
 
@@ -132,7 +145,7 @@ class DeflectionPickups:
     NOISE_COUNTS = 1.5
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        angles = deflections(world.state(t))
+        angles = deflections(world.state(t), world.surfaces(t))
         tables = factory_tables(angles) | read_tables(getattr(bound.options, "calibration", ""), angles)
         settings = settings_of(PickupSettings, world.scenario, bound.device.name)
         self._raw = {s: self._counts(tables[s], angles[s], settings, rng) for s in angles}
