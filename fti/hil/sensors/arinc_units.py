@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fti.drivers.arinc429 import Options, chosen_labels
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import Avionics
-from fti.hil.sensors.can_units import Interrogator
+from fti.hil.sensors.dme import Interrogator
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples

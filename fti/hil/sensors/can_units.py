@@ -1,8 +1,4 @@
-"""Units on CAN: air data with DME and surface positions (CANaerospace), and whatever a DBC has.
-
-DME: four stations about the airfield; error as ICAO Annex 10, volume I, 3.5.3.1.3 allows an interrogator and a
-transponder of today: 0.1 NM slow, 15 m from reply to reply.
-"""
+"""Units on CAN: air data with DME and surface positions (CANaerospace), and whatever a DBC has."""
 
 from __future__ import annotations
 
@@ -15,53 +11,15 @@ from fti.drivers._dbc import Layout, Signal, read_layouts
 from fti.drivers._dbc_makers import quantity_scale
 from fti.drivers._quantities import QUANTITIES
 from fti.drivers.dbc import Options, text_of
-from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.flight.trajectory import State
 from fti.hil.sensors.avionics import Avionics
 from fti.hil.sensors.deflections import deflections
-from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.dme import Interrogator
+from fti.hil.sensors.errors import slow
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import DmeRange, Measurement, Reading, Stamp, SurfaceDeflection
+from fti.types import Measurement, Reading, Stamp, SurfaceDeflection
 
 Array = NDArray[np.float64]
-
-#: Stations: distance before and right of the threshold, height above it [m].
-STATIONS_M = (
-    (-2500.0, 150.0, 5.0),
-    (31_000.0, 12_000.0, 40.0),
-    (-18_000.0, -44_000.0, 600.0),
-    (9000.0, 71_000.0, 90.0),
-)
-DME_SLOW_SD, DME_WHITE_SD, DME_PERIOD_S = 0.05 * 1852.0, 15.0, 120.0
-
-
-def dme_ranges(state: State, world: World) -> list[Array]:
-    """True slant ranges [m] to the four stations, shape (n,) each."""
-    path = world.path
-    aircraft = ecef_from_geodetic(state.lat, state.lon, state.alt)
-    found = []
-    for s, y, height in STATIONS_M:
-        lat, lon = path.geodetic(path.x_gpi + s, y)
-        station = ecef_from_geodetic(lat, lon, path.alt_path(0.0) + height)
-        found.append(np.asarray(np.linalg.norm(aircraft - station, axis=-1)))
-    return found
-
-
-class Interrogator:
-    """A scanning interrogator that follows four stations."""
-
-    def __init__(self, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
-        self._ranges = [
-            true + slow(t, DME_SLOW_SD, DME_PERIOD_S, rng) + white(t, DME_WHITE_SD, rng)
-            for true in dme_ranges(state, world)
-        ]
-
-    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The four ranges of sample k."""
-        return [
-            DmeRange(stamp=stamp, station=f"dme_{n}", slant_range=float(r[k])) for n, r in enumerate(self._ranges, 1)
-        ]
 
 
 class AirDataUnit:
