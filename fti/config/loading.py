@@ -23,7 +23,7 @@ def read_toml(path: Path) -> tuple[dict[str, Any], str]:
         raise ConfigError(f"{path}: is not UTF-8 text") from None
     try:
         return tomllib.loads(text), text
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # of tomllib, or of a number or a nesting that Python refuses
         raise ConfigError(f"{path}: is not valid TOML: {error}") from None
 
 
