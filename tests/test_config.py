@@ -192,6 +192,13 @@ def test_a_file_that_is_missing_no_text_or_no_toml_is_a_sentence(tmp_path: Path)
         config.load(file)
 
 
+@pytest.mark.parametrize("text", ["a = " + "9" * 5000, "a = " + "[" * 5000])
+def test_toml_that_python_refuses_is_a_wrong_configuration(tmp_path: Path, text: str) -> None:
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises(ConfigError, match=r"bad\.toml: is not valid TOML"):
+        config.load(tmp_path / "bad.toml")
+
+
 # ------------------------------------------------------------------------------------------------------- binding
 
 
