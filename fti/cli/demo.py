@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
             if not args.headless:
                 await _open_browser(supervisor)
             while True:
-                await _fly_once(scenario, file, links, supervisor.folder.next_path("truth"))
+                await _fly_once(scenario, file, links, supervisor)
 
         signalled = asyncio.run(
             serve(
@@ -120,7 +120,7 @@ async def _open_browser(supervisor: Supervisor) -> None:
         await asyncio.to_thread(webbrowser.open, supervisor.display_url or "")
 
 
-async def _fly_once(scenario: Path, config: Path, links: str, truth: Path) -> None:
+async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Supervisor) -> None:
     """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
 
     Raises FtiError when the emulator fails.
@@ -132,7 +132,8 @@ async def _fly_once(scenario: Path, config: Path, links: str, truth: Path) -> No
 
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
-        *("--links", links, "--config", str(config), "--truth", str(truth), "--wait"),
+        *("--links", links, "--config", str(config), "--truth", str(supervisor.folder.next_path("truth")), "--wait"),
+        *("--run-dir", str(supervisor.run_dir)),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         process_group=0,

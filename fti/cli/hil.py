@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
     parser.add_argument("--config", metavar="CONFIG", help="another daemon configuration than the scenario's")
+    parser.add_argument(
+        "--run-dir", metavar="DIR", help="of the daemon that shows this (default: by its name)"
+    )
     parser.add_argument("--truth", metavar="FILE", help="write the truth of the flight to this MCAP file")
     parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
     parser.add_argument("--hold", action="store_true", help="exit code 1 when a rate was not held")
@@ -86,6 +89,7 @@ def _fly(args: argparse.Namespace) -> int:
     from fti.cli._playing import print_report, until_stopped, write_report
     from fti.hil import looping
     from fti.hil.report import Report
+    from fti.hil.status import Teller
 
     emulator = _prepared(args)
 
@@ -96,7 +100,8 @@ def _fly(args: argparse.Namespace) -> int:
         finally:
             starting.cancel()
 
-    report, interrupted = looping.run(until_stopped(fly, emulator.ready))
+    with Teller(emulator, args.run_dir):
+        report, interrupted = looping.run(until_stopped(fly, emulator.ready))
     print_report(report)
     write_report(report, args.report)
     if interrupted:

@@ -1,7 +1,7 @@
 """Show what a running daemon measures, in the terminal.
 
   fti watch                  live table of heights, integrity, glide slope and links; Ctrl-C ends it
-  fti watch --once --json    one JSON object {"health", "outputs", "alarms", "events"} for a script
+  fti watch --once --json    one JSON object {"health", "hil", "outputs", "alarms", "events"} for a script
   fti watch --json           one such object a second
 
 A value that is late or not valid is struck out; in JSON it has ``valid: false`` and, when late, ``late: true``.
@@ -79,7 +79,7 @@ def _collect(read: Callable[[], State], name: str) -> None:
 def _show_json(read: Callable[[], State], once: bool) -> None:
     while True:
         state = read()
-        print(json.dumps({key: state[key] for key in ("health", "outputs", "alarms", "events")}), flush=True)
+        print(json.dumps({key: state[key] for key in ("health", "hil", "outputs", "alarms", "events")}), flush=True)
         if once:
             return
         time.sleep(JSON_PERIOD_S)

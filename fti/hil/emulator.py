@@ -51,7 +51,7 @@ class Emulator:
         world: World | None = None,
     ) -> None:
         self.ready = asyncio.Event()
-        self._config, self._scenario, self._bench = config, scenario, bench
+        self.config, self.scenario, self.bench = config, scenario, bench
         self._truth, self._world = truth, world
         self._sensors: list[Sensor] | None = None
         self.power = PowerUnit(())
@@ -72,7 +72,7 @@ class Emulator:
     @property
     def flight_s(self) -> float | None:
         """Time of the flight [s]; None before it begins."""
-        return None if self._start_ns is None else (self._bench.clock.now_ns() - self._start_ns) / SECOND_NS
+        return None if self._start_ns is None else (self.bench.clock.now_ns() - self._start_ns) / SECOND_NS
 
     @property
     def duration_s(self) -> float | None:
@@ -93,12 +93,12 @@ class Emulator:
         """Make the terrain and compute what every sensor will measure.  progress : told each step."""
         if self._sensors is not None:
             return
-        progress(f"terrain of {self._scenario.airfield}")
-        self._world = self._world or make_world(self._scenario, progress)
+        progress(f"terrain of {self.scenario.airfield}")
+        self._world = self._world or make_world(self.scenario, progress)
         for remark in self._world.remarks:
             progress(remark)
-        self._sensors = make_sensors(self._config, self._world, self._scenario.seed, progress)
-        self.power = distribute(self._sensors, self._scenario)
+        self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
+        self.power = distribute(self._sensors, self.scenario)
 
     def start(self) -> None:
         """Let the flight begin (as soon as the endpoints are there)."""
@@ -125,7 +125,7 @@ class Emulator:
         return self.report
 
     def _line(self, sensor: Sensor, until_s: float) -> DeviceLine:
-        return DeviceLine(sensor, self._scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
+        return DeviceLine(sensor, self.scenario, until_s, lambda t: self.power.is_on(sensor.name, t))
 
     def _make_endpoints(self, lines: list[DeviceLine]) -> dict[str, Endpoint]:
         def respond(link: str) -> Callable[[bytes], list[bytes]]:
@@ -137,7 +137,7 @@ class Emulator:
 
             return answer
 
-        return {link.name: self._bench.make_endpoint(link, respond(link.name)) for link in self._config.link}
+        return {link.name: self.bench.make_endpoint(link, respond(link.name)) for link in self.config.link}
 
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
         if self._truth is None:
@@ -146,7 +146,7 @@ class Emulator:
         return contextlib.closing(TruthLog(self._truth, self._world))
 
     def _line_faults(self) -> list[Stream]:
-        buses = [link.name for link in self._config.link if link.kind == "can"]
+        buses = [link.name for link in self.config.link if link.kind == "can"]
 
         def on(fault: OnLinks) -> list[Endpoint]:
             return [self._endpoints[name] for name in fault.links or buses]
@@ -154,7 +154,7 @@ class Emulator:
         def adapters(fault: OnLinks) -> list[SlcanEndpoint]:
             return [e for e in on(fault) if isinstance(e, SlcanEndpoint)]
 
-        faults = self._scenario.fault
+        faults = self.scenario.fault
         babbling: list[Stream] = [Babble(f, on(f)) for f in faults if isinstance(f, Babbling)]
         return babbling + [StatusStream(f, adapters(f)) for f in faults if isinstance(f, CanStatus | BusOff)]
 
@@ -165,11 +165,11 @@ class Emulator:
         duration_s: float | None,
         stop: asyncio.Event,
     ) -> None:
-        clock = self._bench.clock
+        clock = self.bench.clock
         self._start_ns = start_ns = clock.now_ns()
-        self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self._bench.sleep)
+        self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.bench.sleep)
         self._devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
-        streams: list[Stream] = [*self._devices, *self._line_faults(), *self._bench.streams(start_ns)]
+        streams: list[Stream] = [*self._devices, *self._line_faults(), *self.bench.streams(start_ns)]
         if truth is not None:
             streams.append(truth.stream(start_ns, clock.now_ns))
         await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)

@@ -118,6 +118,11 @@ class Supervisor:
 
     # ------------------------------------------------------------------------------------------------ running
 
+    @property
+    def run_dir(self) -> Path:
+        """Where ``watch``, ``mark`` and ``send`` find this daemon."""
+        return self._run_dir.path
+
     def stop(self) -> None:
         """End the session in good order; called again, shorten what comes after the raw file."""
         (self._hurry if self._stop.is_set() else self._stop).set()

@@ -59,6 +59,7 @@ class Feed:
         self._lock = threading.Lock()
         self._started = Received({}, now_ns)
         self._health: Received | None = None
+        self._hil: Received | None = None
         self._outputs: dict[str, Received] = {}
         self._last_nav: Received | None = None
         self._events: deque[Fields] = deque(maxlen=EVENTS_KEPT)
@@ -72,6 +73,8 @@ class Feed:
                 self._health = Received(fields, now_ns)
             elif topic == "/event":
                 self._events.append(fields)
+            elif topic == "/hil":
+                self._hil = Received(fields, now_ns)
             elif topic in self._outputs or len(self._outputs) < TOPICS_KEPT:
                 self._last_nav = self._outputs[topic] = Received(fields, now_ns)
                 self._history.take(topic, fields)
@@ -92,6 +95,7 @@ class Feed:
                 "t_ns": self._fti_time_ns(now_ns),
                 "health": health.fields if health else None,
                 "health_age_ms": round((health or self._started).held_ms(now_ns), 1),
+                "hil": _aged(self._hil, now_ns) if self._hil else None,
                 "outputs": {topic: _shown(o, now_ns, stopped) for topic, o in sorted(self._outputs.items())},
                 "events": list(self._events),
                 "alarms": alarms,
@@ -131,10 +135,13 @@ class Feed:
         )
 
 
+def _aged(received: Received, now_ns: int) -> dict[str, Any]:
+    return {**received.fields, "age_ms": round(received.age_ms(now_ns), 1), "late": received.is_late(now_ns)}
+
+
 def _shown(received: Received, now_ns: int, stopped: bool) -> dict[str, Any]:
-    fields = dict(received.fields)
-    late = stopped or received.is_late(now_ns)
-    fields |= {"age_ms": round(received.age_ms(now_ns), 1), "late": late}
+    fields = _aged(received, now_ns)
+    fields["late"] = late = fields["late"] or stopped
     fields["valid"] = bool(fields.get("valid")) and not late
     fields["reasons_text"] = describe_reasons(fields.get("reasons"))
     if "state" in fields:

@@ -1,0 +1,131 @@
+"""What the emulator is doing, for the page and ``fti watch``: twice a second on the daemon's bus, topic ``/hil``.
+
+scenario, flight_s, duration_s     title; time of the flight, null before it begins; how long it is [s]
+devices   {name: link, asked_hz, messages, breaker (null: it feeds itself), faults (kinds that name it)}
+links     {name: messages, bytes, dropped_messages, dropped_bytes, received_bytes}
+faults    those that act now: kind, words, on, until_s
+supply_v  voltage before the breakers [V]
+lateness  messages, p50_ms, p99_ms, max_ms; holds: every device holds its rate; not_held: which does not, and why
+
+It is said in a thread of its own and nobody waits for it: without a daemon the flight is the same.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import asdict
+from types import TracebackType
+from typing import Any
+
+from fti.bus.message import stamped
+from fti.bus.zenoh_bus import Publisher
+from fti.errors import MissingError
+from fti.hil.emulator import Emulator
+from fti.hil.faults import words
+from fti.service.rundir import DaemonInfo, base, find_daemon
+
+TOPIC = "/hil"
+PERIOD_S = 0.5
+#: Older than that, it is not known what the emulator does [ms].
+MAX_AGE_MS = 1500.0
+
+
+def describe(emulator: Emulator) -> dict[str, Any]:
+    """The message, in plain JSON types."""
+    report, t = emulator.report, emulator.flight_s
+    faults = list(words.active(emulator.scenario.fault, t or 0.0))
+    return {
+        "scenario": emulator.scenario.title,
+        "flight_s": t,
+        "duration_s": emulator.duration_s,
+        "devices": _devices(emulator, faults),
+        "links": {name: asdict(sent) for name, sent in report.links.items()},
+        "faults": faults,
+        "supply_v": emulator.power.volts,
+        "lateness": asdict(report.lateness),
+        "holds": not report.not_held,
+        "not_held": report.not_held,
+    }
+
+
+def _devices(emulator: Emulator, faults: list[dict[str, Any]]) -> dict[str, Any]:
+    states, messages = emulator.power.states(), emulator.messages
+    return {
+        sensor.name: {
+            "link": sensor.link,
+            "asked_hz": sensor.rate_hz,
+            "messages": messages.get(sensor.name, 0),
+            "breaker": states.get(sensor.name),
+            "faults": [fault["kind"] for fault in faults if sensor.name in fault["on"]],
+        }
+        for sensor in emulator.sensors
+    }
+
+
+class Teller:
+    """Publishes in a thread of its own while the block lasts, whenever there is a daemon.
+
+    run_dir : of the daemon, when it is not the one that the name of its session says
+    """
+
+    def __init__(self, emulator: Emulator, run_dir: str | None) -> None:
+        self._emulator, self._name = emulator, emulator.config.session.name
+        self._run_dir = run_dir or str(base() / self._name)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="fti-hil-teller")
+        self._endpoint: str | None = None
+        self._publisher: Publisher | None = None
+
+    def __enter__(self) -> Teller:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ended.wait(PERIOD_S):
+            if self._join():
+                self._tell()
+        self._leave()
+
+    def _join(self) -> bool:
+        """Is there a daemon with a bus, the one that we know or another?"""
+        found = _find(self._run_dir)
+        endpoint = found.zenoh if found else None
+        if endpoint != self._endpoint or self._publisher is None:
+            self._leave()
+            self._endpoint = endpoint
+            self._publisher = _connect(endpoint, self._name)
+        return self._publisher is not None
+
+    def _tell(self) -> None:
+        assert self._publisher is not None
+        clock = self._emulator.bench.clock
+        t_ns = clock.now_ns()
+        self._publisher.publish(TOPIC, stamped(describe(self._emulator), t_ns, clock.now_ns(), MAX_AGE_MS))
+
+    def _leave(self) -> None:
+        if self._publisher is not None:
+            self._publisher.close()
+        self._publisher = None
+
+
+def _find(run_dir: str) -> DaemonInfo | None:
+    try:
+        return find_daemon(run_dir)
+    except MissingError:
+        return None
+
+
+def _connect(endpoint: str | None, name: str) -> Publisher | None:
+    """The bus; None where there is none, or it does not answer."""
+    if endpoint is None:
+        return None
+    try:
+        return Publisher.connect(endpoint, name)
+    except MissingError:
+        return None
