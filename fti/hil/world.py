@@ -20,13 +20,16 @@ from fti.hil.scenario import Scenario
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
-from fti.ranging.sensor import sensor_poses
+from fti.ranging.sensor import RangingSensor, Returns, sensor_poses
+from fti.ranging.weather import fog
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
 HEAT_RATIO = 1.4
 LASER_RANGE = 2000.0
+#: Makers state the range of a laser on surfaces of this reflectance, and pulses of this length are usual [s].
+DARK, PULSE_S = 0.2, 10e-9
 
 
 def impact_pressure(tas: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
@@ -83,17 +86,31 @@ class World:
 
     def radar_ranges(self, t: Array, beam_width: float, device: Device) -> Array:
         """Leading-edge range [m] of a radar altimeter at times t [s]; NaN without return.  beam_width : full [rad]."""
-        return self._ranges(self._radars(beam_width), t, device)
+        return self.returns(self._radars(beam_width), t, device).slant_range
 
     def laser_ranges(self, t: Array, device: Device) -> Array:
         """Slant range [m] along the boresight of a laser altimeter at times t [s]; NaN without return."""
-        return self._ranges(Laser(max_range=LASER_RANGE), t, device)
+        return self.returns(self.laser(device), t, device).slant_range
 
-    def _ranges(self, sensor: NearestReturn | Laser, t: Array, device: Device) -> Array:
+    def laser(self, device: Device) -> Laser:
+        """A laser that sees everything; in fog one that sees as far as its device says on dark ground in clear air."""
+        air = self.scenario.air
+        if air.visibility_m is None:
+            return Laser(max_range=LASER_RANGE)
+        reach = device.altimeter.range_m[1] if device.altimeter else LASER_RANGE
+        top = self.path.airfield.threshold_alt_m + air.fog_top_m - self.terrain.frame.alt0
+        return Laser(
+            max_range=reach, reflectance=DARK, pulse_length=PULSE_S, weather=(fog(air.visibility_m, top),)
+        )  # fmt: skip
+
+    def returns(self, sensor: RangingSensor, t: Array, device: Device) -> Returns:
+        """What a sensor, mounted where the device is, says at times t [s]; without the instrument's own noise."""
         now = self.state(t)
         pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
-        poses = sensor_poses(self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device))
-        return sensor.measure(self.terrain, poses).slant_range
+        poses = sensor_poses(
+            self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device), vel_n=now.vel_n
+        )  # fmt: skip
+        return sensor.measure(self.terrain, poses)
 
     def ground(self, state: State) -> Array:
         """Height of the surface below the aircraft above the ellipsoid [m]."""

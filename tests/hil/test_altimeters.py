@@ -8,17 +8,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fti import config, drivers
 from fti.config import Device
 from fti.drivers import lightware_ascii
+from fti.errors import ConfigError
 from fti.hil.faults.kinds import Fog
 from fti.hil.faults.values import DeviceFaults
+from fti.hil.scenario.schema import Air, SensorSettings
 from fti.hil.sensors import MODELS, Sensor
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
+from fti.terrain.terrain import Terrain
 from fti.types import Attitude, Measurement, RadioHeight, Range, Reading, Stamp, Temperature
-from tests.hil.worlds import world
+from tests.hil.worlds import flat_terrain, path, scenario, world
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -149,3 +153,76 @@ def test_a_described_radar_altimeter_measures_radio_height() -> None:
     made = sensor("binary_struct", {"sync": "a5", "length": 3, "fields": fields})
     assert [m for m in samples(made)[-1] if isinstance(m, RadioHeight)]
     assert not ranges(made)
+
+
+# ------------------------------------------------------------------------------------------------ the FMCW altimeter
+
+
+def radar_heights(model: str | None, terrain: Terrain | None = None) -> NDArray[np.float64]:
+    """What a radar altimeter says over a terrain, with the noise of the same seed; NaN without a height [m]."""
+    settings = {} if model is None else {"device": SensorSettings.model_validate({"model": model})}
+    plan = scenario(flight=flown().scenario.flight, sensor=settings)
+    there = World(plan, path(), terrain or flat_terrain(), undulation=47.0)
+    keys = {"kind": "radar", "range_m": (0.5, 762.0), "beam_deg": 40.0}
+    device = Device.model_validate({"name": "device", "link": "l", "driver": "freeflight_ra4500", "altimeter": keys})
+    module = drivers.load("freeflight_ra4500")
+    made = Sensor(BoundDevice(device, module, module.Options()), MODELS["freeflight_ra4500"], there, seed=1)
+    told = [m.height_agl for sample in samples(made) for m in sample if isinstance(m, RadioHeight)]
+    return np.array([math.nan if height is None else height for height in told])
+
+
+def test_over_level_ground_both_radars_read_the_same_but_for_the_comb_of_the_rays() -> None:
+    """The edge of 2051 rays lies up to 0.85 m behind the nearest point, never before it."""
+    long_by = radar_heights("fmcw") - radar_heights("nearest")
+    assert np.isfinite(long_by).all()
+    assert long_by.min() > -0.05
+    assert long_by.max() < 0.9
+    np.testing.assert_array_equal(radar_heights(None), radar_heights("nearest"))
+
+
+def test_the_fmcw_radar_looks_past_a_mast_that_the_nearest_return_sees() -> None:
+    heights = flat_terrain().finest.heights.copy()
+    heights[::15, ::15] = 30.0  # every 300 m one post
+    masts = flat_terrain().with_finest(heights)
+    past = radar_heights("fmcw", masts) - radar_heights("nearest", masts)
+    assert np.nanmax(past) > 5.0
+
+
+def test_a_model_that_there_is_not_is_refused_by_its_key() -> None:
+    with pytest.raises(ConfigError, match=r"sensor.device.model = 'best'.*'nearest' or 'fmcw'"):
+        radar_heights("best")
+
+
+# --------------------------------------------------------------------------------------------------- fog of the air
+
+
+def laser_ranges(**air: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a laser sees on the small approach in that air, and how high it is above the ground [m]."""
+    there = World(scenario(flight=flown().scenario.flight, air=Air(**air)), path(), flat_terrain(), undulation=47.0)
+    device = Device.model_validate({
+        "name": "laser", "link": "l", "driver": "lightware_ascii",
+        "altimeter": {"kind": "laser", "range_m": (0.2, 500.0), "beam_deg": 0.2},
+    })  # fmt: skip
+    t = np.arange(0.0, 30.0, 0.5)
+    state = there.state(t)
+    return there.laser_ranges(t, device), state.alt - there.ground(state)
+
+
+def test_through_thin_fog_the_ground_is_seen_and_dense_fog_is_taken_for_it() -> None:
+    """Fog up to 100 m under an aircraft that comes down from 250 m.
+
+    A pulse of 1.5 m gets 0.9 % back from fog of 100 m visibility: as far as 107 m where dark ground is seen from 500 m.
+    """
+    clear, height = laser_ranges()
+    assert np.isfinite(clear).all()
+    np.testing.assert_array_equal(laser_ranges(visibility_m=5000.0, fog_top_m=100.0)[0], clear)
+    dense, _ = laser_ranges(visibility_m=100.0, fog_top_m=100.0)
+    far, near = height > 210.0, height < 204.0
+    assert min(far.sum(), near.sum()) > 5
+    assert np.isnan(dense[far]).all()
+    np.testing.assert_allclose(dense[near], height[near] - 100.0, rtol=0.01, atol=0.5)
+
+
+def test_inside_fog_a_laser_sees_the_length_of_its_pulse() -> None:
+    inside, _ = laser_ranges(visibility_m=100.0, fog_top_m=400.0)
+    np.testing.assert_allclose(inside, 1.5, atol=0.01)

@@ -39,19 +39,24 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from fti.config import Name, StrictModel
+from fti.config import Name, Positive, StrictModel
 from fti.hil.faults.kinds import Fault, NotNegative, Obstacle
 from fti.hil.ports.outside import Port
 from fti.hil.scenario.flights import ApproachFlight, FlightTable
 
 
 class Air(StrictModel):
-    """``[air]``: wind over the ground, and the pressure and temperature of the day."""
+    """``[air]``: wind over the ground, the pressure and temperature of the day, and fog.
+
+    visibility_m : in fog from the ground up to ``fog_top_m`` above the threshold; lasers feel it.  None: clear air
+    """
 
     wind_mps: NotNegative = 0.0
     wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     qnh_hpa: Annotated[float, Field(ge=870, le=1085)] = 1013.25
     isa_deviation_k: Annotated[float, Field(ge=-60, le=60)] = 0.0
+    visibility_m: Positive | None = None
+    fog_top_m: Positive = 100.0
 
     @property
     def wind_n(self) -> tuple[float, float]:

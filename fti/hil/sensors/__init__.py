@@ -7,7 +7,7 @@ from collections.abc import Callable
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.hil.sensors.air_data import AirSettings
-from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
+from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter, RadarSettings
 from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import Autopilot
 from fti.hil.sensors.base import ModelType, Sensor
@@ -49,14 +49,23 @@ class UnitSettings(AirSettings, ImuSettings):
     """Of a unit that has air data and inertial sensors."""
 
 
+class AvionicsSettings(UnitSettings, RadarSettings):
+    """The same with a radar altimeter."""
+
+
+class DescribedSettings(AirSettings, RadarSettings):
+    """Of a unit that may have air data and a radar altimeter."""
+
+
 #: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
 SETTINGS: dict[str, type[DeviceSettings]] = {
-    "arinc429": UnitSettings,
-    "ascii_line": AirSettings,
-    "binary_struct": AirSettings,
-    "canaerospace": AirSettings,
-    "dbc": AirSettings,
+    "arinc429": AvionicsSettings,
+    "ascii_line": DescribedSettings,
+    "binary_struct": DescribedSettings,
+    "canaerospace": DescribedSettings,
+    "dbc": DescribedSettings,
     "deflection_pickups": PickupSettings,
+    "freeflight_ra4500": RadarSettings,
     "honeywell_hmr2300": MagnetometerSettings,
     "imar_ixcom": AirSettings,
     "mavlink": UnitSettings,

@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.sensors.errors import white
+from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
+from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
+from fti.ranging.radar.antenna import cosine_antenna
 from fti.service.binding import BoundDevice
 from fti.types import DeviceStatus, Measurement, RadioHeight, Range, Reading, Stamp
 
 Array = NDArray[np.float64]
+
+
+class RadarSettings(DeviceSettings):
+    """How a radar altimeter is modelled.
+
+    model : "nearest", the nearest point in the beam, as references of approaches are made; or "fmcw", the instrument
+            with antenna, radar equation and spectrum, which looks past what gives little power: over the ridges and
+            woods of the demonstration it reads 1.2 m more on average, and 7 m more in one sample of twenty
+    """
+
+    model: Literal["nearest", "fmcw"] = "nearest"
 
 
 class RadarAltimeter:
@@ -25,9 +40,14 @@ class RadarAltimeter:
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         limits = bound.device.altimeter
-        beam_deg = limits.beam_deg if limits else self.BEAM_DEG
+        beam = math.radians(limits.beam_deg if limits else self.BEAM_DEG)
         self._range = limits.range_m if limits else self.RANGE_M
-        self._heights = world.radar_ranges(t, math.radians(beam_deg), bound.device) + white(t, self.NOISE_SD, rng)
+        if settings_of(RadarSettings, world.scenario, bound.device.name).model == "fmcw":
+            instrument = FmcwAltimeter(antenna=cosine_antenna(beam, beam), max_range=self._range[1])
+            heights = world.returns(instrument, t, bound.device).slant_range
+        else:
+            heights = world.radar_ranges(t, beam, bound.device)
+        self._heights = heights + white(t, self.NOISE_SD, rng)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status, then height."""
