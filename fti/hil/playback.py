@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from fti.errors import MissingError
@@ -12,8 +13,6 @@ from fti.types import TICK_LINK, RawFrame
 SECOND_NS = 1_000_000_000
 #: A longer pause is told: in a snapshot it may last until the next trigger.
 PAUSE_S = 5.0
-#: After a step the time stands so little before the frame that follows at the same instant [s].
-BEFORE_S = 1e-6
 
 
 class Transport:
@@ -38,10 +37,10 @@ class Transport:
         return self._stands_at is not None
 
     def now_s(self) -> float:
-        """The time [s]; with a step to do it is that of the next frame."""
+        """The time [s]; while it stands nothing is due, and with a step to do the next frame is."""
         if self._stands_at is None:
             return self._real_s() - self._zero_s
-        return max(self._stands_at, self.next_s) if self._steps else self._stands_at
+        return max(self._stands_at, self.next_s) if self._steps else -math.inf
 
     def pause(self) -> None:
         """Stand still, or go on from there."""
@@ -61,7 +60,7 @@ class Transport:
         """The next frame was sent."""
         if self._stands_at is not None and self._steps:
             self._steps -= 1
-            self._stands_at = max(self._stands_at, self.next_s - BEFORE_S)
+            self._stands_at = max(self._stands_at, self.next_s)
 
 
 def chosen(

@@ -1,0 +1,90 @@
+"""Compare what the links of two sessions received, by a hash of each link; or show the hashes of one.
+
+Recording a replay must give the same: on a serial line the same bytes in the same order, on UDP and CAN the same
+frames.  When they arrived, and how reads of a serial line were cut, is not compared.
+
+Exit code 0: every link is equal; 1: one is not.
+
+  fti compare data/da42_20260102T030405Z_0
+  fti compare data/da42_20260102T030405Z_0 data/da42_20260103T030405Z_0
+  fti compare data/da42_20260102T030405Z_0 data/da42_20260103T030405Z_0 --only gnss_line
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from fti.logger.proof.hashes import LinkHash
+
+SHOWN_DIGITS = 16
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """SESSION, another one, --only and --json."""
+    parser.add_argument("session", metavar="SESSION", help="session folder or MCAP file")
+    parser.add_argument("other", metavar="OTHER", nargs="?", help="the recording of its replay")
+    parser.add_argument(
+        "--only",
+        type=lambda text: text.split(","),
+        metavar="LINK[,LINK]",
+        help="these links alone, as fti replay --only",
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON only, with whole hashes")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Show or compare; 1 when a link differs."""
+    import json
+
+    first, second = _hashes(args.session, args.only), _hashes(args.other, args.only) if args.other else None
+    verdicts = {} if second is None else {link: _verdict(first.get(link), second.get(link)) for link in first | second}
+    if args.json:
+        print(json.dumps(_as_json(first, second, verdicts), indent=1))
+    else:
+        print("\n".join(_as_text(first, second, verdicts)))
+    return int(any(verdict != "EQUAL" for verdict in verdicts.values()))
+
+
+def _hashes(session: str, only: list[str] | None) -> dict[str, LinkHash]:
+    """The hashes of a session.  Raises MissingError when it has not the links that are asked for."""
+    from fti.errors import MissingError
+    from fti.logger.proof.hashes import link_hashes
+    from fti.logger.reading.recording import Recording
+
+    found = link_hashes(Recording.open(session))
+    for name in only or ():
+        if name not in found:
+            raise MissingError(f"{session}: has no link {name!r}; there are {', '.join(found)}")
+    return {link: of for link, of in found.items() if only is None or link in only}
+
+
+def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
+    if first is None or second is None:
+        return "only in the other session" if first is None else "not in the other session"
+    if first.is_same(second):
+        return "EQUAL"
+    return f"DIFFERENT: the other has {second.frames} frames, {second.bytes} bytes, {second.sha256[:SHOWN_DIGITS]}"
+
+
+def _as_text(first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]) -> list[str]:
+    links = first | (second or {})
+    width = max(map(len, links), default=0)
+    return [
+        f"{link:{width}} {of.kind:6} {of.frames:9} frames {of.bytes:12} bytes  "
+        f"sha256 {of.sha256[:SHOWN_DIGITS]}  {verdicts.get(link, '')}".rstrip()
+        for link, of in links.items()
+    ]
+
+
+def _as_json(
+    first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]
+) -> dict[str, object]:
+    from dataclasses import asdict
+
+    found: dict[str, object] = {"links": {link: asdict(of) for link, of in first.items()}}
+    if second is not None:
+        found["other"] = {link: asdict(of) for link, of in second.items()}
+        found["equal"] = {link: verdict == "EQUAL" for link, verdict in verdicts.items()}
+    return found

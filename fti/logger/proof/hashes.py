@@ -1,0 +1,57 @@
+"""What a link has received, as one hash: equal for a session and for the recording of its replay.
+
+serial     SHA-256 of all bytes one after another; how they were cut into reads is the machine's, not the device's
+udp, can   SHA-256 of every frame in order, each behind its length as eight bytes, little-endian
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+from fti.logger.reading.recording import Recording
+from fti.types import TICK_LINK
+
+LENGTH_BYTES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class LinkHash:
+    """What a link has received.  kind : serial, udp, can; sha256 : hexadecimal"""
+
+    kind: str
+    frames: int
+    bytes: int
+    sha256: str
+
+    def is_same(self, other: LinkHash) -> bool:
+        """The same bytes; for datagrams and CAN frames the same frames."""
+        return (self.kind, self.sha256) == (other.kind, other.sha256)
+
+
+class _Sum:
+    """The hash of one link, as its frames come."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind, self._hash = kind, hashlib.sha256()
+        self._frames = self._bytes = 0
+
+    def add(self, data: bytes) -> None:
+        if self._kind != "serial":
+            self._hash.update(len(data).to_bytes(LENGTH_BYTES, "little"))
+        self._hash.update(data)
+        self._frames += 1
+        self._bytes += len(data)
+
+    @property
+    def result(self) -> LinkHash:
+        return LinkHash(self._kind, self._frames, self._bytes, self._hash.hexdigest())
+
+
+def link_hashes(recording: Recording) -> dict[str, LinkHash]:
+    """The hash of every link, silent ones included.  Raises RecordingError as ``Recording.frames``."""
+    sums = {link: _Sum(kind) for link, kind in recording.links.items()}
+    for frame in recording.frames():
+        if frame.link != TICK_LINK:
+            sums[frame.link].add(frame.data)
+    return {link: found.result for link, found in sums.items()}
