@@ -1,0 +1,122 @@
+"""Compare what the daemon said of an emulated flight with what its scenario expected.
+
+SCENARIO is the name of a shipped one (fti hil --list) or a file, SESSION what the daemon recorded while it was flown.
+For each fault the flags that the daemon had to raise, whether they are in the session, after how long, and whether they
+went away again; then flags that no fault explains; then the scenario's own [[expect]] rows.
+
+  fti hil altimeter_failure --links /tmp/links --truth flight_truth_000.mcap --wait &
+  fti run configs/demo.toml --links /tmp/links --origin hil
+  fti score altimeter_failure data/demo_20260102T030405Z_0 --truth flight_truth_000.mcap
+
+A session of fti demo has its truth beside it; it may be several flights, and each is judged:
+
+  fti demo --scenario silence --duration 100
+  fti score silence data/demo_20260102T030405Z_0 --plot silence.png
+
+  fti score silence --fly /tmp                     flies it first, faster than time, without a port or a daemon
+
+  found           raised in time, and gone in time
+  late, missing   a miss: exit code 1            does not clear   it stands longer than its cause explains: 1
+  not expected    a flag that nothing explains: 1
+  not known yet   no part of the daemon compares this so far: neither a miss nor a success
+  not flown       the flight ended before        needs real ports   an accelerated flight has no ports
+
+When the flight began stands in the truth file alone, with the scenario that was flown: another one is refused.
+Exit code 0: all holds; 1: it does not; 2: wrong call, no truth, another scenario; 3: the recording has losses.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.cli.main import EXIT_LOSSES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from fti.hil.scenario import Scenario
+    from fti.logger.reading.recording import Recording
+    from fti.post.reprocess import Setup
+    from fti.post.score.judging import Score
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """SCENARIO, SESSION and what belongs to them."""
+    parser.add_argument("scenario", metavar="SCENARIO", help="name of a shipped scenario, or a file")
+    parser.add_argument("session", metavar="SESSION", nargs="?", help="session folder")
+    parser.add_argument("--truth", metavar="FILE", help="truth of the flight (default: those in SESSION)")
+    parser.add_argument("--config", metavar="CONFIG", help="another configuration than the recorded one")
+    parser.add_argument("--fly", metavar="DIR", help="fly it first, accelerated, and record below DIR")
+    parser.add_argument("--plot", metavar="FILE", help="draw faults and flags over time (.png, .svg)")
+    parser.add_argument("--json", action="store_true", help="print JSON only")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Judge every flight of the session; 1 when one does not hold."""
+    from fti.cli._reading import report_faults
+    from fti.hil import scenario as scenarios
+    from fti.logger.reading.recording import Recording
+    from fti.post.reprocess import other_setup, recorded_setup
+    from fti.post.score.report import as_json, as_text
+
+    if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
+        args.parser.error(f"--plot {args.plot}: must end with .png or .svg")
+    scenario = scenarios.load(scenarios.find(args.scenario))
+    recording = Recording.open(_fly(scenario, args) if args.fly else _named(args))
+    setup = other_setup(args.config) if args.config else recorded_setup(recording, recording.path)
+    scores = list(_judge(scenario, recording, setup, args))
+    if args.json:
+        print(json.dumps([as_json(score) for score in scores], indent=1))
+    else:
+        print("\n\n".join("\n".join(as_text(score)) for score in scores))
+    _draw(scores, args.plot)
+    report_faults(recording)
+    if not all(score.holds for score in scores):
+        return 1
+    return EXIT_LOSSES if recording.faults else 0
+
+
+def _fly(scenario: Scenario, args: argparse.Namespace) -> Path:
+    from fti.hil.accelerated import fly
+    from fti.hil.scenario import load_config
+
+    _refuse(args, args.session, "SESSION and --fly: one of them, for --fly records its own")
+    return fly(load_config(scenario, Path(args.config) if args.config else None), scenario, Path(args.fly))
+
+
+def _named(args: argparse.Namespace) -> Path:
+    _refuse(args, not args.session, "which SESSION? Or --fly DIR, which records one")
+    return Path(args.session)
+
+
+def _refuse(args: argparse.Namespace, wrong: object, text: str) -> None:
+    if wrong:
+        args.parser.error(text)
+
+
+def _judge(scenario: Scenario, recording: Recording, setup: Setup, args: argparse.Namespace) -> Iterator[Score]:
+    from fti.cli._reading import reading
+    from fti.post.score.flown import find_truths, read_flown
+    from fti.post.score.judging import judge
+    from fti.post.score.said import read_said
+
+    flights = [read_flown(file, scenario) for file in find_truths(recording, Path(args.truth) if args.truth else None)]
+    channels = [expectation.channel for expectation in scenario.expect]
+    for flown in flights:
+        with reading(recording, "score"):
+            said = read_said(recording, setup.config, flown, channels)
+        yield judge(scenario, setup, flown, said)
+
+
+def _draw(scores: Sequence[Score], file: str | None) -> None:
+    """Each flight into a file of its own."""
+    from fti.post.score.picture import draw
+
+    if file is None:
+        return
+    for number, score in enumerate(scores):
+        path = Path(file)
+        draw(score, path if len(scores) == 1 else path.with_stem(f"{path.stem}_{number}"))

@@ -1,0 +1,224 @@
+"""A flight as fast as it can be computed: emulated frames go straight into the daemon's chain, in a time of their own.
+
+Nothing is opened, nobody waits: the emulator's streams run on a clock that jumps from instant to instant, each message
+is one frame, and what the daemon would record is written into a session: frames, ticks, measurements, outputs, events,
+health and ledger.  The same scenario and software give the same session, bit for bit.
+
+What only real ports have is not there: what a line takes at its baud rate, what a controller or an adapter says of
+itself, what the kernel does to stamps, processes that end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, ClassVar
+
+from fti.clock import Clock, FakeClock
+from fti.config import Config, Link
+from fti.hil.emulator import Emulator, make_world
+from fti.hil.ports.endpoints import Endpoint
+from fti.hil.ports.line import Respond
+from fti.hil.ports.sent import Sent
+from fti.hil.scenario import Scenario
+from fti.hil.scheduler import Stream
+from fti.hil.world import World
+from fti.logger.derived_log import DerivedLog
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.session import SessionFolder
+from fti.service.binding import bind_devices, parse_reference, read_texts
+from fti.service.chain import Chain
+from fti.service.diagnosis import Diagnosis
+from fti.service.health import HealthBoard
+from fti.types import TICK_LINK, TICK_PERIOD_NS, Event, LinkState, RawFrame
+
+SECOND_NS = 1_000_000_000
+#: FTI time at which every such session begins: 2026-01-01, 00:00 UTC.
+BEGIN_NS = 1_767_225_600 * SECOND_NS
+#: The daemon has run for so many ticks before the flight begins.
+BEFORE_TICKS = 50
+HEALTH_S = 0.5
+SILENT_NS = SECOND_NS
+FLUSH_TICKS = 250
+#: Measurements are kept at this rate of each kind: what comes of them is kept whole.
+DECIMATE_HZ = 5.0
+
+
+class Wire:
+    """A link without a port: what is sent is received at once."""
+
+    is_stream: ClassVar[bool] = False
+
+    def __init__(self, receive: Callable[[bytes], None]) -> None:
+        self.sent = Sent()
+        self._receive = receive
+
+    async def open(self) -> None:
+        """Nothing to open."""
+
+    async def reader_ready(self) -> None:
+        """Somebody always listens."""
+
+    def send(self, data: bytes) -> None:
+        """Hand over."""
+        self.sent.messages += 1
+        self.sent.bytes += len(data)
+        self._receive(data)
+
+    async def send_all(self, data: bytes) -> None:
+        """Hand over."""
+        self.send(data)
+
+    async def drained(self) -> None:
+        """It is."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+class StreamWire(Wire):
+    """A serial line without a port."""
+
+    is_stream: ClassVar[bool] = True
+
+
+class Memory:
+    """The bench of such a flight.  receive : gets each message with the name of its link"""
+
+    def __init__(self, receive: Callable[[str, bytes], None], streams: Sequence[Stream]) -> None:
+        self._time = FakeClock(BEGIN_NS)
+        self.clock: Clock = self._time
+        self._receive, self._streams = receive, streams
+
+    def make_endpoint(self, link: Link, respond: Respond) -> Endpoint:
+        """A wire.  The chain asks nothing, so that nothing is answered."""
+        kind = StreamWire if link.kind == "serial" else Wire
+        return kind(lambda data: self._receive(link.name, data))
+
+    async def sleep(self, seconds: float) -> None:
+        """The clock jumps, by a whole nanosecond at least, so that it gets there."""
+        self._time.time_ns += math.ceil(seconds * SECOND_NS)
+
+    def streams(self, start_ns: int) -> Sequence[Stream]:
+        """What the daemon does by the clock."""
+        return self._streams
+
+
+class Ticking:
+    """The ticks of the recorder, as a stream of the scheduler."""
+
+    def __init__(self, tick: Callable[[], None]) -> None:
+        self._tick = tick
+        self._k = 0
+
+    def due_s(self) -> float | None:
+        """When the next tick falls."""
+        return self._k * TICK_PERIOD_NS / SECOND_NS
+
+    async def send(self) -> None:
+        """Tick."""
+        self._k += 1
+        self._tick()
+
+
+class Session:
+    """What the daemon would record of the frames that it is given."""
+
+    def __init__(self, config: Config, folder: SessionFolder, metadata: dict[str, str]) -> None:
+        texts = read_texts(config)
+        devices = bind_devices(config, texts)
+        self._links = {link.name: link.kind for link in config.link}
+        self._chain = Chain(config, devices, parse_reference(config, texts))
+        self._diagnosis = Diagnosis(config, self._chain)
+        self._board = HealthBoard({**metadata, "folder": str(folder.path), "started_ns": 0, "state": "recording"})
+        self._seq = self._ticks = self._told = 0
+        self._frames: Counter[str] = Counter()
+        self._bytes: Counter[str] = Counter()
+        self._last_ns: dict[str, int] = {}
+        about: dict[str, Any] = {
+            "split_s": config.session.split_s,
+            "split_mb": config.session.split_mb,
+            "attachments": [(n, "text/plain", t.encode()) for n, t in {"config.toml": config.text, **texts}.items()],
+            "metadata": {"fti": metadata},
+        }
+        self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)
+        self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **about)
+
+    def receive(self, link: str, data: bytes, t_ns: int) -> None:
+        """A frame."""
+        self._frames[link] += 1
+        self._bytes[link] += len(data)
+        self._last_ns[link] = t_ns
+        frame = RawFrame(link, self._seq, t_ns, data)
+        self._raw.frame(link, frame.seq, t_ns, data)
+        self._take(frame)
+
+    def tick(self, t_ns: int) -> None:
+        """A tick, and what falls due with it."""
+        frame = RawFrame(TICK_LINK, self._seq, t_ns, b"")
+        self._raw.tick(frame.seq, t_ns)
+        self._take(frame)
+        if self._ticks % round(HEALTH_S * SECOND_NS / TICK_PERIOD_NS) == 0:
+            self._tell_health(t_ns)
+        self._ticks += 1
+        if self._ticks % FLUSH_TICKS == 0:
+            self._raw.flush()
+            self._derived.flush()
+
+    def close(self) -> None:
+        """Finish the files."""
+        self._raw.close()
+        self._derived.close()
+
+    def _take(self, frame: RawFrame) -> None:
+        self._seq += 1
+        self._diagnosis.listen(frame)
+        products = self._chain.feed(frame)
+        for device, measurement in products.measurements:
+            self._derived.measurement(device, measurement)
+        for note in products.notes:
+            self._derived.note(*note)
+        for output in products.outputs:
+            self._derived.output(output)
+            if isinstance(output, Event):
+                self._raw.json("/fti/event", output.t_ns, asdict(output))
+
+    def _tell_health(self, t_ns: int) -> None:
+        """Told twice a second, recorded once a second, as the daemon does."""
+        self._board.navigation = {"devices": self._diagnosis.devices(t_ns), "navigation": {"lag_ms": 0.0}}
+        self._board.recorder = {"t_ns": t_ns, "links": {name: self._link(name, t_ns) for name in self._links}}
+        self._told += 1
+        if self._told % 2 == 0:
+            self._raw.json("/fti/health", t_ns, self._board.compose(t_ns, ()))
+
+    def _link(self, name: str, t_ns: int) -> dict[str, Any]:
+        last_ns = self._last_ns.get(name)
+        heard = last_ns is not None and t_ns - last_ns < SILENT_NS
+        state = LinkState.GOOD if heard else LinkState.SILENT
+        counts = {"frames": self._frames[name], "bytes": self._bytes[name]}
+        return {"kind": self._links[name], "state": state, "hint": "", **counts}
+
+
+def fly(config: Config, scenario: Scenario, out: Path, *, world: World | None = None) -> Path:
+    """Fly a scenario past the chain; returns the session folder below ``out``, which has the truth too.
+
+    world : made from the scenario when None.  Raises what the emulator raises.
+    """
+    world = world or make_world(scenario)
+    folder = SessionFolder.create(out, config.session.name, BEGIN_NS)
+    session = Session(config, folder, {"name": config.session.name, "origin": "hil", "accelerated": "true"})
+    for k in range(-BEFORE_TICKS, 0):
+        session.tick(BEGIN_NS + k * TICK_PERIOD_NS)
+    bench = Memory(
+        lambda link, data: session.receive(link, data, bench.clock.now_ns()),
+        [Ticking(lambda: session.tick(bench.clock.now_ns()))],
+    )
+    emulator = Emulator(config, scenario, bench, truth=folder.next_path("truth"), world=world)
+    emulator.start()
+    asyncio.run(emulator.run(duration_s=world.duration))
+    session.close()
+    return folder.path

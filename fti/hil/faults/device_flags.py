@@ -1,0 +1,249 @@
+"""What the daemon must say of the faults of devices, kind by kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from fti.hil.faults.duties import (
+    BITS,
+    CLOCK_KNOWN_S,
+    CLOCK_RENEW_S,
+    CLOCK_SEEN_S,
+    CONFIRM_S,
+    DOUBT_S,
+    HEALTH_S,
+    HEIGHT,
+    INTEGRITY,
+    LINKS,
+    NAV_S,
+    RATE_SHARE,
+    RENEWED_S,
+    SILENT_S,
+    SLOWEST_MPS,
+    SOLUTION,
+    UNIT_S,
+    WINDOW_S,
+    Case,
+    Duty,
+    May,
+    Told,
+)
+from fti.hil.faults.kinds import (
+    BitErrors,
+    Breaker,
+    BrownOut,
+    Burst,
+    ClockDrift,
+    ClockJump,
+    Cut,
+    Duplicated,
+    Fog,
+    Forced,
+    Freeze,
+    GnssDegraded,
+    GnssOffset,
+    GnssOutage,
+    Invalid,
+    LostHeader,
+    OnDevices,
+    OnQuantity,
+    Reordered,
+    Stuck,
+    Truncated,
+    WrongChecksum,
+    WrongLabel,
+)
+
+Found = tuple[list[Duty], str]
+
+
+def on_device(fault: OnDevices, case: Case) -> Told:
+    """What is due of one fault on one device; duties that are too long for it are not."""
+    for kinds, rule in RULES:
+        if isinstance(fault, kinds):
+            duties, unknown = rule(fault, case)
+            due = tuple(duty for duty in duties if duty.is_due)
+            return Told(case.name, due, tuple(consequences(case)), unknown)
+    raise AssertionError(f"no flags are stated for {type(fault).__name__}")
+
+
+def _is_silent(fault: Cut, case: Case) -> Found:
+    return silence(case), ""
+
+
+def silence(case: Case) -> list[Duty]:
+    """Nothing of the device arrives any more."""
+    craft, name = case.craft, case.name
+    noticed = HEALTH_S + (SILENT_S if craft.is_alone(name) else WINDOW_S)
+    health = case.duty(case.health, "silent", "noise", within_s=noticed, clears_s=craft.boot_s(name) + HEALTH_S + 1.0)
+    return [health, *_stale(case)]
+
+
+def _has_no_power(fault: Breaker | BrownOut, case: Case) -> Found:
+    """A breaker is open, or the voltage is below what the device needs; power units say which."""
+    if isinstance(fault, BrownOut) and not case.craft.stops_at(case.name, fault.supply_v):
+        return [], ""
+    word = f"{case.name}_{'tripped' if isinstance(fault, Breaker) else 'brown_out'}"
+    units = case.craft.power_units
+    within_s, clears_s = UNIT_S, UNIT_S + case.craft.boot_s(case.name)
+    told = [case.duty(f"/{unit}/device_status", word, within_s=within_s, clears_s=clears_s) for unit in units]
+    return [*told, *silence(case)], ""
+
+
+def _stale(case: Case) -> list[Duty]:
+    """Navigation has nothing new of the device."""
+    age = case.craft.max_age_s(case.name)
+    back = case.craft.boot_s(case.name) + 2 * case.craft.period_s(case.name) + NAV_S
+    return _lost(case, ("stale",), age + NAV_S, back)
+
+
+def _lost(case: Case, against_height: tuple[str, ...], within_s: float, clears_s: float) -> list[Duty]:
+    """What navigation says when it cannot use a device: of the height, and that another source has taken over."""
+    craft, name, found = case.craft, case.name, list[Duty]()
+    if name in craft.altimeters:
+        found.append(case.duty(f"{HEIGHT}/{name}", *against_height, within_s=within_s, clears_s=clears_s))
+    for role in craft.preferred_for(name):
+        words = (f"{role} not from {name}",)
+        found.append(case.duty(SOLUTION, *words, within_s=within_s, clears_s=clears_s))
+    return found
+
+
+def _says_so(fault: Invalid | GnssOutage, case: Case) -> Found:
+    """The device declares its measurements invalid."""
+    if not case.craft.says_invalid(case.name):
+        return [], "its protocol has no way to say so"
+    soon = case.craft.period_s(case.name) + NAV_S
+    back = 2 * case.craft.period_s(case.name) + NAV_S + (case.craft.FIX_S if isinstance(fault, GnssOutage) else 0.0)
+    words = tuple(getattr(fault, "flags", ()))
+    duties = [case.duty(f"/{case.name}/", "invalid", *words, within_s=soon, clears_s=back)]
+    duties += [case.duty(f"/{case.name}/device_status", word, within_s=soon, clears_s=back) for word in words]
+    return duties + _lost(case, ("device_flag", "no_return"), soon, back), ""
+
+
+def _in_fog(fault: Fog, case: Case) -> Found:
+    if not case.craft.is_laser(case.name):
+        return [], ""
+    if fault.echo_m is not None:
+        return [], "fog that is taken for the ground"
+    blind = case.truth.span(
+        (case.truth.height_agl > fault.visibility_m)
+        & (case.truth.t >= fault.from_s)
+        & (case.truth.t < fault.to_s)
+        & (case.truth.height_agl < case.craft.range_m(case.name))
+    )
+    if blind is None:
+        return [], ""
+    soon = case.craft.period_s(case.name) + NAV_S
+    words = ("no_return", "device_flag")
+    return [Duty(f"{HEIGHT}/{case.name}", words, blind[0], blind[1], soon, 2 * soon)], ""
+
+
+def _is_frozen(fault: Freeze, case: Case) -> Found:
+    """Old messages say old times; of a device without a clock nobody can tell."""
+    if not _clock_is_known(case):
+        return [], "old messages without a time look like new ones"
+    return [_clock_away(case)], ""
+
+
+def _clock_is_known(case: Case) -> bool:
+    return case.craft.says_time(case.name) and case.from_s >= CLOCK_KNOWN_S
+
+
+def _clock_away(case: Case) -> Duty:
+    return case.duty(case.health, "clock away", within_s=DOUBT_S + HEALTH_S, clears_s=_learned_s(case) + HEALTH_S)
+
+
+def _learned_s(case: Case) -> float:
+    """What has lasted was learned, and has to be learned again when it ends [s]."""
+    return CLOCK_RENEW_S if case.until_s - case.from_s > RENEWED_S else 1.0
+
+
+def _clock_jumps(fault: ClockJump, case: Case) -> Found:
+    if abs(fault.by_s) < CLOCK_SEEN_S or not _clock_is_known(case):
+        return [], "a clock that is not known yet, or off by less than what is usual"
+    return [_clock_away(case)], ""
+
+
+def _clock_drifts(fault: ClockDrift, case: Case) -> Found:
+    return [], "a slow drift, which is taken for the clock's own"
+
+
+def _is_damaged(fault: Any, case: Case) -> Found:
+    """Bytes are refused; of a share of messages nothing else follows."""
+    if case.craft.is_on_can(case.name):
+        return [], "wrong data in a frame whose checksum is good"
+    if isinstance(fault, BitErrors) and _wrong_bits(fault, case) < BITS:
+        return [], "fewer wrong bits than can be relied upon"
+    refused = case.duty(case.health, "damaged bytes", within_s=HEALTH_S + 1.0, clears_s=HEALTH_S + 1.0)
+    return [refused, *(_stale(case) if getattr(fault, "share", 0.0) >= 1.0 else [])], ""
+
+
+def _wrong_bits(fault: BitErrors, case: Case) -> float:
+    bits_per_message = 64.0
+    return fault.rate * bits_per_message * (case.until_s - case.from_s) / case.craft.period_s(case.name)
+
+
+def _is_renamed(fault: WrongLabel, case: Case) -> Found:
+    """What nobody knows is as if it had not been sent."""
+    if fault.share < 1.0:
+        return [], "messages with an unknown identifier, which are another device's for all that is known"
+    late = WINDOW_S + HEALTH_S
+    health = [case.duty(case.health, "silent", "noise", "wrong rate", within_s=late, clears_s=late)]
+    return [*(health if case.craft.has_rate(case.name) else []), *_stale(case)], ""
+
+
+def _is_doubled(fault: Duplicated, case: Case) -> Found:
+    if fault.share < RATE_SHARE or not case.craft.has_rate(case.name):
+        return [], "messages that come twice"
+    return [case.duty(case.health, "wrong rate", within_s=WINDOW_S + HEALTH_S, clears_s=WINDOW_S + HEALTH_S)], ""
+
+
+def _comes_in_bursts(fault: Burst, case: Case) -> Found:
+    """Held back for longer than a measurement may be old."""
+    if fault.hold_s < case.craft.max_age_s(case.name) + 2 * NAV_S:
+        return [], "messages that come together and not too late"
+    return _stale(case), ""
+
+
+def _nobody_knows(what: str) -> Callable[[Any, Case], Found]:
+    return lambda fault, case: ([], what)
+
+
+#: Kinds of faults of devices, and what is due.
+RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
+    (Cut, _is_silent),
+    (Breaker | BrownOut, _has_no_power),
+    (Freeze, _is_frozen),
+    (Stuck, _nobody_knows("values that stand still with fresh times")),
+    (Invalid | GnssOutage, _says_so),
+    (OnQuantity | Forced, _nobody_knows("a wrong value of one device: nothing compares it with another's")),
+    (GnssDegraded, _nobody_knows("a position that says that it is worse")),
+    (GnssOffset, _nobody_knows("a position that is drawn away")),
+    (Fog, _in_fog),
+    (ClockJump, _clock_jumps),
+    (ClockDrift, _clock_drifts),
+    (BitErrors | LostHeader | Truncated | WrongChecksum, _is_damaged),
+    (WrongLabel, _is_renamed),
+    (Duplicated, _is_doubled),
+    (Reordered, _nobody_knows("messages out of order")),
+    (Burst, _comes_in_bursts),
+)
+
+
+def consequences(case: Case) -> Iterator[May]:
+    """Where a fault of a device may show, and until when."""
+    craft, name, begin, end = case.craft, case.name, case.from_s, case.until_s + case.craft.boot_s(case.name)
+    age, window = craft.max_age_s(name) + 1.0, craft.window_m / SLOWEST_MPS + CONFIRM_S
+    health = WINDOW_S + HEALTH_S + 1.0 + (_learned_s(case) if craft.says_time(name) else 0.0)
+    yield May(f"/{name}/", begin, end + age + craft.FIX_S)
+    yield May(case.health, begin, end + health)
+    yield from (May(f"/{unit}/device_status", begin, end + UNIT_S) for unit in craft.power_units)
+    yield May(f"/fti/event/{name}", begin, end + health)
+    yield May(f"{LINKS}/{craft.link_of(name)}", begin, end + health)
+    if name in craft.altimeters:
+        yield May(f"{HEIGHT}/{name}", begin, end + age)
+    if name in craft.sources:
+        yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, "/fti/event/nav"))
+    if name in craft.altimeters or name in craft.sources:
+        yield May(INTEGRITY, begin, end + age + craft.FIX_S + window)

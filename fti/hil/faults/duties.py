@@ -1,0 +1,98 @@
+"""The terms in which flags of faults are stated: places of a session, duties, times that the daemon needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fti.hil.faults.aircraft import Aircraft, Truth
+
+HEIGHT, SOLUTION, INTEGRITY = "/nav/height_above_ground", "/nav/nav_solution", "/nav/clearance_integrity"
+DEVICES, LINKS, LEDGER = "/fti/health/devices", "/fti/health/links", "/fti/ledger"
+#: From a cause to an output of navigation: latency of the device, a tick, 25 Hz [s].
+NAV_S = 0.3
+#: Navigation looks at its devices twice a second, the supervisor asks as often and records every second time [s].
+HEALTH_S = 2.5
+#: Silence that health calls so; the window over which it judges rates and shared links; when a clock is doubted [s].
+SILENT_S, WINDOW_S, DOUBT_S = 1.0, 4.0, 2.0
+#: An adapter is asked once a second, the ledger written once a second [s].
+LEDGER_S = 2.5
+#: A power unit tells of every breaker twice a second [s].
+UNIT_S = 1.0
+#: A device's clock is known so long after its first message, and learned anew so long after it was set [s].
+CLOCK_KNOWN_S, CLOCK_RENEW_S = 20.0, 14.0
+#: What is off for longer is taken for the clock's own from then on [s].
+RENEWED_S = 9.0
+#: What a clock is off by before anybody can see it [s]: the usual lateness.
+CLOCK_SEEN_S = 0.1
+#: The integrity monitor judges a window; this speed is the lowest that is flown [m/s], and it confirms an alarm [s].
+SLOWEST_MPS, CONFIRM_S = 35.0, 2.0
+#: No relief that the reference leaves open is as high as this [m].
+OBSTACLE_M = 30.0
+#: A share of messages that changes a rate by more than what health tolerates.
+RATE_SHARE = 0.5
+#: Wrong bits that are enough for a message to be refused beyond doubt.
+BITS = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Duty:
+    """A flag that must be raised: one of ``words`` at ``place`` within ``within_s`` of ``from_s``.
+
+    until_s, clears_s : it must have gone at the latest so long after until_s
+    ports             : only real ports can show it
+    """
+
+    place: str
+    words: tuple[str, ...]
+    from_s: float
+    until_s: float
+    within_s: float
+    clears_s: float
+    ports: bool = False
+
+    @property
+    def is_due(self) -> bool:
+        """Does the cause last long enough?"""
+        return self.until_s - self.from_s > self.within_s
+
+
+@dataclass(frozen=True, slots=True)
+class May:
+    """Flags at places that begin with ``place`` may be a consequence from from_s until until_s."""
+
+    place: str
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What belongs to one fault of one subject (a device, a link, "flight").
+
+    unknown : what nobody knows yet, in words; "" where every consequence is known
+    """
+
+    subject: str
+    duties: tuple[Duty, ...]
+    may: tuple[May, ...]
+    unknown: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One fault on one device."""
+
+    craft: Aircraft
+    truth: Truth
+    name: str
+    from_s: float
+    until_s: float
+
+    def duty(self, place: str, *words: str, within_s: float, clears_s: float, ports: bool = False) -> Duty:
+        """A duty of this interval."""
+        return Duty(place, words, self.from_s, self.until_s, within_s, clears_s, ports)
+
+    @property
+    def health(self) -> str:
+        """Where the health of the device is told."""
+        return f"{DEVICES}/{self.name}"

@@ -1,0 +1,115 @@
+"""What the daemon must say of each fault, and how soon: the flags of ``FaultKind``.
+
+A flag is a word at a place of the recorded session (``fti.post.score.said``):
+
+place                                words
+-----------------------------------  ----------------------------------------------------------------------------------
+/nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return ...
+/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one
+/nav/clearance_integrity             unavailable, caution, alert, and the reasons
+/fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are refused;
+                                     "clock away" while its time does not fit
+/fti/health/links/L                  absent, denied, busy, silent
+/fti/ledger/L                        errors that the line counts: slcan_bus_error, can_bus_off ...
+/D/device_status                     the conditions that a device names while it is not well
+/D/...                               invalid: a measurement that the device declares so
+
+A duty is due when the fault lasts longer than it may take.  What no part of the daemon compares is **not known yet**:
+it is told as such, and is neither a miss nor a success.
+"""
+
+from __future__ import annotations
+
+from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.faults.device_flags import consequences, on_device, silence
+from fti.hil.faults.duties import (
+    CONFIRM_S,
+    HEALTH_S,
+    INTEGRITY,
+    LEDGER,
+    LEDGER_S,
+    LINKS,
+    NAV_S,
+    OBSTACLE_M,
+    SILENT_S,
+    SLOWEST_MPS,
+    WINDOW_S,
+    Case,
+    Duty,
+    May,
+    Told,
+)
+from fti.hil.faults.fitting import is_of
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack, OnLinks
+
+
+def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:
+    """What the daemon must, and may, say of a fault; one for each device or link that it is on."""
+    if isinstance(fault, Obstacle):
+        return [_obstacle(fault, craft, truth)]
+    if isinstance(fault, OffTrack):
+        return [_off_track(fault, craft, truth)]
+    if isinstance(fault, OnLinks):
+        return [_on_link(fault, craft, truth, name) for name in fault.links or craft.can_links(fault)]
+    names = [bound.device.name for bound in craft.devices if is_of(fault, bound)]
+    return [on_device(fault, Case(craft, truth, name, fault.from_s, fault.to_s)) for name in names]
+
+
+# ------------------------------------------------------------------------------------------------- of the world
+
+
+def _obstacle(fault: Obstacle, craft: Aircraft, truth: Truth) -> Told:
+    """Above it, the return of the altimeter is the obstacle's; beside it, as soon as the beam reaches it."""
+    reach = craft.beam_reach * truth.height_agl
+    near = abs(fault.before_threshold_m - truth.before_threshold)
+    above = truth.span(near <= fault.length_m / 2)
+    beside = truth.span(near <= fault.length_m / 2 + reach)
+    if beside is None or above is None:
+        return Told("flight", (), (), "")
+    begin, end = beside
+    window = craft.window_m / SLOWEST_MPS + CONFIRM_S
+    duty = Duty(INTEGRITY, ("obstacle",), above[0], above[0] + window, CONFIRM_S, end - above[0] + window)
+    seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
+    unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
+    return Told("flight", (duty,) if seen else (), (May(INTEGRITY, begin, end + 2 * window),), unknown)
+
+
+def _off_track(fault: OffTrack, craft: Aircraft, truth: Truth) -> Told:
+    """As long as the aircraft is beyond what the approach allows; no side step is that large: nothing is due."""
+    beyond = truth.span(abs(truth.offset) > craft.track_limit_m)
+    if beyond is None or not craft.has_approach:
+        return Told("flight", (), (May(INTEGRITY, fault.from_s, fault.to_s + fault.turn_s),))
+    begin, end = beyond
+    duty = Duty(INTEGRITY, ("off_track",), begin, end, NAV_S + SILENT_S, NAV_S + SILENT_S)
+    window = craft.window_m / SLOWEST_MPS + CONFIRM_S
+    return Told("flight", (duty,), (May(INTEGRITY, begin, end + window),))
+
+
+# --------------------------------------------------------------------------------------------------- of a line
+
+
+def _on_link(fault: OnLinks, craft: Aircraft, truth: Truth, link: str) -> Told:
+    """Everything that is on a bus."""
+    end = fault.to_s + LEDGER_S
+    may = [May(f"{place}/{link}", fault.from_s, end + WINDOW_S) for place in (LEDGER, LINKS, "/fti/event")]
+    if isinstance(fault, Babbling):
+        return Told(link, (), tuple(may), "a bus that is loaded by one node")
+    case = Case(craft, truth, link, fault.from_s, fault.to_s)
+    duties = _bus_off(case) if isinstance(fault, BusOff) else _status(fault, case)
+    if isinstance(fault, BusOff):
+        for device in craft.on_link(link):
+            one = Case(craft, truth, device, fault.from_s, fault.to_s)
+            duties += silence(one)
+            may += consequences(one)
+    return Told(link, tuple(duty for duty in duties if duty.is_due), tuple(may))
+
+
+def _bus_off(case: Case) -> list[Duty]:
+    return [case.duty(f"{LINKS}/{case.name}", "silent", within_s=SILENT_S + HEALTH_S, clears_s=HEALTH_S + 1.0)]
+
+
+def _status(fault: OnLinks, case: Case) -> list[Duty]:
+    """Every flag that the adapter is given to tell is counted."""
+    assert isinstance(fault, CanStatus)
+    place = f"{LEDGER}/{case.name}"
+    return [case.duty(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_S, ports=True) for flag in fault.flags]

@@ -1,0 +1,6 @@
+"""What the daemon said of a flight against what its scenario expected.
+
+flown.py    from the truth file: when the flight began, what was true, when the bench was late
+said.py     from the session: words, and from when until when they stood
+judging.py  the comparison          report.py  as text and JSON          picture.py  over time
+"""

@@ -1,0 +1,105 @@
+"""What was flown, by the emulator's truth file: when the flight began, what was true, when the bench was late."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fti.errors import ConfigError, MissingError
+from fti.hil.faults.aircraft import Truth
+from fti.hil.scenario import Scenario
+from fti.hil.truth import SCENARIO_ATTACHMENT, TOPIC
+from fti.logger.reading.mcap_file import Item, McapFile
+from fti.logger.reading.recording import Recording
+from fti.nav.approach import ApproachPath, load_airfield
+from fti.terrain.scenes import DEMO_AIRFIELD
+
+SECOND_NS = 1_000_000_000
+#: What is late by more is a pause of the bench: what the daemon says then is not its fault [s].
+PAUSE_S = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """The bench had no time: nothing was sent from from_s until until_s [s of the flight]."""
+
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """One flight.
+
+    begin_ns : FTI time at which it began; pauses : see ``Pause``, in order
+    """
+
+    file: Path
+    begin_ns: int
+    truth: Truth
+    pauses: tuple[Pause, ...]
+
+    def seconds(self, t_ns: int) -> float:
+        """Time of the flight [s]."""
+        return (t_ns - self.begin_ns) / SECOND_NS
+
+
+def find_truths(recording: Recording, given: Path | None) -> list[Path]:
+    """The truth files of a session, each a flight, or the one that is given.  Raises MissingError."""
+    if given is not None:
+        return [given]
+    if not recording.truth_files:
+        raise MissingError(
+            f"{recording.path}: holds no truth, so that nobody knows when its flight began: give the file that "
+            "`fti hil SCENARIO --truth FILE` wrote with --truth FILE"
+        )
+    return recording.truth_files
+
+
+def read_flown(file: Path, scenario: Scenario) -> Flown:
+    """A flight of a scenario.  Raises MissingError where nothing is flown, ConfigError where it is another scenario."""
+    source = McapFile(file)
+    told = source.head().attachments.get(SCENARIO_ATTACHMENT)
+    if told is None:
+        raise MissingError(f"{file}: is no truth of the emulator: it does not say which scenario was flown")
+    _check_same(file, json.loads(told), json.loads(scenario.flown))
+    rows = [item for item in source.items() if item.topic.name == TOPIC]
+    if not rows:
+        raise MissingError(f"{file}: has no rows: the flight did not begin")
+    return Flown(file, rows[0].log_time, _truth(rows), tuple(_pauses(rows)))
+
+
+def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) -> None:
+    other = [key for key in asked if flown.get(key) != asked[key]]
+    if other:
+        raise ConfigError(
+            f"{file}: is the truth of {flown.get('title')!r}, seed {flown.get('seed')}, and not of "
+            f"{asked['title']!r} as the scenario is now: they differ in {', '.join(other)}"
+        )
+
+
+def _truth(rows: list[Item]) -> Truth:
+    states = [json.loads(item.data) for item in rows]
+    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in ("height_agl", "s", "y")}
+    t = np.array([item.log_time - rows[0].log_time for item in rows]) / SECOND_NS
+    return Truth(t, columns["height_agl"], columns["s"] - _intercept_m(), columns["y"])
+
+
+def _intercept_m() -> float:
+    """Where the glide path meets the ground, behind the threshold [m]."""
+    airfield = load_airfield(DEMO_AIRFIELD.read_text(encoding="utf-8"), str(DEMO_AIRFIELD))
+    return float(ApproachPath(airfield).x_gpi)
+
+
+def _pauses(rows: list[Item]) -> Iterator[Pause]:
+    """Rows are written at their instants: one that is late was written when the bench had time again."""
+    begin = rows[0].log_time
+    for item in rows:
+        late = (item.publish_time - item.log_time) / SECOND_NS
+        if late > PAUSE_S:
+            from_s = (item.log_time - begin) / SECOND_NS
+            yield Pause(from_s, from_s + late)

@@ -1,0 +1,228 @@
+"""The comparison: every fault with what it had to raise, what was raised and nobody expected, and ``[[expect]]``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from fti.hil.faults.aircraft import Aircraft
+from fti.hil.faults.duties import Duty, May, Told
+from fti.hil.faults.flags import told
+from fti.hil.faults.kinds import Fault
+from fti.hil.faults.words import describe
+from fti.hil.scenario import Scenario
+from fti.hil.scenario.schema import Expectation
+from fti.post.reprocess import Setup
+from fti.post.score.flown import Flown, Pause
+from fti.post.score.said import Said, Span
+
+#: After power-on everything is unknown for a while, and rates are judged over a window [s].
+START_S = 6.5
+#: What a pause of the bench leaves behind: a window of the integrity monitor [s].
+AFTER_PAUSE_S = 14.0
+#: A word that stands for less beyond what is allowed is a matter of rounding [s].
+MOMENT_S = 0.05
+
+
+class Verdict(StrEnum):
+    """What became of something that was expected."""
+
+    FOUND = "found"
+    LATE = "late"
+    MISSING = "missing"
+    STAYS = "does not clear"
+    UNKNOWN = "not known yet"
+    NOT_FLOWN = "not flown"
+    PORTS = "needs real ports"
+    NOT_DUE = "nothing is due"
+
+
+FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One flag of one fault.
+
+    from_s, until_s : of its cause [s of the flight]; after_s : found so long after it, clear_s : gone so long after its
+    end; within_s, clears_s : how long each may take
+    """
+
+    fault: int
+    what: str
+    subject: str
+    flag: str
+    from_s: float
+    until_s: float
+    verdict: Verdict
+    after_s: float | None = None
+    within_s: float | None = None
+    clear_s: float | None = None
+    clears_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unexpected:
+    """A word that stood where no fault explains it."""
+
+    place: str
+    word: str
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """A row of ``[[expect]]``.  after_s : met so long after its time; value : the last that was said until then."""
+
+    expectation: Expectation
+    verdict: Verdict
+    after_s: float | None
+    value: object
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Everything about one flight."""
+
+    scenario: Scenario
+    flown: Flown
+    said: Said
+    rows: tuple[Row, ...]
+    unexpected: tuple[Unexpected, ...]
+    expected: tuple[Met, ...]
+    pauses: tuple[Pause, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Was everything raised in time, and nothing else?"""
+        verdicts = [row.verdict for row in self.rows] + [met.verdict for met in self.expected]
+        return not self.unexpected and not FAILURES & set(verdicts)
+
+
+def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
+    """Compare.  setup : the configuration that the session was recorded with."""
+    craft = Aircraft(setup.config, setup.devices, scenario)
+    belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
+    pauses = tuple(sorted((*flown.pauses, *said.pauses), key=lambda pause: pause.from_s))
+    end_s = flown.truth.end_s
+    return Score(
+        scenario,
+        flown,
+        said,
+        tuple(row for i, one in belongs for row in _rows(i, scenario.fault[i], one, _Evidence(said, end_s, pauses))),
+        tuple(_unexpected(said, list(_allowed([one for _, one in belongs], pauses)), end_s)),
+        tuple(_meet(expectation, said, end_s) for expectation in scenario.expect),
+        pauses,
+    )
+
+
+def _allowed(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[May]:
+    """Everything that may be said: consequences, what must be said, and what a late bench leaves behind."""
+    for one in belongs:
+        yield from one.may
+        yield from (May(duty.place, duty.from_s, duty.until_s + duty.clears_s) for duty in one.duties)
+    yield from (May("", pause.from_s, pause.until_s + AFTER_PAUSE_S) for pause in pauses)
+
+
+# ----------------------------------------------------------------------------------------------------- what is due
+
+
+@dataclass(frozen=True, slots=True)
+class _Evidence:
+    """What was said until the end of the flight, and when the bench was late."""
+
+    said: Said
+    end_s: float
+    pauses: Sequence[Pause]
+
+    def paused(self, from_s: float, until_s: float) -> float:
+        """So much of an interval was a pause [s]."""
+        return sum(max(0.0, min(p.until_s, until_s) - max(p.from_s, from_s)) for p in self.pauses)
+
+
+def _rows(index: int, fault: Fault, one: Told, evidence: _Evidence) -> Iterator[Row]:
+    what = describe(fault)
+    span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
+    if one.unknown:
+        yield Row(index, what, one.subject, one.unknown, *span, Verdict.UNKNOWN)
+    elif not one.duties:
+        yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
+    for duty in one.duties:
+        flag = f"{duty.place} {' or '.join(duty.words)}"
+        row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
+        yield _judged(row, duty, evidence)
+
+
+def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:
+    if duty.from_s + duty.within_s > evidence.end_s:
+        return replace(row, verdict=Verdict.NOT_FLOWN)
+    if duty.ports and not evidence.said.ports:
+        return replace(row, verdict=Verdict.PORTS)
+    spans = evidence.said.at(duty.place, duty.words)
+    standing = [span for span in spans if span.until_s > duty.from_s and span.from_s < duty.until_s]
+    return _timed(row, duty, standing, evidence) if standing else replace(row, verdict=Verdict.MISSING)
+
+
+def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: _Evidence) -> Row:
+    """How long it took to stand, and to go; a pause of the bench in either is allowed for."""
+    after_s = max(standing[0].from_s - duty.from_s, 0.0)
+    gone_s = max(max(span.until_s for span in standing) - duty.until_s, 0.0)
+    within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
+    clears_s = duty.clears_s + evidence.paused(duty.until_s, duty.until_s + gone_s)
+    verdict = Verdict.FOUND
+    if after_s > within_s:
+        verdict = Verdict.LATE
+    elif gone_s > clears_s and duty.until_s + clears_s <= evidence.end_s:
+        verdict = Verdict.STAYS
+    clear_s = gone_s if math.isfinite(gone_s) else None
+    return replace(row, verdict=verdict, after_s=after_s, within_s=within_s, clear_s=clear_s, clears_s=clears_s)
+
+
+# -------------------------------------------------------------------------------------------------- what is not
+
+
+def _unexpected(said: Said, may: Sequence[May], end_s: float) -> Iterator[Unexpected]:
+    """What is left of every word when all that explains it is taken away."""
+    for (place, word), spans in sorted(said.spans.items()):
+        allowed = sorted((m.from_s, m.until_s) for m in may if place.startswith(m.place))
+        for span in spans:
+            for from_s, until_s in _without(span, [(-math.inf, START_S), *allowed]):
+                if from_s < end_s:
+                    yield Unexpected(place, word, from_s, until_s)
+
+
+def _without(span: Span, allowed: Sequence[tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """The parts of a span that no interval covers; what is shorter than a moment is none, unless the whole span is."""
+    least = min(MOMENT_S, span.until_s - span.from_s)
+    at = span.from_s
+    for from_s, until_s in allowed:
+        if until_s >= at and from_s <= span.until_s:
+            if from_s - at > least:
+                yield at, from_s
+            at = max(at, math.nextafter(until_s, math.inf))
+    if at <= span.until_s and span.until_s - at >= least:
+        yield at, span.until_s
+
+
+# -------------------------------------------------------------------------------------------------- [[expect]]
+
+
+def _meet(expectation: Expectation, said: Said, end_s: float) -> Met:
+    begin, end = expectation.at_s, expectation.at_s + expectation.within_s
+    if begin > end_s:
+        return Met(expectation, Verdict.NOT_FLOWN, None, None)
+    during = [(t, value) for t, value in said.values[expectation.channel] if begin <= t <= end]
+    for t, value in during:
+        if _is_met(expectation, value):
+            return Met(expectation, Verdict.FOUND, t - begin, value)
+    return Met(expectation, Verdict.MISSING, None, during[-1][1] if during else None)
+
+
+def _is_met(expectation: Expectation, value: object) -> bool:
+    wanted = expectation.value
+    if isinstance(wanted, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
+        return value == wanted
+    return wanted - expectation.minus <= value <= wanted + expectation.plus

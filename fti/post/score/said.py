@@ -1,0 +1,231 @@
+"""What the daemon said, from the recorded session alone: at each place words, and from when until when they stood.
+
+A word stands from the message that has it until the first at the same place that has not.  What a count says (errors of
+a line, refused bytes) stands from the report in which it has grown until the first in which it has not.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from fti.config import Config
+from fti.hil.faults.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.logger.reading.recording import Recording
+from fti.post.score.flown import PAUSE_S, Flown, Pause
+from fti.service.diagnosis import NO_FRAME_REASONS
+from fti.types import IntegrityState, Reason
+
+EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
+#: What only says where the aircraft is, and is no flag.
+PLACE = frozenset(
+    (
+        Reason.OUTSIDE_PROFILE,
+        Reason.END,
+        Reason.GO_AROUND,
+        Reason.NOT_OBSERVABLE,
+        Reason.NO_PROFILE,
+        Reason.ABOVE_RANGE,
+        Reason.BELOW_RANGE,
+        Reason.BELOW_150_M,
+    )
+)
+JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
+#: A device's status stands until the next one, but some devices say only once what has happened [s].
+STATUS, HOLD_S = "/device_status", 2.0
+#: The same word again after a shorter time has stood all along [s].
+MERGE_S = 1.0
+WARNING = 3
+
+Words = frozenset[str]
+Statement = tuple[str, Words]
+NOTHING: Words = frozenset()
+
+
+@dataclass(slots=True)
+class Span:
+    """A word stood from from_s until until_s [s of the flight]; infinity where it did not go."""
+
+    from_s: float
+    until_s: float = math.inf
+
+
+@dataclass(slots=True)
+class Said:
+    """Everything that was said.
+
+    spans  : (place, word) -> when it stood, in order
+    values : what ``[[expect]]`` asks for: channel -> (time [s], value)
+    pauses : in which the recorder itself stood still
+    ports  : the session was recorded from real ports
+    """
+
+    spans: dict[tuple[str, str], list[Span]] = field(default_factory=lambda: defaultdict(list))
+    values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
+    pauses: list[Pause] = field(default_factory=list)
+    ports: bool = True
+    _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
+
+    def take(self, t: float, place: str, words: Words) -> None:
+        """A message at a place, at t [s], that says these words and no others."""
+        told_s, before = self._stand.get(place, (t, NOTHING))
+        if place.endswith(STATUS) and t - told_s > HOLD_S:
+            self._end(place, before, told_s + HOLD_S)
+            before = NOTHING
+        self._change(t, place, before, words)
+        self._stand[place] = t, words
+
+    def finish(self) -> None:
+        """No message comes any more."""
+        for place, (told_s, words) in self._stand.items():
+            if place.endswith(STATUS):
+                self._end(place, words, told_s + HOLD_S)
+
+    def _end(self, place: str, words: Words, t: float) -> None:
+        for word in words:
+            self.spans[place, word][-1].until_s = t
+
+    def _change(self, t: float, place: str, before: Words, words: Words) -> None:
+        self._end(place, before - words, t)
+        for word in words - before:
+            spans = self.spans[place, word]
+            if spans and t - spans[-1].until_s < MERGE_S:
+                spans[-1].until_s = math.inf
+            else:
+                spans.append(Span(t))
+
+    def at(self, place: str, words: Iterable[str]) -> list[Span]:
+        """When one of these words stood at places that are this one, or below it when it ends with a slash."""
+        wanted = set(words)
+        found = [spans for (where, word), spans in self.spans.items() if word in wanted and _is_at(where, place)]
+        return sorted((span for spans in found for span in spans), key=lambda span: span.from_s)
+
+
+def _is_at(where: str, place: str) -> bool:
+    return where.startswith(place) if place.endswith("/") else where == place
+
+
+def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
+    """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field."""
+    said = Said(ports=recording.metadata.get("fti", {}).get("accelerated") != "true")
+    wanted: dict[str, list[str]] = defaultdict(list)
+    for channel in channels:
+        topic, _, name = channel.rpartition(".")
+        wanted[topic].append(name)
+    reader = _Reader(config)
+    for topic, t_ns, data in _messages(recording):
+        t = flown.seconds(t_ns)
+        if t > flown.truth.end_s:
+            continue
+        if topic == TICK:
+            reader.tick(t, said)
+            continue
+        for place, words in reader.read(topic, data):
+            said.take(t, place, words)
+        if topic in wanted and t >= 0.0:
+            content = json.loads(data)
+            for name in wanted[topic]:
+                said.values[f"{topic}.{name}"].append((t, content.get(name)))
+    said.finish()
+    return said
+
+
+def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
+    """Topic, log time and data of all that is said; events stand in both files, and the raw one has them all."""
+    for topic, t_ns, _, _, data in recording.messages("/fti/", kind="raw"):
+        yield topic, t_ns, data
+    for topic, t_ns, _, _, data in recording.messages(kind="derived"):
+        if not topic.startswith("/fti/"):
+            yield topic, t_ns, data
+
+
+class _Reader:
+    """Knows what the messages of each topic say."""
+
+    def __init__(self, config: Config) -> None:
+        self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
+        self._devices = {device.name for device in config.device}
+        self._counts: dict[str, int] = {}
+        self._ticked: float | None = None
+
+    def tick(self, t: float, said: Said) -> None:
+        """The recorder ticks every 20 ms; where it did not, it stood still."""
+        if self._ticked is not None and t - self._ticked > PAUSE_S:
+            said.pauses.append(Pause(self._ticked, t))
+        self._ticked = t
+
+    def read(self, topic: str, data: bytes) -> Iterator[Statement]:
+        """What a message says, at each place that it tells of."""
+        if topic.startswith("/nav/"):
+            yield from self._navigation(topic, data)
+        elif topic in (HEALTH, LEDGER, EVENT):
+            rules: Mapping[str, Callable[[Any], Iterator[Statement]]] = {
+                HEALTH: self._health,
+                LEDGER: self._ledger,
+                EVENT: _event,
+            }
+            yield from rules[topic](json.loads(data))
+        elif topic.split("/")[1] in self._devices:
+            yield topic, _device(topic, data)
+
+    def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
+        if topic == SOLUTION and any(self._roles.values()):
+            content = json.loads(data)
+            yield topic, frozenset((*content["reasons"], *self._sources(content)))
+        elif topic.startswith(HEIGHT):
+            yield topic, frozenset(json.loads(data)["reasons"]) - PLACE
+        elif topic == INTEGRITY:
+            content = json.loads(data)
+            reasons = frozenset(content["reasons"])
+            state = {content["state"]} & set(JUDGED)
+            yield topic, frozenset(state) | (reasons - PLACE)
+
+    def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
+        """The roles that the preferred device does not have."""
+        for role, preferred in self._roles.items():
+            if preferred and content[f"{role}_source"] != preferred[0]:
+                yield f"{role} not from {preferred[0]}"
+
+    def _health(self, content: Mapping[str, Any]) -> Iterator[Statement]:
+        for name, device in content["devices"].items():
+            place = f"{DEVICES}/{name}"
+            words = {device["state"]} - {"good"}
+            words |= {"clock away" for clock in device["clocks"] if clock["state"] == "away"}
+            skipped = device.get("skipped", {})
+            refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")
+            yield place, frozenset(words | ({"damaged bytes"} if self._grows(place, refused) else set()))
+        for name, link in content["links"].items():
+            own = {"absent", "denied", "busy", "silent"} & {link["state"]}
+            yield f"{LINKS}/{name}", frozenset(own)
+
+    def _ledger(self, content: Mapping[str, Any]) -> Iterator[Statement]:
+        for name, link in content["links"].items():
+            place = f"{LEDGER}/{name}"
+            grown = [error for error, n in link.get("errors", {}).items() if self._grows(f"{place}/{error}", n)]
+            lost = [reason for reason, n in link["dropped"].items() if self._grows(f"{place}/{reason}", n["frames"])]
+            yield place, frozenset((*grown, *lost))
+
+    def _grows(self, key: str, count: int) -> bool:
+        before = self._counts.get(key, count)
+        self._counts[key] = count
+        return count > before
+
+
+def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
+    """Warnings and errors; each stands for a moment."""
+    if content["level"] >= WARNING:
+        place = f"{EVENT}/{content['name']}"
+        yield place, frozenset((content["message"],))
+        yield place, NOTHING
+
+
+def _device(topic: str, data: bytes) -> Words:
+    """What a device says of itself, or of a measurement."""
+    if topic.endswith(STATUS):
+        content = json.loads(data)
+        return NOTHING if content["ok"] else frozenset(("invalid", *content["flags"]))
+    return frozenset(("invalid",)) if b'"valid":false' in data else NOTHING
