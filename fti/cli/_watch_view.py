@@ -33,10 +33,10 @@ INTEGRITY_STYLES = {
 
 
 def render(state: Fields) -> RenderableType:
-    """Banner, alarms, outputs, links, and the clocks of devices that have one."""
+    """Banner, alarms, what plays the sensors, outputs, links, and the clocks of devices that have one."""
     health = state["health"] or {}
     tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *_clocks(health.get("devices", {})))
-    return Group(_banner(health), *_alarms(state["alarms"]), *tables)
+    return Group(_banner(health), *_alarms(state["alarms"]), *_laboratory(state["hil"]), *tables)
 
 
 def _banner(health: Fields) -> Text:
@@ -56,6 +56,33 @@ def _banner(health: Fields) -> Text:
 def _alarms(alarms: list[Fields]) -> Iterator[Text]:
     for alarm in alarms:
         yield Text(f" {alarm['title']} – {alarm['detail']} ", ALARM_STYLES[alarm["level"]])
+
+
+def _laboratory(hil: Fields | None) -> Iterator[Text]:
+    """What an emulator does; nothing while none talks, struck out when it is silent."""
+    if hil is None:
+        return
+    late, style = hil["lateness"], STRUCK if hil["late"] else ""
+    text = Text(" LABORATORY ", "bold black on yellow")
+    text.append(f"  {hil['scenario']}, {_number(hil['flight_s'], 0)} s of {_number(hil['duration_s'], 0)} s", style)
+    text.append(f"  late p50 {_number(late['p50_ms'], 1)}, p99 {_number(late['p99_ms'], 1)} ms", style)
+    held = "rates held" if hil["holds"] else f"rates of {len(hil['not_held'])} devices not held"
+    text.append(f"  {held}", style or ("green" if hil["holds"] else "yellow"))
+    yield text.append(f"  SILENT for {hil['age_ms'] / 1000:.0f} s", "red") if hil["late"] else text
+    if troubles := [*_open_breakers(hil["devices"]), *map(_acting, hil["faults"])]:
+        yield Text("   " + "; ".join(troubles), style or "yellow")
+
+
+def _open_breakers(devices: Fields) -> Iterator[str]:
+    for name, device in devices.items():
+        if device["breaker"] not in (None, "on"):
+            yield f"{name} {str(device['breaker']).upper().replace('_', ' ')}"
+
+
+def _acting(fault: Fields) -> str:
+    on = f"{', '.join(fault['on'])}: " if fault["on"] else ""
+    until = f" until {_number(fault['until_s'], 0)} s" if fault["until_s"] is not None else ""
+    return f"{on}{fault['words']}{until}"
 
 
 def _outputs(outputs: Fields) -> Table:

@@ -23,6 +23,8 @@ NS_PER_MS = 1_000_000
 EVENTS_KEPT = 50
 TOPICS_KEPT = 256
 DEFAULT_MAX_AGE_MS = 1000.0
+#: Without these a message is not of an emulator.
+HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
 INTEGRITY_TOPIC = "/nav/clearance_integrity"
 
 
@@ -74,7 +76,7 @@ class Feed:
             elif topic == "/event":
                 self._events.append(fields)
             elif topic == "/hil":
-                self._hil = Received(fields, now_ns)
+                self._hil = Received(fields, now_ns) if fields.keys() >= HIL_FIELDS else self._hil
             elif topic in self._outputs or len(self._outputs) < TOPICS_KEPT:
                 self._last_nav = self._outputs[topic] = Received(fields, now_ns)
                 self._history.take(topic, fields)

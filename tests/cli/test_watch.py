@@ -17,7 +17,7 @@ from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.service.rundir import DaemonInfo, publish
 from fti.web.feed import Feed
-from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health
+from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
 
 
 @pytest.fixture
@@ -161,3 +161,22 @@ def test_the_clocks_of_devices_are_shown_as_far_as_they_are_known() -> None:
 
 def test_before_the_first_health_there_is_a_picture() -> None:
     assert "–" in rendered(Feed(0), 0)
+
+
+def test_what_plays_the_sensors_is_told_and_struck_out_when_it_is_silent() -> None:
+    feed = make_feed()
+    assert "LABORATORY" not in rendered(feed, 0)
+    told = make_laboratory(75.0, gnss="tripped", arinc="brown_out") | {"age_ms": 0.0, "max_age_ms": 1500.0}
+    feed.take("/hil", told | {"holds": False, "not_held": ["ins: late"]}, 0)
+    text = rendered(feed, 0)
+    for words in (
+        "Fog over the threshold, 75 s of 240 s",
+        "late p50 0.1, p99 0.9 ms",
+        "rates of 1 devices not held",
+        "arinc BROWN OUT; gnss TRIPPED; laser_altimeter: fog, 75 m until 96 s",
+    ):
+        assert words in text
+    assert "\x1b[9;90m   arinc" not in text
+    silent = rendered(feed, 4_000_000_000)
+    assert "SILENT for 4 s" in silent
+    assert "\x1b[9;90m   arinc" in silent

@@ -223,6 +223,39 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
     }
 
 
+def make_laboratory(t: float, **states: str) -> dict[str, Any]:
+    """What an emulator of that bench says; states : of breakers that are not on."""
+    rates = {
+        "ins": 100.0,
+        "radar_altimeter": 25.0,
+        "laser_altimeter": 9.0,
+        "air_data": 10.0,
+        "arinc": 12.5,
+        "gnss": 5.0,
+    }
+    devices = {
+        name: {"link": f"{name}_line", "asked_hz": rate, "messages": int(t * rate), "breaker": "on", "faults": []}
+        for name, rate in rates.items()
+    }
+    fog = {"kind": "fog", "words": "fog, 75 m", "on": ["laser_altimeter"], "until_s": 96.0}
+    devices["laser_altimeter"]["faults"] = ["fog"]
+    for name, state in states.items():
+        devices[name]["breaker"] = state
+    devices["pdu"] = devices["gnss"] | {"breaker": None}
+    return {
+        "scenario": "Fog over the threshold",
+        "flight_s": t,
+        "duration_s": 240.0,
+        "devices": devices,
+        "links": {},
+        "faults": [fog],
+        "supply_v": 28.0,
+        "lateness": {"messages": int(t * 161), "p50_ms": 0.07, "p99_ms": 0.9, "max_ms": 6.4},
+        "holds": True,
+        "not_held": [],
+    }
+
+
 EVENTS = (
     (0.2, "info", "supervisor", "session started"),
     (0.9, "info", "navigation", "ready; kernels compiled in 1.6 s"),
@@ -237,6 +270,7 @@ class FakeDaemon:
 
     muted : topics that are not sent
     change_health, change_integrity : may rewrite each message
+    breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
     lead_s : how much of the approach has been flown at the start
     """
 
@@ -245,6 +279,7 @@ class FakeDaemon:
         self.muted: set[str] = set()
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
+        self.breakers: dict[str, str] | None = None
         self._navigation: Publisher | None = None
         self._lead_s = lead_s
         self._approach = Approach()
@@ -287,6 +322,7 @@ class FakeDaemon:
             self._send_events(t)
             if i % HEALTH_EVERY == 0:
                 self._send_health(t)
+                self._send_laboratory(t)
             if self._ending.wait(max(0.0, begin + (i + 1) * PERIOD_S - time.monotonic())):
                 return
 
@@ -311,6 +347,10 @@ class FakeDaemon:
         self.change_health(health)
         if "/health" not in self.muted:
             self.hub.publish("/health", encode(health))
+
+    def _send_laboratory(self, t: float) -> None:
+        if self.breakers is not None:
+            self.hub.publish("/hil", stamped(make_laboratory(t, **self.breakers), 0, 1_000_000, 1500.0))
 
 
 class DisplayProcess:

@@ -397,3 +397,57 @@ SHARED_HISTORY = """
 
 async def test_plots_of_one_history_go_on_each_by_itself(page: Page) -> None:
     assert await page.eval(SHARED_HISTORY) == [[3.5, 7], [3.5, 7]]
+
+
+PDU = {
+    "name": "pdu",
+    "driver": "power_unit",
+    "link": "pdu_line",
+    "transmit": True,
+    "commands": {"off": {"does": "switch a breaker off", "arguments": {"breaker": "which"}, "answered": True}},
+}
+
+
+async def test_the_laboratory_is_there_with_its_emulator_and_struck_out_without(
+    page: Page, daemon: FakeDaemon, tmp_path: Path
+) -> None:
+    hidden = "document.getElementById('laboratory').hidden"
+    assert await page.eval(hidden)
+    daemon.breakers = {"radar_altimeter": "tripped"}
+    await page.wait_for(f"!{hidden}")
+    await page.wait_for(shows("breaker-radar_altimeter", "TRIPPED"))
+    assert await page.text("laboratory-scenario") == "Fog over the threshold"
+    assert await page.text("laboratory-faults") == "laser altimeter: fog, 75 m until 96 s"
+    assert await page.text("laboratory-holds") == "held"
+    assert await page.eval(f"{by_testid('breaker-gnss')}.disabled")  # nothing takes a command
+    assert await page.eval(f"{by_testid('breaker-pdu')}.hidden")
+    for width, height in ((1440, 900), (1920, 1080)):
+        await page.resize(width, height)
+        assert await page.eval("document.documentElement.scrollHeight") == height
+        assert await page.eval(CUT_OFF) == []
+        await page.screenshot(tmp_path / f"laboratory_{width}.png")
+    daemon.breakers = None
+    await page.wait_for(is_struck("laboratory-scenario"))
+    assert "silent for" in await page.eval("document.querySelector('#laboratory h2').textContent")
+    assert not await page.eval(hidden)
+    assert page.problems == []
+
+
+async def test_a_breaker_is_pressed_once_and_a_refusal_is_said(
+    page: Page, daemon: FakeDaemon, display: DisplayProcess
+) -> None:
+    daemon.breakers = {"radar_altimeter": "tripped"}
+    display.say({"catalogue": [PDU]})
+    button = by_testid("breaker-radar_altimeter")
+    await page.wait_for(f"{button} && !{button}.disabled")
+    await page.eval(f"for (let i = 0; i < 3; i += 1) {button}.click()")
+    asked = (await asyncio.to_thread(display.read_message))["send"]
+    assert asked == {"device": "pdu", "command": "reset", "args": {"breaker": "radar_altimeter"}, "id": asked["id"]}
+    await page.wait_for(f"{button}.disabled")
+    refused = make_request(asked["id"], 1, "refused", "refused after 2 ms: it is hot", args=asked["args"])
+    display.say({"command": refused})
+    await page.wait_for(shows("laboratory-said", "radar altimeter: refused after 2 ms: it is hot"))
+    await page.wait_for(f"!{button}.disabled")
+    await page.eval(f"{by_testid('breaker-gnss')}.click()")
+    asked = (await asyncio.to_thread(display.read_message))["send"]
+    assert (asked["command"], asked["args"]) == ("off", {"breaker": "gnss"})

@@ -8,6 +8,7 @@ import pytest
 from fti.bus.message import decode, stamped
 from fti.types import ClearanceIntegrity, HeightAboveGround, IntegrityState, Reason
 from fti.web.feed import EVENTS_KEPT, TOPICS_KEPT, Feed
+from tests.web.fake_feed import make_laboratory
 
 MS = 1_000_000
 TOPIC = "/nav/height_above_ground/ra"
@@ -109,7 +110,19 @@ def test_an_alert_is_an_alarm_as_long_as_it_is_not_late() -> None:
 @pytest.mark.parametrize("nonsense", [{}, {"age_ms": "old", "max_age_ms": None, "reasons": 3, "state": 7, "t_ns": "x"}])
 def test_nonsense_on_the_bus_is_shown_as_invalid(nonsense: dict[str, Any]) -> None:
     feed = Feed(0)
-    for topic in (TOPIC, "/health", "/event", INTEGRITY):
+    for topic in (TOPIC, "/health", "/event", "/hil", INTEGRITY):
         feed.take(topic, nonsense, 0)
     assert not shown(feed, 0)["valid"]
+    assert feed.state(0)["hil"] is None
     feed.history()
+
+
+def test_what_an_emulator_does_is_told_until_it_is_late_and_is_no_output() -> None:
+    feed = Feed(0)
+    assert feed.state(0)["hil"] is None
+    feed.take("/hil", make_laboratory(5.0) | {"age_ms": 100.0, "max_age_ms": 1500.0, "late": False}, 0)
+    fresh, old = feed.state(1400 * MS), feed.state(1401 * MS)
+    assert (fresh["hil"]["late"], old["hil"]["late"]) == (False, True)
+    assert old["hil"]["age_ms"] == 1501.0
+    assert old["hil"]["devices"]["gnss"]["breaker"] == "on"
+    assert old["outputs"] == {}

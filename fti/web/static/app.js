@@ -9,6 +9,7 @@ import { Events } from "./events.js";
 import { Glide } from "./glide.js";
 import { Heights } from "./heights.js";
 import { Integrity } from "./integrity.js";
+import { Laboratory } from "./laboratory.js";
 import { Devices, Links } from "./tables.js";
 
 const place = (id) => document.getElementById(id);
@@ -21,6 +22,7 @@ const links = new Links(place("links"));
 const panels = [
   new Banner(place("banner")),
   new Alarms(place("alarms")),
+  new Laboratory(place("laboratory"), command),
   new Heights(place("heights")),
   new Integrity(place("integrity")),
   new Glide(place("glide")),

@@ -132,4 +132,4 @@ function makeAnswer({ t_ns: tNs, title: what, outcome, state, who, data }) {
   return h("li", { "data-state": state, title: `${who}: ${data}` }, h("time", {}, clock(tNs)), text);
 }
 
-const makeNumber = () => [...crypto.getRandomValues(new Uint32Array(4))].map((part) => part.toString(16)).join("-");
+export const makeNumber = () => [...crypto.getRandomValues(new Uint32Array(4))].map((part) => part.toString(16)).join("-");
