@@ -37,15 +37,19 @@ KNOTS_PER_PERIOD = 4
 class Fit:
     """A flight through samples, and how far each step of its making moved them.
 
-    filtered    : the samples without their steps; the same as those given where nothing was filtered
+    recorded    : the samples that were given
+    filtered    : the samples without their steps; the same where nothing was filtered
     filter_m, filter_rad : of each sample, distance and angle from what was given to what was filtered, shape (n,)
-    spline_m, spline_rad : from there to the flight, at those samples that are no knots; empty where all are
+    spline_m, spline_rad : from there to the flight, at those samples that are no knots, ``between_t`` [s]; empty where
+                           all are
     """
 
     flight: SplineFlight
+    recorded: Samples
     filtered: Samples
     filter_m: Array
     filter_rad: Array
+    between_t: Array
     spline_m: Array
     spline_rad: Array
 
@@ -70,7 +74,8 @@ def fit(samples: Samples, period: float | None) -> Fit:
     flight = SplineFlight.from_samples(_at(filtered, knots))
     between = np.setdiff1d(np.flatnonzero(filtered.t <= flight.end), knots)
     there = _at(filtered, between)
-    return Fit(flight, filtered, *moved(samples, filtered), *moved(there, flight.state(there.t)))
+    splined = moved(there, flight.state(there.t))
+    return Fit(flight, samples, filtered, *moved(samples, filtered), there.t, *splined)
 
 
 def smoothed(samples: Samples, period: float) -> Samples:

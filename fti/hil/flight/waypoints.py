@@ -5,7 +5,8 @@
 Legs are great circles between places on the ellipsoid; height and speed change evenly along the way from one waypoint
 to the next.  Lines and arcs alone would bank at a step, so positions are averaged over ``SMOOTH_S`` (a raised cosine):
 the aeroplane rolls and pitches over that time, flies some metres inside its turns - acceleration times 0.033 SMOOTH_S^2
-/ 2, 3 m at 25 deg of bank - and never banks more than the limit, which counts in still air.
+/ 2, 3 m at 25 deg of bank - and never banks more than the limit.  That counts in still air and where the height does
+not bend: who pushes over a crest in a turn must bank more for it.
 Source: Spiegel 2018, 7.1; ICAO Doc 8168, volume II, part I, section 2, chapter 3 (fly-by turns).
 """
 

@@ -1,0 +1,134 @@
+"""Flights as splines: how well they fit a recording, and whether inertial sensors lead back to them.
+
+Source 003, section 7.1, figures 7.2 to 7.4.  The flight of the figures is not public: routes along waypoints in wind
+are drawn, anywhere between 60 deg south and north; the unit is the flight.
+
+    fit      ten minutes, 10 Hz, radians in single precision (steps of up to 1.5 m: errata, 7.1); filtered over 2 s; one
+             knot in 0.5 s.  The source: the filter moves positions by a few decimetres and attitudes by 0.02 deg; the
+             spline is within millimetres, and in attitude within half of what the filter did
+    closure  T12: what ideal sensors feel of a flight (eq. 7.2, 7.3), 100 Hz, integrated over an hour without aid by who
+             did not make it: ``fti.nav.strapdown``, earth frame, Runge-Kutta on samples; it has neither the spline nor
+             its derivatives.  The source says 1 um, 1 nm/s and 5e-12 deg, for increments that are the exact inverse of
+             its strapdown; samples of a rate say nothing of what is between them, so the targets here are wider
+    turns    ten minutes of S-turns, sampled every 0.16 s, 0.08 s, 0.04 s and 0.02 s: the error falls by this factor or
+             more each time the step is halved
+
+Not shown: the increments of pyins, which is not among what this project installs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.flight.smoothing import Fit, fit
+from fti.study import REPORTED, Draw, Progress, Result
+from fti.study._closure import STEP_S, Closure, close, recorded, s_turns, wandering
+
+Array = NDArray[np.float64]
+
+RUNS = 3
+SEED = 12
+
+HOUR_S = 3600.0
+FIT_S, RECORD_S, SMOOTH_S = 600.0, 0.1, 2.0
+TURNS_S, STEPS_S = 600.0, (0.16, 0.08, 0.04, 0.02)
+#: Targets: the filter [m, deg], the spline [m, of the filter's angle], closure [m, m, m/s, deg], factor per half step.
+FILTER_M, TURN_DEG, SPLINE_M, SPLINE_SHARE = 0.5, 0.02, 0.005, 0.5
+HORIZONTAL_M, VERTICAL_M, VELOCITY, ANGLE_DEG = 1e-3, 10e-3, 1e-6, 1e-7
+FACTOR = 3.5
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """All three; ``runs`` flights each."""
+    fits, closures, factors = list[Fit](), list[Closure](), list[float]()
+    for run in range(runs):
+        fits.append(fitted(seed, run))
+        closures.append(closed(seed, run))
+        factors.append(least_factor(seed, run))
+        progress((run + 1) / runs)
+    return [*judge_fits(fits), *judge_closures(closures), _factor(factors)]
+
+
+def fitted(seed: int, run: int) -> Fit:
+    """A recorded flight, filtered and splined."""
+    return fit(recorded(wandering(np.random.default_rng([seed, run, 1]), FIT_S), RECORD_S), SMOOTH_S)
+
+
+def closed(seed: int, run: int) -> Closure:
+    """An hour of free inertial navigation."""
+    return close(wandering(np.random.default_rng([seed, run, 2]), HOUR_S), STEP_S, HOUR_S)
+
+
+def turned(seed: int, run: int) -> Array:
+    """Greatest horizontal error after S-turns [m], by step."""
+    flight = s_turns(np.random.default_rng([seed, run, 3]))
+    return np.array([close(flight, step, TURNS_S).horizontal for step in STEPS_S])
+
+
+def least_factor(seed: int, run: int) -> float:
+    """By how much the error falls at least when the step is halved."""
+    errors = turned(seed, run)
+    return float(np.min(errors[:-1] / errors[1:]))
+
+
+def judge_fits(fits: list[Fit]) -> list[Result]:
+    """Filtered minus recorded, and spline minus filtered: of all samples of all flights."""
+    filter_m, filter_rad = (np.concatenate([getattr(f, name) for f in fits]) for name in ("filter_m", "filter_rad"))
+    spline_m, spline_rad = (np.concatenate([getattr(f, name) for f in fits]) for name in ("spline_m", "spline_rad"))
+    share = _rms(spline_rad) / _rms(filter_rad)
+    words = f"root mean square of {len(fits)} flights"
+    return [
+        _at_most("fit.filter", f"filtered minus recorded position, {words} [m]", _rms(filter_m), FILTER_M),
+        _reported("fit.filter_most", "the same, greatest [m]", filter_m),
+        _at_most(
+            "fit.turn", f"filtered minus recorded attitude, {words} [deg]", np.rad2deg(_rms(filter_rad)), TURN_DEG
+        ),
+        _reported("fit.turn_most", "the same, greatest [deg]", np.rad2deg(filter_rad)),
+        _at_most("fit.spline", f"spline minus filtered position, {words} [m]", _rms(spline_m), SPLINE_M),
+        _reported("fit.spline_most", "the same, greatest [m]", spline_m),
+        _at_most("fit.spline_turn", "spline minus filtered attitude over filtered minus recorded", share, SPLINE_SHARE),
+    ]
+
+
+def judge_closures(closures: list[Closure]) -> list[Result]:
+    """T12: greatest errors of all flights within the hour."""
+    words = f"of free inertial navigation at {1 / STEP_S:.0f} Hz, greatest of {len(closures)} flights"
+    found = [
+        ("horizontal", "position", "m", max(c.horizontal for c in closures), HORIZONTAL_M),
+        ("vertical", "height", "m", max(c.vertical for c in closures), VERTICAL_M),
+        ("velocity", "velocity", "m/s", max(c.velocity for c in closures), VELOCITY),
+        ("attitude", "attitude", "deg", float(np.rad2deg(max(c.angle.max() for c in closures))), ANGLE_DEG),
+    ]
+    return [
+        _at_most(f"T12.{name}", f"error of the {what} {words} [{unit}]", v, most) for name, what, unit, v, most in found
+    ]
+
+
+def _factor(factors: list[float]) -> Result:
+    least = min(factors)
+    quantity = f"times that the error after S-turns falls when the step is halved, least of {len(factors)} flights"
+    return Result("T12.turns", quantity, least, f">= {FACTOR:g}", least >= FACTOR)
+
+
+def _at_most(name: str, quantity: str, value: float, most: float) -> Result:
+    return Result(name, quantity, float(value), f"<= {most:g}", bool(value <= most))
+
+
+def _reported(name: str, quantity: str, values: Array) -> Result:
+    return Result(name, quantity, float(np.max(values)), REPORTED, holds=True)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def drawings(seed: int) -> dict[str, Draw]:
+    """Figures 7.2, 7.3 and 7.4 of the source again, for the first flight."""
+    from fti.study import _trajectory_plots as plots  # noqa: PLC0415 - matplotlib is slow to load
+
+    return {
+        "fit": lambda: plots.flight(fitted(seed, 0)),
+        "fit-errors": lambda: plots.fit_errors(fitted(seed, 0)),
+        "closure": lambda: plots.closure(closed(seed, 0)),
+    }
