@@ -61,6 +61,7 @@ DEVICES = {
     "honeywell_hmr2300": Kind("honeywell_hmr2300", "magnetic_field.field_b_1", {"mode": "continuous"}),
     "imar_ixcom": Kind("imar_ixcom", "velocity.down"),
     "lightware_ascii": Kind("lightware_ascii", "range.slant_range", {"first_line": "take"}, LASER),
+    "lightware_ascii_polled": Kind("lightware_ascii", "range.slant_range", {"query": "ldf"}, LASER),
     "lightware_binary": Kind("lightware_binary", "range.slant_range", altimeter=LASER),
     "mavlink": Kind("mavlink", "attitude.pitch"),
     "nmea0183": Kind("nmea0183", "position.alt_msl"),
@@ -68,6 +69,9 @@ DEVICES = {
     "power_unit": Kind("power_unit", "reading.value", name="supply_voltage"),
     "ublox_ubx": Kind("ublox_ubx", "position.lon"),
 }
+TIMING = {"device": {"shift_ms": 20.0, "drift_ppm": 0.0}}
+#: They say nothing unless they are asked.
+POLLED = ("lightware_ascii_polled",)
 LINK = "line"
 
 
@@ -83,7 +87,7 @@ class Recalled:
 
 @cache
 def flown() -> World:
-    return world(DURATION_S, sensor={"device": {"shift_ms": 20.0, "drift_ppm": 0.0}})
+    return world(DURATION_S, sensor=TIMING)
 
 
 @cache
@@ -95,10 +99,15 @@ def bound_of(name: str) -> BoundDevice:
     return BoundDevice(device, module, config.bind(module.Options, kind.options, "test"))
 
 
+def sensor_in(name: str, flown: World) -> Sensor:
+    """A device of ``DEVICES`` in another world."""
+    bound = bound_of(name)
+    return Sensor(bound, MODELS[bound.device.driver], flown, seed=1)
+
+
 @cache
 def _sensor(name: str) -> Sensor:
-    bound = bound_of(name)
-    made = Sensor(bound, MODELS[bound.device.driver], flown(), seed=1)
+    made = sensor_in(name, flown())
     made.model = Recalled(made)
     return made
 
@@ -113,9 +122,11 @@ def device(name: str) -> Sensor:
 Flight = list[tuple[float, list[bytes]]]
 
 
-def fly(name: str, *faults: Fault, seed: int = 7, until_s: float = float("inf")) -> Flight:
+def fly(
+    name: str, *faults: Fault, seed: int = 7, until_s: float = float("inf"), sensor: Sensor | None = None
+) -> Flight:
     """What leaves, and when [s]; instants at which nothing does are not in it."""
-    line = DeviceLine(device(name), scenario(fault=faults, seed=seed), until_s)
+    line = DeviceLine(sensor or device(name), scenario(fault=faults, seed=seed), until_s)
     found: Flight = []
     while (t := line.due_s()) is not None:
         if messages := line.step(START_NS):

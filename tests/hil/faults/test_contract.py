@@ -14,7 +14,9 @@ from pydantic import TypeAdapter
 from fti.hil.faults.fitting import why_not
 from fti.hil.faults.kinds import Fault, FaultKind, OnDevices
 from fti.types import DeviceStatus, Measurement, Reading
-from tests.hil.faults.flown import DEVICES, Flight, bound_of, fly, nominal
+from tests.helpers import ROOT
+from tests.hil.faults.flown import DEVICES, DURATION_S, POLLED, TIMING, Flight, bound_of, fly, nominal, sensor_in
+from tests.hil.worlds import world
 
 FROM_S, TO_S = 2.0, 3.5
 BACK_S = 0.15  # between a sample and its message, and a cycle
@@ -51,13 +53,19 @@ ON_QUANTITY = {
     FaultKind.WRONG_UNIT: None,
     FaultKind.FORCED: "value",
 }
-#: What is tried elsewhere, and where: it does not act between a device's measurement and its line.
-ELSEWHERE = {
-    FaultKind.OBSTACLE: "tests/hil/test_world.py",
-    FaultKind.OFF_TRACK: "tests/hil/flight/test_trajectory.py",
-    FaultKind.GNSS_OUTAGE: "tests/hil/faults/test_gnss_faults.py",
-    FaultKind.GNSS_DEGRADED: "tests/hil/faults/test_gnss_faults.py",
-    FaultKind.GNSS_OFFSET: "tests/hil/faults/test_gnss_faults.py",
+#: What acts before a device measures: the world is another one, or what the receiver hears.  The device that feels it,
+#: the parameters, and when it begins; a world is another one from the beginning.
+BEFORE_THE_DEVICE: dict[FaultKind, tuple[str, dict[str, Any], float]] = {
+    FaultKind.OBSTACLE: ("freeflight_ra4500", {"before_threshold_m": 4300.0, "height_m": 150.0}, 0.0),
+    FaultKind.OFF_TRACK: ("nmea0183", {"right_m": 200.0, "from_s": FROM_S, "to_s": TO_S, "turn_s": 1.0}, 0.0),
+    FaultKind.GNSS_OUTAGE: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S}, FROM_S),
+    FaultKind.GNSS_DEGRADED: (
+        "nmea0183", {"from_s": FROM_S, "to_s": TO_S, "horizontal_m": 50.0, "vertical_m": 90.0}, FROM_S,
+    ),
+    FaultKind.GNSS_OFFSET: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "north_m": 500.0}, FROM_S),
+}  # fmt: skip
+#: What is of links and of power acts behind the device, and is tried there.
+BEHIND_THE_DEVICE = {
     FaultKind.BABBLING: "tests/hil/faults/test_buses.py",
     FaultKind.CAN_STATUS: "tests/hil/test_emulator.py",
     FaultKind.BREAKER: "tests/hil/test_power.py",
@@ -95,7 +103,7 @@ def can_be(kind: FaultKind, name: str) -> bool:
     return isinstance(fault, OnDevices) and not why_not(fault, bound)
 
 
-CASES = [(kind, name) for kind in ON_THE_LINE for name in DEVICES if can_be(kind, name)]
+CASES = [(kind, name) for kind in ON_THE_LINE for name in DEVICES if name not in POLLED and can_be(kind, name)]
 
 
 def inside(flight: Flight) -> Flight:
@@ -118,9 +126,23 @@ def said(name: str, flight: Flight) -> list[Measurement]:
     return sorted((m for m in found if not isinstance(m, DeviceStatus | Reading)), key=repr)
 
 
-def test_every_kind_is_tried_here_or_elsewhere() -> None:
-    assert set(ON_THE_LINE) | set(ELSEWHERE) == set(FaultKind)
-    assert not set(ON_THE_LINE) & set(ELSEWHERE)
+def test_every_kind_is_tried() -> None:
+    tried = [*ON_THE_LINE, *BEFORE_THE_DEVICE, *BEHIND_THE_DEVICE]
+    assert len(tried) == len(set(tried))
+    assert set(tried) == set(FaultKind)
+    for kind, file in BEHIND_THE_DEVICE.items():
+        assert f'"{kind}"' in (ROOT / file).read_text(), kind
+
+
+@pytest.mark.parametrize("kind", BEFORE_THE_DEVICE)
+def test_a_fault_of_the_world_or_of_reception_reaches_the_line_and_not_before_its_time(kind: FaultKind) -> None:
+    name, parameters, begin_s = BEFORE_THE_DEVICE[kind]
+    fault = MAKE.validate_python({"kind": kind.value, **parameters})
+    without, spoiled = (
+        fly(name, sensor=sensor_in(name, world(DURATION_S, fault=faults, sensor=TIMING))) for faults in ((), (fault,))
+    )
+    assert [m for m in without if m[0] >= begin_s] != [m for m in spoiled if m[0] >= begin_s]
+    assert [m for m in without if m[0] < begin_s] == [m for m in spoiled if m[0] < begin_s]
 
 
 @pytest.mark.parametrize("kind", ON_THE_LINE)

@@ -10,7 +10,7 @@ from fti import drivers
 from fti.drivers import Decoder
 from fti.drivers.arinc429 import apmp, chapter10
 from fti.hil.faults.places import CHECKSUMS, LABELS, TIMED, checksum_of, label_of, sends_time
-from tests.hil.faults.flown import DEVICES, bound_of, nominal
+from tests.hil.faults.flown import DEVICES, POLLED, bound_of, nominal
 
 EVERY = 5  # of so many messages one is spoiled
 #: What a decoder counts for a message whose identifier it does not know; a CAN frame is skipped as "other_id".
@@ -27,8 +27,9 @@ UNKNOWN = {
     "power_unit": {"(other)"},
     "ublox_ubx": {"NAV-0xEE", "RXM-0xEE"},
 }
-WITH_CHECKSUM = [name for name in DEVICES if checksum_of(DEVICES[name].driver, bound_of(name).options)]
-WITH_LABEL = [name for name in DEVICES if label_of(DEVICES[name].driver, bound_of(name).options)]
+TALKING = [name for name in DEVICES if name not in POLLED]
+WITH_CHECKSUM = [name for name in TALKING if checksum_of(DEVICES[name].driver, bound_of(name).options)]
+WITH_LABEL = [name for name in TALKING if label_of(DEVICES[name].driver, bound_of(name).options)]
 
 
 def sent(name: str) -> list[bytes]:
