@@ -46,10 +46,9 @@ class Airframe:
     reference     : P in JSBSim's structural axes (aft, right, up) [m]
     wheels        : the lowest of the wheels below P [m]
     elevator_up, elevator_down : deflection of a full command up and down [rad]
-    flaps         : deflection of a full command [rad];  landing_flaps : share of it on an approach
+    landing_flaps : command of the flaps on an approach, 1 : all the way
     trim_aoa      : angle of attack, about, at the speed ``trim_speed`` [m/s]
     climb_speed   : calibrated airspeed of a climb [m/s];  cruise_throttle : about level flight
-    speeds        : slowest and fastest calibrated airspeed of a route [m/s]
     """
 
     model: str
@@ -58,13 +57,11 @@ class Airframe:
     wheels: float
     elevator_up: float
     elevator_down: float
-    flaps: float
     landing_flaps: float
     trim_aoa: float
     trim_speed: float
     climb_speed: float
     cruise_throttle: float
-    speeds: tuple[float, float]
     gains: Gains
 
 
@@ -75,13 +72,11 @@ C310 = Airframe(
     wheels=(31.0 + 8.6) * INCH,
     elevator_up=float(np.deg2rad(14.0)),
     elevator_down=float(np.deg2rad(4.0)),
-    flaps=float(np.deg2rad(45.0)),
     landing_flaps=1.0 / 3.0,
     trim_aoa=float(np.deg2rad(2.0)),
     trim_speed=60.0,
     climb_speed=55.0,
     cruise_throttle=0.55,
-    speeds=(48.0, 85.0),
     gains=Gains(
         pitch=0.8,
         pitch_rate=0.35,

@@ -22,14 +22,14 @@ GRAVITY = 9.80665
 BANK_LIMIT = math.radians(30.0)
 PITCH_LIMITS = math.radians(-12.0), math.radians(15.0)
 #: Speed towards a missed height [1/s], limits of climbing and sinking [m/s], and how fast that may change [m/s^2].
-HEIGHT_GAIN = 0.35
+HEIGHT_GAIN = 0.25
 CLIMB_LIMITS = -7.0, 9.0
 CLIMB_CHANGE = 2.0
 #: Climb given up per missing airspeed [1].
 SLOW_GAIN = 1.0
 #: Pitch per missing climb angle, and per that and second [1, 1/s]; the angle of attack is smoothed over so long [s].
-PATH_GAIN, PATH_SUM = 0.6, 0.25
-AOA_S = 2.0
+PATH_GAIN, PATH_SUM = 1.0, 0.25
+AOA_S = 8.0
 #: On the ground: steering per side acceleration [1/(m/s^2)], and how hard it brakes.
 STEER, BRAKES = 0.12, 0.3
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.errors import MissingError
-from fti.geodesy.atmosphere import Atmosphere
+from fti.geodesy.atmosphere import ISA_TEMPERATURE, Atmosphere
 from fti.hil.flight.jsbsim.airframe import INCH, Airframe
 
 Array = NDArray[np.float64]
@@ -23,9 +23,10 @@ Array = NDArray[np.float64]
 FOOT = 0.3048
 PASCAL_PER_PSF = 47.880258980
 RANKINE = 1.8
-STEPS_PER_SECOND = 100
-#: The engines are started in the air: what that takes until they give thrust [s].
-STARTER_S = 2.0
+#: JSBSim's steps, and how many of them the controls are held.
+STEPS_PER_SECOND, STEPS = 100, 2
+#: From one look at the state to the next: the autopilot's period, and that of the samples [s].
+PERIOD_S = STEPS / STEPS_PER_SECOND
 #: What MIL-F-8785C calls light, moderate and severe: wind 20 ft above the ground [m/s] for the low heights, and the
 #: number of the curve of exceedance for heights above 2000 ft.
 MILSPEC = 3
@@ -168,10 +169,13 @@ class Fdm:
         model.run_ic()
 
     def _set_air(self, weather: Weather) -> None:
-        """JSBSim's sea level is the ellipsoid, which lies ``-undulation`` above mean sea level."""
-        model, level = self._model, -weather.undulation
-        model["atmosphere/delta-T"] = weather.atmosphere.deviation * RANKINE
-        model["atmosphere/P-sl-psf"] = float(weather.atmosphere.p_static(level)) / PASCAL_PER_PSF
+        """JSBSim's sea level is the ellipsoid, ``-undulation`` above mean sea level: the air there, and its lapse above.
+
+        Its temperature counts from the standard one of the height, ours from that of the pressure.
+        """
+        model, air, level = self._model, weather.atmosphere, -weather.undulation
+        model["atmosphere/delta-T"] = (float(air.temperature(level)) - ISA_TEMPERATURE) * RANKINE
+        model["atmosphere/P-sl-psf"] = float(air.p_static(level)) / PASCAL_PER_PSF
         model["atmosphere/wind-north-fps"], model["atmosphere/wind-east-fps"] = (w / FOOT for w in weather.wind_n)
         if weather.turbulence in INTENSITIES:
             wind, curve = INTENSITIES[weather.turbulence]
@@ -186,7 +190,7 @@ class Fdm:
         self._model["position/terrain-elevation-asl-ft"] = alt / FOOT
 
     def step(self, controls: Controls) -> None:
-        """Hold the controls for a step of 1 / STEPS_PER_SECOND."""
+        """Hold the controls for PERIOD_S."""
         model = self._model
         model["fcs/aileron-cmd-norm"] = controls.aileron
         model["fcs/elevator-cmd-norm"] = controls.elevator
@@ -195,7 +199,8 @@ class Fdm:
         for engine in range(self._airframe.engines):
             model[f"fcs/throttle-cmd-norm[{engine}]"] = controls.throttle
         model["fcs/left-brake-cmd-norm"], model["fcs/right-brake-cmd-norm"] = controls.brakes
-        model.run()
+        for _ in range(STEPS):
+            model.run()
 
     def sense(self) -> Sensed:
         """The state now."""

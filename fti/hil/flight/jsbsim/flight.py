@@ -15,7 +15,7 @@ from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.hil.flight.jsbsim.airframe import AIRFRAMES, INCH, Airframe
 from fti.hil.flight.jsbsim.autopilot import Autopilot
-from fti.hil.flight.jsbsim.fdm import COLUMNS, FOOT, STEPS_PER_SECOND, Fdm, Row, Sensed, Start, Weather
+from fti.hil.flight.jsbsim.fdm import COLUMNS, FOOT, PERIOD_S, Fdm, Row, Sensed, Start, Weather
 from fti.hil.flight.jsbsim.navigator import Navigator
 from fti.hil.flight.jsbsim.routes import Route, make_route
 from fti.hil.flight.jsbsim.settings import JsbsimFlight
@@ -25,9 +25,6 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-PERIOD_S = 1.0 / STEPS_PER_SECOND
-#: One row is kept in so many steps: 50 a second.
-KEPT = 2
 #: Rows before the begin and after the end of the route that belong to the samples: splines are poor at their ends.
 MARGIN_ROWS = 100
 #: No route takes longer [s].
@@ -78,7 +75,7 @@ def fly(
     pilot = _Pilot(airframe, Fdm(airframe, _start(route, path), weather, route.ground.item(0)), route, path)
     rows = _rows(pilot, progress)
     columns = dict(zip(COLUMNS, np.array(rows).T, strict=True))
-    columns["t"] = np.arange(-MARGIN_ROWS, len(rows) - MARGIN_ROWS) * KEPT * PERIOD_S
+    columns["t"] = np.arange(-MARGIN_ROWS, len(rows) - MARGIN_ROWS) * PERIOD_S
     return Flown(_samples(airframe, columns), float(columns["t"][-MARGIN_ROWS - 1]), columns)
 
 
@@ -110,12 +107,7 @@ class _Pilot:
         return max(self._navigator.along / self._route.end, 0.0)
 
     def row(self) -> Row:
-        """Where the aircraft is, KEPT steps later."""
-        for _ in range(KEPT):
-            self._step()
-        return self._fdm.row()
-
-    def _step(self) -> None:
+        """Look, decide, fly on; where the aircraft is then.  Raises ConfigError where it is lost."""
         now = self._fdm.sense()
         self._check(now)
         controls = self._autopilot.step(now, self._navigator.wanted(now))
@@ -125,9 +117,9 @@ class _Pilot:
         self._fdm.step(controls)
         self._steps += 1
         self.ended |= self._navigator.along >= route.end or (now.on_ground and now.cas < TAXI_SPEED)
+        return self._fdm.row()
 
     def _check(self, now: Sensed) -> None:
-        """Raises ConfigError where the aircraft is lost."""
         after = f"{self._steps * PERIOD_S:.0f} s after its start"
         if not now.alt > self._navigator.at(self._route.ground) - LOST_M:
             raise ConfigError(f"flight: the aircraft flew into the ground {after}: the air is too rough for this route")
@@ -143,7 +135,7 @@ def _rows(pilot: _Pilot, progress: Callable[[str], None]) -> list[Row]:
     rows = list(before)
     while not pilot.ended:
         rows.append(pilot.row())
-        if len(rows) % int(TOLD_S / (KEPT * PERIOD_S)) == 0:
+        if len(rows) % round(TOLD_S / PERIOD_S) == 0:
             progress(f"flight: {pilot.done:.0%} flown")
     return rows + [pilot.row() for _ in range(MARGIN_ROWS)]
 
