@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,20 +12,28 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fti.hil import scenario as scenarios
 from fti.logger.reading.recording import Recording
-from tests.e2e.harness import END_S, FTI, START_S, daemon, with_free_ports
+from tests.e2e.harness import END_S, FTI, START_S, daemon, free_udp_port, with_free_ports
 from tests.helpers import ROOT, until
 
 DEMO = ROOT / "configs" / "demo.toml"
 SECOND_NS = 1_000_000_000
+LONGEST_S = 900.0
 Row = dict[str, Any]
 
 
 def demo_config(folder: Path) -> Path:
     """The demonstration's configuration on free ports, in a folder of its own."""
+    return config_on_free_ports(DEMO, folder)
+
+
+def config_on_free_ports(file: Path, folder: Path) -> Path:
+    """A configuration on free ports, in a folder of its own; what it names stays where it is."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = with_free_ports(DEMO.read_text()).replace('"profiles/', f'"{DEMO.parent}/profiles/')
-    path = folder / "demo.toml"
+    text = re.sub(r"port = 47\d{3}\b", lambda _: f"port = {free_udp_port()}", with_free_ports(file.read_text()))
+    text = re.sub(r'"(profiles|calibrations|dbc)/', lambda found: f'"{file.parent}/{found[1]}/', text)
+    path = folder / file.name
     path.write_text(text + "\n[display]\nport = 0\n")
     return path
 
@@ -92,16 +101,17 @@ class Flight:
         return [self.seconds(f.t_rx_ns) for f in self.recording.frames() if f.link == link]
 
 
-def fly(scenario: str, folder: Path, duration_s: float) -> Flight:
-    """Fly a scenario past a daemon for so many seconds of the flight."""
-    config, links, truth = demo_config(folder), folder / "links", folder / "flight_truth_000.mcap"
-    arguments = ("--duration", f"{duration_s}", "--truth", str(truth))
-    with emulator(scenario, config, links, *arguments) as played:
+def fly(scenario: str, folder: Path, duration_s: float | None) -> Flight:
+    """Fly a scenario past a daemon for so many seconds of the flight; None : to its end."""
+    named = Path(scenarios.load(scenarios.find(scenario)).config)
+    config, links, truth = config_on_free_ports(named, folder), folder / "links", folder / "flight_truth_000.mcap"
+    arguments = () if duration_s is None else ("--duration", f"{duration_s}")
+    with emulator(scenario, config, links, "--wait", "--truth", str(truth), *arguments) as played:
         assert played.stdout
         until(lambda: links.is_dir() or played.poll() is not None, START_S, "the emulator's ports")
         assert played.poll() is None, said(config).read_text()
         with daemon(config, folder / "out", "--links", str(links)) as running:
             session = running.session
-            assert played.wait(timeout=duration_s + END_S) == 0, said(config).read_text()
+            assert played.wait(timeout=(duration_s or LONGEST_S) + END_S) == 0, said(config).read_text()
             running.stop()
     return Flight(session, truth)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from fti.hil.faults.duties import (
     BITS,
-    CLOCK_KNOWN_S,
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
     CONFIRM_S,
@@ -141,17 +141,14 @@ def _in_fog(fault: Fog, case: Case) -> Found:
 
 def _is_frozen(fault: Freeze, case: Case) -> Found:
     """Old messages say old times; of a device without a clock nobody can tell."""
-    if not _clock_is_known(case):
+    if not case.craft.says_time(case.name):
         return [], "old messages without a time look like new ones"
     return [_clock_away(case)], ""
 
 
-def _clock_is_known(case: Case) -> bool:
-    return case.craft.says_time(case.name) and case.from_s >= CLOCK_KNOWN_S
-
-
 def _clock_away(case: Case) -> Duty:
-    return case.duty(case.health, "clock away", within_s=DOUBT_S + HEALTH_S, clears_s=_learned_s(case) + HEALTH_S)
+    due = case.duty(case.health, "clock away", within_s=DOUBT_S + HEALTH_S, clears_s=_learned_s(case) + HEALTH_S)
+    return replace(due, clock=case.name)
 
 
 def _learned_s(case: Case) -> float:
@@ -160,8 +157,8 @@ def _learned_s(case: Case) -> float:
 
 
 def _clock_jumps(fault: ClockJump, case: Case) -> Found:
-    if abs(fault.by_s) < CLOCK_SEEN_S or not _clock_is_known(case):
-        return [], "a clock that is not known yet, or off by less than what is usual"
+    if abs(fault.by_s) < CLOCK_SEEN_S:
+        return [], "a clock that is off by less than what is usual"
     return [_clock_away(case)], ""
 
 

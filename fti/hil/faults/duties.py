@@ -18,8 +18,8 @@ SILENT_S, WINDOW_S, DOUBT_S = 1.0, 4.0, 2.0
 LEDGER_S = 2.5
 #: A power unit tells of every breaker twice a second [s].
 UNIT_S = 1.0
-#: A device's clock is known so long after its first message, and learned anew so long after it was set [s].
-CLOCK_KNOWN_S, CLOCK_RENEW_S = 20.0, 14.0
+#: A device's clock is learned anew so long after it was set [s].
+CLOCK_RENEW_S = 14.0
 #: What is off for longer is taken for the clock's own from then on [s].
 RENEWED_S = 9.0
 #: What a clock is off by before anybody can see it [s]: the usual lateness.
@@ -40,6 +40,7 @@ class Duty:
 
     until_s, clears_s : it must have gone at the latest so long after until_s
     ports             : only real ports can show it
+    clock             : only while the clock of this device is known; "" : always
     """
 
     place: str
@@ -49,6 +50,7 @@ class Duty:
     within_s: float
     clears_s: float
     ports: bool = False
+    clock: str = ""
 
     @property
     def is_due(self) -> bool:

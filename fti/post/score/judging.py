@@ -161,6 +161,8 @@ def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:
         return replace(row, verdict=Verdict.NOT_FLOWN)
     if duty.ports and not evidence.said.ports:
         return replace(row, verdict=Verdict.PORTS)
+    if duty.clock and not evidence.said.knows_clock(duty.clock, duty.from_s):
+        return replace(row, verdict=Verdict.NOT_DUE)
     spans = evidence.said.at(duty.place, duty.words)
     standing = [span for span in spans if span.until_s > duty.from_s and span.from_s < duty.until_s]
     return _timed(row, duty, standing, evidence) if standing else replace(row, verdict=Verdict.MISSING)

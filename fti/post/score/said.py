@@ -34,12 +34,18 @@ PLACE = frozenset(
         Reason.BELOW_150_M,
     )
 )
+#: What is missing when nothing in the configuration has a role.
+NEEDED = {
+    "attitude": (Reason.NO_ATTITUDE,),
+    "position": (Reason.NO_POSITION, Reason.NO_ALTITUDE, Reason.NO_VELOCITY),
+}
 JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
 #: A device's status stands until the next one, but some devices say only once what has happened [s].
 STATUS, HOLD_S = "/device_status", 2.0
 #: The same word again after a shorter time has stood all along [s].
 MERGE_S = 1.0
 WARNING = 3
+CLOCK_KNOWN = "clock known"
 
 Words = frozenset[str]
 Statement = tuple[str, Words]
@@ -60,12 +66,14 @@ class Said:
 
     spans  : (place, word) -> when it stood, in order
     values : what ``[[expect]]`` asks for: channel -> (time [s], value)
+    clocks : device -> since when its clock is known [s]
     pauses : in which the recorder itself stood still
     ports  : the session was recorded from real ports
     """
 
     spans: dict[tuple[str, str], list[Span]] = field(default_factory=lambda: defaultdict(list))
     values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
+    clocks: dict[str, float] = field(default_factory=dict)
     pauses: list[Pause] = field(default_factory=list)
     ports: bool = True
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
@@ -98,6 +106,10 @@ class Said:
             else:
                 spans.append(Span(t))
 
+    def knows_clock(self, device: str, t: float) -> bool:
+        """Was the clock of a device known at t [s]?"""
+        return self.clocks.get(device, math.inf) <= t
+
     def at(self, place: str, words: Iterable[str]) -> list[Span]:
         """When one of these words stood at places that are this one, or below it when it ends with a slash."""
         wanted = set(words)
@@ -125,7 +137,9 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
             reader.tick(t, said)
             continue
         for place, words in reader.read(topic, data):
-            said.take(t, place, words)
+            said.take(t, place, words - {CLOCK_KNOWN})
+            if CLOCK_KNOWN in words:
+                said.clocks.setdefault(place.rpartition("/")[2], t)
         if topic in wanted and t >= 0.0:
             content = json.loads(data)
             for name in wanted[topic]:
@@ -148,6 +162,7 @@ class _Reader:
 
     def __init__(self, config: Config) -> None:
         self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
+        self._idle = PLACE | {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._ticked: float | None = None
@@ -173,16 +188,15 @@ class _Reader:
             yield topic, _device(topic, data)
 
     def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
-        if topic == SOLUTION and any(self._roles.values()):
-            content = json.loads(data)
-            yield topic, frozenset((*content["reasons"], *self._sources(content)))
-        elif topic.startswith(HEIGHT):
-            yield topic, frozenset(json.loads(data)["reasons"]) - PLACE
+        if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
+            return
+        content = json.loads(data)
+        words = frozenset(content["reasons"]) - self._idle
+        if topic == SOLUTION:
+            words |= frozenset(self._sources(content))
         elif topic == INTEGRITY:
-            content = json.loads(data)
-            reasons = frozenset(content["reasons"])
-            state = {content["state"]} & set(JUDGED)
-            yield topic, frozenset(state) | (reasons - PLACE)
+            words |= {content["state"]} & set(JUDGED)
+        yield topic, words
 
     def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
         """The roles that the preferred device does not have."""
@@ -194,6 +208,7 @@ class _Reader:
         for name, device in content["devices"].items():
             place = f"{DEVICES}/{name}"
             words = {device["state"]} - {"good"}
+            words |= {CLOCK_KNOWN for clock in device["clocks"] if clock["drift_ppm"] is not None}
             words |= {"clock away" for clock in device["clocks"] if clock["state"] == "away"}
             skipped = device.get("skipped", {})
             refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")

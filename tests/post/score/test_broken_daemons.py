@@ -1,0 +1,132 @@
+"""A daemon that is broken in one way fails its score in that way, and a whole one holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.drivers import freeflight_ra4500
+from fti.nav import validity
+from fti.nav.device_clock import DeviceClock
+from fti.nav.heights import AltimeterChannel
+from fti.nav.sources import Source
+from fti.post.score.judging import Score, Verdict
+from fti.service import diagnosis
+from fti.service.diagnosis import Diagnosis
+from fti.types import LinkState, Reason
+from tests.post.score.flying import score_of, session_of, short
+
+Break = Callable[[pytest.MonkeyPatch], None]
+HEIGHT = "/nav/height_above_ground/altimeter"
+HEALTH = "/fti/health/devices"
+
+
+class Any_(int):
+    """A checksum that every other one equals."""
+
+    def __ne__(self, other: object) -> bool:
+        return False
+
+    __hash__ = int.__hash__
+
+
+def accept_checksums(patch: pytest.MonkeyPatch) -> None:
+    real = freeflight_ra4500._checksum
+    patch.setattr(freeflight_ra4500, "_checksum", lambda rule, data: Any_(real(rule, data)))
+
+
+def never_stale(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(AltimeterChannel, "tick", lambda self, t_ns, nav: [])
+
+
+def ignore_device_flags(patch: pytest.MonkeyPatch) -> None:
+    rules = tuple(rule for rule in validity.RULES if rule[0] is not Reason.DEVICE_FLAG)
+    patch.setattr(validity, "RULES", rules)
+
+
+def ignore_invalid_positions(patch: pytest.MonkeyPatch) -> None:
+    real = Source._push
+
+    def push(self: Source, t_ns: int, valid: bool, parts: Any) -> None:
+        if valid:
+            real(self, t_ns, valid, parts)
+
+    patch.setattr(Source, "_push", push)
+
+
+def believe_every_clock(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(DeviceClock, "_watch", lambda self, segment, t_rx_ns, t_dev_ns, near: None)
+
+
+def tolerate_every_rate(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(diagnosis, "RATE_TOLERANCE", 10.0)
+
+
+def never_hear_again(patch: pytest.MonkeyPatch) -> None:
+    real, silent = Diagnosis._judge, set[str]()
+
+    def judge(self: Diagnosis, listener: Any, past: Any, rate: float, now_ns: int) -> tuple[LinkState, str]:
+        state, hint = real(self, listener, past, rate, now_ns)
+        if state is LinkState.SILENT and listener.messages:
+            silent.add(listener.name)
+        return (LinkState.SILENT if listener.name in silent else state), hint
+
+    patch.setattr(Diagnosis, "_judge", judge)
+
+
+@pytest.mark.parametrize(
+    ("breaks", "place", "verdict"),
+    [
+        (accept_checksums, f"{HEALTH}/altimeter damaged bytes", Verdict.MISSING),
+        (accept_checksums, f"{HEIGHT} stale", Verdict.MISSING),
+        (never_stale, f"{HEIGHT} stale", Verdict.MISSING),
+        (ignore_device_flags, f"{HEIGHT} device_flag or no_return", Verdict.MISSING),
+        (ignore_invalid_positions, "/nav/nav_solution position not from gnss", Verdict.LATE),
+        (believe_every_clock, f"{HEALTH}/gnss clock away", Verdict.MISSING),
+        (tolerate_every_rate, f"{HEALTH}/spare wrong rate", Verdict.MISSING),
+        (never_hear_again, f"{HEALTH}/altimeter silent or noise", Verdict.STAYS),
+    ],
+)
+def test_a_broken_daemon_fails_where_it_is_broken(
+    broken: Callable[[Break], Score], breaks: Break, place: str, verdict: Verdict
+) -> None:
+    score = broken(breaks)
+    assert not score.holds
+    assert verdict in {row.verdict for row in score.rows if row.flag == place}
+
+
+def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Break], Score]) -> None:
+    def strict(patch: pytest.MonkeyPatch) -> None:
+        patch.setattr(diagnosis, "RATE_TOLERANCE", 1e-9)
+
+    score = broken(strict)
+    assert not score.holds
+    assert {one.word for one in score.unexpected} == {"wrong rate"}
+
+
+def test_a_whole_daemon_holds(tmp_path: Path) -> None:
+    flight = short()
+    score = score_of(flight, session_of(flight, tmp_path))
+    assert score.holds, (score.unexpected, [row for row in score.rows if row.verdict is not Verdict.FOUND])
+    assert {row.verdict for row in score.rows} == {Verdict.FOUND}
+    assert {row.fault for row in score.rows} == set(range(len(flight.fault)))
+
+
+@pytest.fixture(scope="module")
+def broken(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Break], Score]:
+    """The score of a daemon that is broken so; each is flown once."""
+    found: dict[Break, Score] = {}
+
+    def fly(breaks: Break) -> Score:
+        if breaks not in found:
+            flight = short()
+            with pytest.MonkeyPatch.context() as patch:
+                breaks(patch)
+                session = session_of(flight, tmp_path_factory.mktemp("broken"))
+            found[breaks] = score_of(flight, session)
+        return found[breaks]
+
+    return fly
