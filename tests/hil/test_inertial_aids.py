@@ -14,8 +14,8 @@ from fti.drivers import Decoder
 from fti.drivers import imar_ixcom as ix
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.sensors import MODELS, Sensor
-from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_aids import OWN_HZ
+from fti.hil.sensors.inertial_solution import doubts_of
 from fti.hil.sensors.magnetometer import earth_field_b
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -95,12 +95,12 @@ def test_the_deviations_that_it_sends_are_those_of_its_errors() -> None:
     position = [m for m in found if isinstance(m, Position)][-1]
     velocity = [m for m in found if isinstance(m, Velocity)][-1]
     attitude = [m for m in found if isinstance(m, Attitude)][-1]
-    model = InertialNavigation
-    assert position.horizontal_sd == pytest.approx(model.HORIZONTAL_SD)
-    assert position.vertical_sd == pytest.approx(model.VERTICAL_SD)
-    assert velocity.sd == pytest.approx(model.VELOCITY_SD)
-    assert attitude.roll_sd == pytest.approx(float(model.ATTITUDE_SD), rel=0.05)
-    assert attitude.heading_sd == pytest.approx(float(model.HEADING_SD))
+    doubts = doubts_of("navigation")
+    assert position.horizontal_sd == pytest.approx(doubts.position)
+    assert position.vertical_sd == pytest.approx(doubts.height)
+    assert velocity.sd == pytest.approx(doubts.velocity)
+    assert attitude.roll_sd == pytest.approx(doubts.tilt, rel=0.05)
+    assert attitude.heading_sd == pytest.approx(doubts.heading)
 
 
 def test_its_receiver_has_a_solution_of_its_own() -> None:

@@ -15,8 +15,10 @@ from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
 from fti.hil.sensors.described import DescribedDevice
 from fti.hil.sensors.gnss import RawReceiver, Receiver
+from fti.hil.sensors.imagers import ImagerSettings
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
+from fti.hil.sensors.inertial_solution import InertialSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
@@ -53,8 +55,12 @@ class AvionicsSettings(UnitSettings, RadarSettings):
     """The same with a radar altimeter."""
 
 
-class DescribedSettings(AirSettings, RadarSettings):
-    """Of a unit that may have air data and a radar altimeter."""
+class CanSettings(AirSettings, RadarSettings):
+    """Of a unit that has air data and may have a radar altimeter."""
+
+
+class DescribedSettings(CanSettings, ImagerSettings):
+    """Of a device whose fields the configuration describes: all that these can carry."""
 
 
 #: Driver name -> what its model takes in ``[sensor.NAME]``; the others take the timing alone.
@@ -62,12 +68,12 @@ SETTINGS: dict[str, type[DeviceSettings]] = {
     "arinc429": AvionicsSettings,
     "ascii_line": DescribedSettings,
     "binary_struct": DescribedSettings,
-    "canaerospace": DescribedSettings,
-    "dbc": DescribedSettings,
+    "canaerospace": CanSettings,
+    "dbc": CanSettings,
     "deflection_pickups": PickupSettings,
     "freeflight_ra4500": RadarSettings,
     "honeywell_hmr2300": MagnetometerSettings,
-    "imar_ixcom": AirSettings,
+    "imar_ixcom": InertialSettings,
     "mavlink": UnitSettings,
 }
 

@@ -76,6 +76,10 @@ class Instrument:
         felt = true_b @ self.mat.T + self.bias + noise
         return np.clip(stepped(felt, self.triad.resolution), -self.triad.limit, self.triad.limit)
 
+    def constant_error(self, true_b: Array) -> Array:
+        """What it says too much of this value, shape (3,), but for what varies in a run."""
+        return np.asarray(self.mat @ true_b - true_b + self.bias)
+
     def _noise(self, t: Array, rng: np.random.Generator) -> Array:
         triad = self.triad
         return flicker(t, triad.in_run, rng) + random_walk(t, triad.walk, rng) + density(t, triad.white, rng)

@@ -1,23 +1,33 @@
-"""An inertial navigation system: attitude, velocity, position and inertial sample, with slowly wandering errors.
-
-The sizes of the errors are assumed ones of a navigation-grade system whose receiver has no corrections; no data sheet
-stands behind them.
-"""
+"""An inertial navigation system: attitude, velocity, position and inertial sample; and what inertial sensors feel."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
-from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
+from fti.geodesy.wgs84 import EARTH_RATE
+from fti.hil.faults.gnss import GnssFaults
 from fti.hil.flight.trajectory import State, earth_frame_velocity
 from fti.hil.sensors.base import position_at
-from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.errors import slow
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
-from fti.hil.sensors.inertial_aids import Aids
+from fti.hil.sensors.inertial_aids import Aids, status
+from fti.hil.sensors.inertial_solution import (
+    BARO_PERIOD_S,
+    BARO_SD,
+    InertialSettings,
+    Unit,
+    alone_times,
+    doubts_of,
+    held,
+    left_alone,
+)
+from fti.hil.sensors.settings import settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity
@@ -56,66 +66,78 @@ def inertial_samples(grade: GradeName, state: State, rng: np.random.Generator) -
 
 
 class InertialNavigation:
-    """A GNSS-aided navigation-grade system; its errors are small, slow, and stated in what it sends."""
+    """A system of a grade, held by satellites or not; its errors are stated in what it sends."""
 
     rate_hz = 100.0
     time_scale = TimeScale.UTC
 
-    HORIZONTAL_SD, VERTICAL_SD, POSITION_PERIOD_S = 1.0, 0.8, 60.0
-    VELOCITY_SD = 0.03
-    ATTITUDE_SD, HEADING_SD, ATTITUDE_PERIOD_S = np.deg2rad(0.03), np.deg2rad(0.08), 100.0
-    ACCEL_SD, GYRO_SD = 0.02, np.deg2rad(0.05)
+    #: Its unit is sampled at least so often, whatever it sends [Hz].
+    UNIT_HZ = 100.0
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
-        state = world.state(t)
-        self._rpy = self._attitudes(state, t, rng)
-        self._vel = state.vel_n + np.stack([slow(t, self.VELOCITY_SD, 20.0, rng) for _ in range(3)], axis=1)
-        self._lat, self._lon, self._alt = self._positions(bound, state, t, rng)
-        self._accel = specific_force_b(state) + rng.normal(0.0, self.ACCEL_SD, (len(t), 3))
-        self._gyro = angular_rate_b(state) + rng.normal(0.0, self.GYRO_SD, (len(t), 3))
+        state, name = world.state(t), bound.device.name
+        settings = settings_of(InertialSettings, world.scenario, name)
+        faults, doubts = GnssFaults(name, world.scenario.fault), doubts_of(settings.grade)
+        told, (own,) = held(state, doubts, faults.offset_n(t), rng), rng.spawn(1)
+        unit = _unit(settings.grade, world, t, own)
+        self._accel, self._gyro = unit.force_b[:: unit.every], unit.rate_b[:: unit.every]
+        self._told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
+        self._arm = _beside(state, bound)
         self._undulation = world.undulation
-        self._aids = Aids(bound, world, t, rng, deviations=self.deviations())
-
-    @classmethod
-    def deviations(cls) -> tuple[float, ...]:
-        """One sigma of what it says: east, north, height [m], velocity [m/s], tilt north, east, down [rad]."""
-        tilt = (cls.ATTITUDE_SD, cls.ATTITUDE_SD, cls.HEADING_SD)
-        return cls.HORIZONTAL_SD, cls.HORIZONTAL_SD, cls.VERTICAL_SD, *[cls.VELOCITY_SD] * 3, *map(float, tilt)
-
-    def _attitudes(self, state: State, t: Array, rng: np.random.Generator) -> Array:
-        roll = state.roll + slow(t, self.ATTITUDE_SD, self.ATTITUDE_PERIOD_S, rng)
-        pitch = state.pitch + slow(t, self.ATTITUDE_SD, self.ATTITUDE_PERIOD_S, rng)
-        heading = state.heading + slow(t, self.HEADING_SD, self.ATTITUDE_PERIOD_S, rng)
-        return np.stack([roll, pitch, heading % (2 * np.pi)], axis=1)
-
-    def _positions(
-        self, bound: BoundDevice, state: State, t: Array, rng: np.random.Generator
-    ) -> tuple[Array, Array, Array]:
-        lat, lon, alt = position_at(state, bound.device.lever_arm_b)
-        north, east = (slow(t, self.HORIZONTAL_SD, self.POSITION_PERIOD_S, rng) for _ in range(2))
-        alt = alt + slow(t, self.VERTICAL_SD, self.POSITION_PERIOD_S, rng) + white(t, 0.02, rng)
-        return lat + north / SEMI_MAJOR, lon + east / SEMI_MAJOR / np.cos(lat), alt
+        self._aids = Aids(bound, world, t, rng, told=self._told)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Inertial sample, attitude, velocity, position: the content of one message; then what is due more seldom."""
-        roll, pitch, heading = map(float, self._rpy[k])
-        north, east, down = map(float, self._vel[k])
         ax, ay, az = map(float, self._accel[k])
         gx, gy, gz = map(float, self._gyro[k])
-        alt = float(self._alt[k])
         return [
+            *self._news(k, stamp),
             ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            *self._solution(k, stamp),
+            *self._aids.measure(k, stamp),
+        ]
+
+    def _news(self, k: int, stamp: Stamp) -> list[Measurement]:
+        """Its status, where it loses or finds its satellites: every message has it from then on."""
+        alone = self._told.alone
+        before = alone[k - 1] if k else False
+        return [status(stamp, alone=bool(alone[k]))] if alone[k] != before else []
+
+    def _solution(self, k: int, stamp: Stamp) -> list[Measurement]:
+        said, deviations = self._told.solution, self._told.deviations[k]
+        roll, pitch, heading = map(float, said.rpy[k])
+        north, east, down = map(float, said.vel_n[k])
+        places = zip((said.lat, said.lon, said.alt), self._arm, strict=True)
+        lat, lon, alt = (float(at[k] + arm[k]) for at, arm in places)
+        return [
             Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
-            Velocity(stamp=stamp, north=north, east=east, down=down, sd=self.VELOCITY_SD),
+            Velocity(stamp=stamp, north=north, east=east, down=down, sd=float(deviations[3])),
             Position(
                 stamp=stamp,
-                lat=float(self._lat[k]),
-                lon=float(self._lon[k]),
+                lat=lat,
+                lon=lon,
                 alt=alt,
                 alt_msl=alt - self._undulation,
                 undulation=self._undulation,
-                horizontal_sd=self.HORIZONTAL_SD,
-                vertical_sd=self.VERTICAL_SD,
+                horizontal_sd=float(deviations[0]),
+                vertical_sd=float(deviations[2]),
             ),
-            *self._aids.measure(k, stamp),
         ]
+
+
+def _unit(grade: GradeName, world: World, t: Array, rng: np.random.Generator) -> Unit:
+    """The unit of a system that says something at t, shape (n,) [s, evenly spaced]."""
+    period = float(t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
+    every = max(math.ceil(InertialNavigation.UNIT_HZ * period - 1e-3), 1)
+    own = t[0] + period / every * np.arange((len(t) - 1) * every + 1)
+    state, imu = world.state(np.minimum(own, t[-1])), Imu(at_rest(GRADES[grade]), rng)
+    force, rate = specific_force_b(state), angular_rate_b(state)
+    said = imu.measure(own, force, rate)
+    baro = world.atmosphere.pressure_altitude(state.alt - world.undulation) + slow(own, BARO_SD, BARO_PERIOD_S, rng)
+    return Unit(imu, every, period / every, *said, force, rate, baro)
+
+
+def _beside(state: State, bound: BoundDevice) -> list[Array]:
+    """From the reference point to the device: lat, lon [rad], alt [m], shape (n,) each."""
+    there, here = position_at(state, bound.device.lever_arm_b), (state.lat, state.lon, state.alt)
+    return [to - at for to, at in zip(there, here, strict=True)]

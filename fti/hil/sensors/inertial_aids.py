@@ -18,6 +18,7 @@ from fti.hil.flight.trajectory import State
 from fti.hil.sensors.air_data import STANDARD_PA, AirData
 from fti.hil.sensors.avionics import Reference
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.inertial_solution import Told
 from fti.hil.sensors.magnetometer import earth_field_b
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
@@ -38,6 +39,7 @@ Measure = Callable[[int, Stamp], list[Measurement]]
 OWN_HZ = {"GNSSSOL": 5.0, "AIRDATA": 10.0, "MAGDATA": 10.0, "EKFSTDDEV": 1.0, "SYSSTAT": 1.0}
 FIELD_SD, FIELD_BIAS_SD = 1e-7, 3e-7  # [T], noise and what calibration leaves
 STATUS = (*HEALTHY, "in_motion", "ekf_levelling_complete", "ekf_stationary_align_complete", "ekf_position_valid")
+ALONE = (*("position_medium" if flag == "position_high" else flag for flag in STATUS), "gnss_invalid")
 #: One sigma of what the filter estimates besides the solution: accelerometer [m/s^2] and gyro bias [rad/s], scales.
 ACCEL_BIAS_SD, GYRO_BIAS_SD, SCALE_SD = 5e-4, 5e-8, 5e-5
 
@@ -45,20 +47,18 @@ ACCEL_BIAS_SD, GYRO_BIAS_SD, SCALE_SD = 5e-4, 5e-8, 5e-5
 class Aids:
     """The seldom messages of one system.
 
-    deviations : one sigma of east, north, height [m], velocity north, east, down [m/s], tilt north, east, down [rad]
+    told : what the system says and how well it knows it
     """
 
-    def __init__(
-        self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator, *, deviations: tuple[float, ...]
-    ) -> None:
+    def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator, *, told: Told) -> None:
         logs = bound.options.logs if isinstance(bound.options, Options) else {}
         state, rate_hz = world.state(t), 1.0 / float(np.median(np.diff(t))) if len(t) > 1 else 1.0
         makers: dict[str, Callable[[], Measure]] = {
             "GNSSSOL": lambda: _receiver(Reference(bound, state, world, t, rng)),
             "AIRDATA": lambda: _air_data(AirData(bound, state, world, t, rng)),
             "MAGDATA": lambda: _magnetometer(bound, state, t, rng),
-            "EKFSTDDEV": lambda: _filter(deviations),
-            "SYSSTAT": lambda: lambda _, stamp: [DeviceStatus(stamp=stamp, ok=True, flags=STATUS)],
+            "EKFSTDDEV": lambda: _filter(told.deviations),
+            "SYSSTAT": lambda: lambda k, stamp: [status(stamp, alone=bool(told.alone[k]))],
         }
         self._aids = [
             (logs[name] or max(round(rate_hz / OWN_HZ[name]), 1), make())
@@ -98,7 +98,19 @@ def _magnetometer(bound: BoundDevice, state: State, t: Array, rng: np.random.Gen
     return measure
 
 
-def _filter(deviations: tuple[float, ...]) -> Measure:
-    values = (*deviations, *[ACCEL_BIAS_SD] * 3, *[GYRO_BIAS_SD] * 3, *[SCALE_SD] * 6, 1.0)
-    said = [(item, float(value)) for item, value in zip(ITEMS, values, strict=True)]
-    return lambda _, stamp: [Reading(stamp=stamp, name=i.name, unit=i.unit, value=value) for i, value in said]
+def _filter(deviations: Array) -> Measure:
+    fixed = (*[ACCEL_BIAS_SD] * 3, *[GYRO_BIAS_SD] * 3, *[SCALE_SD] * 6, 1.0)
+
+    def measure(k: int, stamp: Stamp) -> list[Measurement]:
+        values = (*deviations[k].tolist(), *fixed)
+        return [
+            Reading(stamp=stamp, name=item.name, unit=item.unit, value=float(value))
+            for item, value in zip(ITEMS, values, strict=True)
+        ]
+
+    return measure
+
+
+def status(stamp: Stamp, *, alone: bool) -> DeviceStatus:
+    """What it says of itself; alone : satellites do not hold it."""
+    return DeviceStatus(stamp=stamp, ok=True, flags=ALONE if alone else STATUS)

@@ -1,0 +1,142 @@
+"""An inertial navigation system on its own: a strapdown fed with what its erroneous unit says, its height held by air.
+
+Horizontally nothing holds it, so errors oscillate with Schuler's period, 84.4 min, and grow as theory has them:
+
+    accelerometer bias b    b / w^2 (1 - cos w t)             gyro drift e    R e (t - sin w t / w)
+    velocity error v        v / w sin w t                     tilt a          R a (1 - cos w t)          w = sqrt(g / R)
+
+Vertically an inertial system alone runs away, by e in 9.5 min.  The barometric height holds it in the loop of third
+order, with its three poles at 1 / ``TAU_S``:
+
+    dh/dt = v - k1 (h - h_b)    dv/dt = f - g - k2 (h - h_b) - a    da/dt = k3 (h - h_b)
+    k1 = 3 / tau    k2 = 3 / tau^2 + 2 g / R    k3 = 1 / tau^3
+
+Source: Titterton and Weston 2004, section 12.3 (propagation of errors); Widnall and Sinha 1980, Optimizing the gains of
+the baro-inertial vertical channel, J. Guidance and Control 3, 172-178.  tau of 100 s is the usual one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
+from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.nav.strapdown import POINTS, Motion, integrate
+
+Array = NDArray[np.float64]
+
+TAU_S = 100.0
+EARTH_RADIUS, GRAVITY = 6.371e6, 9.81
+SCHULER = math.sqrt(GRAVITY / EARTH_RADIUS)
+K1, K2, K3 = 3.0 / TAU_S, 3.0 / TAU_S**2 + 2.0 * GRAVITY / EARTH_RADIUS, 1.0 / TAU_S**3
+#: The height is held so often [s].
+HOLD_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What a system says at times, shape (n,): lat, lon [rad], alt [m]; shape (n, 3): vel_n [m/s], rpy [rad]."""
+
+    lat: Array
+    lon: Array
+    alt: Array
+    vel_n: Array
+    rpy: Array
+
+    def at(self, k: int) -> Solution:
+        """Sample k alone."""
+        return Solution(*(values[k : k + 1] for values in (self.lat, self.lon, self.alt, self.vel_n, self.rpy)))
+
+    def motion(self) -> Motion:
+        """The first sample, in e."""
+        mat = mat_en(self.lat[0], self.lon[0])
+        return Motion(
+            ecef_from_geodetic(self.lat[0], self.lon[0], self.alt[0]),
+            mat @ self.vel_n[0],
+            quat_from_mat((mat @ mat_from_rpy(*self.rpy[0]))[None])[0],
+        )
+
+
+def solution_of(motion: Motion) -> Solution:
+    """The way back of ``Solution.motion``, for many samples."""
+    lat, lon, alt = geodetic_from_ecef(motion.pos_e)
+    mat_ne = np.swapaxes(mat_en(lat, lon), -1, -2)
+    quat_eb = motion.quat_eb / np.linalg.norm(motion.quat_eb, axis=1, keepdims=True)
+    rpy = np.stack(rpy_from_mat(mat_ne @ mat_from_quat(quat_eb)), axis=1)
+    return Solution(lat, lon, alt, np.einsum("nij,nj->ni", mat_ne, motion.vel_e), rpy)
+
+
+def run_free(
+    start: Solution, force_b: Array, rate_b: Array, *, step: float, baro: Array, known: float = 0.0
+) -> Solution:
+    """Free inertial navigation whose height is held.
+
+    start   : one sample, at the first of the unit's
+    force_b : specific force [m/s^2] and rate_b : turn rate [rad/s] at equal steps [s], shape (n, 3)
+    baro    : the height that holds it, above the ellipsoid [m], shape (n,)
+    known   : vertical error of the accelerometers, down [m/s^2], that an aided system had found before
+    Returns : at all n samples.  Raises ValueError for fewer than six.
+    """
+    motion, found, learnt, push = start.motion(), [start.motion()], -known, known
+    edges = _edges(len(force_b), max(round(HOLD_S / step), POINTS - 1))
+    for begin, end in pairwise(edges):
+        here = slice(begin, end + 1)
+        piece = integrate(motion, force_b[here] + push * _up_b(motion), rate_b[here], step)
+        found.append(Motion(piece.pos_e[1:], piece.vel_e[1:], piece.quat_eb[1:]))
+        seconds, (up_e, alt) = step * (end - begin), _up_e(piece.pos_e[-1])
+        off = alt - float(baro[end])
+        learnt += K3 * off * seconds
+        push = -K2 * off - learnt
+        motion = Motion(piece.pos_e[-1] - K1 * off * seconds * up_e, piece.vel_e[-1], piece.quat_eb[-1])
+    parts = [(np.atleast_2d(m.pos_e), np.atleast_2d(m.vel_e), np.atleast_2d(m.quat_eb)) for m in found]
+    return solution_of(Motion(*(np.concatenate(columns) for columns in zip(*parts, strict=True))))
+
+
+def _edges(samples: int, hold: int) -> list[int]:
+    """First and last samples of the pieces between which the height is held; the last piece takes what is left over."""
+    return [hold * i for i in range(max((samples - 1) // hold, 1))] + [samples - 1]
+
+
+def _up_e(pos_e: Array) -> tuple[Array, float]:
+    """Upwards, shape (3,), and the height [m] of a place."""
+    lat, lon, alt = geodetic_from_ecef(pos_e)
+    return -mat_en(lat, lon)[:, 2], float(alt)
+
+
+def _up_b(motion: Motion) -> Array:
+    """Upwards in body axes, shape (3,)."""
+    quat = motion.quat_eb / np.linalg.norm(motion.quat_eb)
+    return np.asarray(mat_from_quat(quat[None])[0].T @ _up_e(motion.pos_e)[0])
+
+
+class Doubts(NamedTuple):
+    """One sigma of what was wrong when the last fix was lost: accelerometer bias and how it wanders [m/s^2], gyro bias
+    [rad/s], tilt and heading [rad], velocity [m/s], position and height [m]."""
+
+    accel: float
+    in_run: float
+    gyro: float
+    tilt: float
+    heading: float
+    velocity: float
+    position: float
+    height: float
+
+
+def drift_sd(since: Array, doubts: Doubts) -> tuple[Array, Array]:
+    """One sigma of each horizontal axis, position [m] and velocity [m/s], ``since`` the last fix, shape (n,) [s].
+
+    The four terms at the top of the page; what a heading that is off does in turns, and the white noise, are not in it.
+    """
+    w, sin, swing = SCHULER, np.sin(SCHULER * since), 1.0 - np.cos(SCHULER * since)
+    bias, level, drift = doubts.accel / w**2, EARTH_RADIUS * doubts.tilt, EARTH_RADIUS * doubts.gyro
+    position = (doubts.velocity / w * sin, level * swing, bias * swing, drift * (since - sin / w))
+    velocity = (doubts.velocity * (1.0 - swing), level * w * sin, bias * w * sin, drift * swing)
+    return np.hypot(doubts.position, np.linalg.norm(position, axis=0)), np.asarray(np.linalg.norm(velocity, axis=0))

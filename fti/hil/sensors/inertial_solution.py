@@ -1,0 +1,167 @@
+"""What an inertial navigation system says over a flight: held by satellites, or on its own.
+
+Held, its errors are small, slow and of stated sizes: those of a navigation-grade system whose receiver has no
+corrections are assumed, and so are those of the other grades; no data sheet stands behind them.  On its own (from a
+time on, or while its receiver hears nothing) it goes on with what its unit says from where it was, and its doubts grow
+as its errors do.  What the filter had found of the unit's constant errors until then is taken away: what is left is as
+large as the doubts say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.hil.faults.gnss import GnssFaults
+from fti.hil.faults.kinds import NotNegative
+from fti.hil.flight.trajectory import State
+from fti.hil.sensors.air_data import AirSettings
+from fti.hil.sensors.errors import slow, white
+from fti.hil.sensors.free_inertial import TAU_S, Doubts, Solution, drift_sd, run_free
+from fti.hil.sensors.imu import Imu
+from fti.hil.sensors.imu_grades import GRADES, G, GradeName, at_rest
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+POSITION_PERIOD_S, VELOCITY_PERIOD_S, ATTITUDE_PERIOD_S = 60.0, 20.0, 100.0
+#: What a barometric height wanders by that was set to the last fix [m], and how fast [s]: assumed.
+BARO_SD, BARO_PERIOD_S = 3.0, 300.0
+#: Tilt and heading of a system that is held [deg]; velocity [m/s], position and height [m].
+HELD: dict[GradeName, tuple[float, float, float, float, float]] = {
+    "navigation": (0.03, 0.08, 0.03, 1.0, 0.8),
+    "tactical": (0.05, 0.2, 0.03, 1.0, 0.8),
+    "mems": (0.3, 1.0, 0.1, 1.5, 1.2),
+}
+#: After the signals are back, so long it takes until there is a fix again [s].
+REACQUIRE_S = 2.0
+#: A strapdown is not begun for less samples.
+LEAST_SAMPLES = 6
+
+
+class InertialSettings(AirSettings):
+    """Of an inertial navigation system: how good its unit is, and whether satellites hold it.
+
+    mode : aided : held, but for the outages of its receiver; free : on its own from ``free_from_s`` on
+    """
+
+    grade: GradeName = "navigation"
+    mode: Literal["aided", "free"] = "aided"
+    free_from_s: NotNegative = 0.0
+
+
+def doubts_of(grade: GradeName) -> Doubts:
+    """One sigma of a system of a grade that is held: of its unit what a filter cannot tell from tilt and noise."""
+    tilt_deg, heading_deg, velocity, position, height = HELD[grade]
+    tilt, unit = math.radians(tilt_deg), at_rest(GRADES[grade])
+    accel = min(unit.accel.turn_on, G * tilt)
+    heading = math.radians(heading_deg)
+    return Doubts(accel, unit.accel.in_run, unit.gyro.turn_on, tilt, heading, velocity, position, height)
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a system says and how well it knows it.
+
+    solution      : at all samples
+    deviations    : one sigma of east, north, height [m], velocity north, east, down [m/s], tilt north, east, down
+                    [rad], shape (n, 9)
+    alone         : on its own, shape (n,)
+    """
+
+    solution: Solution
+    deviations: Array
+    alone: Mask
+
+
+def held(state: State, doubts: Doubts, offsets: tuple[Array, Array], rng: np.random.Generator) -> Told:
+    """Errors that wander about the truth.  offsets : of the satellites' position [m] and velocity [m/s], in n."""
+    t = state.t
+    roll = state.roll + slow(t, doubts.tilt, ATTITUDE_PERIOD_S, rng)
+    pitch = state.pitch + slow(t, doubts.tilt, ATTITUDE_PERIOD_S, rng)
+    heading = state.heading + slow(t, doubts.heading, ATTITUDE_PERIOD_S, rng)
+    vel_n = state.vel_n + offsets[1]
+    vel_n = vel_n + np.stack([slow(t, doubts.velocity, VELOCITY_PERIOD_S, rng) for _ in range(3)], axis=1)
+    north, east = (slow(t, doubts.position, POSITION_PERIOD_S, rng) + offsets[0][:, i] for i in range(2))
+    alt = state.alt - offsets[0][:, 2] + slow(t, doubts.height, POSITION_PERIOD_S, rng) + white(t, 0.02, rng)
+    lat, lon = state.lat + north / SEMI_MAJOR, state.lon + east / SEMI_MAJOR / np.cos(state.lat)
+    solution = Solution(lat, lon, alt, vel_n, np.stack([roll, pitch, heading % (2 * np.pi)], axis=1))
+    row = [*[doubts.position] * 2, doubts.height, *[doubts.velocity] * 3, *[doubts.tilt] * 2, doubts.heading]
+    return Told(solution, np.tile(row, (len(t), 1)), np.zeros(len(t), dtype=bool))
+
+
+@dataclass(frozen=True, eq=False)
+class Unit:
+    """The inertial unit of a system at its own samples: ``every`` of them is one of the system's.
+
+    force_b, rate_b : as it says them;  true_force_b, true_rate_b : as they are, shape (m, 3);  baro : height [m], (m,)
+    """
+
+    imu: Imu
+    every: int
+    step: float
+    force_b: Array
+    rate_b: Array
+    true_force_b: Array
+    true_rate_b: Array
+    baro: Array
+
+
+def alone_times(t: Array, settings: InertialSettings, faults: GnssFaults) -> Mask:
+    """When a system is on its own, at t, shape (n,) [s]."""
+    jammed = faults.jammed(t, REACQUIRE_S)
+    return jammed | (t >= settings.free_from_s) if settings.mode == "free" else jammed
+
+
+def left_alone(told: Told, alone: Mask, unit: Unit, doubts: Doubts, rng: np.random.Generator) -> Told:
+    """The same with free inertial navigation where ``alone`` says so; each time begins with what it said last."""
+    parts = told.solution.lat, told.solution.lon, told.solution.alt, told.solution.vel_n, told.solution.rpy
+    said, deviations, really = [part.copy() for part in parts], told.deviations.copy(), np.zeros_like(alone)
+    for begin, end in _runs(alone):
+        if (end - begin) * unit.every < LEAST_SAMPLES:
+            continue
+        free = _free(told.solution.at(begin), slice(begin * unit.every, (end - 1) * unit.every + 1), unit, doubts, rng)
+        now = slice(begin, end)
+        for part, found in zip(said, (free.lat, free.lon, free.alt, free.vel_n, free.rpy), strict=True):
+            part[now] = found[:: unit.every]
+        deviations[now] = _grown(np.linspace(0.0, unit.step * unit.every * (end - begin - 1), end - begin), doubts)
+        really[now] = True
+    return Told(Solution(*said), deviations, really)
+
+
+def _runs(mask: Mask) -> Iterator[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
+    return zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+def _free(start: Solution, here: slice, unit: Unit, doubts: Doubts, rng: np.random.Generator) -> Solution:
+    """From one sample on, with what the filter has left of the unit's constant errors."""
+    left_f, left_w = rng.normal(0.0, doubts.accel, 3), rng.normal(0.0, doubts.gyro, 3)
+    force = unit.force_b[here] - unit.imu.accel.constant_error(unit.true_force_b[here][0]) + left_f
+    rate = unit.rate_b[here] - unit.imu.gyro.constant_error(unit.true_rate_b[here][0]) + left_w
+    down = mat_from_rpy(*start.rpy[0])[2]
+    baro = unit.baro[here] - unit.baro[here][0] + start.alt[0]
+    return run_free(start, force, rate, step=unit.step, baro=baro, known=float(down @ left_f))
+
+
+def _grown(since: Array, doubts: Doubts) -> Array:
+    """Deviations as in ``Told``, ``since`` the last fix, shape (n,) [s].
+
+    The height: what the air has wandered since, and how the loop that holds it answers to a wrong vertical velocity
+    and to a bias that is another than it was: flicker noise wanders by about twice its floor in minutes.
+    """
+    position, velocity = drift_sd(since, doubts)
+    baro = BARO_SD * np.sqrt(2.0 * (1.0 - np.exp(-since / BARO_PERIOD_S)))
+    fading = since * np.exp(-since / TAU_S)
+    rise, fall = doubts.velocity * (1.0 - 0.5 * since / TAU_S) * fading, doubts.in_run * since * fading
+    height = np.linalg.norm((np.full_like(since, doubts.height), baro, rise, fall), axis=0)
+    tilt, heading = (np.hypot(sd, doubts.gyro * since) for sd in (doubts.tilt, doubts.heading))
+    down = np.full_like(since, doubts.velocity)
+    return np.stack([position, position, height, velocity, velocity, down, tilt, tilt, heading], axis=1)

@@ -1,0 +1,140 @@
+"""An inertial navigation system that is held by satellites, and one that is left alone."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fti import drivers
+from fti.config import Device
+from fti.drivers import imar_ixcom as ix
+from fti.errors import ConfigError
+from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.hil.faults.kinds import GnssOffset, GnssOutage
+from fti.hil.sensors import MODELS, SETTINGS, Sensor
+from fti.hil.sensors.base import position_at
+from fti.hil.sensors.imu_grades import GRADES, GradeName
+from fti.hil.sensors.inertial_solution import REACQUIRE_S, doubts_of
+from fti.hil.sensors.settings import check_settings
+from fti.hil.world import World
+from fti.service.binding import BoundDevice
+from fti.types import DeviceStatus, Measurement, Position, Velocity
+from tests.hil.worlds import scenario, world
+
+Array = NDArray[np.float64]
+DURATION_S, FREE_FROM_S = 70.0, 10.0
+GRADE_NAMES = sorted(GRADES)
+
+
+@cache
+def flown(grade: GradeName = "navigation", mode: str = "aided") -> World:
+    settings = {"grade": grade, "mode": mode, "free_from_s": FREE_FROM_S} if mode == "free" else {"grade": grade}
+    return world(duration_s=DURATION_S, sensor={"ins": settings})
+
+
+def system(flown_in: World, seed: int = 1, rate_hz: float = 10.0) -> Sensor:
+    device = Device.model_validate(
+        {"name": "ins", "link": "line", "driver": "imar_ixcom", "rate_hz": rate_hz, "lever_arm_b": (2.0, 0.5, -1.0)}
+    )
+    bound = BoundDevice(device, drivers.load("imar_ixcom"), ix.Options())
+    return Sensor(bound, MODELS["imar_ixcom"], flown_in, seed)
+
+
+def said(made: Sensor) -> tuple[list[Position], list[Velocity]]:
+    told = [m for k in range(len(made.t)) for m in made.measure(k, 0)]
+    return [m for m in told if isinstance(m, Position)], [m for m in told if isinstance(m, Velocity)]
+
+
+def errors(made: Sensor) -> tuple[Array, Array]:
+    """Errors northwards, eastwards, upwards [m] of every sample, shape (n, 3), and their stated sigma."""
+    positions, _ = said(made)
+    state = flown().state(made.t)
+    lat, lon, alt = position_at(state, made.bound.device.lever_arm_b)
+    found = np.array([(p.lat, p.lon, p.alt) for p in positions]) - np.stack([lat, lon, alt], axis=1)
+    found[:, :2] *= SEMI_MAJOR * np.stack([np.ones_like(lat), np.cos(lat)], axis=1)
+    return found, np.array([(p.horizontal_sd, p.horizontal_sd, p.vertical_sd) for p in positions])
+
+
+@pytest.mark.parametrize("grade", GRADE_NAMES)
+def test_alone_its_errors_grow_as_it_says(grade: GradeName) -> None:
+    """Twelve systems, a minute alone: errors against what is stated, pooled, at the end and on the way."""
+    flights = [errors(system(flown(grade, "free"), seed)) for seed in range(12)]
+    alone = system(flown(grade, "free")).t > FREE_FROM_S
+    ratio = np.array([found[alone] / sd[alone] for found, sd in flights])
+    for moment in (200, -1):
+        assert 0.6 < np.sqrt(np.mean(ratio[:, moment, :2] ** 2)) < 1.5
+    assert np.sqrt(np.mean(ratio[:, :, 2] ** 2)) < 1.5
+
+
+def test_a_better_unit_drifts_less() -> None:
+    stated, found = [], []
+    for grade in ("navigation", "tactical", "mems"):
+        flights = [errors(system(flown(grade, "free"), seed)) for seed in range(6)]
+        stated.append(flights[0][1][-1, 0])
+        found.append(np.sqrt(np.mean([np.sum(f[0][-1, :2] ** 2) for f in flights])))
+    assert stated == sorted(stated)
+    assert found == sorted(found)
+    assert stated[0] < 15.0 < 40.0 < stated[2]
+
+
+def test_it_goes_on_from_where_it_was() -> None:
+    """No step when it is left alone, and before it is as if nothing were to come."""
+    held, free = system(flown()), system(flown("navigation", "free"))
+    (at_held, _), (at_free, _) = errors(held), errors(free)
+    before = held.t < FREE_FROM_S
+    np.testing.assert_array_equal(at_held[before], at_free[before])
+    assert np.abs(np.diff(at_free[~before], axis=0)).max() < 0.1
+
+
+def test_the_unit_is_sampled_often_enough_whatever_is_sent() -> None:
+    slow, quick = (errors(system(flown("tactical", "free"), rate_hz=rate)) for rate in (5.0, 100.0))
+    for found, sd in (slow, quick):
+        assert np.abs(found[-1] / sd[-1]).max() < 4.0
+
+
+def test_an_outage_of_its_receiver_leaves_it_alone_until_there_is_a_fix_again() -> None:
+    outage = GnssOutage(kind="gnss_outage", from_s=20.0, to_s=50.0)
+    made = system(world(duration_s=DURATION_S, fault=(outage,)))
+    _, sd = errors(made)
+    alone = (made.t >= 20.0) & (made.t < 50.0 + REACQUIRE_S)
+    assert sd[~alone, 0] == pytest.approx(doubts_of("navigation").position)
+    assert sd[alone, 0].max() > 2.0
+    assert (np.diff(sd[alone, 0]) > 0.0).all()
+
+
+def line(made: Sensor) -> list[Measurement]:
+    decoder = ix.make_decoder(ix.Options())
+    sent = (data for k in range(len(made.t)) for m in made.measure(k, 0) for data in made.encoder.encode(m))
+    return [m for n, data in enumerate(sent) for m in decoder.feed(data, n)]
+
+
+def test_the_footer_of_its_messages_says_that_satellites_are_missing() -> None:
+    outage = GnssOutage(kind="gnss_outage", devices=("ins",), from_s=20.0, to_s=30.0)
+    made = system(world(duration_s=40.0, fault=(outage,)))
+    flags = [set(m.flags) for m in line(made) if isinstance(m, DeviceStatus)]
+    assert any({"gnss_invalid", "position_medium"} <= f for f in flags)
+    assert "gnss_invalid" not in flags[-1]
+    assert all(p.valid for p in line(made) if isinstance(p, Position))
+
+
+def test_another_devices_outage_is_not_its_own() -> None:
+    outage = GnssOutage(kind="gnss_outage", devices=("gnss",), from_s=20.0, to_s=50.0)
+    _, sd = errors(system(world(duration_s=DURATION_S, fault=(outage,))))
+    assert sd[:, 0].max() == pytest.approx(doubts_of("navigation").position)
+
+
+def test_a_false_signal_draws_it_away_and_alone_it_is_not_drawn() -> None:
+    drawn = GnssOffset(kind="gnss_offset", from_s=20.0, to_s=70.0, north_m=200.0, over_s=20.0)
+    held, _ = errors(system(world(duration_s=DURATION_S, fault=(drawn,))))
+    free, _ = errors(system(world(duration_s=DURATION_S, fault=(drawn,), sensor={"ins": {"mode": "free"}})))
+    assert held[-1, 0] == pytest.approx(200.0, abs=5.0)
+    assert abs(free[-1, 0]) < 40.0
+
+
+def test_a_mode_that_is_none_is_refused_by_its_key() -> None:
+    wrong = scenario(sensor={"ins": {"mode": "sleepy"}})
+    with pytest.raises(ConfigError, match=r"sensor\.ins\.mode = 'sleepy'"):
+        check_settings(SETTINGS["imar_ixcom"], wrong, "ins")
