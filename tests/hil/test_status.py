@@ -1,0 +1,107 @@
+"""What the emulator says of itself, and to whom."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.bus.zenoh_bus import Hub, Subscriber
+from fti.hil.faults import words
+from fti.hil.faults.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
+from fti.hil.power import BreakerState
+from fti.hil.status import Teller, describe
+from fti.service.rundir import DaemonInfo, publish
+from fti.web.feed import HIL_FIELDS
+from tests.hil.test_emulator import demo_config, make
+
+FLIGHT_S = 1.0
+
+
+def test_every_kind_of_fault_has_words() -> None:
+    assert set(words.WORDS) == set(FaultKind)
+
+
+def test_faults_are_told_in_words_while_they_act() -> None:
+    fog = Fog(kind="fog", devices=("laser",), visibility_m=75.0, from_s=10.0, to_s=20.0)
+    jammed = GnssOutage(kind="gnss_outage", from_s=15.0, to_s=30.0)
+    tower = Obstacle(kind="obstacle", before_threshold_m=1500.0, height_m=30.0)
+    told = {t: list(words.active((fog, jammed, tower), t)) for t in (9.9, 10.0, 19.9, 20.0)}
+    assert [[fault["kind"] for fault in told[t]] for t in told] == [
+        ["obstacle"],
+        ["fog", "obstacle"],
+        ["fog", "gnss_outage", "obstacle"],
+        ["gnss_outage", "obstacle"],
+    ]
+    assert told[10.0][0] == {"kind": "fog", "words": "fog, 75 m", "on": ["laser"], "until_s": 20.0}
+    assert told[10.0][1] == {
+        "kind": "obstacle",
+        "words": "obstacle of 30 m, 1500 m before the threshold",
+        "on": [],
+        "until_s": None,
+    }
+
+
+async def test_devices_links_and_breakers_are_told_before_and_during_the_flight(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    trip = Breaker(kind="breaker", devices=("gnss",), from_s=0.1, to_s=100.0)
+    emulator, _ = make(tmp_path, config, trip, duration_s=FLIGHT_S)
+    emulator.prepare()
+    before = describe(emulator)
+    assert before["flight_s"] is None
+    assert before["devices"]["ins"] == {
+        "link": "ins_eth",
+        "asked_hz": 100.0,
+        "messages": 0,
+        "breaker": "on",
+        "faults": [],
+    }
+    emulator.start()
+    await emulator.run()
+    after = json.loads(json.dumps(describe(emulator)))
+    assert set(after) >= HIL_FIELDS
+    assert after["flight_s"] >= FLIGHT_S * 0.9
+    assert after["duration_s"] == FLIGHT_S
+    assert after["devices"]["gnss"]["breaker"] == BreakerState.TRIPPED
+    assert after["devices"]["gnss"]["faults"] == ["breaker"]
+    assert after["devices"]["pdu"]["breaker"] is None
+    assert after["devices"]["ins"]["messages"] == pytest.approx(100 * FLIGHT_S, abs=2)
+    assert after["devices"]["gnss"]["messages"] <= 6  # the first fix
+    assert after["links"]["ins_eth"]["messages"] == after["devices"]["ins"]["messages"]
+    assert after["lateness"]["messages"] > 0
+    assert [fault["words"] for fault in after["faults"]] == ["breaker tripped"]
+
+
+def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: Path) -> None:
+    emulator, _ = make(tmp_path, demo_config(tmp_path))
+    emulator.prepare()
+    run_dir = tmp_path / "run"
+    run_dir.mkdir()
+    with Teller(emulator, str(run_dir)):
+        for _ in range(2):  # the second daemon has another address
+            hub = Hub.open(0, "demo")
+            said = queue.SimpleQueue[dict[str, Any]]()
+
+            def hear(topic: str, payload: bytes, said: queue.SimpleQueue[dict[str, Any]] = said) -> None:
+                said.put({"topic": topic} | json.loads(payload))
+
+            subscriber = Subscriber.connect(hub.endpoint, "demo", hear)
+            publish(run_dir, DaemonInfo(os.getpid(), "demo", "", None, hub.endpoint, 0, ""))
+            found = said.get(timeout=60)
+            assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
+            assert 0 <= found["age_ms"] < found["max_age_ms"]
+            subscriber.close()
+            hub.close()
+
+
+async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:
+    emulator, _ = make(tmp_path, demo_config(tmp_path), duration_s=FLIGHT_S)
+    emulator.prepare()
+    emulator.start()
+    with Teller(emulator, str(tmp_path / "nobody")):
+        report = await emulator.run()
+    assert report.links["ins_eth"].messages == pytest.approx(100 * FLIGHT_S, abs=2)
