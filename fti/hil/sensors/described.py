@@ -14,6 +14,7 @@ from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
 from fti.hil.sensors.avionics import Reference
 from fti.hil.sensors.base import Model
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.imagers import ManyRanges, places_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity
@@ -32,7 +33,8 @@ class WithFields(Protocol):
 class DescribedDevice:
     """Sends what its fields carry.  A quantity is flown with the errors of the sensor that usually measures it.
 
-    A reading has no truth in the flight: it wanders about the middle of its limits, or about zero.
+    Readings called ``range_...`` are those of a range imager or scanner.  Any other reading has no truth in the flight:
+    it wanders about the middle of its limits, or about zero.
     """
 
     rate_hz = 10.0
@@ -43,8 +45,10 @@ class DescribedDevice:
         meanings = [m for m in encoder.known.values() if not m.is_silent]
         kinds = {m.quantity.measurement for m in meanings if m.quantity}
         state = world.state(t)
-        self._readings = {m.field.name: (m.field.unit, _wandering(m.field, t, rng)) for m in meanings if not m.quantity}
-        self._altimeters: list[Model] = []
+        readings = {m.field.name: m.field for m in meanings if not m.quantity}
+        ranges = {name: readings.pop(name).unit for name in places_of(list(readings))}
+        self._readings = {name: (field.unit, _wandering(field, t, rng)) for name, field in readings.items()}
+        self._altimeters: list[Model] = [ManyRanges(ranges, bound, world, t, rng)] if ranges else []
         if Range in kinds:
             self._altimeters.append(LaserAltimeter(bound, world, t, rng))
         if RadioHeight in kinds:
