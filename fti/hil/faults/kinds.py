@@ -211,14 +211,14 @@ class ClockJump(OnDevices):
     """The clock of the device is off by ``by_s`` in the interval.  Where no time is sent: ``fti.hil.faults.places``."""
 
     kind: Literal["clock_jump"]
-    by_s: float
+    by_s: Annotated[float, Field(ge=-1e8, le=1e8)]
 
 
 class ClockDrift(OnDevices):
     """The clock of the device runs fast by ``ppm`` in the interval; what it has gained stays."""
 
     kind: Literal["clock_drift"]
-    ppm: float
+    ppm: Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 # ------------------------------------------------------------------------------------------------ of its bytes

@@ -8,6 +8,7 @@ Nothing is opened here and nobody waits: ``due_s`` says when ``step`` has someth
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 
 from fti.hil.faults.clocks import DeviceClock
@@ -15,6 +16,7 @@ from fti.hil.faults.fitting import stages_of
 from fti.hil.faults.values import DeviceFaults
 from fti.hil.scenario.schema import Scenario
 from fti.hil.sensors.base import Sensor
+from fti.types import Measurement
 
 
 def _always(t: float) -> bool:
@@ -72,7 +74,15 @@ class DeviceLine:
         t = float(self.sensor.t[k])
         measurements = self._clock.apply(t, self.sensor.measure(k, start_ns))
         said = self._values.apply(t, measurements)
-        return [message for m in said for message in self.sensor.encoder.encode(m)]
+        encode = self._encode_wrong if said is not measurements else self.sensor.encoder.encode
+        return [message for m in said for message in encode(m)]
+
+    def _encode_wrong(self, measurement: Measurement) -> list[bytes]:
+        """A wrong number may be one that no message can carry: then nothing is sent."""
+        try:
+            return self.sensor.encoder.encode(measurement)
+        except (struct.error, OverflowError):
+            return []
 
     def _spoiled(self, t: float, messages: list[bytes]) -> list[bytes]:
         for stage in self._stages:

@@ -79,10 +79,10 @@ class Recalled:
     """A model that repeats what was measured once, so that flights differ by their faults alone."""
 
     def __init__(self, sensor: Sensor) -> None:
-        self._cycles = [sensor.measure(k, START_NS) for k in range(len(sensor.t))]
+        self.cycles = [sensor.measure(k, START_NS) for k in range(len(sensor.t))]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        return self._cycles[k]
+        return self.cycles[k]
 
 
 @cache
@@ -117,6 +117,13 @@ def device(name: str) -> Sensor:
     made = _sensor(name)
     made.encoder = made.bound.driver.make_encoder(made.bound.options)
     return made
+
+
+def measured(name: str) -> list[list[Measurement]]:
+    """What the device measures in each cycle."""
+    model = device(name).model
+    assert isinstance(model, Recalled)
+    return model.cycles
 
 
 Flight = list[tuple[float, list[bytes]]]

@@ -13,9 +13,21 @@ from pydantic import TypeAdapter
 
 from fti.hil.faults.fitting import why_not
 from fti.hil.faults.kinds import Fault, FaultKind, OnDevices
+from fti.hil.faults.quantities import quantities
 from fti.types import DeviceStatus, Measurement, Reading
 from tests.helpers import ROOT
-from tests.hil.faults.flown import DEVICES, DURATION_S, POLLED, TIMING, Flight, bound_of, fly, nominal, sensor_in
+from tests.hil.faults.flown import (
+    DEVICES,
+    DURATION_S,
+    POLLED,
+    TIMING,
+    Flight,
+    bound_of,
+    fly,
+    measured,
+    nominal,
+    sensor_in,
+)
 from tests.hil.worlds import world
 
 FROM_S, TO_S = 2.0, 3.5
@@ -163,3 +175,17 @@ def test_a_fault_changes_what_leaves_in_its_interval_and_nothing_before_or_behin
         assert said(name, after(spoiled))
     else:
         assert after(spoiled) == after(without)
+
+
+@pytest.mark.parametrize("name", [name for name in DEVICES if name not in POLLED and name != "dbc"])
+def test_no_number_is_too_wrong_to_be_forced(name: str) -> None:
+    """Every number that the device measures, in turn, far too small and far too large: it goes on to the end."""
+    kinds = {type(m) for cycle in measured(name)[:20] for m in cycle}
+    numbers = {f"{kind}.{key}": q for kind, fields in quantities().items() for key, q in fields.items()}
+    mine = [text for text, found in numbers.items() if found.kind in kinds]
+    assert mine
+    for value in (-1e30, -1e4, 1e4, 1e30):
+        times = [(0.5 + 5.0 * k / len(mine), quantity) for k, quantity in enumerate(mine)]
+        tables = [{"quantity": q, "value": value, "from_s": t, "to_s": t + 0.15} for t, q in times]
+        faults = [MAKE.validate_python({"kind": "forced", **table}) for table in tables]
+        assert fly(name, *faults)[-1][0] == nominal(name)[-1][0]

@@ -2,9 +2,28 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
 from fti.hil.faults.kinds import Fault, Invalid, Stuck
 from fti.hil.faults.values import DeviceFaults
-from fti.types import Airspeed, Attitude, DeviceStatus, ImuSample, Measurement, RadioHeight, Range, Stamp
+from fti.types import (
+    Airspeed,
+    Attitude,
+    DeviceStatus,
+    DmeRange,
+    ImuSample,
+    Measurement,
+    RadioHeight,
+    Range,
+    Reading,
+    Stamp,
+    SurfaceDeflection,
+)
+
+MAKE: TypeAdapter[Fault] = TypeAdapter(Fault)
+EVER = {"from_s": 0.0, "to_s": 99.0}
 
 
 def sample(t: float) -> list[Measurement]:
@@ -75,3 +94,94 @@ def test_faults_of_the_world_are_not_faults_of_a_device() -> None:
 
     obstacle = Obstacle(kind="obstacle", before_threshold_m=3000.0, height_m=150.0)
     assert applied(obstacle, "a", 1.0) == sample(1.0)
+
+
+# ---------------------------------------------------------------------------------------------------------- numbers
+
+
+def heights(fault: Fault, times: list[float], seed: int = 0) -> list[float | None]:
+    """What is said of the height, which is 100 m at all times."""
+    faults = DeviceFaults("a", [fault], seed)
+    told = [faults.apply(t, [RadioHeight(stamp=Stamp(round(t * 1e9)), height_agl=100.0)]) for t in times]
+    return [m.height_agl for cycle in told for m in cycle if isinstance(m, RadioHeight)]
+
+
+HEIGHT = {"quantity": "radio_height.height_agl", "from_s": 10.0, "to_s": 20.0}
+
+
+def test_a_bias_is_added_and_a_ramp_grows() -> None:
+    times = [9.9, 10.0, 15.0, 19.9, 20.0]
+    assert heights(MAKE.validate_python({"kind": "bias", **HEIGHT, "value": -7.5}), times) == [
+        100,
+        92.5,
+        92.5,
+        92.5,
+        100,
+    ]
+    ramp = heights(MAKE.validate_python({"kind": "ramp", **HEIGHT, "rate": 2.0}), times)
+    assert ramp == pytest.approx([100.0, 100.0, 110.0, 119.8, 100.0], abs=1e-9)
+
+
+def test_a_wrong_unit_multiplies_and_a_forced_number_is_said_whatever_is_measured() -> None:
+    times = [9.9, 15.0, 20.0]
+    wrong = heights(MAKE.validate_python({"kind": "wrong_unit", **HEIGHT, "factor": 0.3048}), times)
+    assert wrong == [100.0, pytest.approx(30.48, abs=1e-9), 100.0]
+    assert heights(MAKE.validate_python({"kind": "forced", **HEIGHT, "value": 3.0}), times) == [100.0, 3.0, 100.0]
+
+
+def test_noise_has_its_size_and_its_seed() -> None:
+    noise = MAKE.validate_python({"kind": "noise", **HEIGHT, "sd": 2.0})
+    times = [10.0 + k / 1000 for k in range(5000)]
+    errors = np.array(heights(noise, times, seed=1), dtype=float) - 100.0
+    assert errors.std() == pytest.approx(2.0, rel=0.05)
+    assert abs(errors.mean()) < 0.15
+    assert heights(noise, times, seed=1) == heights(noise, times, seed=1)
+    assert heights(noise, times, seed=1) != heights(noise, times, seed=2)
+
+
+def test_only_the_number_that_is_meant_changes() -> None:
+    fault = MAKE.validate_python(
+        {"kind": "bias", "quantity": "imu_sample.gyro_b_1", "from_s": 0.0, "to_s": 9.0, "value": 0.5}
+    )
+    status, height, imu = applied(fault, "a", 1.0)
+    assert [status, height] == sample(1.0)[:2]
+    assert imu == ImuSample(stamp=imu.stamp, gyro_b=(1.0, 0.5, 0.0))
+
+
+def test_what_is_not_measured_stays_away() -> None:
+    fault = MAKE.validate_python({"kind": "forced", "quantity": "range.slant_range", **EVER, "value": 5.0})
+    lost = Range(stamp=Stamp(1), slant_range=None, valid=False)
+    assert DeviceFaults("a", [fault]).apply(1.0, [lost]) == [lost]
+    nothing = ImuSample(stamp=Stamp(1), gyro_b=None)
+    fault = MAKE.validate_python({"kind": "bias", "quantity": "imu_sample.gyro_b_0", **EVER, "value": 5.0})
+    assert DeviceFaults("a", [fault]).apply(1.0, [nothing]) == [nothing]
+
+
+def test_a_name_chooses_among_readings_surfaces_and_stations() -> None:
+    told: list[Measurement] = [
+        Reading(stamp=Stamp(1), name="mach", value=0.2),
+        Reading(stamp=Stamp(1), name="hdop", value=0.9),
+        DmeRange(stamp=Stamp(1), station="dme_1", slant_range=100.0),
+        SurfaceDeflection(stamp=Stamp(1), surface="rudder", deflection=0.1, raw=700),
+    ]
+
+    def changed(quantity: str, name: str | None) -> list[int]:
+        table = {"kind": "bias", "quantity": quantity, "name": name, **EVER, "value": 1.0}
+        found = DeviceFaults("a", [MAKE.validate_python(table)]).apply(1.0, told)
+        return [k for k, (was, now) in enumerate(zip(told, found, strict=True)) if was != now]
+
+    assert changed("reading.value", None) == [0, 1]
+    assert changed("reading.value", "hdop") == [1]
+    assert changed("dme_range.slant_range", "dme_1") == [2]
+    assert changed("dme_range.slant_range", "dme_2") == []
+    assert changed("surface_deflection.raw", "rudder") == [3]
+
+
+def test_a_count_stays_whole() -> None:
+    fault = MAKE.validate_python({"kind": "bias", "quantity": "surface_deflection.raw", **EVER, "value": 2.6})
+    (found,) = DeviceFaults("a", [fault]).apply(
+        1.0, [SurfaceDeflection(stamp=Stamp(1), surface="rudder", deflection=None, raw=700)]
+    )
+    assert isinstance(found, SurfaceDeflection)
+    assert found.raw == 703
+    assert type(found.raw) is int
