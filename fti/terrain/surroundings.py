@@ -1,7 +1,7 @@
 """The country around the demo airfield: the scene of ``scenes`` in the middle, the real elevation around it.
 
 For flights that leave the strip of the approach: patterns, go-arounds, low-level routes.  The scene lies in the coarser
-layer and runs out into it over EDGE_M, so that nothing gapes; at its middle not a bit is changed.
+layer and runs out into it over EDGE_M, so that nothing gapes; its middle is unchanged.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ class Fdm:
         model.run_ic()
 
     def _set_air(self, weather: Weather) -> None:
-        """JSBSim's sea level is the ellipsoid, ``-undulation`` above mean sea level: the air there, and its lapse above.
+        """JSBSim's sea level is the ellipsoid, ``-undulation`` above mean sea level: it is given the air there.
 
         Its temperature counts from the standard one of the height, ours from that of the pressure.
         """

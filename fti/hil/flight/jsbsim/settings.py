@@ -4,7 +4,7 @@
 kind = "jsbsim"
 aircraft = "c310"              # a light twin of 2 t
 route = "approach"             # "pattern", "go_around", "low_level"
-speed_mps = 55                 # calibrated airspeed held: on the approach, and all along a low-level route
+speed_mps = 55                 # calibrated airspeed: 48 to 65; low_level: 48 to 80
 turbulence = "light"           # "none", "moderate", "severe": MIL-F-8785C; wind is that of [air]
 
 start_m = 4500                 # approach, go_around: distance before the threshold at t = 0
@@ -32,6 +32,8 @@ OF_ROUTES = {
     "clearance_m": ("low_level",),
     "via_m": ("low_level",),
 }
+#: Fastest with wheels and flaps out, full power, down a glide path into the wind [m/s].
+FASTEST_LANDING = 65.0
 #: A place of the country: before the threshold, right of the track [m].
 Place = tuple[Annotated[float, Field(ge=-14000, le=8000)], Annotated[float, Field(ge=-9000, le=9000)]]
 
@@ -56,6 +58,11 @@ class JsbsimFlight(StrictModel):
         for key, routes in OF_ROUTES.items():
             if key in self.model_fields_set and self.route not in routes:
                 raise ValueError(f"{key} means nothing on the route {self.route!r}, only on {', '.join(routes)}")
+        if self.route != "low_level" and self.speed_mps > FASTEST_LANDING:
+            raise ValueError(
+                f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with wheels and flaps out it "
+                f"must be {FASTEST_LANDING:g} or less"
+            )
         if self.route == "low_level" and len(self.via_m) < 2:
             raise ValueError("a low_level route needs at least two places in via_m")
         return self

@@ -80,7 +80,7 @@ def test_turbulence_is_in_the_spline(landing: Flown) -> None:
 
 
 def test_approach_keeps_to_the_glide_path_and_lands_on_the_runway(landing: Flown) -> None:
-    """Within 10 m of the path on both sides and in height, 350 m and more before the runway's end, wheels down softly."""
+    """Within 10 m of the path on both sides and in height; down softly on the first half of the runway, and on it."""
     s, y = before_right(landing)
     alt, columns = landing.samples.alt, landing.columns
     established = during(landing) & (s > path().x_gpi + 50.0)
@@ -124,7 +124,7 @@ def test_go_around_sinks_no_more_than_ten_metres_and_climbs() -> None:
 
 
 def test_pattern_closes() -> None:
-    """It ends 25 m and less from where it began, at its height, the runway passed low on the way; 2 turns of 180 deg."""
+    """It ends within 25 m of where it began, at the height of it; on the way it passes the runway low."""
     flight = flown(crosswind(5.0), route="pattern", side="right", pattern_m=250, go_around_m=40)
     s, y = before_right(flight)
     height = flight.samples.alt - AIRFIELD.threshold_alt_m
