@@ -1,0 +1,219 @@
+"""How late the emulator and a replay are, with the recorder as their reader on the same two cores.
+
+    python benchmarks/timing.py [--seconds S] [--only replay|devices]
+
+replay  : a recording of serial line, UDP, slcan adapter and CAN over UDP at 2100 messages a second, ``fti replay`` at
+          1x: what was recorded of it must be the same by hash, and p99 of the lateness at most 2 ms
+player  : python-can's player (``can.MessageSync``) with the frames of its slcan adapter, a second time right after;
+          its lateness and ours on that adapter are both taken when the frame is handed to the port
+devices : 23 devices at the rates of table 6.1 and at four times those, ``fti hil``: each rate is held, nothing lost
+
+Exit code 1 when a target is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import can
+
+from benchmarks.parts.fleet import DEVICES, write_config
+from benchmarks.parts.machine import Verdict, machine
+from benchmarks.parts.rig import ROOT, RecorderRig, port_of, udp_links
+from fti import config as configuration
+from fti.canframe import pack_can
+from fti.config import Link
+from fti.hil.lateness import Histogram
+from fti.links.can import unpack_message
+from fti.logger.proof.hashes import link_hashes
+from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.reading.recording import Recording
+from fti.logger.session import SessionFolder
+
+FTI = [sys.executable, "-m", "fti.cli.main"]
+
+START_NS = 1_700_000_000_000_000_000
+RATE_HZ, P99_MS = 2100.0, 2.0
+FACTORS = (1, 4)
+KINDS = {"line": "serial", "eth": "udp", "adapter": "can"}
+if find_spec("msgpack"):  # python-can needs it for CAN over UDP, and does not bring it
+    KINDS["bus"] = "can"
+
+
+# --------------------------------------------------------------------------------------------------------- replay
+
+
+def write_links(folder: Path) -> Path:
+    """The configuration of the four links."""
+    eth, bus = (port_of(link) for link in udp_links(2))
+    ends = {
+        "line": 'port = "/dev/unused"\nbaud = 921600\n',
+        "eth": f'bind = "127.0.0.1:{eth}"\n',
+        "adapter": 'interface = "slcan"\nchannel = "/dev/unused"\nbitrate = 500000\n',
+        "bus": f'interface = "udp_multicast"\nchannel = "239.74.163.77"\nsettings = {{ port = {bus} }}\n',
+    }
+    links = [f'[[link]]\nname = "{name}"\nkind = "{kind}"\n{ends[name]}' for name, kind in KINDS.items()]
+    file = folder / "links.toml"
+    file.write_text("\n".join(['[session]\nname = "timing"\ndirectory = "unused"\n', *links]))
+    return file
+
+
+def make_session(folder: Path, seconds: float) -> Path:
+    """A recording of them: instants of no common period."""
+    rng, session = random.Random(1), SessionFolder.create(folder, "made", START_NS)
+    log = RawLog(session, [RawTopic(name, kind, {}) for name, kind in KINDS.items()], split_s=300, split_mb=100)
+    names = list(KINDS)
+    for seq, t in enumerate(sorted(rng.uniform(0.0, seconds) for _ in range(round(RATE_HZ * seconds)))):
+        link = names[seq % len(names)]
+        data = pack_can(rng.randrange(0x800), rng.randbytes(8)) if KINDS[link] == "can" else rng.randbytes(48)
+        log.frame(link, seq, START_NS + round(t * 1e9), data)
+        if seq % 40 == 0:
+            log.flush()
+    log.close()
+    return session.path
+
+
+def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
+    """One session through fti replay and the recorder."""
+    config, original = write_links(folder), make_session(folder, seconds)
+    arguments = ("replay", original, "--config", config, "--wait", 3)
+    report, session = play(folder, arguments, configuration.load(config).link)
+    print(f"replay: {RATE_HZ:.0f} messages/s on {', '.join(KINDS)}; {seconds:.0f} s at 1x; late by, in ms")
+    show("fti replay, all links", report["lateness"])
+    for name, link in report["links"].items():
+        show(f"  {name}", link["lateness"])
+    first, again = link_hashes(Recording.open(original)), link_hashes(Recording.open(session))
+    same = [name for name, found in first.items() if found.is_same(again[name])]
+    verdict.judge(f"the same by hash: {len(same)} of {len(first)} links", len(same) == len(first))
+    p99 = report["lateness"]["p99_ms"]
+    verdict.judge(f"p99 {p99:.2f} ms; at most {P99_MS:g}", p99 <= P99_MS)
+    player(original, report["links"]["adapter"]["lateness"])
+
+
+def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path]:
+    """Run a command of ``fti`` that plays, with the recorder as its reader; its report, and what was recorded."""
+    ports, report = folder / "ports", folder / "report.json"
+    command = [*FTI, *map(str, arguments), "--links", str(ports), "--report", str(report)]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout
+        while process.stdout.readline() not in ("ready\n", ""):
+            pass
+        rig = RecorderRig(folder, [moved(link, ports) for link in links])
+        while process.poll() is None:
+            rig.listen()
+            time.sleep(0.1)
+    rig.close()
+    return json.loads(report.read_text()), rig.session.path
+
+
+def moved(link: Link, ports: Path) -> Link:
+    """The link with its port in the folder."""
+    key = {"serial": "port", "can": "channel"}.get(link.kind)
+    here = link.kind == "serial" or (link.kind == "can" and link.interface == "slcan")
+    return link.model_copy(update={key: str(ports / link.name)}) if key and here else link
+
+
+def show(what: str, late: dict[str, float]) -> None:
+    """A line of the table."""
+    print(f"  {what:44} p50 {late['p50_ms']:7.3f}  p99 {late['p99_ms']:7.3f}  max {late['max_ms']:8.3f}", flush=True)
+
+
+def player(original: Path, ours: dict[str, float]) -> None:
+    """The frames of the adapter by python-can's player, over its slcan and a pty that is read."""
+    frames = [frame for frame in Recording.open(original).frames() if frame.link == "adapter"]
+    messages = []
+    for frame in frames:
+        message = unpack_message(frame.data)
+        message.timestamp = frame.t_rx_ns / 1e9
+        messages.append(message)
+    late = Histogram()
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    reading = threading.Thread(target=drain, args=(master,), daemon=True)
+    reading.start()
+    with can.Bus(os.ttyname(slave), "slcan", bitrate=500_000, sleep_after_open=0.1) as bus:
+        begin = None
+        for message in can.MessageSync(messages):
+            begin = time.perf_counter() if begin is None else begin
+            late.add(time.perf_counter() - begin - (message.timestamp - messages[0].timestamp))
+            bus.send(message)
+    os.close(slave)
+    theirs = late.lateness
+    show(
+        "python-can's player, the adapter's frames",
+        {"p50_ms": theirs.p50_ms, "p99_ms": theirs.p99_ms, "max_ms": theirs.max_ms},
+    )
+    print(f"  fti replay's p99 on that adapter is {ours['p99_ms'] / theirs.p99_ms:.2f} of the player's")
+
+
+def drain(descriptor: int) -> None:
+    """Read until the other end is closed."""
+    try:
+        while os.read(descriptor, 65536):
+            pass
+    except OSError:
+        os.close(descriptor)
+
+
+# -------------------------------------------------------------------------------------------------------- devices
+
+
+def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
+    """23 devices at a multiple of their rates."""
+    config = write_config(folder, factor)
+    arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
+    report, session = play(folder, arguments, configuration.load(config).link)
+    found = report["devices"]
+    asked = sum(device["asked_hz"] for device in found.values())
+    print(f"devices: {len(found)} at {factor:g} x table 6.1, {asked:.0f} cycles/s asked for, {seconds:.0f} s")
+    show("late by, in ms", report["lateness"])
+    held = [name for name, device in found.items() if device["held"]]
+    sent = sum(link["bytes"] for link in report["links"].values())
+    recorded = link_hashes(Recording.open(session))
+    for why in report["not_held"]:
+        print(f"  {why}")
+    verdict.judge(f"rates held: {len(held)} of {len(DEVICES)}", len(held) == len(DEVICES))
+    dropped = sum(link["dropped_messages"] for link in report["links"].values())
+    lost = sum(report["links"][name]["bytes"] - recorded[name].bytes for name in found if kind_of(name) != "can")
+    verdict.judge(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
+
+
+def kind_of(device: str) -> str:
+    """Kind of the link of a device; of a CAN link the bytes on the line are text, and are recorded as frames."""
+    return DEVICES[device].kind
+
+
+def main() -> int:
+    """Run the parts, print the verdict."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0, help="of each part")
+    parser.add_argument("--only", choices=("replay", "devices"))
+    args = parser.parse_args()
+    print(machine(), flush=True)
+    verdict = Verdict()
+    if args.only != "devices":
+        with tempfile.TemporaryDirectory() as name:
+            replay(Path(name), args.seconds, verdict)
+    for factor in FACTORS if args.only != "replay" else ():
+        with tempfile.TemporaryDirectory() as name:
+            fly(Path(name), args.seconds, factor, verdict)
+    return verdict.code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
