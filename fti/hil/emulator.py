@@ -17,6 +17,7 @@ from fti.config import Config
 from fti.hil.bench import Bench
 from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, OnLinks
 from fti.hil.faults.line import DeviceLine
+from fti.hil.faults.measured import check_numbers
 from fti.hil.flight.jsbsim.settings import JsbsimFlight
 from fti.hil.lateness import Histogram
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
@@ -104,6 +105,7 @@ class Emulator:
             progress(remark)
         self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
         self.power = distribute(self._sensors, self.scenario)
+        check_numbers(self._sensors, self._world)
 
     def start(self) -> None:
         """Let the flight begin (as soon as the endpoints are there)."""

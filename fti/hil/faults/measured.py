@@ -1,0 +1,68 @@
+"""Does a device measure the number that a fault is of?  One that it does not measure would change nothing, unseen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from fti.errors import ConfigError
+from fti.hil.faults.kinds import OnQuantity
+from fti.hil.faults.quantities import NAMING, is_meant, parse, quantities
+from fti.hil.sensors import MODELS, Sensor
+from fti.hil.sensors.power_unit import PowerPanel
+from fti.hil.world import World
+from fti.types import Measurement, Reading, Stamp, TimeScale
+
+#: So long a device is looked at: some measurements come once a second.
+LOOK_S = 1.5
+
+
+def check_numbers(sensors: Sequence[Sensor], world: World) -> None:
+    """Raises ConfigError where a device does not measure the number of a fault, with those that it does."""
+    for i, fault in enumerate(world.scenario.fault):
+        if isinstance(fault, OnQuantity):
+            named = [s for s in sensors if not fault.devices or s.name in fault.devices]
+            _check(f"{world.scenario.title}: fault[{i}].quantity", fault, {s.name: _look(s, world) for s in named})
+
+
+def _check(where: str, fault: OnQuantity, told: dict[str, list[Measurement]]) -> None:
+    without = {name: found for name, found in told.items() if not _is_in(fault, found)}
+    if not without or (not fault.devices and len(without) < len(told)):
+        return
+    name, found = next(iter(without.items()))
+    what = fault.quantity if fault.name is None else f"{fault.quantity} of {fault.name!r}"
+    raise ConfigError(f"{where}: {name!r} does not measure {what}; it has {', '.join(_numbers(found)) or 'none'}")
+
+
+def _look(sensor: Sensor, world: World) -> list[Measurement]:
+    """The first measurements of a device like this one; the one that flies is not touched.
+
+    What a power unit says depends on what it feeds, and not on what it has said before: it is asked itself.
+    """
+    if isinstance(sensor.model, PowerPanel):
+        return sensor.model.measure(0, Stamp(0))
+    count = min(max(math.ceil(LOOK_S * sensor.rate_hz), 2), len(sensor.t))
+    model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
+    stamps = (Stamp(t_ns, t_ns, TimeScale.UTC) for t_ns in (round(1e9 * t) for t in sensor.t[:count]))
+    return [m for k, stamp in enumerate(stamps) for m in model.measure(k, stamp)]
+
+
+def _is_in(fault: OnQuantity, measurements: Iterable[Measurement]) -> bool:
+    quantity = parse(fault.quantity)
+    return any(is_meant(m, quantity, fault.name) for m in measurements)
+
+
+def _numbers(measurements: Iterable[Measurement]) -> list[str]:
+    """Their names, each once; a reading by its own."""
+    seen: dict[str, None] = {}
+    for m in measurements:
+        names = [str(getattr(m, field)) for field in NAMING if hasattr(m, field)]
+        if isinstance(m, Reading):
+            seen[f"reading.value of {names[0]!r}"] = None
+            continue
+        for kind, numbers in quantities().items():
+            fields = [key for key, q in numbers.items() if isinstance(m, q.kind) and getattr(m, q.field) is not None]
+            seen |= dict.fromkeys(f"{kind}.{field}" for field in fields)
+    return list(seen)
