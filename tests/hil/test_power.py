@@ -167,7 +167,25 @@ def test_without_power_a_device_forgets_what_it_was_told_and_when_it_began() -> 
     assert later is not None
     assert first > 20e9
     assert again == 0
+    assert autopilot.measure(99, 0)[0].stamp.t_dev_ns == 0  # sampled before, if it sends that at all
     assert later == pytest.approx(1e9, abs=1e6)
+
+
+def test_a_receiver_that_is_silent_until_asked_is_silent_again_until_it_is_asked_again() -> None:
+    gnss = sensor("novatel_oem6", name="gnss")
+
+    def talks() -> bool:
+        return any(gnss.encoder.encode(m) for k in range(20) for m in gnss.measure(k, 0))
+
+    def ask() -> None:
+        for data in gnss.bound.driver.on_connect(gnss.bound.options):
+            gnss.encoder.respond(data)
+
+    for _ in range(2):
+        assert not talks()
+        ask()
+        assert talks()
+        gnss.restart(1.0)
 
 
 def test_settings_of_the_scenario_are_those_of_the_feed() -> None:

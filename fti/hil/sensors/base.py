@@ -97,7 +97,7 @@ class Sensor:
     def _stamp(self, t: float, start_ns: int) -> Stamp:
         true_ns = start_ns + round(t * SECOND_NS)
         if self._time_scale is TimeScale.BOOT:
-            on_s = (t - self._powered_s) * (1.0 + 1e-6 * self.drift_ppm)
+            on_s = max(t - self._powered_s, 0.0) * (1.0 + 1e-6 * self.drift_ppm)
             return Stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
         return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
 
