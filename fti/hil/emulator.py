@@ -15,7 +15,8 @@ from pathlib import Path
 
 from fti.config import Config
 from fti.hil.bench import Bench
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, OnLinks
+from fti.hil.faults.bases import OnLinks
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus
 from fti.hil.faults.line import DeviceLine
 from fti.hil.faults.measured import check_numbers
 from fti.hil.flight.jsbsim.settings import JsbsimFlight

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Config, Device
-from fti.hil.faults.kinds import CanStatus, OnLinks
+from fti.hil.faults.bases import OnLinks
+from fti.hil.faults.kinds import CanStatus
 from fti.hil.faults.places import sends_time
 from fti.hil.power import SUPPLY_V
 from fti.hil.scenario import Scenario

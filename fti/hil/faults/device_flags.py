@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from fti.hil.faults.bases import OnDevices, OnQuantity
 from fti.hil.faults.duties import (
     BITS,
     CLOCK_RENEW_S,
@@ -46,8 +47,6 @@ from fti.hil.faults.kinds import (
     GnssOutage,
     Invalid,
     LostHeader,
-    OnDevices,
-    OnQuantity,
     Reordered,
     Stuck,
     Truncated,

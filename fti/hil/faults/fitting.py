@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.config import StrictModel
+from fti.hil.faults.bases import OnDevices
 from fti.hil.faults.checksums import Change
 from fti.hil.faults.kinds import (
     BitErrors,
@@ -19,7 +20,6 @@ from fti.hil.faults.kinds import (
     Fault,
     Freeze,
     LostHeader,
-    OnDevices,
     Reordered,
     Truncated,
     WrongChecksum,

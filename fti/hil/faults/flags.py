@@ -21,6 +21,7 @@ it is told as such, and is neither a miss nor a success.
 from __future__ import annotations
 
 from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.faults.bases import OnLinks
 from fti.hil.faults.device_flags import consequences, on_device, silence
 from fti.hil.faults.duties import (
     CONFIRM_S,
@@ -40,7 +41,7 @@ from fti.hil.faults.duties import (
     Told,
 )
 from fti.hil.faults.fitting import is_of
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack, OnLinks
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack
 
 
 def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:

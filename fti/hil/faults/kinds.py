@@ -9,13 +9,10 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.quantities import parse
-
-NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(gt=0, le=1)]
+from fti.config import Positive, StrictModel
+from fti.hil.faults.bases import NotNegative, OnDevices, OnLinks, OnMessages, OnQuantity, Share
 
 
 class FaultKind(StrEnum):
@@ -80,14 +77,6 @@ class OffTrack(StrictModel):
 # ------------------------------------------------------------------------------------- of what a device measures
 
 
-class OnDevices(StrictModel):
-    """A fault of devices in an interval of the flight; no device named means every one that it can be on."""
-
-    devices: tuple[Name, ...] = ()
-    from_s: NotNegative
-    to_s: NotNegative
-
-
 class Cut(OnDevices):
     """Nothing comes: a broken cable.  The device does not know, and goes on counting."""
 
@@ -114,23 +103,6 @@ class Invalid(OnDevices):
 
     kind: Literal["invalid"]
     flags: tuple[str, ...] = ()
-
-
-class OnQuantity(OnDevices):
-    """A fault of one field of one measurement, in SI and radians: ``quantity = "range.slant_range"``.
-
-    Of a vector the component is named: ``quantity = "imu_sample.gyro_b_2"``.  What is not measured (None) stays so.
-    name : of a Reading, a surface or a station: only this one
-    """
-
-    quantity: str
-    name: str | None = None
-
-    @field_validator("quantity")
-    @classmethod
-    def _is_there(cls, text: str) -> str:
-        parse(text)
-        return text
 
 
 class Bias(OnQuantity):
@@ -224,12 +196,6 @@ class ClockDrift(OnDevices):
 # ------------------------------------------------------------------------------------------------ of its bytes
 
 
-class OnMessages(OnDevices):
-    """A fault of the bytes of this share of a device's messages, drawn from the scenario's seed."""
-
-    share: Share = 1.0
-
-
 class BitErrors(OnDevices):
     """Every bit is wrong with this probability.  On CAN the data alone: a controller refuses what its CRC refuses, so
     the fault is of a node that sends wrong data with a good CRC."""
@@ -284,14 +250,6 @@ class Burst(OnDevices):
 
 
 # ------------------------------------------------------------------------------------------------ of its line
-
-
-class OnLinks(StrictModel):
-    """A fault of CAN links in an interval of the flight; no link named means every one that it can be on."""
-
-    links: tuple[Name, ...] = ()
-    from_s: NotNegative
-    to_s: NotNegative
 
 
 class Babbling(OnLinks):

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import OnQuantity
+from fti.hil.faults.bases import OnQuantity
 from fti.hil.faults.quantities import NAMING, is_meant, parse, quantities
 from fti.hil.sensors import MODELS, Sensor
 from fti.hil.sensors.power_unit import PowerPanel

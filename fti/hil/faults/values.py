@@ -10,20 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fti.hil.faults.kinds import (
-    Bias,
-    Fault,
-    Fog,
-    Forced,
-    Invalid,
-    Noise,
-    OnDevices,
-    OnLinks,
-    OnQuantity,
-    Ramp,
-    Stuck,
-    WrongUnit,
-)
+from fti.hil.faults.bases import OnDevices, OnLinks, OnQuantity
+from fti.hil.faults.kinds import Bias, Fault, Fog, Forced, Invalid, Noise, Ramp, Stuck, WrongUnit
 from fti.hil.faults.quantities import changed, is_meant, parse
 from fti.types import (
     Ack,

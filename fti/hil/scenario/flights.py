@@ -31,7 +31,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.kinds import NotNegative
+from fti.hil.faults.bases import NotNegative
 from fti.hil.flight.jsbsim.settings import JsbsimFlight
 
 

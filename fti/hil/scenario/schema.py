@@ -40,7 +40,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.kinds import Fault, NotNegative, Obstacle
+from fti.hil.faults.bases import NotNegative
+from fti.hil.faults.kinds import Fault, Obstacle
 from fti.hil.ports.outside import Port
 from fti.hil.scenario.flights import ApproachFlight, FlightTable
 
@@ -72,8 +73,8 @@ class SensorSettings(StrictModel):
     drift_ppm  : its clock is so much fast; none: from the seed
     jitter_ms  : standard deviation of what a message waits beyond the latency; none: 0.3 ms
     latency_ms : from the sample to its message; none: what the configuration says
-    boot_s    : from power to the first message, when its breaker is closed again
-    minimum_v : below this voltage of its supply it stops
+    boot_s     : from power to the first message, when its breaker is closed again
+    minimum_v  : below this voltage of its supply it stops
     Other keys belong to the model of the device, which refuses those that it does not take.
     """
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.hil.faults.bases import NotNegative
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.faults.kinds import NotNegative
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.air_data import AirSettings
 from fti.hil.sensors.errors import slow, white

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
+from fti.hil.faults.bases import OnDevices
 from fti.hil.faults.fitting import why_not
-from fti.hil.faults.kinds import Fault, FaultKind, OnDevices
+from fti.hil.faults.kinds import Fault, FaultKind
 from fti.hil.faults.quantities import quantities
 from fti.types import DeviceStatus, Measurement, Reading
 from tests.helpers import ROOT
