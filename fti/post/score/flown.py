@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,7 +25,7 @@ PAUSE_S = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """The bench had no time: nothing was sent from from_s until until_s [s of the flight]."""
+    """The machine had no time for emulator or daemon from from_s until until_s [s of the flight]."""
 
     from_s: float
     until_s: float
@@ -96,10 +96,21 @@ def _intercept_m() -> float:
 
 
 def _pauses(rows: list[Item]) -> Iterator[Pause]:
-    """Rows are written at their instants: one that is late was written when the bench had time again."""
+    """Rows are written at their instants: those that are late were written when the bench had time again."""
     begin = rows[0].log_time
-    for item in rows:
-        late = (item.publish_time - item.log_time) / SECOND_NS
-        if late > PAUSE_S:
-            from_s = (item.log_time - begin) / SECOND_NS
-            yield Pause(from_s, from_s + late)
+    times = [((item.log_time - begin) / SECOND_NS, (item.publish_time - begin) / SECOND_NS) for item in rows]
+    return merged(Pause(due, written) for due, written in times if written - due > PAUSE_S)
+
+
+def merged(pauses: Iterable[Pause]) -> Iterator[Pause]:
+    """The same pauses, those that touch as one, in order."""
+    last: Pause | None = None
+    for pause in sorted(pauses, key=lambda pause: pause.from_s):
+        if last and pause.from_s <= last.until_s:
+            last = Pause(last.from_s, max(last.until_s, pause.until_s))
+            continue
+        if last:
+            yield last
+        last = pause
+    if last:
+        yield last

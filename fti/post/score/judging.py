@@ -15,13 +15,15 @@ from fti.hil.faults.words import describe
 from fti.hil.scenario import Scenario
 from fti.hil.scenario.schema import Expectation
 from fti.post.reprocess import Setup
-from fti.post.score.flown import Flown, Pause
+from fti.post.score.flown import Flown, Pause, merged
 from fti.post.score.said import Said, Span
 
 #: After power-on everything is unknown for a while, and rates are judged over a window [s].
 START_S = 6.5
 #: What a pause of the bench leaves behind: a window of the integrity monitor [s].
 AFTER_PAUSE_S = 14.0
+#: What is judged over a window may have a pause in it from so long before [s].
+BEFORE_S = 5.0
 #: A word that stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 
@@ -37,6 +39,7 @@ class Verdict(StrEnum):
     NOT_FLOWN = "not flown"
     PORTS = "needs real ports"
     NOT_DUE = "nothing is due"
+    LATE_BENCH = "bench was late"
 
 
 FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS))
@@ -96,17 +99,26 @@ class Score:
     pauses: tuple[Pause, ...]
 
     @property
+    def verdicts(self) -> list[Verdict]:
+        """Of every row, and of every row of ``[[expect]]``."""
+        return [row.verdict for row in self.rows] + [met.verdict for met in self.expected]
+
+    @property
+    def told(self) -> bool:
+        """Was the bench in time for most of it?  Else nothing has been shown."""
+        return self.verdicts.count(Verdict.LATE_BENCH) <= self.verdicts.count(Verdict.FOUND)
+
+    @property
     def holds(self) -> bool:
         """Was everything raised in time, and nothing else?"""
-        verdicts = [row.verdict for row in self.rows] + [met.verdict for met in self.expected]
-        return not self.unexpected and not FAILURES & set(verdicts)
+        return self.told and not self.unexpected and not FAILURES & set(self.verdicts)
 
 
 def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     """Compare.  setup : the configuration that the session was recorded with."""
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
-    pauses = tuple(sorted((*flown.pauses, *said.pauses), key=lambda pause: pause.from_s))
+    pauses = tuple(merged((*flown.pauses, *said.pauses)))
     end_s = flown.truth.end_s
     return Score(
         scenario,
@@ -114,7 +126,7 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
         said,
         tuple(row for i, one in belongs for row in _rows(i, scenario.fault[i], one, _Evidence(said, end_s, pauses))),
         tuple(_unexpected(said, list(_allowed([one for _, one in belongs], pauses)), end_s)),
-        tuple(_meet(expectation, said, end_s) for expectation in scenario.expect),
+        tuple(_meet(expectation, _Evidence(said, end_s, pauses)) for expectation in scenario.expect),
         pauses,
     )
 
@@ -153,7 +165,9 @@ def _rows(index: int, fault: Fault, one: Told, evidence: _Evidence) -> Iterator[
     for duty in one.duties:
         flag = f"{duty.place} {' or '.join(duty.words)}"
         row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
-        yield _judged(row, duty, evidence)
+        judged = _judged(row, duty, evidence)
+        excused = judged.verdict in FAILURES and evidence.paused(duty.from_s - BEFORE_S, duty.until_s + duty.clears_s)
+        yield replace(judged, verdict=Verdict.LATE_BENCH) if excused else judged
 
 
 def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:
@@ -212,15 +226,16 @@ def _without(span: Span, allowed: Sequence[tuple[float, float]]) -> Iterator[tup
 # -------------------------------------------------------------------------------------------------- [[expect]]
 
 
-def _meet(expectation: Expectation, said: Said, end_s: float) -> Met:
+def _meet(expectation: Expectation, evidence: _Evidence) -> Met:
     begin, end = expectation.at_s, expectation.at_s + expectation.within_s
-    if begin > end_s:
+    if end > evidence.end_s:
         return Met(expectation, Verdict.NOT_FLOWN, None, None)
-    during = [(t, value) for t, value in said.values[expectation.channel] if begin <= t <= end]
+    during = [(t, value) for t, value in evidence.said.values[expectation.channel] if begin <= t <= end]
     for t, value in during:
         if _is_met(expectation, value):
             return Met(expectation, Verdict.FOUND, t - begin, value)
-    return Met(expectation, Verdict.MISSING, None, during[-1][1] if during else None)
+    verdict = Verdict.LATE_BENCH if evidence.paused(begin - BEFORE_S, end) else Verdict.MISSING
+    return Met(expectation, verdict, None, during[-1][1] if during else None)
 
 
 def _is_met(expectation: Expectation, value: object) -> bool:

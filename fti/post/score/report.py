@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.judging import FAILURES, Met, Row, Score, Unexpected, Verdict
+from fti.post.score.judging import AFTER_PAUSE_S, FAILURES, Met, Row, Score, Unexpected, Verdict
 
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
@@ -45,8 +45,8 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
 def _pauses(score: Score) -> str:
     longest = max(p.until_s - p.from_s for p in score.pauses)
     return (
-        f"the bench itself was late {len(score.pauses)} times, at most by {longest:.2f} s: that is allowed for, and "
-        "what was said then is not judged"
+        f"the machine had no time {len(score.pauses)} times, at most for {longest:.2f} s: that is allowed for, and "
+        f"what was said then, and {AFTER_PAUSE_S:g} s after, is not judged"
     )
 
 
@@ -68,12 +68,12 @@ def _expectation(met: Met) -> str:
 
 def _conclusion(score: Score) -> str:
     """In one line."""
-    verdicts = [row.verdict for row in score.rows] + [met.verdict for met in score.expected]
-    failed = sum(verdict in FAILURES for verdict in verdicts)
+    verdicts = score.verdicts
+    found, failed = verdicts.count(Verdict.FOUND), sum(verdict in FAILURES for verdict in verdicts)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
-    found = f"{verdicts.count(Verdict.FOUND)} of {verdicts.count(Verdict.FOUND) + failed} expected flags found in time"
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
-    return "; ".join([f"{'holds' if score.holds else 'does not hold'}: {found}", *counts, surprises])
+    begin = "holds" if score.holds else "does not hold" if score.told else "not told, the bench was too late"
+    return "; ".join([f"{begin}: {found} of {found + failed} expected flags found in time", *counts, surprises])
 
 
 def as_json(score: Score) -> dict[str, Any]:

@@ -45,6 +45,8 @@ STATUS, HOLD_S = "/device_status", 2.0
 #: The same word again after a shorter time has stood all along [s].
 MERGE_S = 1.0
 WARNING = 3
+#: Navigation is later than that only when it has no time [s].
+LAG_S = 0.5
 CLOCK_KNOWN = "clock known"
 
 Words = frozenset[str]
@@ -67,7 +69,7 @@ class Said:
     spans  : (place, word) -> when it stood, in order
     values : what ``[[expect]]`` asks for: channel -> (time [s], value)
     clocks : device -> since when its clock is known [s]
-    pauses : in which the recorder itself stood still
+    pauses : in which recorder or navigation stood still
     ports  : the session was recorded from real ports
     """
 
@@ -136,6 +138,8 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
         if topic == TICK:
             reader.tick(t, said)
             continue
+        if topic == HEALTH:
+            said.pauses += reader.lags(t, data)
         for place, words in reader.read(topic, data):
             said.take(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
@@ -172,6 +176,12 @@ class _Reader:
         if self._ticked is not None and t - self._ticked > PAUSE_S:
             said.pauses.append(Pause(self._ticked, t))
         self._ticked = t
+
+    def lags(self, t: float, data: bytes) -> Iterator[Pause]:
+        """Navigation that is behind judges devices by what it has not seen yet."""
+        lag_s = json.loads(data)["navigation"].get("lag_ms", 0.0) / 1e3
+        if lag_s > LAG_S:
+            yield Pause(t - lag_s, t)
 
     def read(self, topic: str, data: bytes) -> Iterator[Statement]:
         """What a message says, at each place that it tells of."""
