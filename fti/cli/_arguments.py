@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from pathlib import Path
 
 
 def seconds(text: str) -> float:
@@ -27,6 +28,16 @@ def count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text}: must be a whole number, 1 or more")
     return int(text)
+
+
+def picture(text: str) -> Path:
+    """A new file for a picture, .png or .svg."""
+    path = Path(text)
+    if path.suffix not in (".png", ".svg"):
+        raise argparse.ArgumentTypeError(f"{text}: must end with .png or .svg")
+    if path.exists():
+        raise argparse.ArgumentTypeError(f"{text}: is there already, and nothing is overwritten")
+    return path
 
 
 def _number(text: str) -> float:

@@ -9,6 +9,7 @@ what it sent, and whether its rate was held: p99 of its lateness below half a pe
 A flight on a busy computer is a flight all the same, so that does not change the exit code; with --hold it is 1.
 
     fti hil --list
+    fti hil nominal --plot flight.png
     fti hil nominal --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links
 """
@@ -18,7 +19,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from fti.cli._arguments import seconds
+from fti.cli._arguments import picture, seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -33,8 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
     parser.add_argument("--config", metavar="CONFIG", help="another daemon configuration than the scenario's")
+    parser.add_argument("--run-dir", metavar="DIR", help="of the daemon that shows this (default: by its name)")
     parser.add_argument(
-        "--run-dir", metavar="DIR", help="of the daemon that shows this (default: by its name)"
+        "--plot", metavar="FILE", type=picture, help="draw the flight into FILE.png or FILE.svg, which is new, and end"
     )
     parser.add_argument("--truth", metavar="FILE", help="write the truth of the flight to this MCAP file")
     parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
@@ -52,7 +54,22 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.scenario is None:
         raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped())}")
-    return _fly(args)
+    return _draw(args) if args.plot else _fly(args)
+
+
+def _draw(args: argparse.Namespace) -> int:
+    """Fly it on paper: no sensors, no ports."""
+    from fti import figures
+    from fti.cli._playing import tell
+    from fti.hil import scenario as scenarios
+    from fti.hil.emulator import make_world
+    from fti.hil.flight_picture import draw_flight
+
+    world = make_world(scenarios.load(scenarios.find(args.scenario)), tell)
+    for remark in world.remarks:
+        tell(remark)
+    figures.write(lambda: draw_flight(world), args.plot)
+    return 0
 
 
 async def _start(emulator: Emulator, wait: bool) -> None:

@@ -22,8 +22,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from pathlib import Path
 from typing import Any
+
+from fti.cli._arguments import picture
 
 Place = tuple[float, float]
 
@@ -37,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     plot = actions.add_parser("plot", help="draw the terrain that files make")
     _add_files(plot)
     plot.add_argument(
-        "--out", required=True, type=_picture, metavar="FILE", help="the picture: FILE.png or FILE.svg, which is new"
+        "--out", required=True, type=picture, metavar="FILE", help="the picture: FILE.png or FILE.svg, which is new"
     )
     plot.add_argument(
         "--profile", type=_line, metavar="LAT,LON/LAT,LON", help="also the profile from one place to another [deg]"
@@ -83,15 +84,6 @@ def _length(text: str) -> float:
     if not 0.0 < value <= 1e6:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a length above 0 and up to 1000000 m")
     return value
-
-
-def _picture(text: str) -> Path:
-    path = Path(text)
-    if path.suffix not in (".png", ".svg"):
-        raise argparse.ArgumentTypeError(f"{text}: must end with .png or .svg")
-    if path.exists():
-        raise argparse.ArgumentTypeError(f"{text}: is there already, and nothing is overwritten")
-    return path
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,7 +14,7 @@ from fti.hil.flight.jsbsim.track import STEP_M
 from fti.nav.approach import ApproachPath
 
 #: The point that is steered for lies so far ahead on the track [s].
-LOOK_S = 5.0
+LOOK_S = 6.0
 
 
 class Navigator:

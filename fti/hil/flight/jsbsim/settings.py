@@ -60,8 +60,8 @@ class JsbsimFlight(StrictModel):
                 raise ValueError(f"{key} means nothing on the route {self.route!r}, only on {', '.join(routes)}")
         if self.route != "low_level" and self.speed_mps > FASTEST_LANDING:
             raise ValueError(
-                f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with wheels and flaps out it "
-                f"must be {FASTEST_LANDING:g} or less"
+                f"speed_mps = {self.speed_mps:g} is too fast for the route {self.route!r}: with wheels and flaps out "
+                f"it must be {FASTEST_LANDING:g} or less"
             )
         if self.route == "low_level" and len(self.via_m) < 2:
             raise ValueError("a low_level route needs at least two places in via_m")
