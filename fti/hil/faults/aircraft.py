@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fti.config import Config, Device
 from fti.hil.faults.bases import OnLinks
+from fti.hil.faults.gnss import RECEIVERS
 from fti.hil.faults.kinds import CanStatus
 from fti.hil.faults.places import sends_time
 from fti.hil.power import SUPPLY_V
@@ -118,6 +119,10 @@ class Aircraft:
     def says_invalid(self, name: str) -> bool:
         """Can its protocol say that it does not measure?"""
         return self._device(name).driver not in UNSAID
+
+    def is_receiver(self, name: str) -> bool:
+        """Has it nothing but satellites to know where it is?"""
+        return self._device(name).driver in RECEIVERS
 
     def is_laser(self, name: str) -> bool:
         """Is it a laser altimeter?"""

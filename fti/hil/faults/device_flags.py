@@ -112,6 +112,8 @@ def _says_so(fault: Invalid | GnssOutage, case: Case) -> Found:
     """The device declares its measurements invalid."""
     if not case.craft.says_invalid(case.name):
         return [], "its protocol has no way to say so"
+    if isinstance(fault, GnssOutage) and not case.craft.is_receiver(case.name):
+        return [], "it goes on with what it has besides satellites"
     soon = case.craft.period_s(case.name) + NAV_S
     back = 2 * case.craft.period_s(case.name) + NAV_S + (case.craft.FIX_S if isinstance(fault, GnssOutage) else 0.0)
     words = tuple(getattr(fault, "flags", ()))

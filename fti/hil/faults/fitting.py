@@ -9,6 +9,7 @@ import numpy as np
 from fti.config import StrictModel
 from fti.hil.faults.bases import OnDevices
 from fti.hil.faults.checksums import Change
+from fti.hil.faults.gnss import WITH_RECEIVER, OfGnss
 from fti.hil.faults.kinds import (
     BitErrors,
     Burst,
@@ -40,6 +41,8 @@ def why_not(fault: OnDevices, bound: BoundDevice) -> str:
         return f"{_told(driver, options)} gives its messages no identifier; {_listed(LABELS)} do"
     if isinstance(fault, ClockJump | ClockDrift) and not sends_time(driver, options):
         return f"{_told(driver, options)} does not send its time; {_listed(TIMED)} do (arinc429 in packets)"
+    if isinstance(fault, OfGnss) and driver not in WITH_RECEIVER:
+        return f"{driver} has no satellite receiver; {_listed(WITH_RECEIVER)} may have"
     if isinstance(fault, LostHeader) and _on_can(bound):
         return f"{driver} is on CAN, where a frame has its header or is none; every driver of a line can lose it"
     return ""

@@ -15,6 +15,9 @@ from fti.hil.faults.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+#: Drivers of receivers, and of devices that may have one in them.
+RECEIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
+WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVERS
 OfGnss = GnssOutage | GnssDegraded | GnssOffset
 
 

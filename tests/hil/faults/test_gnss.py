@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from fti.hil import scenario as scenarios
+from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.faults.fitting import is_of, why_not
+from fti.hil.faults.flags import told
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.faults.kinds import GnssOffset
+from fti.hil.faults.kinds import GnssOffset, GnssOutage
+from fti.hil.scenario import Scenario
+from fti.service.binding import bind_devices
 
 #: Spiegel 2018, table 7.4: until [s], horizontal and vertical standard deviation [m].
 TABLE_7_4 = ((30, 2, 3), (40, 4, 6), (80, 2, 3), (100, 5, 7), (170, 2, 3), (200, 6, 8), (250, 2, 3))
@@ -16,8 +23,12 @@ TABLE_7_5 = ((30, 40), (80, 100), (170, 200))
 T = np.arange(250.0)
 
 
+def shipped(name: str) -> Scenario:
+    return scenarios.load(scenarios.find(name))
+
+
 def faults(name: str) -> GnssFaults:
-    return GnssFaults("gnss", scenarios.load(scenarios.find(name)).fault)
+    return GnssFaults("gnss", shipped(name).fault)
 
 
 def test_the_degraded_phases_are_those_of_table_7_4() -> None:
@@ -33,7 +44,7 @@ def test_the_outages_are_those_of_table_7_5() -> None:
 
 @pytest.mark.parametrize("name", ["gnss_degraded", "gnss_outages"])
 def test_the_flight_is_as_long_as_the_tables(name: str) -> None:
-    flight = scenarios.load(scenarios.find(name)).flight
+    flight = shipped(name).flight
     assert flight.kind == "approach"
     assert flight.duration_s == 250.0
 
@@ -45,7 +56,7 @@ def test_a_false_signal_begins_where_the_receiver_is() -> None:
     np.testing.assert_allclose(np.diff(offset, axis=0)[20:59], rate[21:60])
     np.testing.assert_allclose(offset[(T >= 60.0) & (T < 75.0)], [[200.0, 0.0, -60.0]] * 15)
     assert not offset[T >= 75.0].any()
-    others = GnssFaults("autopilot", scenarios.load(scenarios.find("gnss_offset")).fault)
+    others = GnssFaults("autopilot", shipped("gnss_offset").fault)
     assert not others.offset_n(T)[0].any()
 
 
@@ -54,3 +65,27 @@ def test_without_a_time_it_is_there_at_once() -> None:
     offset, rate = GnssFaults("gnss", [fault]).offset_n(np.array([4.9, 5.0, 8.9, 9.0]))
     np.testing.assert_array_equal(offset[:, 1], [0.0, -30.0, -30.0, 0.0])
     assert not rate.any()
+
+
+# ------------------------------------------------------------------------------------------- whose faults they are
+
+
+def test_only_a_device_that_may_have_a_receiver_can_have_one() -> None:
+    bound = {b.device.name: b for b in bind_devices(scenarios.load_config(shipped("gnss_outages")))}
+    fault = shipped("gnss_outages").fault[0]
+    assert {name for name, b in bound.items() if is_of(fault, b)} == {"ins", "ahrs", "gnss", "autopilot"}
+    named = GnssOutage(kind="gnss_outage", devices=("altimeter",), from_s=1.0, to_s=2.0)
+    assert "freeflight_ra4500 has no satellite receiver" in why_not(named, bound["altimeter"])
+
+
+def test_what_has_only_satellites_must_say_that_there_are_none() -> None:
+    scenario = shipped("gnss_outages")
+    config = scenarios.load_config(scenario)
+    craft = Aircraft(config, bind_devices(config), scenario)
+    still = np.zeros(len(T))
+    truth = Truth(T, *[still] * (len(fields(Truth)) - 1))
+    found = {case.subject: case for case in told(scenario.fault[0], craft, truth)}
+    assert {name for name, case in found.items() if case.duties} == {"gnss", "autopilot"}
+    assert {case.unknown for case in found.values() if not case.duties} == {
+        "it goes on with what it has besides satellites"
+    }
