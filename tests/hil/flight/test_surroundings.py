@@ -66,7 +66,7 @@ def _edge(world: World) -> float:
 
 def test_it_is_told_how_much_of_it(leaving: World) -> None:
     told = re.fullmatch(
-        r"no terrain is known under (\d+) % of the flight, first at 0 s: no ranges there", *leaving.remarks
+        r"no terrain is known under (\d+) % of the flight, first at 0 s: no ranges there", leaving.remarks[0]
     )
     assert told is not None
     assert int(told[1]) == pytest.approx(100.0 * _edge(leaving) / leaving.duration, abs=2.0)
