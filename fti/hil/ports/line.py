@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import ClassVar
@@ -62,8 +63,10 @@ class LineEndpoint(ABC):
             await self._space.wait()
 
     def _queue(self, message: Message) -> None:
+        is_first = not self._wire
         self._wire.add(message, self._now())
-        self._flush()
+        if is_first or self._timer is None:  # else the wire is busy, and the next look at it is due already
+            self._flush()
         while self._has_too_much():
             self._drop_oldest()
 
@@ -88,6 +91,9 @@ class LineEndpoint(ABC):
 
     def _flush(self) -> None:
         """Write what wire and kernel take; come back when they take more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
         self._set_full(False)
         now = self._now()
         while (due := self._wire.due(now)) is not None:
@@ -98,15 +104,10 @@ class LineEndpoint(ABC):
                 self._set_full(True)
                 return
         if self._wire:
-            self._wake_at(self._wire.next_s(now))
+            self._timer = asyncio.get_running_loop().call_at(self._wire.next_s(now), self._flush)
         else:
             self._is_behind = False
             self._space.set()
-
-    def _wake_at(self, when: float) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer = asyncio.get_running_loop().call_at(when, self._flush)
 
     def _write(self, data: memoryview) -> int:
         try:
@@ -145,6 +146,5 @@ class LineEndpoint(ABC):
         loop.remove_reader(self._fd)
         loop.remove_writer(self._fd)
 
-    @staticmethod
-    def _now() -> float:
-        return asyncio.get_running_loop().time()
+    #: The clock of the loop.
+    _now = staticmethod(time.monotonic)

@@ -25,6 +25,8 @@ from fti.hil.ports.line import LineEndpoint, Respond, Tell
 from fti.hil.ports.readers import ReaderWatch
 
 STALE_S = 2.0
+#: How often is looked whether a line is read, while something is sent on it.
+LOOK_S = 0.1
 POLL_S = 0.02
 
 
@@ -44,6 +46,7 @@ class PtyEndpoint(LineEndpoint):
         self.place = place
         self._attended = asyncio.Event()
         self._unread_since: float | None = None
+        self._look_at = 0.0
         self._stale_at: int | None = None  # bytes sent when something was last read away; None: it is read
         self._slave = -1
         self._slave_name = ""
@@ -89,7 +92,9 @@ class PtyEndpoint(LineEndpoint):
         if not self._attended.is_set():
             self._drop(count)
             return False
-        self._forget_stale()
+        if self._now() >= self._look_at:
+            self._look_at = self._now() + LOOK_S
+            self._forget_stale()
         return True
 
     async def drained(self) -> None:

@@ -7,7 +7,6 @@ the last byte of what waits leaves at its own time (docs/decisions/0020).  A CAN
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -100,6 +99,6 @@ class Wire:
     def _remove(self, index: int) -> Message:
         message = self._waiting[index]
         del self._waiting[index]
-        self.waiting_s = math.fsum((self.waiting_s, -message.duration_s)) if self._waiting else 0.0
+        self.waiting_s = self.waiting_s - message.duration_s if self._waiting else 0.0
         self.waiting_bytes -= len(message.data)
         return message

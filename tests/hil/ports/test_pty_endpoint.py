@@ -99,6 +99,7 @@ async def test_what_nobody_reads_for_long_is_read_away(tmp_path: Path, monkeypat
     async with endpoint(tmp_path / "line") as line:
         with Reader(tmp_path / "line") as reader:
             await line.reader_ready()
+            monkeypatch.setattr(far_end, "LOOK_S", 0.0)
             line.send(b"old")
             monkeypatch.setattr(far_end, "STALE_S", -1.0)
             await until_async(lambda: far_end._unread(reader.fd) == 3)

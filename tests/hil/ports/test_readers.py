@@ -75,6 +75,7 @@ async def test_a_line_that_nobody_reads_is_told_and_so_is_its_reader(
         try:
             await line.reader_ready()
             monkeypatch.setattr(far_end, "STALE_S", -1.0)
+            monkeypatch.setattr(far_end, "LOOK_S", 0.0)
             for _ in range(20):
                 line.send(b"old")
                 await until_async(lambda: far_end._unread(reader) > 0)
