@@ -15,12 +15,14 @@ from fti.hil.sensors import MODELS, Sensor
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp
+from tests.helpers import ROOT
 from tests.hil.worlds import scenario, world
 
 START_NS = 1_767_225_600 * 10**9
-DURATION_S = 6.0
+DURATION_S, RATE_HZ = 6.0, 10.0
 RADAR = {"kind": "radar", "range_m": (0.5, 762.0)}
 LASER = {"kind": "laser", "range_m": (0.2, 500.0)}
+DBC = (ROOT / "configs" / "dbc" / "air_data_unit.dbc").read_text()
 LINE = {"line": "$WI,{slant_range:.2f}*{checksum:02X}", "checksum": {"kind": "xor8", "after": "$", "before": "*"}}
 
 
@@ -38,7 +40,6 @@ class Kind:
     name: str | None = None
     size: float = 0.03
     forced: float = 0.03
-    rate_hz: float = 10.0
 
 
 DEVICES = {
@@ -50,7 +51,7 @@ DEVICES = {
     "ascii_line_checked": Kind("ascii_line", "range.slant_range", {**LINE, "first_line": "take"}, LASER),
     "binary_struct": Kind("binary_struct", "range.slant_range", altimeter=LASER),
     "canaerospace": Kind("canaerospace", "static_pressure.p_static"),
-    "dbc": Kind("dbc", "dme_range.slant_range", name="dme_2", rate_hz=4.0),  # slow to encode
+    "dbc": Kind("dbc", "static_pressure.p_static", {"dbc": DBC}, size=9.0, forced=90_000.0),
     "deflection_pickups": Kind(
         "deflection_pickups", "surface_deflection.raw", name="elevator", size=40.0, forced=2500.0
     ),
@@ -94,7 +95,7 @@ def flown() -> World:
 def bound_of(name: str) -> BoundDevice:
     """A device of ``DEVICES`` in the configuration."""
     kind, module = DEVICES[name], drivers.load(DEVICES[name].driver)
-    keys: dict[str, Any] = {"name": "device", "link": LINK, "driver": kind.driver, "rate_hz": kind.rate_hz}
+    keys: dict[str, Any] = {"name": "device", "link": LINK, "driver": kind.driver, "rate_hz": RATE_HZ}
     device = Device.model_validate({**keys, "altimeter": kind.altimeter})
     return BoundDevice(device, module, config.bind(module.Options, kind.options, "test"))
 

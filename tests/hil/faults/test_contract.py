@@ -178,7 +178,7 @@ def test_a_fault_changes_what_leaves_in_its_interval_and_nothing_before_or_behin
         assert after(spoiled) == after(without)
 
 
-@pytest.mark.parametrize("name", [name for name in DEVICES if name not in POLLED and name != "dbc"])
+@pytest.mark.parametrize("name", [name for name in DEVICES if name not in POLLED])
 def test_no_number_is_too_wrong_to_be_forced(name: str) -> None:
     """Every number that the device measures, in turn, far too small and far too large: it goes on to the end."""
     kinds = {type(m) for cycle in measured(name)[:20] for m in cycle}
