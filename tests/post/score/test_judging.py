@@ -1,0 +1,170 @@
+"""The comparison itself, on what a daemon might have said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.hil.faults.aircraft import Truth
+from fti.hil.scenario import Scenario
+from fti.post.reprocess import Setup
+from fti.post.score.flown import Flown, Pause, merged
+from fti.post.score.judging import Score, Verdict, judge
+from fti.post.score.report import as_json, as_text
+from fti.post.score.said import Said, Words
+from fti.service.binding import bind_devices
+from tests.post.score.flying import daemon_config, short
+
+HEIGHT = "/nav/height_above_ground/altimeter"
+CUT = {"kind": "cut", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}  # too short for health
+STALE = frozenset({"stale"})
+NOTHING: Words = frozenset()
+
+
+def flown(end_s: float = 40.0, *pauses: Pause) -> Flown:
+    t = np.arange(0.0, end_s + 0.02, 0.04)
+    return Flown(Path("truth.mcap"), 0, Truth(t, 0 * t + 200.0, 4000.0 - 60.0 * t, 0 * t), pauses)
+
+
+def said(*statements: tuple[float, str, Words]) -> Said:
+    found = Said()
+    for t, place, words in statements:
+        found.take(t, place, words)
+    return found
+
+
+@pytest.fixture
+def setup(tmp_path: Path) -> Setup:
+    config = daemon_config(tmp_path)
+    return Setup(config, {}, bind_devices(config), None)
+
+
+def score(
+    setup: Setup, heard: Said, flight: Flown | None = None, faults: tuple[dict[str, object], ...] = (CUT,)
+) -> Score:
+    return judge(short(faults), setup, flight or flown(), heard)
+
+
+def height_verdict(found: Score) -> Verdict:
+    return next(row.verdict for row in found.rows if row.flag == f"{HEIGHT} stale")
+
+
+def test_a_flag_in_time_and_gone_in_time_is_found(setup: Setup) -> None:
+    found = score(setup, said((20.6, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    (row,) = found.rows
+    assert found.holds
+    assert (row.verdict, row.after_s, row.clear_s) == (Verdict.FOUND, pytest.approx(0.6), pytest.approx(0.1))
+
+
+def test_nothing_said_is_a_miss(setup: Setup) -> None:
+    found = score(setup, said())
+    assert not found.holds
+    assert height_verdict(found) is Verdict.MISSING
+
+
+def test_a_flag_of_another_place_is_a_miss_and_not_expected(setup: Setup) -> None:
+    other = "/nav/height_above_ground/laser"
+    found = score(setup, said((20.6, other, STALE), (23.1, other, NOTHING)))
+    assert height_verdict(found) is Verdict.MISSING
+    assert [one.place for one in found.unexpected] == [other]
+
+
+def test_a_flag_after_its_time_is_late(setup: Setup) -> None:
+    found = score(setup, said((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING)))
+    assert height_verdict(found) is Verdict.LATE
+    assert not found.holds
+
+
+def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> None:
+    found = score(setup, said((20.6, HEIGHT, STALE)))
+    assert height_verdict(found) is Verdict.STAYS
+    (rest,) = found.unexpected
+    assert (rest.word, rest.until_s) == ("stale", float("inf"))
+    assert rest.from_s > 24.0
+
+
+def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
+    found = score(setup, said((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
+    assert not found.holds
+    assert [(one.from_s, one.until_s) for one in found.unexpected] == [(12.0, 12.5)]
+
+
+def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
+    assert score(setup, said((-1.0, HEIGHT, STALE), (3.0, HEIGHT, NOTHING)), faults=()).holds
+
+
+def test_a_warning_without_a_cause_is_not_expected(setup: Setup) -> None:
+    event = frozenset({"failed and goes on"})
+    found = score(setup, said((12.0, "/fti/event/pipeline", event), (12.0, "/fti/event/pipeline", NOTHING)), faults=())
+    assert [one.word for one in found.unexpected] == ["failed and goes on"]
+
+
+def test_what_was_not_flown_is_not_judged(setup: Setup) -> None:
+    found = score(setup, said(), flown(20.5))
+    assert found.holds
+    assert height_verdict(found) is Verdict.NOT_FLOWN
+
+
+def test_a_pause_of_the_machine_is_allowed_for(setup: Setup) -> None:
+    late = said((20.9, HEIGHT, STALE), (23.1, HEIGHT, NOTHING))
+    assert height_verdict(score(setup, late, flown(40.0, Pause(20.2, 20.5)))) is Verdict.FOUND
+    assert height_verdict(score(setup, late, flown(40.0, Pause(2.0, 2.3)))) is Verdict.LATE
+
+
+def test_a_miss_in_a_pause_is_told_as_such_and_shows_nothing(setup: Setup) -> None:
+    found = score(setup, said(), flown(40.0, Pause(20.0, 22.0)))
+    assert height_verdict(found) is Verdict.LATE_BENCH
+    assert not found.holds
+    assert "too late" in as_text(found)[-1]
+
+
+def test_what_nobody_knows_yet_is_told(setup: Setup) -> None:
+    stuck = {"kind": "stuck", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}
+    found = score(setup, said(), faults=(stuck,))
+    assert found.holds
+    assert [row.verdict for row in found.rows] == [Verdict.UNKNOWN]
+    assert "not known yet" in "\n".join(as_text(found))
+
+
+@pytest.mark.parametrize(
+    ("value", "heard", "verdict"),
+    [
+        (10.0, 10.4, Verdict.FOUND),
+        (10.0, 10.6, Verdict.MISSING),
+        (10.0, 9.8, Verdict.FOUND),
+        (10.0, 9.7, Verdict.MISSING),
+        (10.0, None, Verdict.MISSING),
+        (True, True, Verdict.FOUND),
+        (True, False, Verdict.MISSING),
+        ("ok", "ok", Verdict.FOUND),
+        ("ok", "alert", Verdict.MISSING),
+    ],
+)
+def test_expected_values(setup: Setup, value: object, heard: object, verdict: Verdict) -> None:
+    expectation = {"channel": "/nav/x.y", "at_s": 20.0, "value": value, "plus": 0.5, "minus": 0.25, "within_s": 1.0}
+    flight: Scenario = short((), expect=(expectation,))
+    heard_at_20 = Said()
+    heard_at_20.values["/nav/x.y"] = [(19.9, value), (20.5, heard), (21.1, value)]
+    found = judge(flight, setup, flown(), heard_at_20)
+    assert found.expected[0].verdict is verdict
+    assert found.holds is (verdict is Verdict.FOUND)
+
+
+def test_pauses_that_touch_are_one() -> None:
+    parts = [Pause(5.0, 6.0), Pause(1.0, 2.0), Pause(1.5, 3.0)]
+    assert list(merged(parts)) == [Pause(1.0, 3.0), Pause(5.0, 6.0)]
+
+
+def test_a_status_that_is_not_repeated_ends() -> None:
+    heard = said((20.0, "/pickups/device_status", frozenset({"lost"})), (30.0, "/pickups/device_status", NOTHING))
+    (span,) = heard.at("/pickups/", ["lost"])
+    assert (span.from_s, span.until_s) == (20.0, 22.0)
+
+
+def test_for_programs_it_is_the_same(setup: Setup) -> None:
+    told = as_json(score(setup, said((20.6, HEIGHT, STALE))))
+    assert told["holds"] is False
+    assert [row["verdict"] for row in told["rows"]] == ["does not clear"]
+    assert told["unexpected"][0]["until_s"] is None
