@@ -13,13 +13,14 @@ import pytest
 from mcap.reader import make_reader
 
 from fti import config as configuration
+from fti.canframe import unpack_can
 from fti.clock import FakeClock, choose_epoch_ns
 from fti.config import CanLink, Config
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator, make_world
-from fti.hil.faults.kinds import CanStatus, Cut, Fault
+from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Cut, Fault
 from fti.hil.scenario.flights import ApproachFlight
 from fti.hil.scenario.schema import Scenario
 from fti.hil.streams import StatusStream
@@ -185,6 +186,30 @@ async def test_trouble_of_a_can_controller_is_told_while_it_lasts(tmp_path: Path
         await until_async(told, 20)
         assert errors["slcan_bus_error"] == errors["slcan_data_overrun"]
         assert errors["slcan_rx_fifo_full"] == 0
+        stop.set()
+        await flying
+
+
+async def test_on_a_bus_that_is_off_a_node_that_babbles_is_all_that_is_heard(tmp_path: Path) -> None:
+    """Through a real slcan adapter: no device gets a word in, and the adapter says that its bus is in trouble."""
+    config = demo_config(tmp_path)
+    link = next(link for link in config.link if isinstance(link, CanLink))
+    off = BusOff(kind="bus_off", links=(link.name,), from_s=0.0, to_s=60.0)
+    babbling = Babbling(kind="babbling", from_s=0.0, to_s=60.0, can_id=0x7FF, rate_hz=200.0)
+    emulator, _ = make(tmp_path, config, off, babbling)
+    stop, clock = asyncio.Event(), FakeClock(0)
+    flying = asyncio.create_task(emulator.run(stop=stop))
+    await emulator.ready.wait()
+    async with running(link, clock=clock) as (opened, heard):
+        emulator.start()
+
+        def told() -> bool:
+            clock.advance(0.1)
+            return bool(opened.status.errors.get("slcan_bus_error", 0) and len(heard.frames) > 50)
+
+        await until_async(told, 20)
+        assert {unpack_can(frame).can_id for frame in heard.frames} == {0x7FF}
+        assert opened.status.errors["slcan_error_passive"]
         stop.set()
         await flying
 
