@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 from fti.canframe import EXTENDED, EXTENDED_MASK, pack_can, unpack_can
 from fti.drivers.canaerospace.data_types import FLOAT, NODATA, UCHAR4
@@ -32,15 +33,26 @@ class Encoder:
     """node : the number of the unit."""
 
     def __init__(self, parameters: Mapping[int, Parameter], node: int) -> None:
-        self._parameters = parameters.values()
+        self._by_name: dict[str, list[Parameter]] = defaultdict(list)
+        self._by_class: dict[type[object], list[Parameter]] = defaultdict(list)
+        for parameter in parameters.values():
+            self._by_name[parameter.name].append(parameter)
+            if parameter.quantity:
+                self._by_class[parameter.quantity.measurement].append(parameter)
         self._node = node
         self._codes: dict[int, int] = {}
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not getattr(measurement, "valid", True):
             return []
-        told = ((p, _value_of(p, measurement)) for p in self._parameters)
+        told = ((p, _value_of(p, measurement)) for p in self._carrying(measurement))
         return [self._frame(p, value) for p, value in told if value is not None]
+
+    def _carrying(self, measurement: Measurement) -> Sequence[Parameter]:
+        """The parameters that may carry something of it."""
+        if isinstance(measurement, Reading):
+            return self._by_name.get(measurement.name, ())
+        return self._by_class.get(type(measurement), ())
 
     def respond(self, data: bytes) -> list[bytes]:
         """The answer to a request for identification, on the channel on which it came."""
