@@ -14,6 +14,9 @@ wind_from_deg = 30
 [sensor.ins]                       # how a device differs from what its model does by itself
 shift_ms = 2
 drift_ppm = 40
+grade = "tactical"                 # and what its model takes: the Settings classes of fti/hil/sensors
+mode = "free"                      # an inertial system on its own
+free_from_s = 30
 
 [port.gnss_line]                   # where a link ends outside this machine: fti/hil/ports/outside.py
 device = "/dev/ttyUSB3"
