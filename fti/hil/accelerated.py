@@ -134,7 +134,7 @@ class Session:
         self._links = {link.name: link.kind for link in config.link}
         self._chain = Chain(config, devices, parse_reference(config, texts))
         self._diagnosis = Diagnosis(config, self._chain)
-        self._board = HealthBoard({**metadata, "folder": str(folder.path), "started_ns": 0, "state": "recording"})
+        self._board = HealthBoard({**metadata, "folder": folder.path.name, "started_ns": 0, "state": "recording"})
         self._seq = self._ticks = self._told = 0
         self._frames: Counter[str] = Counter()
         self._bytes: Counter[str] = Counter()
