@@ -130,10 +130,11 @@ async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Superv
 
     from fti.errors import FtiError
 
+    truth = supervisor.folder.next_path("truth")
     emulator = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "fti.cli.main", "hil", str(scenario)),
-        *("--links", links, "--config", str(config), "--truth", str(supervisor.folder.next_path("truth")), "--wait"),
-        *("--run-dir", str(supervisor.run_dir)),
+        *("--links", links, "--config", str(config), "--truth", str(truth), "--wait"),
+        *("--report", str(truth.with_suffix(".json")), "--run-dir", str(supervisor.run_dir)),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.DEVNULL,
         process_group=0,

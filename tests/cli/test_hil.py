@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
+from fti.cli.main import main
+from fti.hil.lateness import Rate
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
 
@@ -43,7 +48,7 @@ def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
     truth = tmp_path / "out" / "truth.mcap"
     done = fti(
         *("hil", "nominal", "--duration", "0.5", "--config", str(demo_config(tmp_path))),
-        *("--links", str(tmp_path / "links"), "--truth", str(truth)),
+        *("--links", str(tmp_path / "links"), "--truth", str(truth), "--report", str(tmp_path / "report.json")),
     )
     lines = done.stdout.splitlines()
     assert done.returncode == 0, done.stderr
@@ -52,16 +57,34 @@ def test_a_flight_says_ready_flies_and_reports(tmp_path: Path) -> None:
     assert lines[-1].startswith("lateness of ")
     assert "sensor ins" in done.stderr
     assert truth.stat().st_size > 0
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["devices"]["ins"]["asked_hz"] == 100
+    assert f"100 Hz asked for, {report['devices']['ins']['sent_hz']:.2f} Hz sent" in done.stdout
+    assert lines[-1] == f"lateness of {report['lateness']['messages']} messages: " + shown(report["lateness"])
 
 
-def test_interrupted_it_ends_with_130_and_takes_its_ports_away(tmp_path: Path) -> None:
+def shown(late: dict[str, float]) -> str:
+    return f"p50 {late['p50_ms']:.2f}, p99 {late['p99_ms']:.2f}, max {late['max_ms']:.2f} ms"
+
+
+@pytest.mark.parametrize(("arguments", "code"), [((), 0), (("--hold",), 1)])
+def test_a_rate_that_is_not_held_is_no_failure_unless_it_is_asked_for(
+    arguments: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Rate, "held", property(lambda rate: rate.name != "ins"))
+    config, links = str(demo_config(tmp_path)), str(tmp_path / "links")
+    assert main(["hil", "nominal", "--duration", "0.2", "--config", config, "--links", links, *arguments]) == code
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_interrupted_it_ends_with_130_and_takes_its_ports_away(number: signal.Signals, tmp_path: Path) -> None:
     links = tmp_path / "links"
     arguments = ("hil", "nominal", "--wait", "--config", str(demo_config(tmp_path)), "--links", str(links))
     with command(*arguments) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         assert (links / "radalt_line").is_char_device()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         assert process.wait(END_S) == 130
     assert not list(links.iterdir())
 
