@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.config import Config, Device
+from fti.config import Altimeter, Config, Device
 from fti.hil.faults.bases import OnLinks
 from fti.hil.faults.gnss import RECEIVERS
 from fti.hil.faults.kinds import CanStatus
@@ -31,12 +31,16 @@ class Truth:
     """What was flown, each shape (n,).
 
     t : time of the flight [s]; height_agl : [m]; before_threshold : along the track [m]; offset : right of it [m]
+    roll, pitch : [rad]; climb : [m/s]
     """
 
     t: Array
     height_agl: Array
     before_threshold: Array
     offset: Array
+    roll: Array
+    pitch: Array
+    climb: Array
 
     @property
     def end_s(self) -> float:
@@ -47,6 +51,11 @@ class Truth:
         """First and last time at which something is so; None when it never is."""
         at = np.flatnonzero(where)
         return (float(self.t[at[0]]), float(self.t[at[-1]])) if len(at) else None
+
+    def spans(self, where: Mask) -> list[tuple[float, float]]:
+        """Every time from when until when something is so."""
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
+        return [(float(self.t[a]), float(self.t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 class Aircraft:
@@ -66,7 +75,7 @@ class Aircraft:
         nav = config.nav
         self.altimeters = nav.altimeters
         self.sources = frozenset((*nav.position, *nav.attitude))
-        approach = nav.approach
+        self.approach = approach = nav.approach
         self.has_approach = approach is not None and bool(nav.altimeters)
         self.window_m = approach.window_m if approach else 0.0
         self.track_limit_m = approach.y_max_m if approach else math.inf
@@ -129,6 +138,10 @@ class Aircraft:
         altimeter = self._device(name).altimeter
         return altimeter is not None and altimeter.kind == "laser"
 
+    def altimeter(self, name: str) -> Altimeter | None:
+        """The limits of an altimeter."""
+        return self._device(name).altimeter
+
     def range_m(self, name: str) -> float:
         """The longest range of an altimeter [m]."""
         altimeter = self._device(name).altimeter
@@ -151,6 +164,13 @@ class Aircraft:
         """The CAN links that a fault without names is on."""
         buses = [link for link in self._config.link if link.kind == "can"]
         return [link.name for link in buses if link.interface == "slcan" or not isinstance(fault, CanStatus)]
+
+    def tilt_limit(self, axis: Literal["roll", "pitch"]) -> float:
+        """The least of the limits of approach and altimeters [rad]."""
+        limits: list[Approach | Altimeter | None] = [d.altimeter for d in map(self._device, self.altimeters)]
+        limits.append(self._config.nav.approach)
+        found = [one.max_roll_deg if axis == "roll" else one.max_pitch_deg for one in limits if one]
+        return math.radians(min(found, default=180.0))
 
     @property
     def beam_reach(self) -> float:

@@ -19,8 +19,11 @@ from fti.nav.approach import ApproachPath, load_airfield
 from fti.terrain.scenes import DEMO_AIRFIELD
 
 SECOND_NS = 1_000_000_000
+#: What is read of a row.
+NAMES = ("height_agl", "s", "y", "roll", "pitch", "vel_down")
 #: What is late by more is a pause of the bench: what the daemon says then is not its fault [s].
 PAUSE_S = 0.15
+COLUMNS = ("height_agl", "s", "y", "roll", "pitch")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +87,10 @@ def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) 
 
 def _truth(rows: list[Item]) -> Truth:
     states = [json.loads(item.data) for item in rows]
-    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in ("height_agl", "s", "y")}
+    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in NAMES}
     t = np.array([item.log_time - rows[0].log_time for item in rows]) / SECOND_NS
-    return Truth(t, columns["height_agl"], columns["s"] - _intercept_m(), columns["y"])
+    height_agl, s, y, roll, pitch, down = (columns[name] for name in NAMES)
+    return Truth(t, height_agl, s - _intercept_m(), y, roll, pitch, -down)
 
 
 def _intercept_m() -> float:

@@ -11,6 +11,7 @@ from fti.hil.faults.aircraft import Aircraft
 from fti.hil.faults.duties import Duty, May, Told
 from fti.hil.faults.flags import told
 from fti.hil.faults.kinds import Fault
+from fti.hil.faults.of_flight import of_flight
 from fti.hil.faults.words import describe
 from fti.hil.scenario import Scenario
 from fti.hil.scenario.schema import Expectation
@@ -119,21 +120,22 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
     pauses = tuple(merged((*flown.pauses, *said.pauses)))
+    may = [*of_flight(craft, flown.truth), *_allowed([one for _, one in belongs], pauses)]
     end_s = flown.truth.end_s
     return Score(
         scenario,
         flown,
         said,
         tuple(row for i, one in belongs for row in _rows(i, scenario.fault[i], one, _Evidence(said, end_s, pauses))),
-        tuple(_unexpected(said, list(_allowed([one for _, one in belongs], pauses)), end_s)),
+        tuple(_unexpected(said, may, end_s)),
         tuple(_meet(expectation, _Evidence(said, end_s, pauses)) for expectation in scenario.expect),
         pauses,
     )
 
 
-def _allowed(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[May]:
+def _allowed(belongs: Sequence[tuple[int, Told]], pauses: Sequence[Pause]) -> Iterator[May]:
     """Everything that may be said: consequences, what must be said, and what a late bench leaves behind."""
-    for one in belongs:
+    for _, one in belongs:
         yield from one.may
         yield from (May(duty.place, duty.from_s, duty.until_s + duty.clears_s) for duty in one.duties)
     yield from (May("", pause.from_s, pause.until_s + AFTER_PAUSE_S) for pause in pauses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,8 @@ NOTHING: Words = frozenset()
 
 def flown(end_s: float = 40.0, *pauses: Pause) -> Flown:
     t = np.arange(0.0, end_s + 0.02, 0.04)
-    return Flown(Path("truth.mcap"), 0, Truth(t, 0 * t + 200.0, 4000.0 - 60.0 * t, 0 * t), pauses)
+    roll = np.where((t > 30.0) & (t < 32.0), math.radians(40.0), 0.0)
+    return Flown(Path("truth.mcap"), 0, Truth(t, 0 * t + 200.0, 4000.0 - 60.0 * t, *[0 * t] * 4), pauses)
 
 
 def said(*statements: tuple[float, str, Words]) -> Said:
@@ -89,6 +91,13 @@ def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
     found = score(setup, said((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
     assert not found.holds
     assert [(one.from_s, one.until_s) for one in found.unexpected] == [(12.0, 12.5)]
+
+
+def test_what_the_flight_explains_is_expected(setup: Setup) -> None:
+    """The aircraft banks by 40 degrees from 30 s to 32 s."""
+    roll = frozenset({"roll"})
+    assert score(setup, said((30.1, HEIGHT, roll), (32.1, HEIGHT, NOTHING)), faults=()).holds
+    assert not score(setup, said((27.1, HEIGHT, roll), (29.1, HEIGHT, NOTHING)), faults=()).holds
 
 
 def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:

@@ -1,0 +1,66 @@
+"""What the daemon may say because of how it is flown, without any fault: a turn is banked, a pattern is off the track.
+
+Limits are those of the configuration.  What is measured is a little off what is true, so a flag is allowed from
+``MARGIN`` of its limit on; none is a duty, because the daemon need not see at once what is barely so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fti.hil.faults.aircraft import Aircraft, Mask, Truth
+from fti.hil.faults.duties import CONFIRM_S, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
+from fti.nav.clearance import GO_AROUND_CLIMB
+
+MARGIN = 0.85
+#: From a cause to the flag that a device itself raises, and until it takes it back [s].
+DEVICE_S = 2.0
+
+
+def of_flight(craft: Aircraft, truth: Truth) -> tuple[May, ...]:
+    """Flags that the flight itself explains."""
+    return (
+        *_of_approach(craft, truth),
+        *(may for name in craft.altimeters for may in _of_altimeter(name, craft, truth)),
+    )
+
+
+def _of_approach(craft: Aircraft, truth: Truth) -> Iterator[May]:
+    """The integrity monitor refuses what is no approach, and needs a window of one to know again."""
+    limits = craft.approach
+    if limits is None:
+        return
+    off = abs(truth.offset) > MARGIN * limits.y_max_m
+    turned = _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)
+    climbing = truth.climb > MARGIN * GO_AROUND_CLIMB
+    for from_s, until_s in _runs(truth, off | turned | climbing):
+        yield May(INTEGRITY, from_s, until_s + craft.window_m / SLOWEST_MPS + CONFIRM_S + SILENT_S)
+
+
+def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
+    """Attitudes in which a height means nothing; ground that is too far, too near, or not known to the emulator."""
+    limits = craft.altimeter(name)
+    if limits is None:
+        return
+    for from_s, until_s in _runs(truth, _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)):
+        yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S)
+    least, most = limits.range_m
+    slant = truth.height_agl / np.maximum(np.cos(truth.roll) * np.cos(truth.pitch), 0.1)
+    measurable = (slant <= MARGIN * most) & (truth.height_agl >= least / MARGIN)
+    for from_s, until_s in _runs(truth, ~measurable):
+        for place in (f"{HEIGHT}/{name}", f"/{name}/"):
+            yield May(place, from_s - DEVICE_S, until_s + DEVICE_S)
+
+
+def _beyond(truth: Truth, roll_deg: float, pitch_deg: float) -> Mask:
+    limits = MARGIN * np.deg2rad((roll_deg, pitch_deg))
+    return np.asarray((abs(truth.roll) > limits[0]) | (abs(truth.pitch) > limits[1]))
+
+
+def _runs(truth: Truth, where: Mask) -> Iterator[tuple[float, float]]:
+    """First and last time of each stretch in which something is so [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
+    for first, beyond in zip(edges[::2], edges[1::2], strict=True):
+        yield float(truth.t[first]), float(truth.t[beyond - 1])

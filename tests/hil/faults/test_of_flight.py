@@ -1,0 +1,65 @@
+"""A flight explains flags where it is beyond the limits of the configuration, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fti.hil import scenario as scenarios
+from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.faults.duties import May
+from fti.hil.faults.of_flight import of_flight
+from fti.service.binding import bind_devices
+
+T = np.arange(0.0, 60.0, 0.1)
+LEVEL = Truth(T, 0 * T + 200.0, 4000.0 - 50.0 * T, *[0 * T] * 4)
+#: The middle twenty seconds.
+MIDDLE = (T >= 20.0) & (T <= 40.0)
+ALTIMETER, INTEGRITY = "/nav/height_above_ground/altimeter", "/nav/clearance_integrity"
+
+
+@pytest.fixture(scope="module")
+def craft() -> Aircraft:
+    scenario = scenarios.load(scenarios.find("nominal"))
+    config = scenarios.load_config(scenario)
+    return Aircraft(config, bind_devices(config), scenario)
+
+
+def at(place: str, found: tuple[May, ...]) -> list[May]:
+    return [may for may in found if may.place == place]
+
+
+def test_a_level_approach_explains_nothing_of_the_altimeter_and_of_integrity(craft: Aircraft) -> None:
+    assert at(ALTIMETER, of_flight(craft, LEVEL)) + at(INTEGRITY, of_flight(craft, LEVEL)) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "altimeter"),
+    [
+        ("roll", np.deg2rad(-35.0), True),
+        ("roll", np.deg2rad(12.0), False),
+        ("offset", -160.0, False),
+        ("climb", 4.0, False),
+    ],
+)
+def test_what_is_beyond_a_limit_is_explained_for_as_long(
+    craft: Aircraft, name: str, value: float, altimeter: bool
+) -> None:
+    found = of_flight(craft, replace(LEVEL, **{name: np.where(MIDDLE, value, 0.0)}))
+    (integrity,) = at(INTEGRITY, found)
+    assert integrity.from_s == pytest.approx(20.0)
+    assert 40.0 < integrity.until_s < 60.0
+    heights = at(ALTIMETER, found)
+    assert bool(heights) == altimeter
+    assert all(may.from_s == pytest.approx(20.0) and may.until_s < 41.0 for may in heights)
+
+
+@pytest.mark.parametrize("height", [800.0, np.nan, 0.1])
+def test_ground_that_cannot_be_measured_is_explained(craft: Aircraft, height: float) -> None:
+    found = of_flight(craft, replace(LEVEL, height_agl=np.where(MIDDLE, height, 200.0)))
+    (heights,), (device,) = at(ALTIMETER, found), at("/altimeter/", found)
+    assert heights.from_s < 20.0 < 40.0 < heights.until_s < 43.0
+    assert (device.from_s, device.until_s) == (heights.from_s, heights.until_s)
+    assert at(INTEGRITY, found) == []
