@@ -52,6 +52,13 @@ def test_who_waits_for_nobody_leaves_at_the_end_of_the_interval() -> None:
     assert played(Swapped(fault, rng(), END_S), {1.0: [b"a"], 7.0: [b"b"]}) == {4.0: [b"a"], 7.0: [b"b"]}
 
 
+def test_or_with_the_last_message_of_the_flight() -> None:
+    fault = Reordered(kind="reordered", from_s=0.0, to_s=40.0)
+    stage = Swapped(fault, rng(), 3.0)
+    assert played(stage, {1.0: [b"a"], 2.0: [b"b"], 2.5: [b"c"]}) == {2.0: [b"b", b"a"], 3.0: [b"c"]}
+    assert stage.apply(3.0, [b"d"]) == [b"d"]
+
+
 def test_a_share_is_drawn() -> None:
     fault = Reordered(kind="reordered", from_s=0.0, to_s=4000.0, share=0.25)
     cycles = {float(t): [b"%d" % t] for t in range(3000)}

@@ -81,6 +81,21 @@ def test_a_wrong_checksum_costs_just_the_message_that_has_it(name: str) -> None:
     assert not {"bad_checksum", "bad_parity"} & {*good.counters.skipped, *good.counters.messages}
 
 
+@pytest.mark.parametrize("name", WITH_CHECKSUM)
+def test_only_the_checksum_is_wrong(name: str) -> None:
+    """At most eight neighbouring bytes differ, and of a word on a bus its parity alone."""
+    bound = bound_of(name)
+    spoil = checksum_of(bound.device.driver, bound.options)
+    assert spoil is not None
+    for message in sent(name)[:20]:
+        differ = [a ^ b for a, b in zip(message, spoil(message), strict=True)]
+        places = [at for at, difference in enumerate(differ) if difference]
+        if bound.device.driver == "arinc429" and name != "arinc429_chapter10":
+            assert [differ[at] for at in places] == [0x80] * words_in(name, message)
+        else:
+            assert places[-1] - places[0] < 8
+
+
 @pytest.mark.parametrize("name", WITH_LABEL)
 def test_a_wrong_identifier_is_one_that_nobody_knows_and_everything_else_holds(name: str) -> None:
     bound, messages = bound_of(name), sent(name)
