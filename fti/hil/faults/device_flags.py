@@ -108,18 +108,28 @@ def _lost(case: Case, against_height: tuple[str, ...], within_s: float, clears_s
     return found
 
 
-def _says_so(fault: Invalid | GnssOutage, case: Case) -> Found:
+def _says_so(fault: Invalid, case: Case) -> Found:
     """The device declares its measurements invalid."""
     if not case.craft.says_invalid(case.name):
         return [], "its protocol has no way to say so"
-    if isinstance(fault, GnssOutage) and not case.craft.is_receiver(case.name):
-        return [], "it goes on with what it has besides satellites"
     soon = case.craft.period_s(case.name) + NAV_S
-    back = 2 * case.craft.period_s(case.name) + NAV_S + (case.craft.FIX_S if isinstance(fault, GnssOutage) else 0.0)
-    words = tuple(getattr(fault, "flags", ()))
+    back = 2 * case.craft.period_s(case.name) + NAV_S
+    words = fault.flags
     duties = [case.duty(f"/{case.name}/", "invalid", *words, within_s=soon, clears_s=back)]
     duties += [case.duty(f"/{case.name}/device_status", word, within_s=soon, clears_s=back) for word in words]
     return duties + _lost(case, ("device_flag", "no_return"), soon, back), ""
+
+
+def _has_no_fix(fault: GnssOutage, case: Case) -> Found:
+    """A receiver declares its position invalid, and has a fix again a while after the signals are back."""
+    name, period = case.name, case.craft.period_s(case.name)
+    if not case.craft.is_receiver(name):
+        return [], "it goes on with what it has besides satellites"
+    soon, back = period + NAV_S, 2 * period + NAV_S + case.craft.FIX_S
+    duties = [case.duty(f"/{name}/", "invalid", within_s=soon, clears_s=back)]
+    if "position" in case.craft.preferred_for(name):
+        duties.append(case.duty(SOLUTION, f"position not from {name}", within_s=soon, clears_s=back))
+    return duties, ""
 
 
 def _in_fog(fault: Fog, case: Case) -> Found:
@@ -214,7 +224,8 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
     (Breaker | BrownOut, _has_no_power),
     (Freeze, _is_frozen),
     (Stuck, _nobody_knows("values that stand still with fresh times")),
-    (Invalid | GnssOutage, _says_so),
+    (Invalid, _says_so),
+    (GnssOutage, _has_no_fix),
     (OnQuantity | Forced, _nobody_knows("a wrong value of one device: nothing compares it with another's")),
     (GnssDegraded, _nobody_knows("a position that says that it is worse")),
     (GnssOffset, _nobody_knows("a position that is drawn away")),
