@@ -86,6 +86,9 @@ async def test_a_line_that_nobody_reads_is_told_and_so_is_its_reader(
             await until_async(lambda: far_end._unread(reader) > 0)
             os.read(reader, 4096)
             line.send(b"newer")
+            await until_async(lambda: far_end._unread(reader) > 0)
+            os.read(reader, 4096)
+            line.send(b"newest")
             assert told[1:] == ["line: is read again"]
         finally:
             os.close(reader)
