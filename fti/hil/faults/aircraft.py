@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +51,6 @@ class Truth:
         """First and last time at which something is so; None when it never is."""
         at = np.flatnonzero(where)
         return (float(self.t[at[0]]), float(self.t[at[-1]])) if len(at) else None
-
-    def spans(self, where: Mask) -> list[tuple[float, float]]:
-        """Every time from when until when something is so."""
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
-        return [(float(self.t[a]), float(self.t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 class Aircraft:
@@ -164,13 +159,6 @@ class Aircraft:
         """The CAN links that a fault without names is on."""
         buses = [link for link in self._config.link if link.kind == "can"]
         return [link.name for link in buses if link.interface == "slcan" or not isinstance(fault, CanStatus)]
-
-    def tilt_limit(self, axis: Literal["roll", "pitch"]) -> float:
-        """The least of the limits of approach and altimeters [rad]."""
-        limits: list[Approach | Altimeter | None] = [d.altimeter for d in map(self._device, self.altimeters)]
-        limits.append(self._config.nav.approach)
-        found = [one.max_roll_deg if axis == "roll" else one.max_pitch_deg for one in limits if one]
-        return math.radians(min(found, default=180.0))
 
     @property
     def beam_reach(self) -> float:

@@ -133,9 +133,9 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     )
 
 
-def _allowed(belongs: Sequence[tuple[int, Told]], pauses: Sequence[Pause]) -> Iterator[May]:
+def _allowed(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[May]:
     """Everything that may be said: consequences, what must be said, and what a late bench leaves behind."""
-    for _, one in belongs:
+    for one in belongs:
         yield from one.may
         yield from (May(duty.place, duty.from_s, duty.until_s + duty.clears_s) for duty in one.duties)
     yield from (May("", pause.from_s, pause.until_s + AFTER_PAUSE_S) for pause in pauses)
