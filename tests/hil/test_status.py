@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -83,19 +84,21 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
     run_dir.mkdir()
     with Teller(emulator, str(run_dir)):
         for _ in range(2):  # the second daemon has another address
-            hub = Hub.open(0, "demo")
-            said = queue.SimpleQueue[dict[str, Any]]()
-
-            def hear(topic: str, payload: bytes, said: queue.SimpleQueue[dict[str, Any]] = said) -> None:
-                said.put({"topic": topic} | json.loads(payload))
-
-            subscriber = Subscriber.connect(hub.endpoint, "demo", hear)
-            publish(run_dir, DaemonInfo(os.getpid(), "demo", "", None, hub.endpoint, 0, ""))
-            found = said.get(timeout=60)
+            found = first_word(run_dir)
             assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
             assert 0 <= found["age_ms"] < found["max_age_ms"]
-            subscriber.close()
-            hub.close()
+
+
+def first_word(run_dir: Path) -> dict[str, Any]:
+    """What is said first to a daemon that is there from now on."""
+    said = queue.SimpleQueue[dict[str, Any]]()
+
+    def hear(topic: str, payload: bytes) -> None:
+        said.put({"topic": topic} | json.loads(payload))
+
+    with closing(Hub.open(0, "demo")) as hub, closing(Subscriber.connect(hub.endpoint, "demo", hear)):
+        publish(run_dir, DaemonInfo(os.getpid(), "demo", "", None, hub.endpoint, 0, ""))
+        return said.get(timeout=30)
 
 
 async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:
