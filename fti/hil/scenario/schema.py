@@ -139,7 +139,8 @@ class Scenario(StrictModel):
 
         Which configuration was flown with it is told by the session.
         """
-        return self.model_dump_json(exclude={"config", "expect", "port", "profile"})
+        words_and_places: dict[str, Any] = dict.fromkeys(("config", "description", "expect", "port", "profile"), True)
+        return self.model_dump_json(exclude={**words_and_places, "flight": {"file"}})
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
