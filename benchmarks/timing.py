@@ -24,7 +24,6 @@ import threading
 import time
 import tty
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -50,9 +49,7 @@ FTI = [sys.executable, "-m", "fti.cli.main"]
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ, P99_MS = 2100.0, 2.0
 FACTORS = (1, 4)
-KINDS = {"line": "serial", "eth": "udp", "adapter": "can"}
-if find_spec("msgpack"):  # python-can needs it for CAN over UDP, and does not bring it
-    KINDS["bus"] = "can"
+KINDS = {"line": "serial", "eth": "udp", "adapter": "can", "bus": "can"}
 
 
 # --------------------------------------------------------------------------------------------------------- replay

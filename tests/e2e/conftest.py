@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from importlib.util import find_spec
 
 import pytest
 
@@ -24,8 +23,6 @@ DURATIONS = {
 }
 #: Flown where there is such a bus: tests/vcan.
 ELSEWHERE = {"gauntlet_socketcan"}
-if not find_spec("msgpack"):  # python-can needs it for CAN over UDP, and does not bring it
-    ELSEWHERE.add("gauntlet_udp_multicast")
 
 
 def flown(config: pytest.Config) -> dict[str, float | None]:

@@ -12,7 +12,6 @@ import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -29,9 +28,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]
 START_NS = 1_700_000_000_000_000_000
 MINUTE_S, TEN_MINUTES_S = 60.0, 600.0
 #: Messages a second: together what the aircraft's lines, buses and networks carry on a slow day.
-LINKS = {"line": ("serial", 50.0), "eth": ("udp", 100.0), "adapter": ("can", 100.0)}
-if find_spec("msgpack"):  # python-can needs it for CAN over UDP, and does not bring it
-    LINKS["bus"] = ("can", 50.0)
+LINKS = {"line": ("serial", 50.0), "eth": ("udp", 100.0), "adapter": ("can", 100.0), "bus": ("can", 50.0)}
 SERIAL_BYTES = 60  # at 115200 baud: a quarter of the line
 
 
