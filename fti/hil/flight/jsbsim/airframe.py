@@ -1,9 +1,9 @@
 """What the autopilot has to know of an aircraft, and the gains it flies it with.
 
-The reference point P of the body frame is a point of the structure: 12 inches above the aerodynamic reference point of
-JSBSim's file, 1.31 m above the wheels.  (An antenna 0.6 m below P, as in the shipped configurations, then stands 0.6 m
+The reference point P of the body frame is a point of the structure: 24 inches above the aerodynamic reference point of
+JSBSim's file, 1.61 m above the wheels.  (An antenna 0.6 m below P, as in the shipped configurations, then stands 0.9 m
 above the runway; altimeters have a least range.)  The centre of gravity, which JSBSim's equations move, is elsewhere,
-0.18 m below P in the C310, and wanders with the fuel; the way between the two is taken from JSBSim at every sample.
+0.49 m below P in the C310, and wanders with the fuel; the way between the two is taken from JSBSim at every sample.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class Airframe:
 C310 = Airframe(
     model="c310",
     engines=2,
-    reference=(46.0 * INCH, 0.0, 20.6 * INCH),
-    wheels=(31.0 + 20.6) * INCH,
+    reference=(46.0 * INCH, 0.0, 32.6 * INCH),
+    wheels=(31.0 + 32.6) * INCH,
     elevator_up=float(np.deg2rad(14.0)),
     elevator_down=float(np.deg2rad(4.0)),
     landing_flaps=1.0 / 3.0,

@@ -33,8 +33,6 @@ LONGEST_S = 1800.0
 TOLD_S = 60.0
 #: P this far below the ground of the route: the aircraft is lost [m].
 LOST_M = 1.0
-#: A landing ends when it has become so slow [m/s].
-TAXI_SPEED = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +114,7 @@ class _Pilot:
         self._fdm.set_ground(at(route.ground))
         self._fdm.step(controls)
         self._steps += 1
-        self.ended |= self._navigator.along >= route.end or (now.on_ground and now.cas < TAXI_SPEED)
+        self.ended |= now.on_ground or self._navigator.along >= route.end
         return self._fdm.row()
 
     def _check(self, now: Sensed) -> None:

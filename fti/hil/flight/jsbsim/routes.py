@@ -1,6 +1,7 @@
 """The four routes: a track over the ground with height, speed and configuration along it.
 
-approach   down the glide path, flare, roll out on the runway
+approach   down the glide path and through the flare until the wheels touch; on the runway an altimeter is below its
+           least range
 pattern    a circuit: from abeam the threshold on the downwind leg over base and final down the glide path, away at
            the height given, crosswind, and back to where it began
 go_around  down the glide path to the height given, then out on the runway course
