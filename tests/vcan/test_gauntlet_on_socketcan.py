@@ -1,0 +1,29 @@
+"""The gauntlet on CAN buses of the kernel: emulator, daemon and score in one start of the user-mode kernel."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.helpers import ROOT
+from tests.vcan.conftest import NOT_INSTALLED, RUNNER
+
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(900)]
+
+
+def test_the_daemon_said_what_the_scenario_expects(tmp_path: Path) -> None:
+    command = [str(RUNNER), str(tmp_path), sys.executable, "-m", "tests.vcan.probe_gauntlet", f"{tmp_path}/found.json"]
+    roomy = {**os.environ, "UML_TIMEOUT": "800", "UML_MEM": "2G"}
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=850, env=roomy)
+    if done.returncode == NOT_INSTALLED:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["code"] == 0, found["said"]
+    assert "holds: " in found["said"]
+    assert all(count > 500 for count in found["frames"].values())
