@@ -74,7 +74,8 @@ def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
 
     from fti import config as configuration
     from fti.cli._reading import report_remarks
-    from fti.hil.replay import Replay, length_s, recorded_config
+    from fti.hil.recorded import recorded_config
+    from fti.hil.replay import Replay, length_s
     from fti.logger.reading.recording import Recording
 
     session = Path(args.session)

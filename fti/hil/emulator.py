@@ -15,11 +15,7 @@ from pathlib import Path
 
 from fti.config import Config
 from fti.hil.bench import Bench
-from fti.hil.faults.bases import OnLinks
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus
-from fti.hil.faults.line import DeviceLine
-from fti.hil.faults.measured import check_numbers
-from fti.hil.flight.jsbsim.settings import JsbsimFlight
+from fti.hil.device_line import DeviceLine
 from fti.hil.lateness import Histogram
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.power import PowerUnit
@@ -27,8 +23,12 @@ from fti.hil.report import Report, lateness_by_link
 from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
+from fti.hil.sensors.measured import check_numbers
 from fti.hil.sensors.power_unit import distribute
 from fti.hil.streams import Babble, SensorStream, StatusStream
+from fti.hil.tables.bases import OnLinks
+from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
 from fti.nav.approach import ApproachPath, load_airfield

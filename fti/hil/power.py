@@ -26,7 +26,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from fti.hil.faults.kinds import Breaker, BrownOut, Fault
+from fti.hil.tables.kinds import Breaker, BrownOut, Fault
 
 SUPPLY_V = 28.0
 #: What a device draws [A]; none of them is known, so it is the same for all and only shows that there is a load.

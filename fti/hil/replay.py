@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import asyncio
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from fti import config as configuration
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.ahead import Ahead
@@ -28,7 +26,6 @@ from fti.hil.scheduler import Scheduler
 from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 
-CONFIG_ATTACHMENT = "config.toml"
 #: A replay has held its speed when its last frame was late by no more than this, or a thousandth of its length.
 BEHIND_S, BEHIND_SHARE = 0.02, 0.001
 
@@ -114,15 +111,6 @@ async def _readers(endpoints: Mapping[str, Endpoint], progress: Callable[[str], 
     for name, endpoint in endpoints.items():
         progress(f"waiting for a reader of {name}")
         await endpoint.reader_ready()
-
-
-def recorded_config(recording: Recording, session: Path) -> Config:
-    """The configuration that a session was recorded with, from its attachment.  Raises MissingError, ConfigError."""
-    data = recording.attachments().get(CONFIG_ATTACHMENT)
-    if data is None:
-        raise MissingError(f"{session}: holds no attachment {CONFIG_ATTACHMENT}; name the configuration with --config")
-    text = data.decode("utf-8")
-    return configuration.parse(tomllib.loads(text), text, session / CONFIG_ATTACHMENT)
 
 
 def length_s(recording: Recording) -> float | None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fti.canframe import STANDARD_MASK, pack_can
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus
-from fti.hil.faults.line import DeviceLine
+from fti.hil.device_line import DeviceLine
 from fti.hil.lateness import Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
+from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.links.slcan_status import FLAGS
 
 TROUBLE_S = 0.25

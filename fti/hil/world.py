@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from fti.config import Device
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.faults.kinds import Obstacle
 from fti.hil.flight.making import Around, make_flight
 from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
+from fti.hil.tables.kinds import Obstacle
 from fti.nav.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn

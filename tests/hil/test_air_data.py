@@ -12,9 +12,9 @@ from fti import drivers
 from fti.config import Device
 from fti.geodesy.atmosphere import ISA_PRESSURE, Atmosphere
 from fti.hil.flight.trajectory import Samples, SplineFlight, State
-from fti.hil.scenario.schema import Air
 from fti.hil.sensors.air_data import AirData, true_airspeed
 from fti.hil.sensors.errors import lagged
+from fti.hil.tables.schema import Air
 from fti.hil.world import calibrated_airspeed, impact_pressure
 from fti.service.binding import BoundDevice
 from fti.types import Airspeed, PressureAltitude, Stamp

@@ -14,10 +14,10 @@ from fti import config, drivers
 from fti.config import Device
 from fti.drivers import lightware_ascii
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import Fog
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.scenario.schema import Air, SensorSettings
 from fti.hil.sensors import MODELS, Sensor
+from fti.hil.tables.kinds import Fog
+from fti.hil.tables.schema import Air, SensorSettings
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.terrain.terrain import Terrain

@@ -8,7 +8,7 @@ import pytest
 
 from fti.config import Approach
 from fti.hil.approaches import RA4500, Spread, draw_profile, fly, samples, simulate
-from fti.hil.faults.kinds import Obstacle
+from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
 from fti.nav.approach import ApproachPath, load_airfield
 from fti.nav.clearance import ClearanceMonitor

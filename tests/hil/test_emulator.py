@@ -20,10 +20,10 @@ from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator, make_world
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Cut, Fault
-from fti.hil.scenario.flights import ApproachFlight
-from fti.hil.scenario.schema import Scenario
 from fti.hil.streams import StatusStream
+from fti.hil.tables.flights import ApproachFlight
+from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Cut, Fault
+from fti.hil.tables.schema import Scenario
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure

@@ -16,9 +16,9 @@ from pyubx2 import UBXReader
 from fti import config, drivers
 from fti.config import Device
 from fti.drivers.novatel_oem6.messages import BESTPOS
-from fti.hil.faults.kinds import GnssOutage
 from fti.hil.sensors import MODELS, Sensor
 from fti.hil.sensors.reception import REACQUIRE_S
+from fti.hil.tables.kinds import GnssOutage
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import DeviceStatus, Measurement, Position, Pseudoranges, Reading, Satellites, Velocity

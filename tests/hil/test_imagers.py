@@ -15,9 +15,9 @@ from fti import config
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.scenario.schema import SensorSettings
 from fti.hil.sensors import Sensor, make_sensors
 from fti.hil.sensors.described import DescribedDevice
+from fti.hil.tables.schema import SensorSettings
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 from fti.types import Reading

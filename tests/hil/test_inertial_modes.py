@@ -13,12 +13,12 @@ from fti.config import Device
 from fti.drivers import imar_ixcom as ix
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.faults.kinds import GnssOffset, GnssOutage
 from fti.hil.sensors import MODELS, SETTINGS, Sensor
 from fti.hil.sensors.base import position_at
 from fti.hil.sensors.imu_grades import GRADES, GradeName
 from fti.hil.sensors.inertial_solution import REACQUIRE_S, doubts_of
 from fti.hil.sensors.settings import check_settings
+from fti.hil.tables.kinds import GnssOffset, GnssOutage
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import DeviceStatus, Measurement, Position, Velocity

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from fti import config as configuration
-from fti.hil.faults.kinds import FaultKind
 from fti.hil.scenario import shipped
-from fti.hil.scenario.schema import Scenario
+from fti.hil.tables.kinds import FaultKind
+from fti.hil.tables.schema import Scenario
 from tests.e2e.flights import demo_config, emulator, said
 from tests.e2e.harness import START_S
 from tests.helpers import ROOT, until

@@ -6,10 +6,10 @@ import pytest
 
 from fti.drivers import power_unit as driver
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import Breaker, BrownOut
 from fti.hil.power import BreakerState as B
 from fti.hil.power import Feed, PowerUnit
 from fti.hil.sensors.power_unit import distribute
+from fti.hil.tables.kinds import Breaker, BrownOut
 from fti.types import DeviceStatus
 from tests.hil.test_sensors import sensor
 from tests.hil.worlds import scenario

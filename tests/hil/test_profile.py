@@ -9,11 +9,11 @@ import pytest
 from pydantic import TypeAdapter
 
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.kinds import Burst, Cut, Fault, Forced, Invalid
 from fti.hil.scenario import load, load_config
 from fti.hil.scenario.loading import FOLDER
 from fti.hil.scenario.profile import KINDS, parse
-from fti.hil.scenario.schema import Expectation
+from fti.hil.tables.kinds import Burst, Cut, Fault, Forced, Invalid
+from fti.hil.tables.schema import Expectation
 from tests.helpers import ROOT
 
 HEADER = "time,channel,value,fault,expected,plus,minus,within\n"

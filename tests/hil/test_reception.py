@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fti.config import Device
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.faults.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
 from fti.hil.scenario import Scenario
 from fti.hil.sensors.reception import KNOT_S, NAVIGATION, REACQUIRE_S, Reception, _held, behind_terrain
+from fti.hil.tables.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.terrain.terrain import Terrain

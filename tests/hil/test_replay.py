@@ -25,7 +25,8 @@ from fti.canframe import pack_can
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.playback import FrameStream, Transport, chosen
-from fti.hil.replay import Replay, recorded_config
+from fti.hil.recorded import recorded_config
+from fti.hil.replay import Replay
 from fti.hil.report import Report
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording

@@ -10,8 +10,8 @@ import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil import scenario as scenarios
-from fti.hil.faults.kinds import CanStatus, Invalid, StatusFlag
 from fti.hil.sensors import MODELS
+from fti.hil.tables.kinds import CanStatus, Invalid, StatusFlag
 from fti.links.slcan_status import FLAGS
 
 MINIMAL = 'title = "t"\ndescription = "d"\nconfig = "demo.toml"\n'

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from fti import config
 from fti.config import Config, StrictModel
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.kinds import FaultKind
 from fti.hil.scenario import Scenario, load, shipped
 from fti.hil.scenario.checking import check
 from fti.hil.scenario.loading import FOLDER
 from fti.hil.scenario.profile import KINDS, parse
 from fti.hil.scenario.rows import COLUMNS
+from fti.hil.tables.kinds import FaultKind
 
 REFUSED = contextlib.suppress(ConfigError, MissingError)
 NUMBERS = st.one_of(st.floats(), st.integers(), st.sampled_from([0, 1, -1, 10**400, 2**63, float("nan"), float("inf")]))

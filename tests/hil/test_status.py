@@ -13,9 +13,9 @@ import pytest
 
 from fti.bus.zenoh_bus import Hub, Subscriber
 from fti.hil.faults import words
-from fti.hil.faults.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
 from fti.hil.power import BreakerState
 from fti.hil.status import Teller, describe
+from fti.hil.tables.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
 from fti.service.rundir import DaemonInfo, publish
 from fti.web.feed import HIL_FIELDS
 from tests.hil.test_emulator import demo_config, make

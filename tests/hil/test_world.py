@@ -9,7 +9,7 @@ import pytest
 
 from fti.config import Device
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.faults.kinds import Obstacle
+from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import calibrated_airspeed, impact_pressure, with_obstacles
 from tests.hil.worlds import flat_terrain, path, world
 

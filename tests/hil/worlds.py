@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from fti.hil.scenario.flights import ApproachFlight
-from fti.hil.scenario.schema import Scenario
+from fti.hil.tables.flights import ApproachFlight
+from fti.hil.tables.schema import Scenario
 from fti.hil.world import World
 from fti.nav.approach import Airfield, ApproachPath
 from fti.terrain.terrain import Terrain

@@ -15,7 +15,7 @@ from fti.clock import choose_epoch_ns
 from fti.drivers import deflection_pickups
 from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator
-from fti.hil.scenario.flights import ApproachFlight
+from fti.hil.tables.flights import ApproachFlight
 from fti.hil.world import World
 from tests.helpers import until_async
 from tests.hil.worlds import flat_terrain, path, scenario

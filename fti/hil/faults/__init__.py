@@ -1,1 +1,1 @@
-"""What goes wrong, and what the daemon must say of it."""
+"""What goes wrong: with values, clocks, bytes and buses."""

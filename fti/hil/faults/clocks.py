@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fti.hil.faults.fitting import is_of
-from fti.hil.faults.kinds import ClockDrift, ClockJump, Fault
 from fti.hil.faults.values import is_on
+from fti.hil.tables.kinds import ClockDrift, ClockJump, Fault
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, TimeScale
 

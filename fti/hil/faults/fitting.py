@@ -7,10 +7,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.config import StrictModel
-from fti.hil.faults.bases import OnDevices
 from fti.hil.faults.checksums import Change
 from fti.hil.faults.gnss import WITH_RECEIVER, OfGnss
-from fti.hil.faults.kinds import (
+from fti.hil.faults.messages import Become, Frozen, Held, Spoiled, Stage, Swapped, with_bit_errors, without_end
+from fti.hil.faults.places import CHECKSUMS, LABELS, TIMED, checksum_of, label_of, sends_time
+from fti.hil.faults.values import random_of
+from fti.hil.tables.bases import OnDevices
+from fti.hil.tables.kinds import (
     BitErrors,
     Burst,
     BusOff,
@@ -26,9 +29,6 @@ from fti.hil.faults.kinds import (
     WrongChecksum,
     WrongLabel,
 )
-from fti.hil.faults.messages import Become, Frozen, Held, Spoiled, Stage, Swapped, with_bit_errors, without_end
-from fti.hil.faults.places import CHECKSUMS, LABELS, TIMED, checksum_of, label_of, sends_time
-from fti.hil.faults.values import random_of
 from fti.service.binding import BoundDevice
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.faults.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
+from fti.hil.tables.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

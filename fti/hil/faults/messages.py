@@ -13,9 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from fti.canframe import CANFD_SIZE, FD_LENGTHS
-from fti.hil.faults.bases import OnDevices
-from fti.hil.faults.kinds import BitErrors, Burst, BusOff, Freeze, Reordered
 from fti.hil.faults.values import is_on
+from fti.hil.tables.bases import OnDevices
+from fti.hil.tables.kinds import BitErrors, Burst, BusOff, Freeze, Reordered
 
 #: What becomes of one message: none, one or several.
 Become = Callable[[bytes], list[bytes]]

@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fti.hil.faults.bases import OnDevices, OnLinks, OnQuantity
-from fti.hil.faults.kinds import Bias, Fault, Fog, Forced, Invalid, Noise, Ramp, Stuck, WrongUnit
-from fti.hil.faults.quantities import changed, is_meant, parse
+from fti.hil.tables.bases import OnDevices, OnLinks, OnQuantity
+from fti.hil.tables.kinds import Bias, Fault, Fog, Forced, Invalid, Noise, Ramp, Stuck, WrongUnit
+from fti.hil.tables.quantities import changed, is_meant, parse
 from fti.types import (
     Ack,
     Calibration,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fti.hil.faults.bases import OnDevices, OnLinks
-from fti.hil.faults.kinds import Fault, FaultKind, Obstacle
+from fti.hil.tables.bases import OnDevices, OnLinks
+from fti.hil.tables.kinds import Fault, FaultKind, Obstacle
 
 #: What is wrong, with the fault's own figures in it.
 WORDS: Mapping[FaultKind, str] = {

@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import Atmosphere
-from fti.hil.faults.kinds import OffTrack
 from fti.hil.flight.approach import Manoeuvre, Plan, approach_flight
 from fti.hil.flight.jsbsim.fdm import Weather
 from fti.hil.flight.jsbsim.flight import fly
-from fti.hil.flight.jsbsim.settings import JsbsimFlight
 from fti.hil.flight.recorded import recorded_flight
 from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
-from fti.hil.scenario.flights import ApproachFlight, RecordedFlight, WaypointFlight
-from fti.hil.scenario.schema import Scenario
+from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.flights import ApproachFlight, RecordedFlight, WaypointFlight
+from fti.hil.tables.kinds import OffTrack
+from fti.hil.tables.schema import Scenario
 from fti.nav.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 

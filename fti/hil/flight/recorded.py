@@ -13,7 +13,7 @@ from fti.hil.flight.session import read_session
 from fti.hil.flight.smoothing import Fit, fit
 from fti.hil.flight.table import read_table
 from fti.hil.flight.trajectory import Samples, SplineFlight
-from fti.hil.scenario.flights import RecordedFlight
+from fti.hil.tables.flights import RecordedFlight
 
 Array = NDArray[np.float64]
 

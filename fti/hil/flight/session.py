@@ -15,7 +15,7 @@ import numpy as np
 from fti.config import Config
 from fti.errors import ConfigError
 from fti.hil.flight.trajectory import Samples
-from fti.hil.replay import recorded_config
+from fti.hil.recorded import recorded_config
 from fti.logger.reading.recording import Recording
 from fti.nav.device_times import DeviceTimes
 from fti.nav.sources import Source

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 
 from fti.config import CanLink, Config
 from fti.errors import ConfigError
-from fti.hil.faults.bases import OnDevices, OnLinks
 from fti.hil.faults.fitting import why_not
-from fti.hil.faults.kinds import CanStatus, OfBytes, OfClock
-from fti.hil.scenario.schema import Scenario
+from fti.hil.tables.bases import OnDevices, OnLinks
+from fti.hil.tables.kinds import CanStatus, OfBytes, OfClock
+from fti.hil.tables.schema import Scenario
 from fti.service.binding import BoundDevice, bind_devices
 
 

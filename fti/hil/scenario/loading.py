@@ -7,11 +7,11 @@ from pathlib import Path
 from fti import config as configuration
 from fti.config import Config
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.kinds import Obstacle, OffTrack
 from fti.hil.scenario.checking import check
-from fti.hil.scenario.flights import AnyFlight, ApproachFlight, RecordedFlight
 from fti.hil.scenario.profile import read as read_profile
-from fti.hil.scenario.schema import Scenario
+from fti.hil.tables.flights import AnyFlight, ApproachFlight, RecordedFlight
+from fti.hil.tables.kinds import Obstacle, OffTrack
+from fti.hil.tables.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
 

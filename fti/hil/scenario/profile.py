@@ -29,10 +29,10 @@ from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin
 
 from fti.config import StrictModel
-from fti.hil.faults.bases import OnLinks, OnQuantity
-from fti.hil.faults.kinds import Fault, FaultKind, Obstacle, OffTrack
 from fti.hil.scenario.rows import Row, rows
-from fti.hil.scenario.schema import Expectation
+from fti.hil.tables.bases import OnLinks, OnQuantity
+from fti.hil.tables.kinds import Fault, FaultKind, Obstacle, OffTrack
+from fti.hil.tables.schema import Expectation
 from fti.service.binding import read_text
 
 END = "end"

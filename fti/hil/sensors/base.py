@@ -19,7 +19,7 @@ from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import State
-from fti.hil.scenario.schema import SensorSettings
+from fti.hil.tables.schema import SensorSettings
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp, TimeScale

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.faults.bases import NotNegative
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.air_data import AirSettings
@@ -27,6 +26,7 @@ from fti.hil.sensors.errors import slow, white
 from fti.hil.sensors.free_inertial import TAU_S, Doubts, Solution, drift_sd, run_free
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, G, GradeName, at_rest
+from fti.hil.tables.bases import NotNegative
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -20,9 +20,9 @@ from pydantic import Field
 
 from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
-from fti.hil.faults.bases import NotNegative
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.settings import DeviceSettings, settings_of
+from fti.hil.tables.bases import NotNegative
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import MagneticField, Measurement, Stamp

@@ -8,11 +8,11 @@ import numpy as np
 
 from fti.drivers import power_unit as driver
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import OfPower
 from fti.hil.power import Feed, PowerUnit
 from fti.hil.scenario import Scenario
-from fti.hil.scenario.schema import SensorSettings
 from fti.hil.sensors.base import Array, Sensor
+from fti.hil.tables.kinds import OfPower
+from fti.hil.tables.schema import SensorSettings
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Reading, Stamp

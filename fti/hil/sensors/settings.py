@@ -12,7 +12,7 @@ from pydantic import ConfigDict
 
 from fti import config as configuration
 from fti.hil.scenario import Scenario
-from fti.hil.scenario.schema import SensorSettings
+from fti.hil.tables.schema import SensorSettings
 
 
 class DeviceSettings(SensorSettings):

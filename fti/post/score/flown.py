@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fti.errors import ConfigError, MissingError
-from fti.hil.faults.aircraft import Truth
+from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.hil.truth import SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.mcap_file import Item, McapFile

@@ -7,14 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from fti.hil.faults.aircraft import Aircraft
-from fti.hil.faults.duties import Duty, May, Told
-from fti.hil.faults.flags import told
-from fti.hil.faults.kinds import Fault
-from fti.hil.faults.of_flight import of_flight
+from fti.hil.expected.aircraft import Aircraft
+from fti.hil.expected.duties import Duty, May, Told
+from fti.hil.expected.flags import told
+from fti.hil.expected.of_flight import of_flight
 from fti.hil.faults.words import describe
 from fti.hil.scenario import Scenario
-from fti.hil.scenario.schema import Expectation
+from fti.hil.tables.kinds import Fault
+from fti.hil.tables.schema import Expectation
 from fti.post.reprocess import Setup
 from fti.post.score.flown import Flown, Pause, merged
 from fti.post.score.said import Said, Span

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.config import Config
-from fti.hil.faults.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.recording import Recording
 from fti.post.score.flown import PAUSE_S, Flown, Pause
 from fti.service.diagnosis import NO_FRAME_REASONS

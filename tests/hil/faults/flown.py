@@ -9,9 +9,9 @@ from typing import Any
 
 from fti import config, drivers
 from fti.config import Device
-from fti.hil.faults.kinds import Fault
-from fti.hil.faults.line import DeviceLine
+from fti.hil.device_line import DeviceLine
 from fti.hil.sensors import MODELS, Sensor
+from fti.hil.tables.kinds import Fault
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp

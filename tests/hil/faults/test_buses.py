@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fti.canframe import EXTENDED, unpack_can
-from fti.hil.faults.kinds import Babbling, BusOff
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
 from fti.hil.streams import Babble, StatusStream
+from fti.hil.tables.kinds import Babbling, BusOff
 from fti.links.slcan_status import FLAGS
 from tests.hil.faults.flown import fly, nominal
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fti.hil.faults.clocks import DeviceClock
-from fti.hil.faults.kinds import ClockDrift, ClockJump, Fault
+from fti.hil.tables.kinds import ClockDrift, ClockJump, Fault
 from fti.types import Range, Stamp, TimeScale
 from tests.hil.faults.flown import Flight, bound_of, fly, nominal
 

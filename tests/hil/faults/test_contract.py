@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from fti.hil.faults.bases import OnDevices
 from fti.hil.faults.fitting import why_not
-from fti.hil.faults.kinds import Fault, FaultKind
-from fti.hil.faults.quantities import quantities
+from fti.hil.tables.bases import OnDevices
+from fti.hil.tables.kinds import Fault, FaultKind
+from fti.hil.tables.quantities import quantities
 from fti.types import DeviceStatus, Measurement, Reading
 from tests.helpers import ROOT
 from tests.hil.faults.flown import (

@@ -12,10 +12,10 @@ from fti.config import Config
 from fti.config import load as load_configuration
 from fti.drivers import power_unit
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import BitErrors, Cut, Fault, Freeze, WrongLabel
-from fti.hil.faults.line import DeviceLine
+from fti.hil.device_line import DeviceLine
 from fti.hil.scenario.checking import check
 from fti.hil.sensors import Sensor
+from fti.hil.tables.kinds import BitErrors, Cut, Fault, Freeze, WrongLabel
 from tests.hil.faults.flown import START_NS, device
 from tests.hil.worlds import scenario
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fti.hil import scenario as scenarios
-from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.flags import told
 from fti.hil.faults.fitting import is_of, why_not
-from fti.hil.faults.flags import told
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.faults.kinds import GnssOffset, GnssOutage
 from fti.hil.scenario import Scenario
+from fti.hil.tables.kinds import GnssOffset, GnssOutage
 from fti.service.binding import bind_devices
 
 #: Spiegel 2018, table 7.4: until [s], horizontal and vertical standard deviation [m].

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fti.canframe import CAN_SIZE, CANFD_SIZE, pack_can, unpack_can
-from fti.hil.faults.kinds import BitErrors, Burst, Cut, Duplicated, Freeze, LostHeader, Reordered, Truncated
 from fti.hil.faults.messages import Frozen, Held, Stage, Swapped, with_bit_errors, without_end
+from fti.hil.tables.kinds import BitErrors, Burst, Cut, Duplicated, Freeze, LostHeader, Reordered, Truncated
 from tests.hil.faults.flown import Flight, fly, nominal
 
 END_S = 100.0

@@ -14,7 +14,7 @@ from fti.hil.flight.making import MAKERS
 from fti.hil.flight.smoothing import moved
 from fti.hil.flight.table import read_table, write_table
 from fti.hil.flight.trajectory import Samples
-from fti.hil.scenario.flights import AnyFlight
+from fti.hil.tables.flights import AnyFlight
 from fti.hil.world import World
 from tests.hil.flight import recordings
 from tests.hil.worlds import flat_terrain, path, scenario

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fti.hil.faults.aircraft import Truth
+from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
 from fti.post.score.flown import Flown, Pause, merged

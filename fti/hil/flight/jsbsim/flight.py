@@ -18,8 +18,8 @@ from fti.hil.flight.jsbsim.autopilot import Autopilot
 from fti.hil.flight.jsbsim.fdm import COLUMNS, FOOT, PERIOD_S, Fdm, Row, Sensed, Start, Weather
 from fti.hil.flight.jsbsim.navigator import Navigator
 from fti.hil.flight.jsbsim.routes import Route, make_route
-from fti.hil.flight.jsbsim.settings import JsbsimFlight
 from fti.hil.flight.trajectory import Samples
+from fti.hil.tables.dynamics import JsbsimFlight
 from fti.nav.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 

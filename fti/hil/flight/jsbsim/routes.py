@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from fti.errors import ConfigError
 from fti.hil.flight.jsbsim.airframe import Airframe
 from fti.hil.flight.jsbsim.autopilot import GRAVITY
-from fti.hil.flight.jsbsim.settings import JsbsimFlight, Place
 from fti.hil.flight.jsbsim.terrain_following import following_height
 from fti.hil.flight.jsbsim.track import STEP_M, Track
+from fti.hil.tables.dynamics import JsbsimFlight, Place
 from fti.nav.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fti.geodesy.atmosphere import Atmosphere
 from fti.hil.flight.jsbsim.fdm import Weather
 from fti.hil.flight.jsbsim.flight import Flown, fly
-from fti.hil.flight.jsbsim.settings import JsbsimFlight
+from fti.hil.tables.dynamics import JsbsimFlight
 from fti.terrain.terrain import Terrain
 from tests.hil.worlds import AIRFIELD, flat_terrain, path
 

@@ -6,10 +6,10 @@ import typing
 
 import pytest
 
-from fti.hil.faults import kinds
-from fti.hil.faults.bases import OnDevices
-from fti.hil.faults.device_flags import RULES
-from fti.hil.faults.kinds import FaultKind
+from fti.hil.expected.device_flags import RULES
+from fti.hil.tables import kinds
+from fti.hil.tables.bases import OnDevices
+from fti.hil.tables.kinds import FaultKind
 
 OF_DEVICES = [
     kind

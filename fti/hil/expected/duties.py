@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fti.hil.faults.aircraft import Aircraft, Truth
+from fti.hil.expected.aircraft import Aircraft, Truth
 
 HEIGHT, SOLUTION, INTEGRITY = "/nav/height_above_ground", "/nav/nav_solution", "/nav/clearance_integrity"
 DEVICES, LINKS, LEDGER = "/fti/health/devices", "/fti/health/links", "/fti/ledger"

@@ -1,7 +1,7 @@
 """Every fault that a scenario can have: one enum, one table of the file each.
 
 Where a fault acts is the order of this page: on the world, on what a device measures, on its clock, on its bytes, on
-its line, on its power.  What the daemon must say of each is in ``fti.hil.faults.flags``.
+its line, on its power.  What the daemon must say of each is in ``fti.hil.expected.flags``.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
-from fti.hil.faults.bases import NotNegative, OnDevices, OnLinks, OnMessages, OnQuantity, Share
+from fti.hil.tables.bases import NotNegative, OnDevices, OnLinks, OnMessages, OnQuantity, Share
 
 
 class FaultKind(StrEnum):

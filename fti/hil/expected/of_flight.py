@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fti.hil.faults.aircraft import Aircraft, Mask, Truth
-from fti.hil.faults.duties import CONFIRM_S, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
+from fti.hil.expected.aircraft import Aircraft, Mask, Truth
+from fti.hil.expected.duties import CONFIRM_S, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
 from fti.nav.clearance import GO_AROUND_CLIMB
 
 MARGIN = 0.85

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from fti.hil.faults.bases import OnDevices, OnQuantity
-from fti.hil.faults.duties import (
+from fti.hil.expected.duties import (
     BITS,
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
@@ -30,7 +29,8 @@ from fti.hil.faults.duties import (
     May,
     Told,
 )
-from fti.hil.faults.kinds import (
+from fti.hil.tables.bases import OnDevices, OnQuantity
+from fti.hil.tables.kinds import (
     BitErrors,
     Breaker,
     BrownOut,

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from fti.errors import ConfigError
-from fti.hil.faults.kinds import Bias
-from fti.hil.faults.measured import check_numbers
+from fti.hil.sensors.measured import check_numbers
+from fti.hil.tables.kinds import Bias
 from tests.hil.faults.flown import DEVICES, DURATION_S, fly, sensor_in
 from tests.hil.worlds import world
 

@@ -19,7 +19,7 @@ duration_s = 300
 smooth_s = 2                       # what is faster than this is taken for steps of the recorder; none: nothing is
 
 [flight]
-kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/flight/jsbsim/settings.py
+kind = "jsbsim"                    # a flight dynamic model with an autopilot: fti/hil/tables/dynamics.py
 route = "approach"                 # "pattern", "go_around", "low_level"
 turbulence = "light"
 """
@@ -31,8 +31,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.bases import NotNegative
-from fti.hil.flight.jsbsim.settings import JsbsimFlight
+from fti.hil.tables.bases import NotNegative
+from fti.hil.tables.dynamics import JsbsimFlight
 
 
 class ApproachFlight(StrictModel):

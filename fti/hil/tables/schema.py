@@ -2,7 +2,7 @@
 
 title = "Unexpected obstacle"      description = "..."      config = "../demo.toml"      seed = 1
 
-[flight]                           # kind = "approach" unless it says otherwise; every kind: fti/hil/scenario/flights.py
+[flight]                           # kind = "approach" unless it says otherwise; every kind: fti/hil/tables/flights.py
 start_m = 4500
 duration_s = 82
 speed_mps = 60
@@ -22,7 +22,7 @@ free_from_s = 30
 device = "/dev/ttyUSB3"
 
 [[fault]]
-kind = "cut"                       # every kind: fti/hil/faults/kinds.py
+kind = "cut"                       # every kind: fti/hil/tables/kinds.py
 devices = ["altimeter"]            # none named: every device
 from_s = 30
 to_s = 36
@@ -43,10 +43,10 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from fti.config import Name, Positive, StrictModel
-from fti.hil.faults.bases import NotNegative
-from fti.hil.faults.kinds import Fault, Obstacle
 from fti.hil.ports.outside import Port
-from fti.hil.scenario.flights import ApproachFlight, FlightTable
+from fti.hil.tables.bases import NotNegative
+from fti.hil.tables.flights import ApproachFlight, FlightTable
+from fti.hil.tables.kinds import Fault, Obstacle
 
 
 class Air(StrictModel):

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from fti.errors import ConfigError
-from fti.hil.faults.bases import OnQuantity
-from fti.hil.faults.quantities import NAMING, is_meant, parse, quantities
 from fti.hil.sensors import MODELS, Sensor
 from fti.hil.sensors.power_unit import PowerPanel
+from fti.hil.tables.bases import OnQuantity
+from fti.hil.tables.quantities import NAMING, is_meant, parse, quantities
 from fti.hil.world import World
 from fti.types import Measurement, Reading, Stamp, TimeScale
 

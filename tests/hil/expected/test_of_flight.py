@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from fti.hil import scenario as scenarios
-from fti.hil.faults.aircraft import Aircraft, Truth
-from fti.hil.faults.duties import May
-from fti.hil.faults.of_flight import of_flight
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.duties import May
+from fti.hil.expected.of_flight import of_flight
 from fti.service.binding import bind_devices
 
 T = np.arange(0.0, 60.0, 0.1)

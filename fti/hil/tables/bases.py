@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field, field_validator
 
 from fti.config import Name, StrictModel
-from fti.hil.faults.quantities import parse
+from fti.hil.tables.quantities import parse
 
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, le=1)]

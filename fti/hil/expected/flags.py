@@ -20,10 +20,9 @@ it is told as such, and is neither a miss nor a success.
 
 from __future__ import annotations
 
-from fti.hil.faults.aircraft import Aircraft, Truth
-from fti.hil.faults.bases import OnLinks
-from fti.hil.faults.device_flags import consequences, on_device, silence
-from fti.hil.faults.duties import (
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.device_flags import consequences, on_device, silence
+from fti.hil.expected.duties import (
     CONFIRM_S,
     HEALTH_S,
     INTEGRITY,
@@ -41,7 +40,8 @@ from fti.hil.faults.duties import (
     Told,
 )
 from fti.hil.faults.fitting import is_of
-from fti.hil.faults.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack
+from fti.hil.tables.bases import OnLinks
+from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack
 
 
 def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:

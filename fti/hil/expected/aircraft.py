@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Altimeter, Config, Device
-from fti.hil.faults.bases import OnLinks
 from fti.hil.faults.gnss import RECEIVERS
-from fti.hil.faults.kinds import CanStatus
 from fti.hil.faults.places import sends_time
 from fti.hil.power import SUPPLY_V
 from fti.hil.scenario import Scenario
-from fti.hil.scenario.schema import SensorSettings
+from fti.hil.tables.bases import OnLinks
+from fti.hil.tables.kinds import CanStatus
+from fti.hil.tables.schema import SensorSettings
 from fti.service.binding import BoundDevice
 
 Array = NDArray[np.float64]

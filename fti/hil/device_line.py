@@ -14,8 +14,8 @@ from collections.abc import Callable
 from fti.hil.faults.clocks import DeviceClock
 from fti.hil.faults.fitting import stages_of
 from fti.hil.faults.values import DeviceFaults
-from fti.hil.scenario.schema import Scenario
 from fti.hil.sensors.base import Sensor
+from fti.hil.tables.schema import Scenario
 from fti.types import Measurement
 
 

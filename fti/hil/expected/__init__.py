@@ -1,0 +1,1 @@
+"""What the daemon must say of each fault, and how soon."""

@@ -1,0 +1,22 @@
+"""The configuration that a session carries."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from fti import config as configuration
+from fti.config import Config
+from fti.errors import MissingError
+from fti.logger.reading.recording import Recording
+
+CONFIG_ATTACHMENT = "config.toml"
+
+
+def recorded_config(recording: Recording, session: Path) -> Config:
+    """The configuration that a session was recorded with, from its attachment.  Raises MissingError, ConfigError."""
+    data = recording.attachments().get(CONFIG_ATTACHMENT)
+    if data is None:
+        raise MissingError(f"{session}: holds no attachment {CONFIG_ATTACHMENT}; name the configuration with --config")
+    text = data.decode("utf-8")
+    return configuration.parse(tomllib.loads(text), text, session / CONFIG_ATTACHMENT)
