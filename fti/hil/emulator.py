@@ -36,6 +36,8 @@ from fti.terrain import scenes
 from fti.terrain.surroundings import demo_country
 
 SECOND_NS = 1_000_000_000
+#: After a flight, lines have so long to carry what is on them.
+DRAIN_S = 2.0
 
 
 class Emulator:
@@ -130,7 +132,15 @@ class Emulator:
                 self.ready.set()
                 await until(self._started.wait(), ended)
                 await self._fly(lines, truth, duration_s, ended)
+                if not ended.is_set():
+                    await self._drained()
         return self.report
+
+    async def _drained(self) -> None:
+        """Let what is on the lines arrive; where nobody reads it never does."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(DRAIN_S):
+                await asyncio.gather(*(endpoint.drained() for endpoint in self._endpoints.values()))
 
     def _line(self, sensor: Sensor, until_s: float) -> DeviceLine:
         return DeviceLine(sensor, self.scenario, until_s, lambda t: self.power.is_on(sensor.name, t))

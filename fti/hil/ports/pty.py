@@ -99,7 +99,7 @@ class PtyEndpoint(LineEndpoint):
 
     async def drained(self) -> None:
         """Wait until the reader has read everything; what is unread when the pty goes is lost."""
-        empty = 0
+        empty = 0 if self._attended.is_set() else 2
         while empty < 2:  # twice: between the two the kernel hands over what it still holds back
             await asyncio.sleep(POLL_S)
             empty = 0 if self._wire or _unread(self._slave) else empty + 1
