@@ -75,7 +75,7 @@ def make_endpoint(
     port   : where it leaves this machine
     """
     if isinstance(link, UdpLink):
-        return UdpEndpoint(link, respond, to=port.to if port else None)
+        return UdpEndpoint(link, respond, to=port.to if port else None, tell=tell)
     if isinstance(link, SerialLink):
         heard = _hearing_itself(respond) if link.echo else respond
         if port is not None and port.device is not None:
@@ -185,12 +185,17 @@ class SlcanEndpoint(PtyEndpoint):
 
 
 class UdpEndpoint(TryingEndpoint):
-    """Datagrams from a simulated device.  to : the receiver's address:port, where it is outside this machine"""
+    """Datagrams from a simulated device.
+
+    to   : the receiver's address:port, where it is outside this machine
+    tell : told when the network takes nothing (a cable is out), once until it does again
+    """
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, link: UdpLink, respond: Respond, to: str | None = None) -> None:
+    def __init__(self, link: UdpLink, respond: Respond, to: str | None = None, tell: Tell = lambda _: None) -> None:
         super().__init__()
+        self._tell, self._is_cut = tell, False
         self._link = link
         self._respond = respond
         self._leaves = to is not None
@@ -232,6 +237,13 @@ class UdpEndpoint(TryingEndpoint):
             self._socket.sendto(data, self._target)
         except BlockingIOError:
             return False
+        except OSError as error:
+            if not self._is_cut:
+                address, port = self._target
+                self._tell(f"{self._link.name}: nothing goes to {address}:{port}: {error.strerror}; it is dropped")
+            self._is_cut = True
+            return False
+        self._is_cut = False
         self.sent.messages += 1
         self.sent.bytes += len(data)
         return True

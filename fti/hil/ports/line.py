@@ -2,7 +2,8 @@
 
 What the kernel or the wire does not take waits here, and that is bounded: beyond BACKLOG_BYTES behind a full
 descriptor, and beyond a second or BUFFER_BYTES of a wire that is too slow, the oldest whole messages are dropped,
-counted and told once, until everything that waited has left.
+counted and told once, until everything that waited has left.  A port that goes away in flight (an adapter is pulled
+out) is told, and what its devices send is dropped: the others fly on.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class LineEndpoint(ABC):
         self._space = asyncio.Event()
         self._is_full = False  # the kernel takes nothing more
         self._is_behind = False  # something was dropped, and since then something has always waited
+        self._is_gone = False  # the port went away
         self._timer: asyncio.TimerHandle | None = None
 
     @abstractmethod
@@ -63,6 +65,9 @@ class LineEndpoint(ABC):
             await self._space.wait()
 
     def _queue(self, message: Message) -> None:
+        if self._is_gone:
+            self._drop(len(message.data))
+            return
         is_first = not self._wire
         self._wire.add(message, self._now())
         if is_first or self._timer is None:  # else the wire is busy, and the next look at it is due already
@@ -96,18 +101,37 @@ class LineEndpoint(ABC):
             self._timer = None
         self._set_full(False)
         now = self._now()
-        while (due := self._wire.due(now)) is not None:
-            written = self._write(due)
-            if self._wire.took(written):
-                self.sent.messages += 1
-            elif written < len(due):
-                self._set_full(True)
-                return
+        try:
+            self._set_full(self._hand_over(now))
+        except OSError as error:
+            self._lost(error.strerror)
+        if self._is_full:
+            return
         if self._wire:
             self._timer = asyncio.get_running_loop().call_at(self._wire.next_s(now), self._flush)
         else:
             self._is_behind = False
             self._space.set()
+
+    def _hand_over(self, now: float) -> bool:
+        """Write what has left the wire; true when the kernel takes no more."""
+        while (due := self._wire.due(now)) is not None:
+            written = self._write(due)
+            if self._wire.took(written):
+                self.sent.messages += 1
+            elif written < len(due):
+                return True
+        return False
+
+    def _lost(self, why: str) -> None:
+        """The port is gone: drop what waits, and what comes."""
+        self._forget()
+        if not self._is_gone:
+            self._tell(f"{self._name}: the port is gone: {why}; what is sent on it is dropped")
+        self._is_gone = True
+        while self._wire:
+            self._drop(len(self._wire.drop_oldest().data))
+        self._space.set()
 
     def _write(self, data: memoryview) -> int:
         try:
@@ -133,6 +157,12 @@ class LineEndpoint(ABC):
         try:
             data = os.read(self._fd, 4096)
         except BlockingIOError:
+            return
+        except OSError as error:
+            self._lost(error.strerror)
+            return
+        if not data:
+            self._lost("it was hung up")
             return
         self.sent.received_bytes += len(data)
         for answer in self._respond(data):

@@ -7,6 +7,7 @@ would have here, so that equipment outside, another computer's daemon included, 
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import fcntl
 import struct
 import termios
@@ -68,11 +69,15 @@ class TtyEndpoint(LineEndpoint):
         if self._fd < 0:
             return
         self._forget()
-        termios.tcflush(self._fd, termios.TCOFLUSH)
+        with contextlib.suppress(termios.error):  # a port that is gone
+            termios.tcflush(self._fd, termios.TCOFLUSH)
         self._port.close()
         self._fd = -1
 
 
 def _unsent(descriptor: int) -> int:
-    count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
+    try:
+        count: int = struct.unpack("i", fcntl.ioctl(descriptor, termios.TIOCOUTQ, bytes(4)))[0]
+    except OSError:  # a port that is gone
+        return 0
     return count

@@ -12,6 +12,7 @@ sent while nobody listens is lost, and counted:
 from __future__ import annotations
 
 import asyncio
+import errno
 import fcntl
 import os
 import select
@@ -155,8 +156,10 @@ def _read_away(slave: int) -> int:
 
 
 def link_atomically(target: str, place: Path) -> None:
-    """Let ``place`` be a symlink to ``target``, replacing an older one in one step."""
+    """Let ``place`` be a symlink to ``target``, replacing an older one in one step; OSError where a file stands."""
     place.parent.mkdir(parents=True, exist_ok=True)
+    if os.path.lexists(place) and not place.is_symlink():
+        raise FileExistsError(errno.EEXIST, "a file stands there, and no link of an emulator")
     fresh = place.with_name(f".{place.name}.{os.getpid()}")
     fresh.unlink(missing_ok=True)
     fresh.symlink_to(target)

@@ -56,6 +56,34 @@ async def test_a_cable_that_takes_nothing_costs_the_oldest_and_closes(cable: tup
         assert told == ["line: nobody reads it; the oldest messages are dropped"]
 
 
+@pytest.mark.parametrize("sends", [True, False])
+async def test_an_adapter_that_is_pulled_out_is_told_once_and_ends_no_flight(sends: bool, tmp_path: Path) -> None:
+    far, near = os.openpty()
+    told: list[str] = []
+    end = make_endpoint(LINE, tmp_path, lambda _: [], port=Port(device=os.ttyname(near)), tell=told.append)
+    async with opened({"line": end}):
+        os.close(near)
+        os.close(far)
+        if sends:
+            end.send(bytes(100))
+        await until_async(lambda: len(told) > 0)
+        end.send(bytes(100))
+        await end.drained()
+        assert end.sent.dropped_bytes == (200 if sends else 100)
+    assert [news.partition(": the port is gone: ")[0] for news in told] == ["line"]
+
+
+async def test_a_network_that_takes_nothing_is_told_once_and_ends_no_flight(tmp_path: Path) -> None:
+    told: list[str] = []
+    everybody = Port(to="255.255.255.255:4000")  # the kernel refuses it to a socket that did not ask for it
+    end = make_endpoint(ETH, tmp_path, lambda _: [], port=everybody, tell=told.append)
+    async with opened({"eth": end}):
+        end.send(b"measured")
+        end.send(b"measured")
+        assert end.sent.dropped_messages == 2
+    assert told == ["eth: nothing goes to 255.255.255.255:4000: Permission denied; it is dropped"]
+
+
 async def test_a_port_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     end = make_endpoint(LINE, tmp_path, lambda _: [], port=Port(device="/dev/ttyUSB99"))
     with pytest.raises(MissingError, match="link 'line': /dev/ttyUSB99: no such port"):

@@ -116,3 +116,13 @@ async def test_a_folder_that_cannot_be_written_is_one_sentence_and_nothing_stays
     with pytest.raises(MissingError, match=r"file/line: no port can be put there: "):
         async with opened({"line": line}):
             pass
+
+
+async def test_a_file_that_stands_where_a_port_belongs_is_kept(tmp_path: Path) -> None:
+    place = tmp_path / "line"
+    place.write_text("somebody's")
+    line = PtyEndpoint(place, lambda _: [])
+    with pytest.raises(MissingError, match=r"line: no port can be put there: a file stands there"):
+        async with opened({"line": line}):
+            pass
+    assert place.read_text() == "somebody's"
