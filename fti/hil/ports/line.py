@@ -104,7 +104,7 @@ class LineEndpoint(ABC):
         try:
             self._set_full(self._hand_over(now))
         except OSError as error:
-            self._lost(error.strerror)
+            self._lost(str(error.strerror))
         if self._is_full:
             return
         if self._wire:
@@ -159,7 +159,7 @@ class LineEndpoint(ABC):
         except BlockingIOError:
             return
         except OSError as error:
-            self._lost(error.strerror)
+            self._lost(str(error.strerror))
             return
         if not data:
             self._lost("it was hung up")
