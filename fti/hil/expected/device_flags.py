@@ -63,7 +63,7 @@ def on_device(fault: OnDevices, case: Case) -> Told:
         if isinstance(fault, kinds):
             duties, unknown = rule(fault, case)
             due = tuple(duty for duty in duties if duty.is_due)
-            return Told(case.name, due, tuple(consequences(case)), unknown)
+            return Told(case.name, due, tuple(consequences(case, *_in_health(fault))), unknown)
     raise AssertionError(f"no flags are stated for {type(fault).__name__}")
 
 
@@ -240,16 +240,35 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
 )
 
 
-def consequences(case: Case) -> Iterator[May]:
-    """Where a fault of a device may show, and until when."""
+#: What health may say of a device whose messages come whole, in time and with the right time: that they are invalid.
+#: A wrong number may be one that no message can carry: then none comes.
+NO_MESSAGE = ("silent", "noise", "wrong rate")
+IN_HEALTH: Sequence[tuple[Any, tuple[str, ...]]] = (
+    (Stuck | Invalid | Fog | GnssDegraded | GnssOffset, ("invalid",)),
+    (GnssOutage, ("invalid", "clock away")),
+    (ClockJump | ClockDrift, ("clock away",)),
+    (Duplicated, ("wrong rate",)),
+    (OnQuantity | Forced, ("invalid", *NO_MESSAGE)),
+    (Cut | Breaker | BrownOut, ("invalid", "clock away", *NO_MESSAGE)),
+)
+
+
+def _in_health(fault: OnDevices) -> tuple[str, ...]:
+    """The words with which health may speak of the device because of the fault; none: any."""
+    return next((words for kinds, words in IN_HEALTH if isinstance(fault, kinds)), ())
+
+
+def consequences(case: Case, *in_health: str) -> Iterator[May]:
+    """Where a fault of a device may show, and until when.  in_health : the words that health may say; none: any"""
     craft, name, begin, end = case.craft, case.name, case.from_s, case.until_s + case.craft.boot_s(case.name)
     age, window = craft.max_age_s(name) + 1.0, craft.window_m / SLOWEST_MPS + CONFIRM_S
     health = WINDOW_S + HEALTH_S + 1.0 + (_learned_s(case) if craft.says_time(name) else 0.0)
     yield May(f"/{name}/", begin, end + age + craft.FIX_S)
-    yield May(case.health, begin, end + health)
+    yield May(case.health, begin, end + health, in_health)
     yield from (May(f"/{unit}/device_status", begin, end + UNIT_S) for unit in craft.power_units)
     yield May(f"/fti/event/{name}", begin, end + health)
-    yield May(f"{LINKS}/{craft.link_of(name)}", begin, end + health)
+    if not in_health or "silent" in in_health:
+        yield May(f"{LINKS}/{craft.link_of(name)}", begin, end + health)
     if name in craft.altimeters:
         yield May(f"{HEIGHT}/{name}", begin, end + age)
     if name in craft.sources:

@@ -60,11 +60,21 @@ class Duty:
 
 @dataclass(frozen=True, slots=True)
 class May:
-    """Flags at places that begin with ``place`` may be a consequence from from_s until until_s."""
+    """Flags may be a consequence from from_s until until_s.
+
+    place : of the flags, or above it ("/nav/x" is above "/nav/x/y" and not above "/nav/xy"); "" is above all
+    words : these alone; none: any
+    """
 
     place: str
     from_s: float
     until_s: float
+    words: tuple[str, ...] = ()
+
+    def explains(self, place: str, word: str) -> bool:
+        """Is it a consequence that this word stands at this place?"""
+        above = self.place.rstrip("/")
+        return (place == above or place.startswith(f"{above}/")) and (not self.words or word in self.words)
 
 
 @dataclass(frozen=True, slots=True)

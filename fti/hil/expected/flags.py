@@ -65,14 +65,17 @@ def _obstacle(fault: Obstacle, craft: Aircraft, truth: Truth) -> Told:
     near = abs(fault.before_threshold_m - truth.before_threshold)
     above = truth.span(near <= fault.length_m / 2)
     beside = truth.span(near <= fault.length_m / 2 + reach)
-    if beside is None or above is None:
-        return Told("flight", (), (), "")
+    if beside is None:
+        return Told("flight", (), ())
     begin, end = beside
     window = craft.window_m / SLOWEST_MPS + CONFIRM_S
+    may = (May(INTEGRITY, begin, end + 2 * window),)
+    if above is None:  # the flight ended with the obstacle ahead, where the beam saw it
+        return Told("flight", (), may)
     duty = Duty(INTEGRITY, ("obstacle",), above[0], above[0] + window, CONFIRM_S, end - above[0] + window)
     seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
     unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
-    return Told("flight", (duty,) if seen else (), (May(INTEGRITY, begin, end + 2 * window),), unknown)
+    return Told("flight", (duty,) if seen else (), may, unknown)
 
 
 def _off_track(fault: OffTrack, craft: Aircraft, truth: Truth) -> Told:

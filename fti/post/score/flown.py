@@ -23,7 +23,6 @@ SECOND_NS = 1_000_000_000
 NAMES = ("height_agl", "s", "y", "roll", "pitch", "vel_down")
 #: What is late by more is a pause of the bench: what the daemon says then is not its fault [s].
 PAUSE_S = 0.15
-COLUMNS = ("height_agl", "s", "y", "roll", "pitch")
 
 
 @dataclass(frozen=True, slots=True)

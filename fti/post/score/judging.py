@@ -205,7 +205,7 @@ def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: _Evidence) 
 def _unexpected(said: Said, may: Sequence[May], end_s: float) -> Iterator[Unexpected]:
     """What is left of every word when all that explains it is taken away."""
     for (place, word), spans in sorted(said.spans.items()):
-        allowed = sorted((m.from_s, m.until_s) for m in may if place.startswith(m.place))
+        allowed = sorted((m.from_s, m.until_s) for m in may if m.explains(place, word))
         for span in spans:
             for from_s, until_s in _without(span, [(-math.inf, START_S), *allowed]):
                 if from_s < end_s:

@@ -104,6 +104,36 @@ def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) 
     assert score(setup, said((-1.0, HEIGHT, STALE), (3.0, HEIGHT, NOTHING)), faults=()).holds
 
 
+@pytest.mark.parametrize(
+    ("kind", "keys", "word", "holds"),
+    [
+        ("stuck", {}, "silent", False),
+        ("stuck", {}, "damaged bytes", False),
+        ("clock_jump", {"by_s": 0.05}, "clock away", True),
+        ("clock_jump", {"by_s": 0.05}, "wrong rate", False),
+        ("cut", {}, "silent", True),
+        ("cut", {}, "damaged bytes", False),
+        ("bit_errors", {"rate": 1e-6}, "damaged bytes", True),
+    ],
+)
+def test_a_fault_explains_its_own_words_of_health(
+    setup: Setup, kind: str, keys: dict[str, object], word: str, holds: bool
+) -> None:
+    fault = {"kind": kind, "devices": ("spare",), "from_s": 20.0, "to_s": 21.0, **keys}
+    health = "/fti/health/devices/spare"
+    heard = said((20.5, health, frozenset({word})), (21.5, health, NOTHING))
+    assert score(setup, heard, faults=(fault,)).holds is holds
+
+
+def test_a_fault_does_not_explain_what_only_has_a_name_like_its_device(setup: Setup) -> None:
+    """Of the source of the position: navigation's change of source is explained, a restart of navigation is not."""
+    fault = {"kind": "cut", "devices": ("gnss",), "from_s": 20.0, "to_s": 21.0}
+    for name, holds in (("nav", True), ("navigation", False)):
+        place = f"/fti/event/{name}"
+        heard = said((20.5, place, frozenset({"restarted"})), (20.5, place, NOTHING))
+        assert (not score(setup, heard, faults=(fault,)).unexpected) is holds, name
+
+
 def test_a_warning_without_a_cause_is_not_expected(setup: Setup) -> None:
     event = frozenset({"failed and goes on"})
     found = score(setup, said((12.0, "/fti/event/pipeline", event), (12.0, "/fti/event/pipeline", NOTHING)), faults=())
