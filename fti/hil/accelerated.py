@@ -11,6 +11,7 @@ itself, what the kernel does to stamps, processes that end.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -203,22 +204,25 @@ class Session:
         return {"kind": self._links[name], "state": state, "hint": "", **counts}
 
 
-def fly(config: Config, scenario: Scenario, out: Path, *, world: World | None = None) -> Path:
+def fly(
+    config: Config, scenario: Scenario, out: Path, *, world: World | None = None, until_s: float | None = None
+) -> Path:
     """Fly a scenario past the chain; returns the session folder below ``out``, which has the truth too.
 
-    world : made from the scenario when None.  Raises what the emulator raises.
+    world : made from the scenario when None; until_s : the flight is cut off there [s].  Raises what the emulator
+    raises; what was recorded until then is closed in good order.
     """
     world = world or make_world(scenario)
     folder = SessionFolder.create(out, config.session.name, BEGIN_NS)
     session = Session(config, folder, {"name": config.session.name, "origin": "hil", "accelerated": "true"})
-    for k in range(-BEFORE_TICKS, 0):
-        session.tick(BEGIN_NS + k * TICK_PERIOD_NS)
-    bench = Memory(
-        lambda link, data: session.receive(link, data, bench.clock.now_ns()),
-        [Ticking(lambda: session.tick(bench.clock.now_ns()))],
-    )
-    emulator = Emulator(config, scenario, bench, truth=folder.next_path("truth"), world=world)
-    emulator.start()
-    asyncio.run(emulator.run(duration_s=world.duration))
-    session.close()
+    with contextlib.closing(session):
+        for k in range(-BEFORE_TICKS, 0):
+            session.tick(BEGIN_NS + k * TICK_PERIOD_NS)
+        bench = Memory(
+            lambda link, data: session.receive(link, data, bench.clock.now_ns()),
+            [Ticking(lambda: session.tick(bench.clock.now_ns()))],
+        )
+        emulator = Emulator(config, scenario, bench, truth=folder.next_path("truth"), world=world)
+        emulator.start()
+        asyncio.run(emulator.run(duration_s=world.duration if until_s is None else min(until_s, world.duration)))
     return folder.path

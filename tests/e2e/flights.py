@@ -12,6 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fti.hil import accelerated
 from fti.hil import scenario as scenarios
 from fti.logger.reading.recording import Recording
 from tests.e2e.harness import END_S, FTI, START_S, daemon, free_udp_port, with_free_ports
@@ -114,4 +115,12 @@ def fly(scenario: str, folder: Path, duration_s: float | None) -> Flight:
             session = running.session
             assert played.wait(timeout=(duration_s or LONGEST_S) + END_S) == 0, said(config).read_text()
             running.stop()
+    return Flight(session, truth)
+
+
+def fly_faster(scenario: str, folder: Path, duration_s: float | None) -> Flight:
+    """Fly a scenario past the daemon's chain, faster than time, so many seconds of it; None : to its end."""
+    loaded = scenarios.load(scenarios.find(scenario))
+    session = accelerated.fly(scenarios.load_config(loaded), loaded, folder, until_s=duration_s)
+    (truth,) = Recording.open(session).truth_files
     return Flight(session, truth)

@@ -6,21 +6,41 @@ from pathlib import Path
 
 import pytest
 
-from fti.cli.main import main
 from fti.hil import scenario as scenarios
-from tests.e2e.conftest import flown
+from tests.e2e.conftest import ELSEWHERE, flown
+from tests.e2e.flights import fly_faster
+from tests.e2e.harness import fti
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 
+#: As long as it takes until something of each has been judged [s]; at full scale they are flown to their ends.
+DURATIONS = {
+    "gnss_degraded": 12.0,
+    "gnss_offset": 24.0,
+    "gnss_outages": 45.0,
+    "jsbsim_approach": 12.0,
+    "jsbsim_go_around": 12.0,
+    "jsbsim_low_level": 12.0,
+    "jsbsim_pattern": 12.0,
+    "pattern": 32.0,
+    "recorded": 12.0,
+    "table": 35.0,
+}
+
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Those that are not flown in real time anyway; at full scale all of them."""
-    real = flown(metafunc.config) if metafunc.config.getoption("--scale") == "quick" else ()
-    metafunc.parametrize("name", [name for name in scenarios.shipped() if name not in real])
+    """Those that are not flown elsewhere anyway; at full scale all of them."""
+    quick = metafunc.config.getoption("--scale") == "quick"
+    durations = DURATIONS if quick else dict.fromkeys(scenarios.shipped())
+    metafunc.parametrize(("name", "duration_s"), durations.items(), ids=list(durations))
 
 
-def test_the_daemon_said_what_the_scenario_expects(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    code = main(["score", name, "--fly", str(tmp_path)])
-    assert code == 0, capsys.readouterr().out
+def test_the_daemon_said_what_the_scenario_expects(name: str, duration_s: float | None, tmp_path: Path) -> None:
+    flight = fly_faster(name, tmp_path, duration_s)
+    done = fti("score", name, str(flight.session), timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "holds: " in done.stdout
+
+
+def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:
+    assert DURATIONS.keys() | flown(pytestconfig).keys() | ELSEWHERE == set(scenarios.shipped())
