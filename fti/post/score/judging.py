@@ -25,6 +25,8 @@ START_S = 6.5
 AFTER_PAUSE_S = 14.0
 #: What is judged over a window may have a pause in it from so long before [s].
 BEFORE_S = 5.0
+#: Navigation that is behind for a larger part of a flight is too slow; for less the machine had no time for it.
+BEHIND_SHARE = 0.25
 #: A word that stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 
@@ -110,16 +112,27 @@ class Score:
         return self.verdicts.count(Verdict.LATE_BENCH) <= self.verdicts.count(Verdict.FOUND)
 
     @property
+    def behind(self) -> float:
+        """The part of the flight for which navigation was behind."""
+        times = merged(self.said.behind)
+        return sum(p.until_s - max(p.from_s, 0.0) for p in times if p.until_s > 0.0) / self.flown.truth.end_s
+
+    @property
+    def keeps_up(self) -> bool:
+        """Was navigation in time for most of it?"""
+        return self.behind <= BEHIND_SHARE
+
+    @property
     def holds(self) -> bool:
         """Was everything raised in time, and nothing else?"""
-        return self.told and not self.unexpected and not FAILURES & set(self.verdicts)
+        return self.told and self.keeps_up and not self.unexpected and not FAILURES & set(self.verdicts)
 
 
 def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     """Compare.  setup : the configuration that the session was recorded with."""
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
-    pauses = tuple(merged((*flown.pauses, *said.pauses)))
+    pauses = tuple(merged((*flown.pauses, *said.pauses, *said.behind)))
     may = [*of_flight(craft, flown.truth), *_allowed([one for _, one in belongs], pauses)]
     end_s = flown.truth.end_s
     return Score(

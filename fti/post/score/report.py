@@ -72,6 +72,8 @@ def _conclusion(score: Score) -> str:
     found, failed = verdicts.count(Verdict.FOUND), sum(verdict in FAILURES for verdict in verdicts)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
+    if not score.keeps_up:
+        counts.append(f"navigation was behind for {score.behind:.0%} of the flight")
     begin = "holds" if score.holds else "does not hold" if score.told else "not told, the bench was too late"
     return "; ".join([f"{begin}: {found} of {found + failed} expected flags found in time", *counts, surprises])
 
@@ -91,6 +93,7 @@ def as_json(score: Score) -> dict[str, Any]:
             for met in score.expected
         ],
         "pauses": [asdict(pause) for pause in score.pauses],
+        "behind": score.behind,
     }
 
 

@@ -69,7 +69,8 @@ class Said:
     spans  : (place, word) -> when it stood, in order
     values : what ``[[expect]]`` asks for: channel -> (time [s], value)
     clocks : device -> since when its clock is known [s]
-    pauses : in which recorder or navigation stood still
+    pauses : in which the recorder stood still
+    behind : in which navigation was later than it may be
     ports  : the session was recorded from real ports
     """
 
@@ -77,6 +78,7 @@ class Said:
     values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
     clocks: dict[str, float] = field(default_factory=dict)
     pauses: list[Pause] = field(default_factory=list)
+    behind: list[Pause] = field(default_factory=list)
     ports: bool = True
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
@@ -139,7 +141,7 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
             reader.tick(t, said)
             continue
         if topic == HEALTH:
-            said.pauses += reader.lags(t, data)
+            said.behind += reader.lags(t, data)
         for place, words in reader.read(topic, data):
             said.take(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
@@ -178,7 +180,7 @@ class _Reader:
         self._ticked = t
 
     def lags(self, t: float, data: bytes) -> Iterator[Pause]:
-        """Navigation that is behind judges devices by what it has not seen yet."""
+        """When navigation was behind: then it judges devices by what it has not seen yet."""
         lag_s = json.loads(data)["navigation"].get("lag_ms", 0.0) / 1e3
         if lag_s > LAG_S:
             yield Pause(t - lag_s, t)

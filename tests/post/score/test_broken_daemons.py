@@ -14,8 +14,10 @@ from fti.nav.device_clock import DeviceClock
 from fti.nav.heights import AltimeterChannel
 from fti.nav.sources import Source
 from fti.post.score.judging import Score, Verdict
+from fti.post.score.report import as_text
 from fti.service import diagnosis
 from fti.service.diagnosis import Diagnosis
+from fti.service.health import HealthBoard
 from fti.types import LinkState, Reason
 from tests.post.score.flying import score_of, session_of, short
 
@@ -77,6 +79,12 @@ def never_hear_again(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Diagnosis, "_judge", judge)
 
 
+def be_behind(patch: pytest.MonkeyPatch) -> None:
+    real = HealthBoard.compose
+    late = {"navigation": {"lag_ms": 600.0}}
+    patch.setattr(HealthBoard, "compose", lambda self, *arguments: {**real(self, *arguments), **late})
+
+
 @pytest.mark.parametrize(
     ("breaks", "place", "verdict"),
     [
@@ -105,6 +113,14 @@ def test_a_daemon_that_raises_what_nothing_explains_fails(broken: Callable[[Brea
     score = broken(strict)
     assert not score.holds
     assert {one.word for one in score.unexpected} == {"wrong rate"}
+
+
+def test_a_daemon_whose_navigation_is_always_behind_fails(broken: Callable[[Break], Score]) -> None:
+    """Whatever else it does: a busy machine is an excuse for a while."""
+    score = broken(be_behind)
+    assert not score.holds
+    assert score.behind == pytest.approx(0.6, abs=0.05)
+    assert "behind for" in as_text(score)[-1]
 
 
 def test_a_whole_daemon_holds(tmp_path: Path) -> None:
