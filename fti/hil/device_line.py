@@ -47,17 +47,20 @@ class DeviceLine:
 
     def due_s(self) -> float | None:
         """When something may leave next [s]; None when nothing will."""
-        instants = [due for stage in self._stages if (due := stage.due_s()) is not None]
-        if self._k < len(self.sensor.due):
-            instants.append(float(self.sensor.due[self._k]))
-        return min(instants, default=None)
+        instants = [self.cycle_s, *(stage.due_s() for stage in self._stages)]
+        return min((due for due in instants if due is not None), default=None)
+
+    @property
+    def cycle_s(self) -> float | None:
+        """When the device itself has the next thing to say [s]; None when it has said everything."""
+        return float(self.sensor.due[self._k]) if self._k < len(self.sensor.due) else None
 
     def step(self, start_ns: int) -> list[bytes]:
         """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
         t = self.due_s()
         assert t is not None
         messages = []
-        if self._k < len(self.sensor.due) and self.sensor.due[self._k] <= t:
+        if self.cycle_s is not None and self.cycle_s <= t:
             messages = self._cycle(self._k, start_ns) if self._is_powered(t) else []
             self._k += 1
         return self._spoiled(t, messages)

@@ -93,12 +93,19 @@ class Meter:
         self.name, self.link = name, link
         self.late = Histogram()
         self._asked_hz = asked_hz
+        self._cycles = 0
         self._first_s: float | None = None
         self._last_s = 0.0
 
-    def note(self, due_s: float, late_s: float) -> None:
-        """A message that was due at due_s [s] goes out so much later."""
+    def note(self, due_s: float, late_s: float, *, is_cycle: bool = True) -> None:
+        """A message that was due at due_s [s] goes out so much later.
+
+        is_cycle : it is one of the device's own, not one that something had held back and that does not count as rate
+        """
         self.late.add(late_s)
+        if not is_cycle:
+            return
+        self._cycles += 1
         self._last_s = due_s + late_s
         if self._first_s is None:
             self._first_s = self._last_s
@@ -106,7 +113,6 @@ class Meter:
     @property
     def rate(self) -> Rate:
         """What may be said so far."""
-        late = self.late.lateness
         lasted_s = self._last_s - (self._first_s or 0.0)
-        sent_hz = (late.messages - 1) / lasted_s if late.messages > 1 and lasted_s > 0.0 else None
-        return Rate(self.name, self.link, self._asked_hz, sent_hz, late)
+        sent_hz = (self._cycles - 1) / lasted_s if self._cycles > 1 and lasted_s > 0.0 else None
+        return Rate(self.name, self.link, self._asked_hz, sent_hz, self.late.lateness)

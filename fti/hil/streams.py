@@ -26,7 +26,7 @@ class SensorStream:
 
     def note(self, due_s: float, late_s: float) -> None:
         """How late the next message leaves."""
-        self.meter.note(due_s, late_s)
+        self.meter.note(due_s, late_s, is_cycle=due_s == self._line.cycle_s)
 
     def due_s(self) -> float | None:
         """When the next message leaves."""

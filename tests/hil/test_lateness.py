@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
+from typing import cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.hil.device_line import DeviceLine
 from fti.hil.lateness import BINS, Histogram, Meter
+from fti.hil.ports.endpoints import Endpoint
 from fti.hil.ports.sent import Sent
 from fti.hil.report import Report, lateness_by_link
+from fti.hil.streams import SensorStream
+from fti.hil.tables.kinds import Burst
+from tests.hil.faults.flown import device
+from tests.hil.worlds import scenario
 
 MICROSECOND_MS = 1e-3
 
@@ -73,6 +81,25 @@ def test_one_that_falls_behind_shows_the_rate_that_it_reached() -> None:
         slow.note(k / 100, k / 50 - k / 100)
     assert slow.rate.sent_hz == pytest.approx(50.0)
     assert not slow.rate.held
+
+
+def test_messages_that_were_held_back_are_no_higher_rate() -> None:
+    class Sink:
+        is_stream = False
+
+        def send(self, data: bytes) -> None: ...
+
+    burst = Burst(kind="burst", hold_s=0.33, from_s=0.0, to_s=10.0)
+    line = DeviceLine(device("power_unit"), scenario(fault=(burst,)))
+    stream, instants = SensorStream(line, cast("Endpoint", Sink()), 0), 0
+    while (due_s := stream.due_s()) is not None:
+        stream.note(due_s, 0.0)
+        asyncio.run(stream.send())
+        instants += 1
+    rate = stream.meter.rate
+    assert instants > 1.1 * len(line.sensor.due)  # it left between its cycles, too
+    assert rate.lateness.messages == instants
+    assert rate.sent_hz == pytest.approx(rate.asked_hz, rel=1e-3)  # its own clock has errors
 
 
 def test_a_line_that_is_too_slow_is_no_rate_that_holds() -> None:
