@@ -1,12 +1,15 @@
-"""What ``fti hil`` and ``fti replay`` share: run until the end or a signal, say when ready, report."""
+"""What ``fti hil`` and ``fti replay`` share: hold the folder, run until the end or a signal, say when ready, report."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import fcntl
 import json
+import os
 import signal
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 from fti.errors import MissingError
@@ -15,6 +18,25 @@ from fti.hil.report import Report
 
 #: Each ends the playing in good order; the last one is a terminal that is closed.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+@contextlib.contextmanager
+def ports_in(folder: Path) -> Iterator[None]:
+    """The folder is ours while the block lasts; told when another emulator or replay has its ports there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:  # what a port needs of it, the port says
+        yield
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        tell(f"{folder}: another fti hil or fti replay has its ports there; those of the same name are taken from it")
+    try:
+        yield
+    finally:
+        os.close(descriptor)
 
 
 async def until_stopped(
@@ -71,9 +93,19 @@ def _shown(late: Lateness) -> str:
 
 def write_report(report: Report, path: str | None) -> None:
     """The report as JSON, where a path is given.  Raises MissingError when it cannot be written."""
+    _write(path, json.dumps(report.as_json(), indent=1) + "\n", mode="w")
+
+
+def check_report(path: str | None) -> None:
+    """Asked before a flight of an hour.  Raises MissingError when no report can be written there."""
+    _write(path, "", mode="a")
+
+
+def _write(path: str | None, text: str, mode: str) -> None:
     if path is None:
         return
     try:
-        Path(path).write_text(json.dumps(report.as_json(), indent=1) + "\n")
+        with Path(path).open(mode, encoding="utf-8") as file:
+            file.write(text)
     except OSError as error:
         raise MissingError(f"{path}: cannot be written: {error.strerror}") from None

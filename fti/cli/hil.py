@@ -102,12 +102,14 @@ def _prepared(args: argparse.Namespace) -> Emulator:
 
 def _fly(args: argparse.Namespace) -> int:
     import asyncio
+    from pathlib import Path
 
-    from fti.cli._playing import print_report, until_stopped, write_report
+    from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
     from fti.hil import looping
     from fti.hil.report import Report
     from fti.hil.status import Teller
 
+    check_report(args.report)
     emulator = _prepared(args)
 
     async def fly(stop: asyncio.Event) -> Report:
@@ -117,7 +119,7 @@ def _fly(args: argparse.Namespace) -> int:
         finally:
             starting.cancel()
 
-    with Teller(emulator, args.run_dir):
+    with ports_in(Path(args.links)), Teller(emulator, args.run_dir):
         report, interrupted = looping.run(until_stopped(fly, emulator.ready))
     print_report(report)
     write_report(report, args.report)

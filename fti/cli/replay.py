@@ -58,11 +58,15 @@ def _names(text: str) -> tuple[str, ...]:
 
 def run(args: argparse.Namespace) -> int:
     """Replay to the end or to a signal."""
-    from fti.cli._playing import print_report, until_stopped, write_report
+    from pathlib import Path
+
+    from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
     from fti.hil import looping
 
+    check_report(args.report)
     replay, length_s = _open(args)
-    report, interrupted = looping.run(until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready))
+    with ports_in(Path(args.links)):
+        report, interrupted = looping.run(until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready))
     print_report(report)
     write_report(report, args.report)
     return EXIT_INTERRUPTED if interrupted else 0

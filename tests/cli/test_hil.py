@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+import os
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -11,8 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from fti.cli._playing import ports_in, until_stopped
 from fti.cli.main import main
-from fti.hil.lateness import Rate
+from fti.hil.lateness import Histogram, Rate
+from fti.hil.report import Report
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
 
@@ -76,26 +80,56 @@ def test_a_rate_that_is_not_held_is_no_failure_unless_it_is_asked_for(
     assert main(["hil", "nominal", "--duration", "0.2", "--config", config, "--links", links, *arguments]) == code
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_interrupted_it_ends_with_130_and_takes_its_ports_away(number: signal.Signals, tmp_path: Path) -> None:
+def test_interrupted_it_ends_with_130_and_takes_its_ports_away(tmp_path: Path) -> None:
     links = tmp_path / "links"
     arguments = ("hil", "nominal", "--wait", "--config", str(demo_config(tmp_path)), "--links", str(links))
     with command(*arguments) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         assert (links / "radalt_line").is_char_device()
-        process.send_signal(number)
+        process.send_signal(signal.SIGINT)
         assert process.wait(END_S) == 130
     assert not list(links.iterdir())
 
 
-def test_mistakes_are_one_sentence(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_each_of_these_signals_ends_a_flight_in_good_order(number: signal.Signals) -> None:
+    async def fly(stop: asyncio.Event) -> Report:
+        os.kill(os.getpid(), number)
+        async with asyncio.timeout(END_S):
+            await stop.wait()
+        return Report({}, Histogram().lateness)
+
+    async def flown() -> tuple[Report, bool]:
+        return await until_stopped(fly, asyncio.Event())
+
+    _, interrupted = asyncio.run(flown())
+    assert interrupted
+
+
+def test_a_second_one_in_the_same_folder_is_told_and_a_later_one_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with ports_in(tmp_path / "links"):
+        assert not capsys.readouterr().err
+        with ports_in(tmp_path / "links"):
+            assert "links: another fti hil or fti replay has its ports there" in capsys.readouterr().err
+    with ports_in(tmp_path / "links"):
+        assert not capsys.readouterr().err
+
+
+def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, said in (
         (["hil", "nomnal"], "fti: no scenario 'nomnal'; there are "),
         (["hil"], "fti: which scenario? There are "),
         (["replay", str(tmp_path / "nothing")], "there is no such session"),
+        (
+            ["hil", "nominal", "--report", str(tmp_path / "no" / "report.json")],
+            "report.json: cannot be written: No such",
+        ),
+        (["replay", "s", "--report", str(tmp_path / "no" / "report.json")], "report.json: cannot be written: No such"),
     ):
-        done = fti(*arguments)
-        assert done.returncode == 2
-        assert said in done.stderr
-        assert done.stderr.count("\n") == 1
+        assert main(arguments) == 2
+        told = capsys.readouterr().err
+        assert said in told
+        assert told.count("\n") == 1
