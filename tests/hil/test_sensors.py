@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Altimeter, Device
-from fti.geodesy.wgs84 import SEMI_MAJOR
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import SEMI_MAJOR, ecef_from_geodetic
 from fti.hil.sensors import MODELS, Sensor
-from fti.hil.sensors.base import position_at, sample_times
+from fti.hil.sensors.base import position_at, sample_times, velocity_at
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.inertial import specific_force_b
+from fti.hil.tables.kinds import OffTrack
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (
@@ -48,10 +50,10 @@ def flown() -> World:
     return world(duration_s=60.0)
 
 
-def sensor(driver: str, name: str = "device", seed: int = 1, **keys: object) -> Sensor:
+def sensor(driver: str, name: str = "device", seed: int = 1, there: World | None = None, **keys: object) -> Sensor:
     device = Device.model_validate({"name": name, "link": "line", "driver": driver, **keys})
     module = drivers.load(driver)
-    return Sensor(BoundDevice(device, module, module.Options()), MODELS[driver], flown(), seed)
+    return Sensor(BoundDevice(device, module, module.Options()), MODELS[driver], there or flown(), seed)
 
 
 def all_of(made: Sensor, kind: type[M]) -> list[M]:
@@ -179,6 +181,33 @@ def test_a_lever_arm_moves_the_position_with_the_heading() -> None:
     east = (lon - state.lon)[0] * SEMI_MAJOR * math.cos(state.lat[0])
     assert (north, east) == pytest.approx((-3.4, -9.4), abs=0.4)
     assert (alt - state.alt)[0] == pytest.approx(10.0 * math.sin(state.pitch[0]), abs=0.01)
+
+
+@pytest.mark.parametrize("arm", [(5.0, 2.0, -1.5), (-12.0, 0.0, 3.0)])
+def test_a_lever_arm_has_the_velocity_of_its_place(arm: tuple[float, float, float]) -> None:
+    """Against the way of the place in 20 ms, in a side step: 0.2 m/s and more beside that of P."""
+    t = np.linspace(8.0, 20.0, 50)
+    there = [ecef_from_geodetic(*position_at(stepping().state(t + ahead), arm)) for ahead in (0.01, -0.01)]
+    state = stepping().state(t)
+    moved_n = np.einsum("nji,nj->ni", mat_en(state.lat, state.lon), (there[0] - there[1]) / 0.02)
+    found = velocity_at(state, arm)
+    assert np.abs(found - state.vel_n).max() > 0.15
+    np.testing.assert_allclose(found, moved_n, atol=1e-3)
+
+
+@cache
+def stepping() -> World:
+    return world(duration_s=60.0, fault=(OffTrack(kind="off_track", right_m=150.0, from_s=20.0, to_s=50.0),))
+
+
+@pytest.mark.parametrize("driver", ["imar_ixcom", "nmea0183"])
+def test_what_is_told_is_the_velocity_at_the_device(driver: str) -> None:
+    """With an arm and without one the errors are the same ones: the difference is the arm's."""
+    arm = (5.0, 2.0, -1.5)
+    moved, still = (sensor(driver, there=stepping(), rate_hz=5, lever_arm_b=a) for a in (arm, (0.0, 0.0, 0.0)))
+    found, plain = (np.array([(v.north, v.east) for v in all_of(made, Velocity)]) for made in (moved, still))
+    state = stepping().state(moved.t)
+    np.testing.assert_allclose(found - plain, (velocity_at(state, arm) - state.vel_n)[:, :2], atol=2e-3)
 
 
 def test_velocity_says_the_same_in_components_and_as_track() -> None:

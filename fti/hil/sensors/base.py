@@ -120,3 +120,13 @@ def position_at(state: State, lever_arm_b: tuple[float, float, float]) -> tuple[
     lat = state.lat + arm_n[:, 0] / (r_meridian + state.alt)
     lon = state.lon + arm_n[:, 1] / ((r_normal + state.alt) * np.cos(state.lat))
     return lat, lon, state.alt - arm_n[:, 2]
+
+
+def velocity_at(state: State, lever_arm_b: tuple[float, float, float]) -> Array:
+    """Velocity of a point of the aircraft, north, east, down [m/s], shape (n, 3): that of P, and the turn about it.
+
+    v = v_P + mat_nb (omega_nb_b x arm_b)
+    """
+    mat_nb = mat_from_rpy(state.roll, state.pitch, state.heading)
+    around_b = np.cross(state.omega_nb_b, np.asarray(lever_arm_b))
+    return np.asarray(state.vel_n + np.einsum("nij,nj->ni", mat_nb, around_b))

@@ -12,7 +12,7 @@ from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.flight.trajectory import State, earth_frame_velocity
-from fti.hil.sensors.base import position_at
+from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.imu import Imu
 from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
@@ -83,6 +83,7 @@ class InertialNavigation:
         self._accel, self._gyro = unit.force_b[:: unit.every], unit.rate_b[:: unit.every]
         self._told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
         self._arm = _beside(state, bound)
+        self._arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
         self._undulation = world.undulation
         self._aids = Aids(bound, world, t, rng, told=self._told)
 
@@ -106,7 +107,7 @@ class InertialNavigation:
     def _solution(self, k: int, stamp: Stamp) -> list[Measurement]:
         said, deviations = self._told.solution, self._told.deviations[k]
         roll, pitch, heading = map(float, said.rpy[k])
-        north, east, down = map(float, said.vel_n[k])
+        north, east, down = map(float, said.vel_n[k] + self._arm_vel_n[k])
         places = zip((said.lat, said.lon, said.alt), self._arm, strict=True)
         lat, lon, alt = (float(at[k] + arm[k]) for at, arm in places)
         return [

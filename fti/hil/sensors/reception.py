@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, radii
 from fti.hil.faults.gnss import GnssFaults
-from fti.hil.sensors.base import position_at
+from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.constellation import Constellation, dilution
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -97,7 +97,7 @@ class Reception:
         faults, state = GnssFaults(bound.device.name, world.scenario.fault), world.state(t)
         offset, rate = faults.offset_n(t)
         self.place = _moved(np.stack(position_at(state, bound.device.lever_arm_b), axis=1), offset)
-        self.vel_n = state.vel_n + rate
+        self.vel_n = velocity_at(state, bound.device.lever_arm_b) + rate
         knots = np.arange(0.0, world.duration + KNOT_S, KNOT_S)
         self._at = np.minimum((t / KNOT_S).astype(np.int64), len(knots) - 1)
         self._usable = self._look(bound, make, world, knots, start_s)
