@@ -82,7 +82,11 @@ class Attitude:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position:
-    """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message."""
+    """Position: lat, lon [rad], alt above WGS84 [m], alt_msl [m] and the undulation [m] of the same message.
+
+    horizontal_sd : one sigma of each horizontal axis [m].  Of two that differ the root mean square, of an inertial
+                    system the larger one; what a device states as its horizontal accuracy is taken as it is
+    """
 
     stamp: Stamp
     lat: float | None = None

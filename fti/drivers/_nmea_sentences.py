@@ -121,7 +121,7 @@ class Sentences:
     def _gst(self, f: list[str], t_rx_ns: int) -> list[Measurement]:
         of_day_ns = fields.time_of_day(f[1])
         north, east, up = (fields.number(text) for text in f[6:9])
-        horizontal = None if north is None or east is None else math.hypot(north, east)
+        horizontal = None if north is None or east is None else math.hypot(north, east) / math.sqrt(2.0)
         self._sigma = None if of_day_ns is None else (of_day_ns, horizontal, up)
         return []
 

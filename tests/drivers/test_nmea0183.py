@@ -477,7 +477,24 @@ def test_sigma_of_gst_belongs_to_the_positions_around_it() -> None:
     gga = "GPGGA,{},4800.0,N,01130.0,E,1,08,1.0,500.0,M,47.0,M,,"
     found = [m for m in decode(gst + b"".join(sentence(gga.format(t)) for t in ("120001.00", "120011.00", "115959")))
              if isinstance(m, Position)]  # fmt: skip
-    assert [(p.horizontal_sd, p.vertical_sd) for p in found] == [(5.0, 6.5), (None, None), (None, None)]
+    sigma = [(p.horizontal_sd, p.vertical_sd) for p in found]
+    assert sigma == [(pytest.approx(math.sqrt((3.0**2 + 4.0**2) / 2)), 6.5), (None, None), (None, None)]
+
+
+def test_the_sigma_that_is_written_is_the_one_that_is_read() -> None:
+    stated = Position(
+        stamp=Stamp(5, unix_ns("2024-02-29T12:00:00.250"), TimeScale.UTC),
+        lat=0.8,
+        lon=0.2,
+        alt=547.0,
+        alt_msl=500.0,
+        undulation=47.0,
+        horizontal_sd=2.5,
+        vertical_sd=4.0,
+    )
+    sent = b"".join(nmea.make_encoder(nmea.Options()).encode(stated))
+    found = next(m for m in decode(sent) if isinstance(m, Position) and m.alt_msl is not None)
+    assert (found.horizontal_sd, found.vertical_sd) == pytest.approx((2.5, 4.0))
 
 
 @pytest.mark.parametrize(
