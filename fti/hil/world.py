@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device
+from fti.errors import ConfigError
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.making import Around, make_flight
@@ -64,7 +65,10 @@ class World:
         air = scenario.air
         self.scenario = scenario
         self.path = path
-        self.terrain = with_obstacles(terrain, path, scenario.obstacles)
+        try:
+            self.terrain = with_obstacles(terrain, path, scenario.obstacles)
+        except ValueError as error:
+            raise ConfigError(f"{scenario.title}: fault: {error}") from None
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
@@ -124,7 +128,10 @@ def mounting(device: Device) -> Array:
 
 
 def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:
-    """The terrain with boxes on it, aligned with the track; at least one post each."""
+    """The terrain with boxes on it, aligned with the track; at least one post each.
+
+    Raises ValueError for a box that is not on the terrain, or between its posts.
+    """
     if not obstacles:
         return terrain
     layer = terrain.finest
@@ -136,6 +143,9 @@ def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obs
         along, across = np.abs(s - path.x_gpi - box.before_threshold_m), np.abs(y - box.right_m)
         inside = (along <= box.length_m / 2) & (across <= box.width_m / 2)
         if not inside.any():
-            raise ValueError(f"an obstacle {box.before_threshold_m} m before the threshold is outside the terrain")
+            raise ValueError(
+                f"an obstacle {box.before_threshold_m:g} m before the threshold and {box.right_m:g} m right of it "
+                f"is outside the terrain, or between its posts, which are {layer.cell_m:g} m apart"
+            )
         heights[inside] += box.height_m
     return terrain.with_finest(heights)

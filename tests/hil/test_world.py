@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import calibrated_airspeed, impact_pressure, with_obstacles
@@ -80,6 +81,8 @@ def test_an_obstacle_outside_the_ground_is_refused() -> None:
     box = Obstacle(kind="obstacle", before_threshold_m=30000.0, height_m=150.0)
     with pytest.raises(ValueError, match="outside the terrain"):
         with_obstacles(flat_terrain(), path(), [box])
+    with pytest.raises(ConfigError, match=r"test: fault: an obstacle 30000 m before .* is outside the terrain"):
+        world(fault=(box,))
 
 
 def test_the_radar_sees_the_obstacle() -> None:

@@ -30,7 +30,7 @@ LARGEST = {"lat_deg": 90.0, "lon_deg": 360.0, "roll_deg": 180.0, "pitch_deg": 90
 def read_table(file: Path) -> Samples:
     """The samples of a file.  Raises MissingError, and ConfigError with the line that is wrong."""
     try:
-        text = file.read_text(encoding="utf-8")
+        text = file.read_text(encoding="utf-8-sig")  # spreadsheets begin it with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         raise MissingError(f"{file}: cannot be read: {reason}") from None

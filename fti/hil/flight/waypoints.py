@@ -23,6 +23,7 @@ from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.coordinated import GRAVITY, coordinated_flight
 from fti.hil.flight.trajectory import SplineFlight, Track
+from fti.hil.tables.flights import LONGEST_S
 from fti.nav.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
@@ -58,10 +59,13 @@ def waypoint_flight(waypoints: Sequence[Waypoint], bank: float, wind_n: tuple[fl
     """The flight from the first waypoint (t = 0) to the last one.
 
     bank   : of its turns in still air [rad]; wind_n : where the wind blows to, north and east [m/s]
-    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have, or two are one.
+    Raises ValueError, naming waypoints by their index, where turns need more room than the legs have, or two are one;
+    and for a flight of more than ``LONGEST_S``.
     """
     turns = _route(waypoints, bank)
     t, positions_e, end = _timed(_with_margins(waypoints), turns)
+    if not end <= LONGEST_S:
+        raise ValueError(f"waypoint: {end:.0f} s from the first to the last, {LONGEST_S:.0f} s at most can be flown")
     fine = np.arange(-MARGIN_S, end + MARGIN_S, FINE_S)
     path_e = np.stack([np.interp(fine, t, axis) for axis in positions_e.T], axis=1)
     weights = np.hanning(round(SMOOTH_S / FINE_S) + 1)

@@ -34,17 +34,21 @@ from fti.config import Name, Positive, StrictModel
 from fti.hil.tables.bases import NotNegative
 from fti.hil.tables.dynamics import JsbsimFlight
 
+#: The air data are those of subsonic flow [m/s]; a flight is computed before it begins, and held in memory [s].
+Speed = Annotated[float, Field(ge=1, le=300)]
+LONGEST_S = 14_400.0
+
 
 class ApproachFlight(StrictModel):
     """``[flight]`` down the published approach of the airfield."""
 
     kind: Literal["approach"] = "approach"
-    start_m: Positive = 4500.0
-    duration_s: Positive = 82.0
-    speed_mps: Positive = 60.0
-    wander_m: NotNegative = 3.0
-    wander_height_m: NotNegative = 1.5
-    gust_mps: NotNegative = 0.7
+    start_m: Annotated[float, Field(gt=0, le=1e6)] = 4500.0
+    duration_s: Annotated[float, Field(gt=0, le=LONGEST_S)] = 82.0
+    speed_mps: Speed = 60.0
+    wander_m: Annotated[float, Field(ge=0, le=1000)] = 3.0
+    wander_height_m: Annotated[float, Field(ge=0, le=100)] = 1.5
+    gust_mps: Annotated[float, Field(ge=0, le=20)] = 0.7
 
 
 class WaypointTable(StrictModel):
@@ -53,7 +57,7 @@ class WaypointTable(StrictModel):
     lat_deg: Annotated[float, Field(ge=-89, le=89)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
     alt_m: Annotated[float, Field(ge=-500, le=20000)]
-    speed_mps: Positive
+    speed_mps: Speed
 
 
 class WaypointFlight(StrictModel):

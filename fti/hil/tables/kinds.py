@@ -68,7 +68,7 @@ class OffTrack(StrictModel):
     """A side step: away by ``right_m`` (negative: left) until ``to_s``; from_s = 0 begins the flight there."""
 
     kind: Literal["off_track"]
-    right_m: float
+    right_m: Annotated[float, Field(ge=-20_000, le=20_000)]
     from_s: NotNegative
     to_s: NotNegative
     turn_s: Positive = 20.0

@@ -55,7 +55,7 @@ class Air(StrictModel):
     visibility_m : in fog from the ground up to ``fog_top_m`` above the threshold; lasers feel it.  None: clear air
     """
 
-    wind_mps: NotNegative = 0.0
+    wind_mps: Annotated[float, Field(ge=0, le=100)] = 0.0
     wind_from_deg: Annotated[float, Field(ge=0, lt=360)] = 0.0
     qnh_hpa: Annotated[float, Field(ge=870, le=1085)] = 1013.25
     isa_deviation_k: Annotated[float, Field(ge=-60, le=60)] = 0.0

@@ -138,6 +138,27 @@ def test_mistakes_in_a_table_are_named(tmp_path: Path, text: str, said: str) -> 
         scenarios.load(written(tmp_path, text))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[flight]\nspeed_mps = 0.5",
+        "[flight]\nspeed_mps = 301",
+        "[flight]\nduration_s = 14401",
+        "[air]\nwind_mps = 101",
+        '[[fault]]\nkind = "off_track"\nfrom_s = 0\nto_s = 9\nright_m = 1e9',
+    ],
+)
+def test_what_no_flight_can_be_computed_for_is_refused_by_its_key(tmp_path: Path, text: str) -> None:
+    key = text.split()[-3]
+    with pytest.raises(ConfigError, match=rf"{key} = .*: input should be (less|greater) than or equal to \d+"):
+        scenarios.load(written(tmp_path, text))
+
+
+def test_a_flight_of_hours_on_end_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"test: flight\.waypoint: \d+ s from the first to the last, 14400 s at most"):
+        world(line(waypoint=({**EAST, "speed_mps": 2}, {**WEST, "lat_deg": 49, "speed_mps": 2})))
+
+
 def test_turns_without_room_are_named_by_the_scenario() -> None:
     corner = {**EAST, "lon_deg": 10.951, "lat_deg": 48.003}
     with pytest.raises(ConfigError, match=r"test: flight\.waypoint\[1\] and waypoint\[2\] are \d+ m apart"):

@@ -58,6 +58,12 @@ def test_mistakes_are_named_with_their_line(tmp_path: Path, text: str, said: str
         read_table(written(tmp_path, text))
 
 
+def test_a_table_of_a_spreadsheet_begins_with_a_mark(tmp_path: Path) -> None:
+    file = tmp_path / "flight.csv"
+    file.write_text(HEADER + "0,1,2,3,4,5,6\n", encoding="utf-8-sig")
+    assert read_table(file).t.tolist() == [0.0]
+
+
 def test_no_file_and_no_text_are_told(tmp_path: Path) -> None:
     with pytest.raises(MissingError, match=r"none\.csv: cannot be read: No such file"):
         read_table(tmp_path / "none.csv")
