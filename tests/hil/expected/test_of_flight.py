@@ -10,7 +10,9 @@ import pytest
 from fti.hil import scenario as scenarios
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.duties import May
+from fti.hil.expected.flags import told
 from fti.hil.expected.of_flight import of_flight
+from fti.hil.tables.kinds import Obstacle
 from fti.service.binding import bind_devices
 
 T = np.arange(0.0, 60.0, 0.1)
@@ -63,3 +65,19 @@ def test_ground_that_cannot_be_measured_is_explained(craft: Aircraft, height: fl
     assert heights.from_s < 20.0 < 40.0 < heights.until_s < 43.0
     assert (device.from_s, device.until_s) == (heights.from_s, heights.until_s)
     assert at(INTEGRITY, found) == []
+
+
+def test_an_obstacle_that_only_the_beam_has_reached_is_explained_and_not_due(craft: Aircraft) -> None:
+    """The flight ends 45 m before the middle of it."""
+    ahead = LEVEL.before_threshold[-1] - 45.0
+    (one,) = told(Obstacle(kind="obstacle", before_threshold_m=ahead, height_m=60.0, length_m=40.0), craft, LEVEL)
+    assert (one.duties, one.unknown) == ((), "")
+    (may,) = one.may
+    assert may.explains(INTEGRITY, "obstacle")
+    assert may.from_s > 50.0
+
+
+def test_an_obstacle_that_nothing_reaches_explains_nothing(craft: Aircraft) -> None:
+    far = Obstacle(kind="obstacle", before_threshold_m=-3000.0, height_m=60.0)
+    (one,) = told(far, craft, LEVEL)
+    assert (one.duties, one.may) == ((), ())
