@@ -19,6 +19,7 @@ from fti.hil.lateness import Histogram, Rate
 from fti.hil.report import Report
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
+from tests.hil.worlds import world
 
 END_S = 60.0
 
@@ -76,6 +77,7 @@ def test_a_rate_that_is_not_held_is_no_failure_unless_it_is_asked_for(
     arguments: tuple[str, ...], code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Rate, "held", property(lambda rate: rate.name != "ins"))
+    monkeypatch.setattr("fti.hil.emulator.make_world", lambda *_: world(0.5))
     config, links = str(demo_config(tmp_path)), str(tmp_path / "links")
     assert main(["hil", "nominal", "--duration", "0.2", "--config", config, "--links", links, *arguments]) == code
 

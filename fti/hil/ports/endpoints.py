@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import socket
 from collections.abc import AsyncIterator, Coroutine, Mapping
 from pathlib import Path
@@ -209,9 +210,11 @@ class UdpEndpoint(TryingEndpoint):
         try:
             self._socket.bind((address, port))
         except OSError as error:
+            is_taken = error.errno == errno.EADDRINUSE
+            hint = "another fti hil?" if is_taken else "the emulator needs addresses of this machine, such as 127.0.0.1"
             raise MissingError(
                 f"link {self._link.name!r}: cannot send as {address}:{port} to {self._target[0]}:{self._target[1]}: "
-                f"{error.strerror}; the emulator needs addresses of this machine, such as 127.0.0.1"
+                f"{error.strerror}; {hint}"
             ) from None
         if self._link.group and not self._leaves:
             self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)

@@ -83,6 +83,15 @@ async def test_addresses_of_other_machines_are_refused() -> None:
         end.close()
 
 
+async def test_a_port_that_another_program_has_is_said_to_be_taken(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        end = make_endpoint(udp(peer=f"127.0.0.1:{other.getsockname()[1]}"), tmp_path, mute)
+        with pytest.raises(MissingError, match=r"Address already in use; another fti hil\?$"):
+            async with opened({"eth": end}):
+                pass
+
+
 async def test_any_address_is_reached_on_loopback(tmp_path: Path) -> None:
     port = free_udp_port()
     end = make_endpoint(udp(bind=f"0.0.0.0:{port}"), tmp_path, mute)
