@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from fti import drivers
 from fti.config import Device
 from fti.drivers import ublox_ubx
+from fti.drivers.ublox_ubx.raw import frequency_id
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.hil.sensors import Sensor
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT, SYSTEMS, Constellation, dilution
+from fti.hil.sensors.constellation import GLONASS_CHANNELS, SPEED_OF_LIGHT, SYSTEMS, Constellation, dilution
 from fti.hil.sensors.gnss import RawReceiver
 from fti.hil.sensors.reception import sky_start_s
 from fti.hil.world import World
@@ -166,6 +167,15 @@ def test_what_goes_over_the_line_is_what_was_measured() -> None:
         assert back.stamp.t_dev_ns == pytest.approx(ours.stamp.t_dev_ns, abs=1)
         assert back.stamp.time_scale is TimeScale.GPS
     assert len(both(Velocity)) == 60
+
+
+def test_each_glonass_slot_has_its_channel_on_the_line() -> None:
+    """Frequency division: a receiver that said one channel for all would contradict the other one of the aircraft."""
+    sent = next(m for m in measured(receiver()) if isinstance(m, Pseudoranges))
+    channels = {o.number: frequency_id(o) - 7 for o in sent.observations if o.system == "glonass"}
+    assert len(channels) >= 3
+    assert channels == {slot: GLONASS_CHANNELS[slot - 1] for slot in channels}
+    assert GLONASS_CHANNELS[:4] == GLONASS_CHANNELS[4:8]  # antipodal
 
 
 @pytest.mark.parametrize(("nth", "clocks"), [(1, 30), (2, 30), (6, 10)])

@@ -19,10 +19,15 @@ Array = NDArray[np.float64]
 SPEED_OF_LIGHT = 299_792_458.0
 #: Gravitational constant of the Earth [m^3/s^2] (IS-GPS-200).
 GM = 3.986005e14
+#: Channels of the 24 GLONASS slots (two satellites on opposite sides of an orbit share one).
+GLONASS_CHANNELS = (1, -4, 5, 6, 1, -4, 5, 6, -2, -7, 0, -1, -2, -7, 0, -1, 4, -3, 3, 2, 4, -3, 3, 2)
+#: Between two channels of GLONASS on L1 [Hz] (ICD 5.1, 3.3.1.1).
+L1_STEP_HZ = 0.5625e6
 
 
 class Walker(NamedTuple):
-    """A system: semi-major axis [m], inclination [rad], planes, satellites in each, phasing, carrier of L1 [Hz]."""
+    """A system: semi-major axis [m], inclination [rad], planes, satellites in each, phasing, carrier of L1 (of GLONASS:
+    of channel 0) [Hz]."""
 
     system: str
     radius: float
@@ -62,7 +67,7 @@ class Constellation:
 
     def __init__(self) -> None:
         self.keys = [(w.system, i + 1) for w in SYSTEMS for i in range(w.planes * w.in_plane)]
-        self.carriers = np.concatenate([np.full(w.planes * w.in_plane, w.carrier) for w in SYSTEMS])
+        self.carriers = np.array([_carrier(w, i) for w in SYSTEMS for i in range(w.planes * w.in_plane)])
         self.signals = [w.signal for w in SYSTEMS for _ in range(w.planes * w.in_plane)]
         orbits = [_orbits(w) for w in SYSTEMS]
         self._radius, self._rate, self._inclination, self._node, self._phase = np.concatenate(orbits, axis=1)
@@ -114,6 +119,10 @@ class Constellation:
         line_e = at - position_e.T[:, :, None]
         north, east, down = np.einsum("cns,ncl->lns", line_e, mats_en) / np.linalg.norm(line_e, axis=0)
         return np.arctan2(east, north) % (2 * np.pi), -np.arcsin(down)
+
+
+def _carrier(w: Walker, index: int) -> float:
+    return w.carrier + (L1_STEP_HZ * GLONASS_CHANNELS[index] if w.system == "glonass" else 0.0)
 
 
 def _orbits(w: Walker) -> Array:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fti.drivers._times import LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Seen
+from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, SPEED_OF_LIGHT, Seen
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.reception import Make, Reception
 from fti.hil.world import World
@@ -40,8 +40,6 @@ from fti.types import (
 Array = NDArray[np.float64]
 
 L1_HZ = 1575.42e6
-#: Channels of the 24 GLONASS slots (two satellites on opposite sides of an orbit share one).
-GLONASS_CHANNELS = (1, -4, 5, 6, 1, -4, 5, 6, -2, -7, 0, -1, -2, -7, 0, -1, 4, -3, 3, 2, 4, -3, 3, 2)
 
 
 class Band(NamedTuple):
@@ -70,7 +68,7 @@ class Line(NamedTuple):
 BANDS = {
     "gps": (Band("L1C", L1_HZ, 0.0, 0.0, 0.04, 0.0005), Band("L2W", 1227.6e6, 0.0, 6.0, 0.08, 0.001)),
     "glonass": (
-        Band("L1C", 1602.0e6, 0.5625e6, 0.0, 0.08, 0.001),
+        Band("L1C", 1602.0e6, L1_STEP_HZ, 0.0, 0.08, 0.001),
         Band("L2P", 1246.0e6, 0.4375e6, 4.0, 0.08, 0.0015),
     ),
 }
