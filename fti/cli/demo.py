@@ -20,6 +20,7 @@ from fti.cli._arguments import seconds
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
+    import asyncio
     from pathlib import Path
 
     from fti.config import Config
@@ -120,6 +121,18 @@ async def _open_browser(supervisor: Supervisor) -> None:
         await asyncio.to_thread(webbrowser.open, supervisor.display_url or "")
 
 
+async def _end(emulator: asyncio.subprocess.Process) -> None:
+    """In good order, if it does what it is asked."""
+    import asyncio
+
+    emulator.terminate()
+    try:
+        await asyncio.wait_for(emulator.wait(), EMULATOR_END_S)
+    except TimeoutError:  # it stands still
+        emulator.kill()
+        await emulator.wait()
+
+
 async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Supervisor) -> None:
     """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
 
@@ -142,8 +155,7 @@ async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Superv
     try:
         code = await emulator.wait()
     except asyncio.CancelledError:
-        emulator.terminate()
-        await asyncio.wait_for(emulator.wait(), EMULATOR_END_S)
+        await _end(emulator)
         raise
     if code:
         raise FtiError(f"the emulator ended with exit code {code}")

@@ -1,0 +1,50 @@
+"""The end of ``fti demo``, seen from its emulator."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from fti.cli import demo
+from fti.service.supervisor import Supervisor
+
+
+class Stuck:
+    """A process that stands still: it obeys nothing but a kill."""
+
+    def __init__(self) -> None:
+        self.ended = asyncio.Event()
+
+    def terminate(self) -> None: ...
+
+    def kill(self) -> None:
+        self.ended.set()
+
+    async def wait(self) -> int:
+        await self.ended.wait()
+        return -9
+
+
+async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    emulator, started = Stuck(), asyncio.Event()
+
+    async def start(*arguments: object, **keys: object) -> Stuck:
+        started.set()
+        return emulator
+
+    monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
+    monkeypatch.setattr(demo, "EMULATOR_END_S", 0.01)
+    folder = SimpleNamespace(next_path=lambda kind: tmp_path / f"{kind}.mcap")
+    supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path))
+    flying = asyncio.create_task(demo._fly_once(tmp_path / "s.toml", tmp_path / "c.toml", "links", supervisor))
+    await started.wait()
+    flying.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await flying
+    assert emulator.ended.is_set()
