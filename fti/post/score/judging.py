@@ -26,7 +26,7 @@ AFTER_PAUSE_S = 14.0
 #: What is judged over a window may have a pause in it from so long before [s].
 BEFORE_S = 5.0
 #: Navigation that is behind for a larger part of a flight is too slow; for less the machine had no time for it.
-BEHIND_SHARE = 0.25
+BEHIND_SHARE = 0.5
 #: A word that stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 
