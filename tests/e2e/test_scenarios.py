@@ -101,8 +101,8 @@ def _beam_times(flight: Flight) -> tuple[float, float]:
     reference = Reference.parse(PROFILE.read_text(), str(PROFILE))
     seen = []
     for row in flight.outputs(RADAR):
-        true = flight.truth_at(flight.seconds(row["t_valid_ns"]))
         if row["height_agl"] is not None:
+            true = flight.truth_at(flight.seconds(row["t_valid_ns"]))
             above = true["alt"] - row["height_agl"] - np.interp(true["s"], reference.s, reference.z_ref)
             seen += [row["t"]] if above > OBSTACLE_M else []
     return min(seen), max(seen)
