@@ -30,6 +30,8 @@ DURATIONS = {
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Those that are not flown elsewhere anyway; at full scale all of them."""
+    if "name" not in metafunc.fixturenames:
+        return
     quick = metafunc.config.getoption("--scale") == "quick"
     durations = DURATIONS if quick else dict.fromkeys(scenarios.shipped())
     metafunc.parametrize(("name", "duration_s"), durations.items(), ids=list(durations))
