@@ -200,7 +200,7 @@ def test_an_interrupt_leaves_no_half_table(tmp_path: Path) -> None:
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
         until(lambda: (out / "raw_ins.csv.part").exists() or process.poll() is not None, what="the drafts")
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=20)
+        process.communicate(timeout=120)
     whole = sorted(p.name for p in out.iterdir())
     assert (process.returncode, whole) in [(130, []), (0, ["raw_ins.csv", "raw_radar.csv", "session.json"])]
 

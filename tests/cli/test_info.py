@@ -306,5 +306,5 @@ def test_a_plot_of_another_kind_is_refused(folder: SessionFolder, capsys: pytest
 def test_progress_never_mixes_with_json(folder: SessionFolder) -> None:
     record_with_gap(folder)
     command = [sys.executable, "-m", "fti.cli.main", "info", str(folder.path), "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     assert json.loads(done.stdout)["origin"] == "hil" and done.stderr == ""

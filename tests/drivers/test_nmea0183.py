@@ -129,7 +129,7 @@ def unix_ns(text: str) -> int:
 def gpsdecode(data: bytes) -> list[dict[str, object]]:
     if not shutil.which("gpsdecode"):
         pytest.skip("gpsdecode (Debian: gpsd-clients) is not installed; it is the independent decoder")
-    done = subprocess.run(["gpsdecode"], input=data, capture_output=True, check=True, timeout=60)
+    done = subprocess.run(["gpsdecode"], input=data, capture_output=True, check=True, timeout=120)
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 

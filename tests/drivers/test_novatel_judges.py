@@ -191,7 +191,7 @@ def rinex(data: bytes, folder: Path) -> dict[float, Epoch]:
     raw, obs, nav = folder / "raw.gps", folder / "raw.obs", folder / "raw.nav"
     raw.write_bytes(data)
     command = [rtklib("convbin"), "-r", "nov", "-v", "3.04", "-od", "-os", "-o", str(obs), "-n", str(nav), str(raw)]
-    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
     return read_rinex(obs.read_text())
 
 
@@ -282,7 +282,7 @@ def solve(folder: Path, mask_deg: int) -> list[list[str]]:
     files = [str(folder / name) for name in ("raw.obs", "raw.nav")]
     out = folder / "sol.pos"
     command = [rtklib("rnx2rtkp"), "-p", "0", "-m", str(mask_deg), "-y", "2", "-o", str(out), *files]
-    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
     return rows(out) + rows(folder / "sol.pos.stat")
 
 

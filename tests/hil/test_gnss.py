@@ -205,7 +205,7 @@ def test_gpsd_reads_the_emulated_receiver() -> None:
     made = receiver()
     sent = measured(made)
     stream = b"".join(data for m in sent for data in made.encoder.encode(m))
-    done = subprocess.run(["gpsdecode"], input=stream, capture_output=True, check=True, timeout=60)
+    done = subprocess.run(["gpsdecode"], input=stream, capture_output=True, check=True, timeout=120)
     reports = [json.loads(line) for line in done.stdout.splitlines()]
     places = {(r["lat"], r["lon"], r["altHAE"]) for r in reports if r["class"] == "TPV" and "lat" in r}
     ours = [m for m in sent if isinstance(m, Position)]

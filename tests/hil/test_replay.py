@@ -273,7 +273,7 @@ def test_the_command_says_that_it_is_a_snapshot(tmp_path: Path) -> None:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=20)
+            _, said = process.communicate(timeout=120)
         assert process.returncode == 130
         assert said.startswith("note: SNAPSHOT: not a continuous recording")
 

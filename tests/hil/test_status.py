@@ -98,7 +98,7 @@ def first_word(run_dir: Path) -> dict[str, Any]:
 
     with closing(Hub.open(0, "demo")) as hub, closing(Subscriber.connect(hub.endpoint, "demo", hear)):
         publish(run_dir, DaemonInfo(os.getpid(), "demo", "", None, hub.endpoint, 0, ""))
-        return said.get(timeout=30)
+        return said.get(timeout=120)
 
 
 async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def end_of(display: DisplayProcess) -> int:
 
 
 def test_it_serves_the_page_at_the_port_it_names(display: DisplayProcess) -> None:
-    with urllib.request.urlopen(display.url, timeout=10) as response:
+    with urllib.request.urlopen(display.url, timeout=120) as response:
         assert b"<title>fti</title>" in response.read()
 
 
@@ -51,7 +51,7 @@ def test_it_ends_with_its_supervisor(display: DisplayProcess) -> None:
 
 def test_sigterm_ends_it_and_sigint_does_not(display: DisplayProcess) -> None:
     display.process.send_signal(signal.SIGINT)
-    with urllib.request.urlopen(display.url, timeout=10) as response:
+    with urllib.request.urlopen(display.url, timeout=120) as response:
         assert response.status == 200
     assert display.process.poll() is None
     display.process.send_signal(signal.SIGTERM)

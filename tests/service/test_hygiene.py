@@ -31,7 +31,7 @@ def powerless(*arguments: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-c", POWERLESS, *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
         cwd=ROOT,
     )
@@ -113,7 +113,9 @@ print(os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)
 
 def test_the_reader_is_above_every_other_thread() -> None:
     command = [sys.executable, "-c", LEVELS]
-    said = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True, cwd=ROOT).stdout.splitlines()
+    said = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, check=True, cwd=ROOT
+    ).stdout.splitlines()
     if fifo_is_permitted():
         assert said == ["[] False", f"{os.SCHED_FIFO} 9", f"{os.SCHED_FIFO} 10"]
     else:

@@ -106,7 +106,7 @@ def test_it_finishes_when_the_supervisor_is_gone(rig: Rig) -> None:
     rig.child.close()
     process = rig.child.process
     assert process
-    assert process.wait(timeout=20) == 0
+    assert process.wait(timeout=120) == 0
     assert rig.ring.ended
     recording = Recording.open(rig.session.path)
     assert not recording.unfinished
