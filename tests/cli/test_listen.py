@@ -70,7 +70,7 @@ def test_link_of_a_configuration_is_listened_to_and_nothing_is_sent(peer: Peer, 
     config.write_text(CONFIG.format(port=peer.path))
     peer.write(b"hello")
     command = Listening(tmp_path, "radalt_line", "--config", str(config), "--baud", "9600", "--duration", "1.5")
-    assert command.process.wait(30) == 0
+    assert command.process.wait(120) == 0
     assert command.out.read_text().endswith("hello\n")
     assert peer.read() == b""
 
