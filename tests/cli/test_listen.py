@@ -51,7 +51,7 @@ class Listening:
 
     def interrupt(self) -> int:
         self.process.send_signal(signal.SIGINT)
-        return self.process.wait(10)
+        return self.process.wait(120)
 
 
 def test_port_that_talks_is_shown_and_understood(peer: Peer, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ E2FSCK_FAILED = 4
 
 
 def _run(*command: str | Path) -> str:
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False, timeout=30,
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False, timeout=120,
                           env={**os.environ, "PATH": PATH})  # fmt: skip
     assert done.returncode == 0, f"{command}: {done.stderr}"
     return done.stdout.strip()

@@ -289,7 +289,7 @@ def test_kill_9_of_a_writing_process(tmp_path: Path) -> None:
         close_unfinished(path)
     child.send_signal(signal.SIGKILL)
     told = max([told, *(int(line) for line in child.stdout.read().split("\n")[:-1])])
-    child.wait(10)
+    child.wait(120)
     child.stdout.close()
     streamed = read_stream(path.read_bytes())
     assert len(streamed) >= told >= 5000
