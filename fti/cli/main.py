@@ -51,6 +51,12 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _pydantic_errors() -> tuple[type[Exception], ...]:
+    """What pydantic raises when it cannot build a table; nothing where it was not needed: it is slow to import."""
+    core = sys.modules.get("pydantic_core")
+    return (core.SchemaError,) if core else ()
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; what the user must know stands in one sentence on standard error."""
     try:
@@ -65,6 +71,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"fti: {error}", file=sys.stderr)
         return EXIT_WRONG
     except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except _pydantic_errors() as error:  # an interrupt while a table is being built comes out as one of these
+        if KeyboardInterrupt.__name__ not in str(error):
+            raise
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # the reader of our output has had enough, as with ``| head``
         sys.stderr.close()
