@@ -13,13 +13,13 @@ import pytest
 from tests.helpers import ROOT
 from tests.vcan.conftest import NOT_INSTALLED, RUNNER
 
-pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(1500)]
 
 
 def test_the_daemon_said_what_the_scenario_expects(tmp_path: Path) -> None:
     command = [str(RUNNER), str(tmp_path), sys.executable, "-m", "tests.vcan.probe_gauntlet", f"{tmp_path}/found.json"]
-    roomy = {**os.environ, "UML_TIMEOUT": "800", "UML_MEM": "2G"}
-    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=850, env=roomy)
+    roomy = {**os.environ, "UML_TIMEOUT": "1400", "UML_MEM": "2G"}
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=1450, env=roomy)
     if done.returncode == NOT_INSTALLED:
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stdout + done.stderr
