@@ -160,4 +160,4 @@ class PowerUnit:
 
 
 def _acts(fault: Breaker | BrownOut, t: float, device: str = "") -> bool:
-    return fault.from_s <= t < fault.to_s and (not fault.devices or device in fault.devices)
+    return fault.from_s <= t < fault.to_s and fault.may_be_on(device)

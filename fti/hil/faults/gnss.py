@@ -25,7 +25,7 @@ class GnssFaults:
     """The faults of the receiver of one device."""
 
     def __init__(self, device: str, faults: Sequence[Fault]) -> None:
-        self._faults = [f for f in faults if isinstance(f, OfGnss) and (not f.devices or device in f.devices)]
+        self._faults = [f for f in faults if isinstance(f, OfGnss) and f.may_be_on(device)]
 
     def jammed(self, t: Array, after_s: float = 0.0) -> Mask:
         """Where no signal is received, or has been for less than after_s [s]; t : shape (n,) [s]."""

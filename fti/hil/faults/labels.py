@@ -29,6 +29,7 @@ from fti.drivers.ublox_ubx.frames import frame as ubx_frame
 
 Change = Callable[[bytes], bytes]
 
+#: Three letters that name no sentence of NMEA 0183.
 FORMATTER = "XXX"
 IXCOM_NUMBER, LWNX_NUMBER, UBX_NUMBER, NOVATEL_NUMBER = 0xEE, 250, 0xEE, 0xFFFE
 #: A message of the common set that says nothing which is decoded: DEBUG.

@@ -46,7 +46,7 @@ class DeviceFaults:
         self._faults = [
             (f, random_of(seed, device, i))
             for i, f in enumerate(faults)
-            if isinstance(f, OnDevice) and (not f.devices or device in f.devices)
+            if isinstance(f, OnDevice) and f.may_be_on(device)
         ]
         self._held: dict[tuple[int, type, int], Measurement] = {}
 

@@ -23,7 +23,7 @@ def check_numbers(sensors: Sequence[Sensor], world: World) -> None:
     """Raises ConfigError where a device does not measure the number of a fault, with those that it does."""
     for i, fault in enumerate(world.scenario.fault):
         if isinstance(fault, OnQuantity):
-            named = [s for s in sensors if not fault.devices or s.name in fault.devices]
+            named = [s for s in sensors if fault.may_be_on(s.name)]
             _check(f"{world.scenario.title}: fault[{i}].quantity", fault, {s.name: _look(s, world) for s in named})
 
 

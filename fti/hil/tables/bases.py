@@ -20,6 +20,10 @@ class OnDevices(StrictModel):
     from_s: NotNegative
     to_s: NotNegative
 
+    def may_be_on(self, device: str) -> bool:
+        """Is the device named, or none at all?"""
+        return not self.devices or device in self.devices
+
 
 class OnQuantity(OnDevices):
     """A fault of one field of one measurement, in SI and radians: ``quantity = "range.slant_range"``.
