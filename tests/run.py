@@ -25,7 +25,7 @@ TWO_AT_A_TIME = ["-n", "2"]
 GIVING_WAY = ["nice", "-n", "5"]
 FIRST = -5
 #: Once, before five processes would do it side by side.
-WARM_UP = "from fti.terrain import warm; from fti.nav import strapdown; warm.warm_up(); strapdown.warm_up()"
+WARM_UP = "from fti.terrain import warm; from fti.nav.inertial import strapdown; warm.warm_up(); strapdown.warm_up()"
 INTERRUPTED = 130
 
 

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.nav.reference import Reference
+    from fti.nav.integrity.reference import Reference
     from fti.terrain.terrain import Terrain
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
@@ -84,7 +84,7 @@ def _read(path: Path) -> str:
 def _make(args: argparse.Namespace) -> int:
     from fti.hil.approaches import MODELS
     from fti.hil.calibration import Plan, make_reference
-    from fti.nav.approach import load_airfield
+    from fti.nav.integrity.approach import load_airfield
 
     airfield = load_airfield(_read(args.airfield), str(args.airfield))
     plan = Plan(surface=args.terrain, s_max=args.s_max, draws=args.draws, runs=args.runs, seed=args.seed)
@@ -135,7 +135,7 @@ class _Bars(AbstractContextManager["_Bars"]):
 
 
 def _info(args: argparse.Namespace) -> int:
-    from fti.nav.reference import Reference
+    from fti.nav.integrity.reference import Reference
 
     reference = Reference.parse(_read(args.reference), str(args.reference))
     if args.json:
@@ -168,7 +168,7 @@ def _plot(reference: Reference) -> list[str]:
     """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
     import numpy as np
 
-    from fti.nav.approach import ApproachPath
+    from fti.nav.integrity.approach import ApproachPath
 
     s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
     z = np.interp(s, reference.s, reference.z_ref)

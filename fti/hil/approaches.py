@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from fti.drivers._units import FOOT
 from fti.hil.sensors.errors import slow, white
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance import ClearanceMonitor, ClearanceSample
-from fti.nav.reference import Sensor
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
+from fti.nav.integrity.reference import Sensor
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft

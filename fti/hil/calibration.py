@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from fti.config import Approach
 from fti.errors import ConfigError
 from fti.hil.approaches import NOMINAL, AltimeterModel, Flown, draw_profile, fly, simulate
-from fti.nav.approach import Airfield, ApproachPath
-from fti.nav.clearance import ClearanceMonitor
-from fti.nav.reference import LEAST_CORRELATIONS, Header, Limits, Profile, Reference, grid
+from fti.nav.integrity.approach import Airfield, ApproachPath
+from fti.nav.integrity.monitor import ClearanceMonitor
+from fti.nav.integrity.reference import LEAST_CORRELATIONS, Header, Limits, Profile, Reference, grid
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ from fti.hil.tables.dynamics import JsbsimFlight
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
-from fti.nav.approach import ApproachPath, load_airfield
+from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
 from fti.terrain.surroundings import demo_country
 

@@ -18,7 +18,7 @@ from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
 from fti.hil.tables.kinds import Obstacle
-from fti.nav.approach import ApproachPath
+from fti.nav.integrity.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.sensor import RangingSensor, Returns, sensor_poses

@@ -16,7 +16,7 @@ class Mountings:
 
         field_b = mat_bs field_s
 
-    A range stays as it is: it has a direction of its own, see ``fti.nav.compensation``.
+    A range stays as it is: it has a direction of its own, see ``fti.nav.altimetry.compensation``.
     """
 
     def __init__(self, devices: Iterable[Device]) -> None:

@@ -3,7 +3,7 @@
 Pure and deterministic: it knows no time but stamps and ticks, and takes its inputs in the order of ``seq``.  Stamps
 of different links may be out of order by milliseconds; every history is ordered by ``t_valid_ns``.
 
-    t_valid_ns : by the clock of the device once it is known (``fti.nav.device_times``), else t_rx_ns - latency
+    t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
 
 Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick;
 ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
@@ -12,10 +12,10 @@ ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing n
 from __future__ import annotations
 
 from fti.config import Config
-from fti.nav.approach_channel import make_channel
-from fti.nav.heights import AltimeterChannel
+from fti.nav.altimetry.heights import AltimeterChannel
+from fti.nav.integrity.channel import make_channel
+from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
-from fti.nav.reference import Reference
 from fti.nav.sources import Source
 from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Velocity
 

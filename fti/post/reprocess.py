@@ -21,7 +21,7 @@ from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.service.chain import Chain, Products
 from fti.types import RawFrame

@@ -18,8 +18,8 @@ from fti.config import Device
 from fti.drivers import Decoder
 from fti.logger.reading.about import about
 from fti.logger.reading.recording import Recording
-from fti.nav.device_clock import DeviceClock, Segment
-from fti.nav.device_times import told_time
+from fti.nav.times.device_clock import DeviceClock, Segment
+from fti.nav.times.device_times import told_time
 from fti.service.binding import BoundDevice
 from fti.types import RawFrame, TimeScale
 

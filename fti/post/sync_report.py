@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fti.nav.device_clock import NEAR_FACTOR, NEAR_NS, Segment
+from fti.nav.times.device_clock import NEAR_FACTOR, NEAR_NS, Segment
 from fti.post.sync import SECOND_NS, Heard, Ints, Sync
 
 #: Columns of a plotted curve: each keeps its earliest and its latest message.

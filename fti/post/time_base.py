@@ -21,8 +21,8 @@ from mcap.writer import Writer
 
 from fti.errors import ConfigError, StorageError
 from fti.logger import schemas
-from fti.nav.device_clock import Segment
-from fti.nav.envelope import Line, fit_line
+from fti.nav.times.device_clock import Segment
+from fti.nav.times.envelope import Line, fit_line
 from fti.post.sync import SECOND_NS, ComputerClock, Heard, Sync
 
 HOUR_NS = 3600 * SECOND_NS

@@ -18,7 +18,7 @@ from fti.drivers import Decoder, Driver
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.nav.reference import Reference
+    from fti.nav.integrity.reference import Reference
 
 FILE_ENDING = "_file"
 
@@ -148,6 +148,6 @@ def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | Non
     """The reference profile of ``nav.approach``; None when no approach is configured.  Raises ConfigError."""
     if config.nav.approach is None:
         return None
-    from fti.nav.reference import Reference  # noqa: PLC0415 - brings numpy, and recording should begin soon
+    from fti.nav.integrity.reference import Reference  # noqa: PLC0415 - brings numpy, and recording should begin soon
 
     return Reference.parse(texts["nav.approach.profile"], config.nav.approach.profile)

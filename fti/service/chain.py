@@ -13,10 +13,10 @@ from typing import Any
 from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC
-from fti.nav.device_times import DeviceTimes
+from fti.nav.integrity.reference import Reference
 from fti.nav.mounted import Mountings
 from fti.nav.pipeline import Pipeline
-from fti.nav.reference import Reference
+from fti.nav.times.device_times import DeviceTimes
 from fti.service.binding import BoundDevice
 from fti.service.guard import guarded
 from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame

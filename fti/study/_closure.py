@@ -14,8 +14,8 @@ from fti.hil.flight.smoothing import angle_between
 from fti.hil.flight.trajectory import Samples, SplineFlight, State, earth_frame_velocity
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
-from fti.nav.approach import EARTH_RADIUS
-from fti.nav.strapdown import Motion, integrate
+from fti.nav.inertial.strapdown import Motion, integrate
+from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

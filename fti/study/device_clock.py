@@ -7,14 +7,14 @@ of its own (normal, 20 ppm) or with 1.1 ppm; the unit is the run.
     T11   jitter of both signs, 1 ms (one sigma); one message in five late by 0 to 25 ms (uniform)
     I3    every message late by 0 to 25 ms (uniform), 1.1 ppm
 
-The clock model is the one that flies (``fti.nav.device_clock``), fed message by message.
+The clock model is the one that flies (``fti.nav.times.device_clock``), fed message by message.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fti.nav.device_clock import DeviceClock
+from fti.nav.times.device_clock import DeviceClock
 from fti.study import Progress, Result
 from fti.types import TimeScale
 

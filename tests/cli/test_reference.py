@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from fti.cli.main import main
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD
 from tests.helpers import ROOT
 

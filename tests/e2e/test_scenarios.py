@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
 from tests.e2e.flights import DEMO, Flight, Row
 
 pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]

@@ -10,10 +10,10 @@ from fti.config import Approach
 from fti.hil.approaches import RA4500, Spread, draw_profile, fly, samples, simulate
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
-from fti.nav.approach import ApproachPath, load_airfield
-from fti.nav.clearance import ClearanceMonitor
-from fti.nav.glide_slope import Place, glide_slope, mean_deviation
-from fti.nav.reference import Reference
+from fti.nav.integrity.approach import ApproachPath, load_airfield
+from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.integrity.monitor import ClearanceMonitor
+from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity, IntegrityState, Reason

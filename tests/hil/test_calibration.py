@@ -7,8 +7,8 @@ from scipy.special import gammaincinv
 from fti.errors import ConfigError
 from fti.hil.approaches import RA4500
 from fti.hil.calibration import Plan, bootstrap_interval, few_draws_factor, gumbel_quantile, make_reference
-from fti.nav.approach import load_airfield
-from fti.nav.reference import Reference
+from fti.nav.integrity.approach import load_airfield
+from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 from fti.terrain.terrain import Terrain
 

@@ -9,7 +9,7 @@ import numpy as np
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.schema import Scenario
 from fti.hil.world import World
-from fti.nav.approach import Airfield, ApproachPath
+from fti.nav.integrity.approach import Airfield, ApproachPath
 from fti.terrain.terrain import Terrain
 
 AIRFIELD = Airfield(

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from fti.nav.approach import Airfield, ApproachPath
-from fti.nav.clearance import ClearanceSample
-from fti.nav.reference import Header, Limits, Profile, Reference, Sensor, grid
+from fti.nav.integrity.approach import Airfield, ApproachPath
+from fti.nav.integrity.monitor import ClearanceSample
+from fti.nav.integrity.reference import Header, Limits, Profile, Reference, Sensor, grid
 
 S_MAX = 3000.0
 RATE_HZ = 25.0

@@ -8,7 +8,7 @@ import pytest
 from pyproj import Geod
 
 from fti.errors import ConfigError
-from fti.nav.approach import Airfield, ApproachPath, load_airfield
+from fti.nav.integrity.approach import Airfield, ApproachPath, load_airfield
 
 TEXT = """
 name = "x"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from fti.config import Approach
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance import ClearanceMonitor, ClearanceSample, GoAround
-from fti.nav.clearance_tests import Matcher
-from fti.nav.clearance_window import Bins
-from fti.nav.reference import Reference
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample, GoAround
+from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.statistics import Matcher
+from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]

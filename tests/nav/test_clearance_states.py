@@ -2,7 +2,7 @@
 
 import pytest
 
-from fti.nav.clearance_states import AlarmLogic, Ratios
+from fti.nav.integrity.states import AlarmLogic, Ratios
 from fti.types import IntegrityState, Reason
 
 GOOD = Ratios(0.5, 0.5, 0.5, 0.5)

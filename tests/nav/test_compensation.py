@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fti.nav.compensation import Mounting, boresight, height_at_p
+from fti.nav.altimetry.compensation import Mounting, boresight, height_at_p
 
 LASER = Mounting((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0)
 RADAR = Mounting((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), math.radians(20))

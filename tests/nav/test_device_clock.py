@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fti.nav.device_clock import AWAY_MESSAGES, DOUBT_NS, LATEST_NS, RENEW_NS, ClockState, DeviceClock
+from fti.nav.times.device_clock import AWAY_MESSAGES, DOUBT_NS, LATEST_NS, RENEW_NS, ClockState, DeviceClock
 from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.device_times import DeviceTimes
+from fti.nav.times.device_times import DeviceTimes
 from fti.types import Attitude, ImuSample, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.nav.envelope import FEWEST, Array, fit_line, student_95
+from fti.nav.times.envelope import FEWEST, Array, fit_line, student_95
 
 SECOND = 1e9
 MS = 1e6

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from fti.nav.approach import ApproachPath
-from fti.nav.glide_slope import HeightDeviation, Place, deviation, dots, glide_slope
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.glide_slope import HeightDeviation, Place, deviation, dots, glide_slope
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 GLIDE = math.radians(3.0)

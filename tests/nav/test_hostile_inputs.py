@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from fti.config import Approach, Config, parse
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance import ClearanceMonitor, ClearanceSample
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
+from fti.nav.integrity.reference import Reference
 from fti.nav.pipeline import Pipeline
-from fti.nav.reference import Reference
 from fti.types import (
     Attitude,
     ClearanceIntegrity,

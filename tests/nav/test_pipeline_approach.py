@@ -11,10 +11,10 @@ import pytest
 
 from fti.config import Config, parse
 from fti.errors import ConfigError
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance import ClearanceSample
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.monitor import ClearanceSample
+from fti.nav.integrity.reference import Reference
 from fti.nav.pipeline import Pipeline
-from fti.nav.reference import Reference
 from fti.types import (
     Attitude,
     ClearanceIntegrity,

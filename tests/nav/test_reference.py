@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fti.errors import ConfigError
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
 
 
 def test_text_and_back(reference: Reference) -> None:

@@ -11,7 +11,7 @@ from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic, geodetic_from_ecef, radii
-from fti.nav.strapdown import Motion, integrate, midpoints
+from fti.nav.inertial.strapdown import Motion, integrate, midpoints
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.config import Altimeter
-from fti.nav.validity import RULES, Sample, reasons_against
+from fti.nav.altimetry.validity import RULES, Sample, reasons_against
 from fti.types import Reason
 
 LIMITS = Altimeter(kind="radar", range_m=(1.0, 700.0), max_roll_deg=20.0, max_pitch_deg=15.0)

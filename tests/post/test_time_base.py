@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from fti.config import Device
-from fti.nav.device_clock import DeviceClock
+from fti.nav.times.device_clock import DeviceClock
 from fti.post.sync import ComputerClock, Heard, Sync
 from fti.post.time_base import STEP_NS, time_base
 from fti.types import TimeScale

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.nav.compensation import Mounting, boresight, height_at_p
+from fti.nav.altimetry.compensation import Mounting, boresight, height_at_p
 from fti.ranging import frames
 from fti.ranging.sensor import sensor_poses
 

@@ -14,8 +14,10 @@ NAV_S = 0.3
 HEALTH_S = 2.5
 #: Silence that health calls so; the window over which it judges rates and shared links; when a clock is doubted [s].
 SILENT_S, WINDOW_S, DOUBT_S = 1.0, 4.0, 2.0
-#: An adapter is asked once a second, the ledger written once a second [s].
+#: An adapter is asked once a second and holds its flags until then, the ledger is written once a second [s].
 LEDGER_S = 2.5
+#: What has grown in one row of the ledger has gone in the next [s].
+LEDGER_CLEARS_S = LEDGER_S + 1.0
 #: A power unit tells of every breaker twice a second [s].
 UNIT_S = 1.0
 #: A device's clock is learned anew so long after it was set [s].

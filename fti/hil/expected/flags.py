@@ -27,6 +27,7 @@ from fti.hil.expected.duties import (
     HEALTH_S,
     INTEGRITY,
     LEDGER,
+    LEDGER_CLEARS_S,
     LEDGER_S,
     LINKS,
     NAV_S,
@@ -116,4 +117,7 @@ def _status(fault: OnLinks, case: Case) -> list[Duty]:
     """Every flag that the adapter is given to tell is counted."""
     assert isinstance(fault, CanStatus)
     place = f"{LEDGER}/{case.name}"
-    return [case.duty(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_S, ports=True) for flag in fault.flags]
+    return [
+        case.duty(place, f"slcan_{flag}", within_s=LEDGER_S, clears_s=LEDGER_CLEARS_S, ports=True)
+        for flag in fault.flags
+    ]

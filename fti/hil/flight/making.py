@@ -22,7 +22,7 @@ from fti.hil.tables.dynamics import JsbsimFlight
 from fti.hil.tables.flights import ApproachFlight, RecordedFlight, WaypointFlight
 from fti.hil.tables.kinds import OffTrack
 from fti.hil.tables.schema import Scenario
-from fti.nav.approach import ApproachPath
+from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

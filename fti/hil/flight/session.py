@@ -17,8 +17,8 @@ from fti.errors import ConfigError
 from fti.hil.flight.trajectory import Samples
 from fti.hil.recorded import recorded_config
 from fti.logger.reading.recording import Recording
-from fti.nav.device_times import DeviceTimes
 from fti.nav.sources import Source
+from fti.nav.times.device_times import DeviceTimes
 from fti.service.binding import BoundDevice, bind_devices
 from fti.types import Attitude, Measurement, Position
 

@@ -24,7 +24,7 @@ from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.hil.flight.coordinated import GRAVITY, coordinated_flight
 from fti.hil.flight.trajectory import SplineFlight, Track
 from fti.hil.tables.flights import LONGEST_S
-from fti.nav.approach import EARTH_RADIUS
+from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.nav.strapdown import POINTS, Motion, integrate
+from fti.nav.inertial.strapdown import POINTS, Motion, integrate
 
 Array = NDArray[np.float64]
 

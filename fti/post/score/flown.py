@@ -15,7 +15,7 @@ from fti.hil.scenario import Scenario
 from fti.hil.truth import SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.mcap_file import Item, McapFile
 from fti.logger.reading.recording import Recording
-from fti.nav.approach import ApproachPath, load_airfield
+from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain.scenes import DEMO_AIRFIELD
 
 SECOND_NS = 1_000_000_000

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from fti.drivers import freeflight_ra4500
-from fti.nav import validity
-from fti.nav.device_clock import DeviceClock
-from fti.nav.heights import AltimeterChannel
+from fti.nav.altimetry import validity
+from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.sources import Source
+from fti.nav.times.device_clock import DeviceClock
 from fti.post.score.judging import Score, Verdict
 from fti.post.score.report import as_text
 from fti.service import diagnosis

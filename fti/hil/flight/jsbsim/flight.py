@@ -20,7 +20,7 @@ from fti.hil.flight.jsbsim.navigator import Navigator
 from fti.hil.flight.jsbsim.routes import Route, make_route
 from fti.hil.flight.trajectory import Samples
 from fti.hil.tables.dynamics import JsbsimFlight
-from fti.nav.approach import ApproachPath
+from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

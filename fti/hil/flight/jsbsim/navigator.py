@@ -11,7 +11,7 @@ from fti.hil.flight.jsbsim.autopilot import Wanted
 from fti.hil.flight.jsbsim.fdm import Sensed
 from fti.hil.flight.jsbsim.routes import Route
 from fti.hil.flight.jsbsim.track import STEP_M
-from fti.nav.approach import ApproachPath
+from fti.nav.integrity.approach import ApproachPath
 
 #: The point that is steered for lies so far ahead on the track [s].
 LOOK_S = 6.0

@@ -23,7 +23,7 @@ from fti.hil.flight.jsbsim.autopilot import GRAVITY
 from fti.hil.flight.jsbsim.terrain_following import following_height
 from fti.hil.flight.jsbsim.track import STEP_M, Track
 from fti.hil.tables.dynamics import JsbsimFlight, Place
-from fti.nav.approach import ApproachPath
+from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
     arrival - time of the device = offset + slope x (time of the device) + delay,   delay >= the shortest way
 
-The line is the lower envelope (``fti.nav.envelope``) of the quickest message of each second, over the last hour.
+The line is the lower envelope (``fti.nav.times.envelope``) of the quickest message of each second, over the last hour.
 What lies above it is lateness: t_valid = arrival - lateness - latency of the device.  The shortest way itself cannot
 be seen; the configured latency stands for it.
 
@@ -23,7 +23,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.envelope import FEWEST, Array, Line, fit_line
+from fti.nav.times.envelope import FEWEST, Array, Line, fit_line
 from fti.types import TimeScale
 
 Ints = NDArray[np.int64]

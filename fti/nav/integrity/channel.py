@@ -6,11 +6,11 @@ import dataclasses
 
 from fti.config import Approach, Config, Device
 from fti.errors import ConfigError
-from fti.nav.clearance import REPEAT_NS, ClearanceMonitor, ClearanceSample
-from fti.nav.clearance_tests import SHIFT_MAX_M
-from fti.nav.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
+from fti.nav.integrity.reference import Reference, Sensor
+from fti.nav.integrity.statistics import SHIFT_MAX_M
 from fti.nav.navigation import NavState
-from fti.nav.reference import Reference, Sensor
 from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
 #: How far the beam may differ from the reference's [deg].

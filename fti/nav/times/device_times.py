@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from fti.config import Device
-from fti.nav.device_clock import ARRIVAL_SD_NS, WINDOW_S, ClockState, DeviceClock
-from fti.nav.envelope import Z95
+from fti.nav.times.device_clock import ARRIVAL_SD_NS, WINDOW_S, ClockState, DeviceClock
+from fti.nav.times.envelope import Z95
 from fti.types import Event, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000

@@ -8,7 +8,7 @@ compensated for terrain.
                   the aircraft made no 10 m of way within 2 s, so that nothing new was judged
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
-    others        see fti.nav.clearance_states; these are judgements, and ``valid`` (an ALERT too)
+    others        see fti.nav.integrity.states; these are judgements, and ``valid`` (an ALERT too)
 
 Source: Spiegel 2018, 7.2.2, made unambiguous; the alarm limits come with the reference.
 """
@@ -23,11 +23,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fti.config import Approach
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance_states import AlarmLogic, Ratios
-from fti.nav.clearance_tests import Matcher, Statistics
-from fti.nav.clearance_window import Bins, Window, has_gaps
-from fti.nav.reference import Reference
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.states import AlarmLogic, Ratios
+from fti.nav.integrity.statistics import Matcher, Statistics
+from fti.nav.integrity.window import Bins, Window, has_gaps
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 UPDATE_NS = 200_000_000

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fti.nav.approach import ApproachPath
-from fti.nav.clearance_window import Bins
-from fti.nav.reference import Reference
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, GlideSlope, IntegrityState, Reason
 
 MEAN_M = 50.0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 
 from fti.config import Device
-from fti.nav.compensation import height_at_p, mounting_of
+from fti.nav.altimetry.compensation import height_at_p, mounting_of
+from fti.nav.altimetry.validity import Sample, reasons_against
 from fti.nav.navigation import NavState
-from fti.nav.validity import Sample, reasons_against
 from fti.types import HeightAboveGround, RadioHeight, Range
 
 #: How often an altimeter that says nothing is reported [ns].

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from fti.config import Positive, StrictModel, bind
 from fti.errors import ConfigError
-from fti.nav.approach import Airfield
+from fti.nav.integrity.approach import Airfield
 
 Array = NDArray[np.float64]
 

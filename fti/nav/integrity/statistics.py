@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.clearance_window import Bins
-from fti.nav.reference import Reference
+from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.window import Bins
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""What inertial sensors say about attitude, velocity and position."""

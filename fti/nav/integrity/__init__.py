@@ -1,0 +1,1 @@
+"""Ground-clearance integrity and glide slope on a published approach."""

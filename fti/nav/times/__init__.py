@@ -1,0 +1,1 @@
+"""The clocks of devices: when a measurement was true."""
