@@ -9,7 +9,8 @@ are drawn, anywhere between 60 deg south and north; the unit is the flight.
     closure  T12: what ideal sensors feel of a flight (eq. 7.2, 7.3), 100 Hz, integrated over an hour without aid by who
              did not make it: ``fti.nav.inertial.strapdown``, earth frame, Runge-Kutta on samples; it has neither the
              spline nor its derivatives.  The source says 1 um, 1 nm/s and 5e-12 deg, for increments that are the exact
-             inverse of its strapdown; samples of a rate say nothing of what is between them, so the targets here are wider
+             inverse of its strapdown; samples of a rate say nothing of what is between them, so the targets here are
+             wider
     turns    ten minutes of S-turns, sampled every 0.16 s, 0.08 s, 0.04 s and 0.02 s: the error falls by this factor or
              more each time the step is halved
 
