@@ -437,6 +437,46 @@ class Reason(StrEnum):
     INTEGRITY = "integrity"  # the integrity monitor does not vouch for the height
     BELOW_150_M = "below_150_m"  # too close for an angle; metres only
     FULL_SCALE = "full_scale"
+    # what the terrain says against an altimeter, and why it cannot be asked
+    DEVIATION = "deviation"  # measured minus predicted, beyond the gate
+    DISPERSION = "dispersion"  # the rays of the predicted beam differ by too much
+    INCIDENCE = "incidence"  # the beam grazes the ground
+    NO_PREDICTION = "no_prediction"  # the predicted beam finds no ground in range
+    NO_TERRAIN = "no_terrain"  # none is configured, or it could not be loaded
+    TERRAIN_LOADING = "terrain_loading"
+    TERRAIN_EDGE = "terrain_edge"  # beyond what the files cover
+    TERRAIN_HOLE = "terrain_hole"  # the files do not know this ground
+    # of the filters
+    NO_IMU = "no_imu"
+    NO_GNSS = "no_gnss"
+    NO_BARO = "no_baro"
+    NO_HEADING = "no_heading"
+    ALIGNING = "aligning"
+    COASTING = "coasting"  # nothing bounds the position at present
+    REJECTED = "rejected"  # what aids is outside the gate
+    RESET = "reset"  # the filter began again
+    DIVERGED = "diverged"
+    NO_SATELLITES = "no_satellites"
+    NO_DME = "no_dme"
+    GEOMETRY = "geometry"  # satellites and stations do not fix a position
+
+
+class Compensation(StrEnum):
+    """How an altimeter's range became a height above the ground at the nadir."""
+
+    ATTITUDE = "attitude"  # turned into the vertical
+    RANGE = "range"  # the slope between the footprint and the nadir taken from the terrain, along one ray
+    BEAM = "beam"  # the same with the beam that the sensor has
+
+
+class FilterMode(StrEnum):
+    """State of a navigation filter."""
+
+    WAITING = "waiting"  # inputs are missing
+    ALIGNING = "aligning"
+    AIDED = "aided"
+    COASTING = "coasting"  # inertial alone
+    INVALID = "invalid"
 
 
 class Datum(StrEnum):
@@ -475,6 +515,11 @@ class HeightAboveGround:
     t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
     raw        : what the device said, at its antenna and along its beam [m]
     height_agl : compensated for attitude, mounting and lever arm, at ``point`` [m]; sd : one sigma [m]
+    predicted  : what the device should have said above the known terrain [m]
+    predicted_sd : one sigma of raw - predicted [m]
+    compensated, compensated_sd, compensation : height above the ground straight below ``point``, by the terrain between
+                 there and what the beam sees [m], its sigma, and how
+    unchecked  : why the terrain could not be asked; what it can tell against a height is then not told
     """
 
     t_ns: int
@@ -487,6 +532,12 @@ class HeightAboveGround:
     reasons: tuple[Reason, ...]
     datum: Datum = Datum.AGL
     point: Point = Point.P
+    predicted: float | None = None
+    predicted_sd: float | None = None
+    compensated: float | None = None
+    compensated_sd: float | None = None
+    compensation: Compensation | None = None
+    unchecked: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -547,7 +598,10 @@ class GlideSlope:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NavSolution:
-    """Position, velocity and attitude that the pipeline uses, and where each came from."""
+    """Position, velocity and attitude that the pipeline uses, and where each came from.
+
+    position_source, attitude_source, altitude_source : a device, or a filter of navigation by its name
+    """
 
     t_ns: int
     t_valid_ns: int | None
@@ -566,6 +620,75 @@ class NavSolution:
     roll: float | None = None
     pitch: float | None = None
     heading: float | None = None
+    altitude_source: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterSolution:
+    """What the error-state filter makes of inertial data and what aids it; point P.
+
+    vel_sd, tilt_sd : the largest one sigma of the three velocities [m/s], of roll and pitch [rad]
+    rejected        : what aids and is outside the gate at present, by name
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    mode: FilterMode
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    vel_north: float | None = None
+    vel_east: float | None = None
+    vel_down: float | None = None
+    vel_sd: float | None = None
+    roll: float | None = None
+    pitch: float | None = None
+    heading: float | None = None
+    tilt_sd: float | None = None
+    heading_sd: float | None = None
+    rejected: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerticalSolution:
+    """Height and climb from inertial data and an altimeter above known terrain, when nothing else gives an altitude.
+
+    altimeter : whose heights carry it; rejected : its newest one was outside the confidence region
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    alt: float | None = None
+    vertical_sd: float | None = None
+    vel_down: float | None = None
+    vel_down_sd: float | None = None
+    altimeter: str | None = None
+    rejected: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionFix:
+    """Position by satellites and DME stations, weighted; the altitude from the source with the smaller predicted sigma.
+
+    altitude_source : "gnss_dme", or the altimeter above known terrain
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    altitude_source: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -578,4 +701,6 @@ class Event:
     text: str
 
 
-Output = HeightAboveGround | ClearanceIntegrity | GlideSlope | NavSolution
+Output = (
+    HeightAboveGround | ClearanceIntegrity | GlideSlope | NavSolution | FilterSolution | VerticalSolution | PositionFix
+)
