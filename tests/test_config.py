@@ -151,7 +151,11 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         ),
         (changed('altimeters = ["radar"]', 'altimeters = ["ins"]'), ["nav.altimeters", "'ins'", "altimeter"]),
         (changed('vertical = "egm96"', 'vertical = "navd88"'), ["nav.terrain.vertical", "'navd88'", "'egm2008'"]),
-        (changed('vertical = "egm96"', 'vertical = "egm96", datum = 1'), ["nav.terrain.datum", "files, vertical"]),
+        (changed('vertical = "egm96"', 'vertical = "egm96", datum = 1'), ["nav.terrain.datum", "sd_m, vertical"]),
+        (changed('files = ["dem/a.npz"], vertical = "egm96"', ""), ["nav.terrain", "either files or a scene"]),
+        (changed(', vertical = "egm96"', ""), ["nav.terrain.vertical", "missing", "egm2008"]),
+        (changed('vertical = "egm96"', 'vertical = "egm96", radius_m = 9'), ["nav.terrain", "centre_deg", "both"]),
+        (changed('files = ["dem/a.npz"]', 'scene = "demo"'), ["nav.terrain.vertical", "belongs to files"]),
         (
             changed("[nav]", "[navigation]"),
             ["navigation", "no such key", "bus, device, display, link, nav, recorder, session, snapshot"],

@@ -12,16 +12,18 @@ from fti.errors import ConfigError, MissingError
 
 def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
     """Each file, opened; the geoid that its heights need is there, too.  Raises ConfigError or MissingError."""
-    if config.nav.terrain is None:
+    if config.nav.terrain is None or not config.nav.terrain.files:
         return
     from fti.geodesy.geoid import load_geoid
     from fti.terrain.files.elevation_file import ElevationFile
     from fti.terrain.files.vertical import OTHERS
 
+    vertical = config.nav.terrain.vertical
+    assert vertical is not None  # files need it
     for i, file in enumerate(config.nav.terrain.files):
         key = f"{config.path}: nav.terrain.files[{i}]"
         try:
-            with closing(ElevationFile(file, {OTHERS: config.nav.terrain.vertical})) as opened:
+            with closing(ElevationFile(file, {OTHERS: vertical})) as opened:
                 source = opened.source
             if source.vertical != "ellipsoid":
                 load_geoid(source.vertical)

@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from fti.config.binding import bind
-from fti.config.tables import CanLink, Config, SerialLink, UdpLink
+from fti.config.tables import CanLink, Config, SerialLink, TerrainFiles, UdpLink
 from fti.errors import ConfigError, MissingError
+
+#: What ``[nav.terrain]`` says of files alone.
+FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 
 
 def read_toml(path: Path) -> tuple[dict[str, Any], str]:
@@ -61,9 +64,23 @@ def _check_references(config: Config, file: str) -> None:
         for name in getattr(config.nav, role):
             if name not in devices:
                 raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
+    _check_terrain(config.nav.terrain, file)
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+
+
+def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:
+    if terrain is None:
+        return
+    if bool(terrain.files) == bool(terrain.scene):
+        raise ConfigError(f"{file}: nav.terrain: needs either files or a scene")
+    if terrain.files and terrain.vertical is None:
+        raise ConfigError(f"{file}: nav.terrain.vertical: missing; it must be given: ellipsoid, egm96 or egm2008")
+    if (terrain.centre_deg is None) != (terrain.radius_m is None):
+        raise ConfigError(f"{file}: nav.terrain: centre_deg and radius_m: give both, or neither for all of the files")
+    if terrain.scene and (given := [key for key in FILE_KEYS if getattr(terrain, key) is not None]):
+        raise ConfigError(f"{file}: nav.terrain.{given[0]}: belongs to files, not to a scene")
 
 
 def _check_unique(names: list[str], file: str, kind: str) -> None:

@@ -158,10 +158,22 @@ class Device(StrictModel):
 
 
 class TerrainFiles(StrictModel):
-    """``[nav] terrain``: elevation files and the datum of their heights."""
+    """``[nav.terrain]``: elevation files and the datum of their heights, or a scene of the emulator.
 
-    files: tuple[str, ...]
-    vertical: Literal["ellipsoid", "egm96", "egm2008"]
+    centre_deg, radius_m : the square that is needed of them; none : all that they cover
+    cell_m               : between the posts of the finest layer; none : as in the finest file
+    scene                : the ground that the emulator flies over, in place of files: the demonstration's strip, or it
+                           with the country around
+    sd_m                 : one sigma of its heights
+    """
+
+    files: tuple[str, ...] = ()
+    vertical: Literal["ellipsoid", "egm96", "egm2008"] | None = None
+    centre_deg: tuple[Annotated[float, Field(ge=-90, le=90)], Annotated[float, Field(ge=-180, le=180)]] | None = None
+    radius_m: Positive | None = None
+    cell_m: Positive | None = None
+    scene: Literal["demo", "demo_country"] | None = None
+    sd_m: Positive = 1.5
 
 
 class Approach(StrictModel):
