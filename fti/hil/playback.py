@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 
 from fti.errors import MissingError
 from fti.hil.lateness import Histogram, Lateness
 from fti.hil.ports.endpoints import Endpoint
-from fti.types import TICK_LINK, RawFrame
+from fti.types import RawFrame
 
 SECOND_NS = 1_000_000_000
 #: A longer pause is told: in a snapshot it may last until the next trigger.
@@ -63,32 +63,8 @@ class Transport:
             self._stands_at = max(self._stands_at, self.next_s)
 
 
-def chosen(
-    frames: Callable[[], Iterable[RawFrame]], *, from_s: float = 0.0, only: Sequence[str] = (), loop: bool = False
-) -> Iterator[RawFrame]:
-    """The frames that a replay sends; t_rx_ns counts from its begin, which is from_s after the first frame.
-
-    frames : makes an iterator over a recording, anew for each pass
-    only   : these links alone (none named: all); loop : the first frame again at the instant of the last, for ever
-    """
-    begin_ns = end_ns = 0
-    while True:
-        links = (frame for frame in frames() if frame.link != TICK_LINK)
-        origin_ns, found = None, False
-        for frame in links:
-            if origin_ns is None:
-                origin_ns = frame.t_rx_ns + round(from_s * SECOND_NS)
-            if frame.t_rx_ns >= origin_ns and (not only or frame.link in only):
-                end_ns = max(end_ns, begin_ns + frame.t_rx_ns - origin_ns)
-                found = True
-                yield RawFrame(frame.link, frame.seq, begin_ns + frame.t_rx_ns - origin_ns, frame.data)
-        if not loop or not found:
-            return
-        begin_ns = end_ns
-
-
 class FrameStream:
-    """Frames as ``chosen`` gives them, as a stream of the scheduler.
+    """Frames as ``fti.hil.ahead`` gives them, as a stream of the scheduler.
 
     speed    : 2 is twice as fast
     progress : told of long pauses

@@ -18,8 +18,8 @@ from mcap.reader import make_reader
 
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.ahead import Ahead
-from fti.hil.playback import SECOND_NS, FrameStream, Transport, chosen
+from fti.hil.ahead import SECOND_NS, Ahead, Request
+from fti.hil.playback import FrameStream, Transport
 from fti.hil.ports.endpoints import Endpoint, make_endpoint, opened, until
 from fti.hil.report import Report
 from fti.hil.scheduler import Scheduler
@@ -67,23 +67,26 @@ class Replay:
         """Where in the recording it is [s after its first frame], counted on through a loop; None before it begins."""
         return self._from_s + self._stream.lasts_s * self._speed if self._stream else None
 
-    def _frames(self) -> Iterator[RawFrame]:
-        return chosen(self._recording.frames, from_s=self._from_s, only=self._only, loop=self._loop)
+    @property
+    def _request(self) -> Request:
+        return Request(str(self._recording.path), self._from_s, self._only, self._loop)
 
     async def run(self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None) -> Report:
         """Open the endpoints, wait for readers, send everything.  progress : told what is waited for."""
         ended = stop or asyncio.Event()
         scheduler = Scheduler(self.transport.now_s)
         ends = {link.name: make_endpoint(link, self._folder, lambda _: [], tell=progress) for link in self._links}
-        async with opened(ends):
-            self.ready.set()
-            await until(self._play(scheduler, ends, ended, progress), ended)
+        with Ahead(self._request) as frames:
+            async with opened(ends):
+                self.ready.set()
+                await until(self._play(frames, scheduler, ends, ended, progress), ended)
         by_link = self._stream.by_link if self._stream else {}
         sent = {name: endpoint.sent for name, endpoint in ends.items()}
         return Report(sent, scheduler.lateness, by_link, remarks=self._behind())
 
     async def _play(
         self,
+        frames: Iterator[RawFrame],
         scheduler: Scheduler,
         endpoints: Mapping[str, Endpoint],
         stop: asyncio.Event,
@@ -91,10 +94,9 @@ class Replay:
     ) -> None:
         await _readers(endpoints, progress)
         await asyncio.sleep(self._wait_s)
-        with Ahead(self._frames) as frames:
-            self._stream = FrameStream(frames, endpoints, self.transport, self._speed, progress)
-            self.transport.start()
-            await scheduler.run([self._stream], stop)
+        self._stream = FrameStream(frames, endpoints, self.transport, self._speed, progress)
+        self.transport.start()
+        await scheduler.run([self._stream], stop)
         for endpoint in endpoints.values():
             await endpoint.drained()
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import pytest
 
-from fti.errors import RecordingError
-from fti.hil.ahead import BATCH, BATCHES, Ahead
-from fti.hil.playback import FrameStream, Transport, chosen
+from fti.hil.ahead import chosen
+from fti.hil.playback import FrameStream, Transport
 from fti.hil.scheduler import Scheduler
 from fti.types import TICK_LINK, RawFrame
-from tests.helpers import until
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000
@@ -118,38 +116,3 @@ def test_paused_before_its_begin_it_waits_at_the_beginning() -> None:
     player = Player([frame(0), frame(100)])
     player.transport.pause()
     assert player.play((1.0, player.transport.pause)) == pytest.approx([1.0, 1.1], abs=0.011)
-
-
-# ---------------------------------------------------------------------------------------------------------- read ahead
-
-
-def test_all_frames_come_in_order_and_the_thread_ends() -> None:
-    recorded = [frame(k, data=b"%d" % k) for k in range(3 * BATCH + 5)]
-    with Ahead(lambda: recorded) as frames:
-        assert list(frames) == recorded
-
-
-def test_it_reads_only_so_far_ahead_and_ends_when_nobody_wants_more() -> None:
-    read = 0
-
-    def endless() -> Iterator[RawFrame]:
-        nonlocal read
-        while True:
-            read += 1
-            yield frame(read)
-
-    with Ahead(endless) as frames:
-        assert next(frames) == frame(1)
-        until(lambda: read >= BATCH * BATCHES)
-    assert read <= BATCH * (BATCHES + 3)
-
-
-def test_what_is_wrong_with_the_recording_is_raised_in_its_place() -> None:
-    def broken() -> Iterator[RawFrame]:
-        yield from [frame(0)] * BATCH
-        raise RecordingError("twice")
-
-    with Ahead(broken) as frames:
-        assert len(list(islice(frames, BATCH))) == BATCH
-        with pytest.raises(RecordingError, match="twice"):
-            next(frames)

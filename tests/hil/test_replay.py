@@ -24,7 +24,8 @@ from fti import config as configuration
 from fti.canframe import pack_can
 from fti.config import Config
 from fti.errors import MissingError
-from fti.hil.playback import FrameStream, Transport, chosen
+from fti.hil.ahead import chosen
+from fti.hil.playback import FrameStream, Transport
 from fti.hil.recorded import recorded_config
 from fti.hil.replay import Replay
 from fti.hil.report import Report
