@@ -10,6 +10,7 @@ import os
 import socket
 import sys
 import threading
+from multiprocessing.resource_tracker import _resource_tracker as _tracker
 from pathlib import Path
 
 from tests.processes import children_of, command_of
@@ -42,7 +43,7 @@ def _children() -> dict[str, str]:
 def _descriptors() -> dict[str, str]:
     found = {}
     for entry in Path("/proc/self/fd").iterdir():
-        if int(entry.name) <= 2:
+        if int(entry.name) <= 2 or int(entry.name) == _tracker._fd:  # type: ignore[attr-defined]
             continue  # pytest turns the standard ones to and fro
         try:
             target = str(entry.readlink())

@@ -4,6 +4,7 @@
   fti study device_clock
   fti study device_clock --runs 400 --seed 7 --json
   fti study slant-range --plots figures       # the results, and pictures of them
+  fti study slant-range --scheduler tcp://10.0.0.1:8786     # its runs on a Dask cluster, not on the cores here
 
 The same seed gives the same figures.  Exit code 1 when a target is not reached.
 """
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--runs", metavar="N", type=count, help="how many runs (default: the study's own)")
     parser.add_argument("--seed", metavar="K", type=int, help="seed of the random numbers (default: the study's own)")
     parser.add_argument("--plots", metavar="DIR", type=Path, help="draw the study's pictures into DIR (PNG)")
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask cluster that does the runs (default: here)")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
@@ -39,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from fti import study
     from fti.cli._reading import progress_bar
     from fti.errors import MissingError
+    from fti.study.workers import on_cluster
 
     if args.list:
         print("\n".join(f"{name}  {study.title(study.load(name))}" for name in study.names()))
@@ -49,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     name, runs = study.name_of(chosen), args.runs or chosen.RUNS
     seed = chosen.SEED if args.seed is None else args.seed
     pictures = _pictures(chosen, seed, args.plots) if args.plots else {}
-    with progress_bar() as bar:
+    with progress_bar() as bar, on_cluster(args.scheduler):
         task = bar.add_task(name, total=1.0)
         results = chosen.study(runs, seed, lambda share: bar.update(task, completed=share))
         if pictures:

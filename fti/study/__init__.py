@@ -1,6 +1,6 @@
 """Studies: a published result again, each with its target beside what was found.
 
-A study is a module of this package whose name does not begin with ``_``.  It has:
+A study is a module of this package whose name does not begin with ``_``, except ``HELPERS``.  It has:
 
     docstring   first line: what is shown; then the source, and how the comparison is fair
     ``RUNS``    how many runs it takes unless told otherwise
@@ -33,6 +33,8 @@ Progress = Callable[[float], None]
 Draw = Callable[[], "Figure"]
 
 
+#: Modules that studies share.
+HELPERS = {"workers"}
 #: Target of a result that is told and not judged.
 REPORTED = "reported"
 
@@ -68,7 +70,7 @@ class Illustrated(Study, Protocol):
 
 def names() -> list[str]:
     """Names of the studies there are, sorted."""
-    return sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+    return sorted({m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_")} - HELPERS)
 
 
 def load(name: str) -> Study:

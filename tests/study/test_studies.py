@@ -151,4 +151,4 @@ def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_said(
 
 def test_a_study_is_a_module_and_nothing_else() -> None:
     folder = Path(study.__file__).parent
-    assert {path.stem for path in folder.glob("[!_]*.py")} == set(study.names())
+    assert {path.stem for path in folder.glob("[!_]*.py")} == set(study.names()) | study.HELPERS

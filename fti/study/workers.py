@@ -1,0 +1,204 @@
+"""Runs of a study over all cores of this machine, or over a cluster: ``run_all``.
+
+A run is a function of its argument alone (a seed, a tuple with one), so where it is done changes nothing, and results
+come in the order of the arguments.  Function and argument must be picklable: a function of a module, or a
+``functools.partial`` of one.
+
+Here: runs begin in this process; where more than one is left after ``PATIENCE_S``, processes take them, one for each
+core, started afresh (never forked), linear algebra in one thread each.  They end with the one that started them,
+however that ends; Ctrl-C goes to that one alone.  On a cluster: ``with on_cluster("tcp://10.0.0.1:8786"):`` gives the
+runs to that Dask scheduler; its workers need the same ``fti``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextvars import ContextVar
+from itertools import islice
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, NamedTuple, TypeVar
+
+from fti.errors import FtiError, MissingError
+from fti.study import Progress
+
+Argument = TypeVar("Argument")
+Found = TypeVar("Found")
+
+#: A process takes about two seconds to start: runs that are done sooner are done here.
+PATIENCE_S = 3.0
+#: A pool of threads in each process would take the cores from the others.
+QUIET = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+#: How long a cluster may take to answer [s], and a process that is told to end.
+ANSWER_S, END_S = 10.0, 5.0
+
+_scheduler: ContextVar[str | None] = ContextVar("_scheduler", default=None)
+
+
+@contextlib.contextmanager
+def on_cluster(scheduler: str | None) -> Iterator[None]:
+    """Within it, runs are done by the cluster of the Dask scheduler at that address; None: here."""
+    token = _scheduler.set(scheduler)
+    try:
+        yield
+    finally:
+        _scheduler.reset(token)
+
+
+def run_all(task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Progress) -> list[Found]:
+    """What ``task`` returns for each argument, in their order; progress : told the share of them that is done.
+
+    Raises what the task raises of the errors of ``fti.errors``; RuntimeError where a process ends by itself, which it
+    does, saying why on standard error, after any other error.  MissingError for a cluster that is not there.
+    """
+    todo, scheduler = list(arguments), _scheduler.get()
+    found: dict[int, Found] = {}
+    for number, result in _on_cluster(task, todo, scheduler) if scheduler else _here(task, todo):
+        found[number] = result
+        progress(len(found) / len(todo))
+    return [found[number] for number in range(len(todo))]
+
+
+def _here(task: Callable[[Any], Found], todo: Sequence[Any]) -> Iterator[tuple[int, Found]]:
+    """Results with the numbers of their arguments, as they come."""
+    cores = len(os.sched_getaffinity(0))
+    begin = time.monotonic()
+    for number, argument in enumerate(todo):
+        left = len(todo) - number
+        if min(left, cores) > 1 and time.monotonic() - begin > PATIENCE_S:
+            yield from _over_processes(task, list(enumerate(todo))[number:], min(left, cores))
+            return
+        yield number, task(argument)
+
+
+class _Worker(NamedTuple):
+    """A process that works, and our end of the pipe to it."""
+
+    process: SpawnProcess
+    pipe: Connection
+
+    def give(self, numbered: tuple[int, Any]) -> None:
+        """An argument with its number; one that has ended does not take it, which ``answer`` tells."""
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            self.pipe.send(numbered)
+
+    def answer(self) -> tuple[int, Any]:
+        """The number of an argument and what was found for it."""
+        try:
+            number, result = self.pipe.recv()
+        except (EOFError, ConnectionResetError):
+            self.process.join(END_S)
+            raise RuntimeError(f"a process of the study ended by itself ({self.process.exitcode})") from None
+        if isinstance(result, FtiError):
+            raise result
+        return number, result
+
+    def end(self) -> None:
+        """Now, whatever it is doing."""
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join(END_S)
+        self.process.close()
+
+
+def _over_processes(
+    task: Callable[[Any], Found], todo: Sequence[tuple[int, Any]], cores: int
+) -> Iterator[tuple[int, Found]]:
+    workers: list[_Worker] = []
+    try:
+        with _quiet():
+            for _ in range(cores):
+                workers.append(_start(task))  # noqa: PERF401 - those that have started are ended when one does not
+        yield from _handed_out(workers, todo)
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+def _handed_out(workers: Sequence[_Worker], todo: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Any]]:
+    """Whoever has answered gets the next argument."""
+    waiting = iter(todo)
+    busy = {worker.pipe: worker for worker in workers}
+    for worker in workers:
+        worker.give(next(waiting))
+    for _ in todo:
+        pipe = wait(list(busy))[0]
+        assert isinstance(pipe, Connection)
+        answer = busy[pipe].answer()
+        for numbered in islice(waiting, 1):
+            busy[pipe].give(numbered)
+        yield answer
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """What is started within it inherits ``QUIET`` and is deaf to Ctrl-C from its first instruction."""
+    before = {name: os.environ.get(name) for name in QUIET}
+    resource_tracker.ensure_running()  # the first start of a process would do it, and let Ctrl-C through again
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    os.environ.update(QUIET)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def _start(task: Callable[[Any], Any]) -> _Worker:
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_work, args=(task, theirs), daemon=True)
+    process.start()
+    theirs.close()  # so that we see its end
+    return _Worker(process, ours)
+
+
+def _work(task: Callable[[Any], Any], pipe: Connection) -> None:
+    """A process: do what comes, until whoever sends it has gone."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        while True:
+            number, argument = pipe.recv()
+            pipe.send((number, _tried(task, argument)))
+
+
+def _end_with_parent() -> None:
+    """In the middle of a run, too: a study that was killed would hold the machine for minutes."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
+def _tried(task: Callable[[Any], Any], argument: object) -> Any:
+    try:
+        return task(argument)
+    except FtiError as error:
+        return error
+
+
+def _on_cluster(task: Callable[[Any], Found], todo: Sequence[Any], scheduler: str) -> Iterator[tuple[int, Found]]:
+    try:
+        from distributed import Client, as_completed  # noqa: PLC0415 - an extra, for who has a cluster
+    except ImportError:
+        raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
+    try:
+        client = Client(scheduler, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # ValueError: no address
+        raise MissingError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    with client:
+        futures = client.map(task, todo, pure=False)
+        numbers = {future.key: number for number, future in enumerate(futures)}
+        for future in as_completed(futures):
+            yield numbers[future.key], future.result()

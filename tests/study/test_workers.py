@@ -1,0 +1,167 @@
+"""Runs over processes and over a cluster: the same results in the same order, and nothing left when one fails."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import subprocess
+import sys
+import time
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.cli.main import main
+from fti.errors import ConfigError, MissingError
+from fti.study import Result, triple_buffer, workers
+from fti.study.workers import on_cluster, run_all
+from tests.helpers import ROOT, until
+from tests.processes import command_of
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two processes from the second argument on."""
+    monkeypatch.setattr(workers, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+
+
+def _square(x: int) -> tuple[int, int, str | None]:
+    time.sleep(0.05 if x == 0 else 0.0)  # the first is not the first to be done
+    return x * x, os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
+
+
+def _fails(x: int, error: type[Exception]) -> int:
+    if x == 3:
+        raise error("the third")
+    return x
+
+
+def _dies(x: int) -> int:
+    if x == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def _waits(file: str, x: int) -> None:
+    with Path(file).open("a", encoding="ascii") as out:
+        out.write(f"{os.getpid()}\n")
+    time.sleep(60.0)
+
+
+def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> None:
+    shares: list[float] = []
+    before = dict(os.environ)
+    found = run_all(_square, range(6), shares.append)
+    assert [value for value, _, _ in found] == [0, 1, 4, 9, 16, 25]
+    assert {pid for _, pid, _ in found} - {os.getpid()}, "all was done here"
+    assert {threads for _, pid, threads in found if pid != os.getpid()} == {"1"}
+    assert shares == pytest.approx([k / 6 for k in range(1, 7)])
+    assert dict(os.environ) == before
+
+
+def test_short_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "PATIENCE_S", 3600.0)
+    assert {pid for _, pid, _ in run_all(_square, range(5), lambda _: None)} == {os.getpid()}
+    assert run_all(_square, [], lambda _: None) == []
+
+
+def test_an_error_of_ours_comes_through_and_others_end_it(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ConfigError, match="the third"):
+        run_all(functools.partial(_fails, error=ConfigError), range(6), lambda _: None)
+    with pytest.raises(RuntimeError, match="ended by itself"):
+        run_all(functools.partial(_fails, error=ZeroDivisionError), range(6), lambda _: None)
+    assert "ZeroDivisionError: the third" in capfd.readouterr().err
+
+
+def test_a_process_that_is_killed_is_no_wait_for_ever() -> None:
+    with pytest.raises(RuntimeError, match=r"ended by itself \(-9\)"):
+        run_all(_dies, [0, 1, 2, 3], lambda _: None)
+
+
+SCRIPT = """
+import sys
+from fti.study import workers
+from tests.study.test_workers import _waits
+import functools
+workers.PATIENCE_S = -1.0
+workers.os.sched_getaffinity = lambda _: {{0, 1}}
+if __name__ == "__main__":
+    try:
+        workers.run_all(functools.partial(_waits, {file!r}), range(4), print)
+    except KeyboardInterrupt:
+        sys.exit(130)
+"""
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_processes_end_with_the_study(tmp_path: Path, end: signal.Signals) -> None:
+    """Ctrl-C, which a terminal sends to all of them, without a word from any; and when it is killed."""
+    file, script = tmp_path / "pids", tmp_path / "script.py"
+    file.touch()
+    script.write_text(SCRIPT.format(file=str(file)))
+    environ = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, script], env=environ, stderr=subprocess.PIPE, process_group=0) as started:
+        until(lambda: len(file.read_text().splitlines()) == 2, what="two processes at work")
+        if end == signal.SIGINT:
+            os.killpg(started.pid, end)
+            assert (started.communicate()[1], started.returncode) == (b"", 130)
+        else:
+            started.kill()
+    for pid in map(int, file.read_text().splitlines()):
+        until(lambda pid=pid: not command_of(pid), what=f"the end of {pid}")  # type: ignore[misc]
+
+
+class FakeFuture:
+    def __init__(self, key: str, value: object) -> None:
+        self.key, self._value = key, value
+
+    def result(self) -> object:
+        return self._value
+
+
+class FakeClient:
+    """What is used of ``distributed.Client``; the last argument is done first."""
+
+    def __init__(self, address: str, *, timeout: float, set_as_default: bool) -> None:
+        if address == "tcp://nobody:1":
+            raise OSError("Timed out trying to connect")
+        assert (timeout > 0.0, set_as_default) == (True, False)
+
+    def __enter__(self) -> FakeClient:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+    def map(self, task: Callable[[Any], object], todo: list[Any], *, pure: bool) -> list[FakeFuture]:
+        assert not pure  # the same seed twice is two runs
+        return [FakeFuture(f"task-{k}", task(argument)) for k, argument in enumerate(todo)]
+
+
+def test_a_cluster_does_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = types.SimpleNamespace(Client=FakeClient, as_completed=lambda futures: futures[::-1])
+    monkeypatch.setitem(sys.modules, "distributed", fake)
+    shares: list[float] = []
+    with on_cluster("tcp://somebody:8786"):
+        assert [value for value, _, _ in run_all(_square, range(4), shares.append)] == [0, 1, 4, 9]
+    assert shares == [0.25, 0.5, 0.75, 1.0]
+    with on_cluster("tcp://nobody:1"), pytest.raises(MissingError, match="tcp://nobody:1: Timed out"):
+        run_all(_square, range(4), lambda _: None)
+
+
+def test_the_command_names_the_cluster_and_says_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def runs(runs: int, seed: int, progress: Callable[[float], None]) -> list[Result]:
+        run_all(_square, range(runs), progress)
+        return []
+
+    monkeypatch.setattr(triple_buffer, "study", runs)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(["study", "triple_buffer", "--scheduler", "tcp://somebody:8786"]) == 2
+    assert "pip install 'fti[dask]'" in capsys.readouterr().err
