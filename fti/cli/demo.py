@@ -21,6 +21,7 @@ from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
     import asyncio
+    from collections.abc import Callable
     from pathlib import Path
 
     from fti.config import Config
@@ -36,7 +37,7 @@ BOUND = re.compile(r'(bind = "127\.0\.0\.1:)\d+"')
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti demo``."""
-    parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of recording")
+    parser.add_argument("--duration", type=seconds, metavar="S", help="end S seconds after the sensors are there")
     parser.add_argument("--headless", action="store_true", help="do not open the browser")
     parser.add_argument("--out", metavar="DIR", default="data", help="record below DIR (default: data)")
     parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="which flight; fti hil --list")
@@ -60,8 +61,9 @@ def run(args: argparse.Namespace) -> int:
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
                 await _open_browser(supervisor)
+            begun = _ending_after(args.duration, supervisor)
             while True:
-                await _fly_once(scenario, file, links, supervisor)
+                await _fly_once(scenario, file, links, supervisor, begun)
 
         signalled = asyncio.run(
             serve(
@@ -69,7 +71,6 @@ def run(args: argparse.Namespace) -> int:
                 recorder=recorder,
                 announce=lambda line: print(line, flush=True),
                 run_dir=args.run_dir,
-                duration_s=args.duration,
                 companion=fly,
             )
         )
@@ -110,6 +111,22 @@ def _free_port() -> int:
         return port
 
 
+def _ending_after(duration_s: float | None, supervisor: Supervisor) -> Callable[[], None]:
+    """What is to be called when the sensors of a flight are there: so long after the first time the session ends.
+
+    Not so long after the recording begins: on a new machine the emulator compiles first, longer than a short session.
+    """
+    import asyncio
+
+    ends: list[asyncio.TimerHandle] = []
+
+    def begun() -> None:
+        if duration_s is not None and not ends:
+            ends.append(asyncio.get_running_loop().call_later(duration_s, supervisor.stop))
+
+    return begun
+
+
 async def _open_browser(supervisor: Supervisor) -> None:
     """Open the page where there is a screen; the address is printed in any case."""
     import asyncio
@@ -133,10 +150,12 @@ async def _end(emulator: asyncio.subprocess.Process) -> None:
         await emulator.wait()
 
 
-async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Supervisor) -> None:
+async def _fly_once(
+    scenario: Path, config: Path, links: str, supervisor: Supervisor, begun: Callable[[], None]
+) -> None:
     """One flight by an emulator in a process of its own, so that it cannot disturb the daemon.
 
-    Raises FtiError when the emulator fails.
+    begun : called when the sensors are there.  Raises FtiError when the emulator fails.
     """
     import asyncio
     import sys
@@ -149,10 +168,14 @@ async def _fly_once(scenario: Path, config: Path, links: str, supervisor: Superv
         *("--links", links, "--config", str(config), "--truth", str(truth), "--wait"),
         *("--report", str(truth.with_suffix(".json")), "--run-dir", str(supervisor.run_dir)),
         stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.DEVNULL,
+        stdout=asyncio.subprocess.PIPE,
         process_group=0,
     )
+    assert emulator.stdout
     try:
+        if await emulator.stdout.readline():
+            begun()
+        await emulator.stdout.read()  # its report, which is in a file, too
         code = await emulator.wait()
     except asyncio.CancelledError:
         await _end(emulator)

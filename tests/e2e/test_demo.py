@@ -25,7 +25,7 @@ def _messages(path: Path) -> list[tuple[Schema | None, Channel, Message]]:
 
 
 def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
-    done = fti("demo", "--headless", "--duration", "35", "--out", str(tmp_path), "--run-dir", str(tmp_path / "run"))
+    done = fti("demo", "--headless", "--duration", "12", "--out", str(tmp_path), "--run-dir", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr
     assert "display at http://127.0.0.1:" in done.stdout
     (session,) = tmp_path.glob("demo_*")
