@@ -18,6 +18,7 @@ class Stuck:
 
     def __init__(self) -> None:
         self.ended = asyncio.Event()
+        self.stdout = asyncio.StreamReader()
 
     def terminate(self) -> None: ...
 
@@ -42,9 +43,26 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
     monkeypatch.setattr(demo, "EMULATOR_END_S", 0.01)
     folder = SimpleNamespace(next_path=lambda kind: tmp_path / f"{kind}.mcap")
     supervisor = cast("Supervisor", SimpleNamespace(folder=folder, run_dir=tmp_path))
-    flying = asyncio.create_task(demo._fly_once(tmp_path / "s.toml", tmp_path / "c.toml", "links", supervisor))
+    scenario, config, begun = tmp_path / "s.toml", tmp_path / "c.toml", asyncio.Event()
+    flying = asyncio.create_task(demo._fly_once(scenario, config, "links", supervisor, begun.set))
     await started.wait()
+    assert not begun.is_set()
+    emulator.stdout.feed_data(b"ready\n")
+    await begun.wait()
     flying.cancel()
     with pytest.raises(asyncio.CancelledError):
         await flying
     assert emulator.ended.is_set()
+
+
+async def test_the_time_runs_from_the_first_flight_on() -> None:
+    ended = asyncio.Event()
+    begun = demo._ending_after(0.01, cast("Supervisor", SimpleNamespace(stop=ended.set)))
+    await asyncio.sleep(0.05)
+    assert not ended.is_set()  # while the emulator prepares, no time is taken from the session
+    begun()
+    await ended.wait()
+    ended.clear()
+    begun()  # the next flight of the same demonstration
+    await asyncio.sleep(0.05)
+    assert not ended.is_set()
