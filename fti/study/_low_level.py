@@ -1,0 +1,160 @@
+"""The low-level mix: poses over wooded, built-up country, and what a laser and a radar measure there.
+
+Fixed, and the same for every study that uses it (T20, T21; section 7.5 of source 003, whose flights and elevation are
+not public): poses are drawn one by one, places and headings evenly,
+
+    roll      70 % evenly within 10 deg, 30 % evenly from 10 to 50 deg, to either side
+    pitch     normal, 3 deg
+    height    of P over the surface at the nadir, evenly from 40 to 350 m
+    country   ground with 10 m between its highest and its lowest point; stands of trees of 10 to 25 m on 45 % of it, 60
+              buildings of 4 to 18 m on a square kilometre; another one for each run, and the unit of every statistic
+    laser     a ray along the boresight, 0.1 m of noise
+    radar     half power 35 deg (across) and 26 deg (along) off the boresight, 8101 rays of a dome rotated at random,
+              0.5 m of noise, no steps.  The model of it, 2051 rays of an upright dome: another beam
+
+Both see the tops of trees and roofs, and the true height is that over them; sensors sit at P and look down along the
+body's axis.  What is known when they are predicted (``Known``): the very surface and place; the place with an error of
+10 m in each horizontal axis and 2 m in height, another at each pose; or the very place over an elevation model with
+1.5 m of noise (half of its variance over 30 m, half over 300 m) that lies 10 m beside the truth.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.local import MAT_ENU_NED
+from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.ranging.error_model import RangeError
+from fti.ranging.laser import Laser
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.ranging.radar.antenna import WIDE
+from fti.ranging.radar.dome import random_turn
+from fti.ranging.sensor import Poses, RangingSensor
+from fti.terrain.dem_error import DemError
+from fti.terrain.landscape import Cover, Landscape
+from fti.terrain.synthetic import buildings, forest, fractal_relief
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+POSES = 200
+STEEP_SHARE, SHALLOW, STEEPEST = 0.3, np.radians(10.0), np.radians(50.0)
+PITCH_SD = np.radians(3.0)
+LOWEST_M, HIGHEST_M = 40.0, 350.0
+RELIEF_M, HOUSES_PER_KM2 = 10.0, 60.0
+#: Poses lie within so much of the middle [m]; the country goes on as far as a radar looks.
+REACH_M, EXTENT_M, CELL_M = 800.0, 3200.0, 5.0
+LASER_NOISE_M, RADAR_NOISE_M, FARTHEST_M = 0.1, 0.5, 1000.0
+MODEL_ORDER, TRUTH_ORDER = 20, 40
+HORIZONTAL_SD, VERTICAL_SD = 10.0, 2.0
+DEM_NOISE_M, DEM_SHIFT_M = 1.5, 10.0
+
+
+class Known(StrEnum):
+    """What is known of place and surface."""
+
+    ALL = "exact"
+    PLACE_ERROR = "navigation 10 m / 2 m"
+    DEM_ERROR = "DEM 1.5 m, 10 m beside"
+
+
+@functools.cache
+def models() -> dict[str, RangingSensor]:
+    """The sensors as they are known: without noise."""
+    return {"laser": Laser(max_range=FARTHEST_M), "radar": RadarAltimeter(antenna=WIDE, order=MODEL_ORDER)}
+
+
+@dataclass(frozen=True, eq=False)
+class Mix:
+    """Poses over a country.
+
+    country        : what is there
+    points_l       : P (n, 3) [m], east, north, up
+    roll, pitch    : (n,) [rad];  mats_nb : (n, 3, 3) body to north, east, down
+    nadir          : true height of P over the surface straight below (n,) [m]
+    measured       : slant range by sensor (n,) [m], NaN where there is none
+    """
+
+    country: Landscape
+    points_l: Array
+    roll: Array
+    pitch: Array
+    mats_nb: Array
+    nadir: Array
+    measured: dict[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.nadir)
+
+
+def make_country(seed: int) -> Landscape:
+    """Gentle ground with woods and buildings."""
+    rng = np.random.default_rng([seed, 201])
+    posts = 2 * round(0.5 * EXTENT_M / CELL_M) + 1
+    shape = (posts, posts)
+    relief = fractal_relief(shape, CELL_M, rng, sd=1.0, longest_m=2000.0, shortest_m=100.0)
+    ground = Terrain.from_array(
+        RELIEF_M * relief / np.ptp(relief), CELL_M, east0=-0.5 * EXTENT_M, north0=-0.5 * EXTENT_M
+    )
+    trees, houses = forest(shape, CELL_M, rng), buildings(shape, CELL_M, rng, per_km2=HOUSES_PER_KM2)
+    built = (houses > 0.0) & (trees == 0.0)
+    cover = np.where(trees > 0.0, Cover.FOREST, np.where(built, Cover.BUILDING, Cover.GRASS)).astype(np.uint8)
+    return Landscape(ground, np.where(built, houses, trees), cover)
+
+
+def fly(seed: int, poses: int = POSES) -> Mix:
+    """The mix over the country of that seed, measured."""
+    country, rng = make_country(seed), np.random.default_rng([seed, 202])
+    east, north = rng.uniform(-REACH_M, REACH_M, (2, poses))
+    nadir = rng.uniform(LOWEST_M, HIGHEST_M, poses)
+    points = np.stack((east, north, country.surface.up(east, north) + nadir), axis=-1)
+    roll, pitch = rolls(poses, rng), PITCH_SD * rng.standard_normal(poses)
+    mats_nb = np.asarray(mat_from_rpy(roll, pitch, rng.uniform(0.0, 2.0 * np.pi, poses)))
+    at = Poses.still(points, MAT_ENU_NED @ mats_nb)
+    measured = {name: sensor.measure(country.surface, at, rng).slant_range for name, sensor in instruments(rng).items()}
+    return Mix(country, points, roll, pitch, mats_nb, nadir, measured)
+
+
+def rolls(poses: int, rng: Rng) -> Array:
+    """Roll [rad] of the mix, the shares exact but for rounding, in random order."""
+    steep = round(STEEP_SHARE * poses)
+    size = np.concatenate((rng.uniform(SHALLOW, STEEPEST, steep), rng.uniform(0.0, SHALLOW, poses - steep)))
+    return np.asarray(rng.permutation(size * rng.choice([-1.0, 1.0], poses)))
+
+
+def instruments(rng: Rng) -> dict[str, RangingSensor]:
+    """The sensors as they are: with noise, the radar with a beam of its own."""
+    laser, radar = models()["laser"], models()["radar"]
+    assert isinstance(laser, Laser)
+    assert isinstance(radar, RadarAltimeter)
+    return {
+        "laser": dataclasses.replace(laser, error=RangeError(noise_sd=LASER_NOISE_M)),
+        "radar": dataclasses.replace(
+            radar, order=TRUTH_ORDER, turn=random_turn(rng), error=RangeError(noise_sd=RADAR_NOISE_M)
+        ),
+    }
+
+
+def predict(mix: Mix, known: Known, seed: int) -> dict[str, Prediction]:
+    """What each sensor should measure, from what is known; seed : of the run."""
+    rng = np.random.default_rng([seed, 203, list(Known).index(known)])
+    surface, points = mix.country.surface, mix.points_l
+    if known is Known.PLACE_ERROR:
+        points = points + rng.standard_normal(points.shape) * [HORIZONTAL_SD, HORIZONTAL_SD, VERTICAL_SD]
+    if known is Known.DEM_ERROR:
+        surface = _mistaken(rng).applied(surface, rng)
+    return {name: Predictor(surface, sensor).along(points, mix.mats_nb) for name, sensor in models().items()}
+
+
+def _mistaken(rng: Rng) -> DemError:
+    course = rng.uniform(0.0, 2.0 * np.pi)
+    east, north = DEM_SHIFT_M * np.sin(course), DEM_SHIFT_M * np.cos(course)
+    return DemError(noise_sd=DEM_NOISE_M, shift_east=float(east), shift_north=float(north))
