@@ -549,6 +549,7 @@ class ClearanceIntegrity:
     height_error, .._sd     : b(0), navigated height minus profile [m]
     observability           : O; s_begin, s_end : window along the track before the intercept point [m]
     alert_limit_v / _s      : alert limits, vertical and along the track [m]
+    protection_level_v / _s : an error as large is missed with Pmd at most [m]; None where it is without bound
     """
 
     t_ns: int
@@ -569,6 +570,8 @@ class ClearanceIntegrity:
     s_end: float | None = None
     alert_limit_v: float | None = None
     alert_limit_s: float | None = None
+    protection_level_v: float | None = None
+    protection_level_s: float | None = None
     reference: str | None = None
 
 

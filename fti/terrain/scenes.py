@@ -182,10 +182,11 @@ def _posts(runway: _Runway) -> tuple[Array, Array]:
     return east, north
 
 
-def demo_scene(seed: int = 2018) -> Terrain:
+def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     """The terrain around the demo airfield: posts of 5 m, 7.5 km before to 1.7 km behind the threshold, +-1 km.
 
-    The frame's origin is the threshold, at its height.  The same seed gives the same bytes.
+    vegetation : height of what stands on the ground, times that of the survey: season, growth, what a beam passes
+    The frame's origin is the threshold, at its height.  The same arguments give the same bytes.
     """
     runway, rng = _load_runway(DEMO_AIRFIELD), np.random.default_rng(seed)
     frame = LocalFrame(runway.lat, runway.lon, runway.alt)
@@ -201,7 +202,7 @@ def demo_scene(seed: int = 2018) -> Terrain:
     waves = ridges(across, rng, low=8.0, high=12.0, shortest_m=140.0, longest_m=220.0)
     natural += waves * _near_track(right)
     ground = np.minimum(country * natural + (1.0 - country) * _plane(runway, before, right), limit)
-    cover = np.minimum(_cover(across, right, waves > 1.0, rng), limit - ground)
+    cover = np.minimum(vegetation * _cover(across, right, waves > 1.0, rng), limit - ground)
     cleared = (country < 1.0) | ((before < CLEARED_M) & (np.abs(right) < CLEARED_HALF_M)) | (cover < LOWEST_COVER_M)
     surface = ground + np.where(cleared, 0.0, cover)
     return Terrain.from_array(

@@ -38,6 +38,8 @@ def reference(airfield: Airfield) -> Reference:
     s = grid(5.0, S_MAX)
     profile = Profile(
         surface="bumps",
+        made_from="terrain",
+        date="2024-01-01",
         ds_m=5.0,
         s_max_m=S_MAX,
         draws=100,
@@ -57,6 +59,9 @@ def reference(airfield: Airfield) -> Reference:
         t3_interval=interval,
         t4_interval=interval,
         pfa=0.01,
+        pmd=1e-3,
+        verified_runs=0,
+        verified_alarms=0,
         runs=200,
         seed=1,
         method="by hand",

@@ -19,7 +19,8 @@ from fti.types import ClearanceIntegrity, IntegrityState, Reason
 Flight = Callable[..., Iterator[ClearanceSample]]
 Ground = Callable[[np.ndarray], np.ndarray]
 S = 1_000_000_000
-SETTINGS = Approach(profile="")
+#: Wide enough for the protection level of the fixture down to the intercept point: 10.3 m.
+SETTINGS = Approach(profile="", alert_v_m=12.0)
 JUDGED = {IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT}
 
 
@@ -125,6 +126,52 @@ def test_flat_ground_is_not_observable(reference: Reference) -> None:
     assert Matcher(reference, 50.0).evaluate(bins_of(reference), 1.0).observability > (3 + 1.64) ** 2
 
 
+# ------------------------------------------------------------------------------------------------ protection levels
+
+
+def test_protection_levels_add_limit_and_missed_detection(monitor: ClearanceMonitor, flight: Flight) -> None:
+    out = run(monitor, flight(begin=2990.0, end=1900.0))[-1]
+    # s_b^2 = 1 + 1 + 1.25 / 10, t_3 = 4, and 3.09 of Pmd = 1e-3
+    assert out.protection_level_v == pytest.approx((4.0 + 3.0902) * math.sqrt(2.125), rel=1e-3)
+    assert monitor.statistics is not None
+    assert out.protection_level_s == pytest.approx((3.0 + 3.0902) * monitor.statistics.shift_resolution, rel=1e-3)
+
+
+def test_resolution_is_that_of_the_peak(reference: Reference) -> None:
+    """For a slope of 1 in 10 that changes sides every 50 m: J(d) = sum w (0.1 d)^2, and s_s = 1 / sqrt(J / d^2)."""
+    zigzag = dataclasses.replace(reference, z_ref=np.abs((reference.s + 25.0) % 100.0 - 50.0) * 0.1)
+    found = Matcher(zigzag, 50.0).evaluate(bins_of(zigzag), 1.0)
+    assert found.shift_resolution == pytest.approx(1.0 / math.sqrt(10 * 0.01 / 1.25), rel=0.15)
+
+
+def test_a_height_as_large_as_its_protection_level_is_seen_in_999_of_1000(reference: Reference) -> None:
+    matcher, rng = Matcher(reference, 50.0), np.random.default_rng(5)
+    sd = matcher.evaluate(bins_of(reference), 1.0).height_error_sd
+    errors = (4.0 + 3.0902) * sd + rng.normal(0.0, sd, 4000)
+    missed = sum(matcher.evaluate(bins_of(reference, offset=error), 1.0).t3 <= 4.0 for error in errors)
+    assert missed <= 12  # 4 are expected; 12 or fewer with 99.97 %
+
+
+def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle_is_said(
+    reference: Reference, flight: Flight
+) -> None:
+    strict = ClearanceMonitor(reference, Approach(profile=""))
+    outputs = run(strict, flight(begin=2990.0, surface=lambda s: 60.0 if 860.0 < s < 900.0 else 0.0))
+    last = (4.0 + 3.0902) * math.sqrt(2.125) / math.radians(0.35)  # from here on it is above 0.35 deg
+    assert {o.state for o in outputs if o.valid and (o.s_end or 0) > last} <= {
+        IntegrityState.OK,
+        IntegrityState.MONITOR,
+    }
+    after = [o for o in outputs if 900.0 < (o.s_end or 0) < last - 20.0]
+    assert after
+    assert {(o.state, o.reasons[0], o.valid) for o in after} == {
+        (IntegrityState.UNAVAILABLE, Reason.PROTECTION_LEVEL, False)
+    }
+    alert = next(o for o in outputs if o.state is IntegrityState.ALERT)
+    assert Reason.OBSTACLE in alert.reasons
+    assert 840.0 < (alert.s_end or 0) < 900.0
+
+
 # ---------------------------------------------------------------------------------------------------------- flights
 
 
@@ -161,7 +208,7 @@ def test_over_flat_ground_it_monitors_without_judging_the_shift(
 def test_outputs_name_window_limits_and_reference(monitor: ClearanceMonitor, flight: Flight) -> None:
     out = near(run(monitor, flight(begin=2990.0, end=1900.0)), 2000.0)
     assert (out.s_begin or 0) - (out.s_end or 0) == 400.0
-    assert out.alert_limit_v == pytest.approx(math.radians(0.35) * (out.s_end or 0))
+    assert out.alert_limit_v == pytest.approx(max(12.0, math.radians(0.35) * (out.s_end or 0)))
     assert out.alert_limit_s == 50.0
     assert out.reference == monitor.reference.hash
 

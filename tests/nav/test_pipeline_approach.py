@@ -52,7 +52,7 @@ def config(beam_deg: float = 40.0, kind: str = "radar", **approach: Any) -> Conf
             "attitude": ["ins"],
             "position": ["ins", "gnss"],
             "altimeters": ["radar"],
-            "approach": {"profile": "p.csv", **approach},
+            "approach": {"profile": "p.csv", "alert_v_m": 12.0, **approach},
         },
     }
     return parse(table, "", Path("t.toml"))

@@ -4,8 +4,9 @@ Per altimeter sample: terrain as this sensor sees it, z = alt - agl, into the wi
 later of the two) the window against the reference; then the alarm logic.  The height is the raw one moved to P, never
 compensated for terrain.
 
-    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, or
-                  the aircraft made no 10 m of way within 2 s, so that nothing new was judged
+    UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, the
+                  aircraft made no 10 m of way within 2 s, so that nothing new was judged, or the vertical protection
+                  level is above its alert limit; an ALERT is said all the same
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
     others        see fti.nav.integrity.states; these are judgements, and ``valid`` (an ALERT too)
@@ -24,6 +25,7 @@ import numpy as np
 
 from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.protection import Protection, Protector
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.states import AlarmLogic, Ratios
 from fti.nav.integrity.statistics import Matcher, Statistics
@@ -104,7 +106,9 @@ class ClearanceMonitor:
         self._observable = (math.sqrt(self._limits.t2) + OBSERVABLE_MARGIN) ** 2
         self._window = Window(reference)
         self._matcher = Matcher(reference, settings.alert_s_m)
-        self._agl_ref = self.path.alt_path(reference.s) - reference.z_ref
+        self._protector = Protector(self._limits, settings)
+        self._agl_ref = (self.path.alt_path(reference.s) - reference.z_ref).tolist()
+        self._s0, self._ds = float(reference.s[0]), reference.header.profile.ds_m
         self._hash = reference.hash
         self._go_around = GoAround()
         self._last: ClearanceIntegrity | None = None
@@ -145,9 +149,9 @@ class ClearanceMonitor:
             self.restart()
 
     def _collect(self, x: ClearanceSample) -> None:
-        z = x.alt - x.agl
-        dh = x.agl - float(np.interp(x.s, self.reference.s, self._agl_ref))
-        self._window.add(x.s, z, dh)
+        at, share = divmod((x.s - self._s0) / self._ds, 1.0)
+        near, far = self._agl_ref[int(at)], self._agl_ref[int(at) + 1]
+        self._window.add(x.s, x.alt - x.agl, x.agl - near - share * (far - near))
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
         """There is no usable sample.
@@ -200,14 +204,28 @@ class ClearanceMonitor:
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
         self._remember_obstacle(found)
-        limits = self._limits
-        t2 = found.t2 / limits.t2 if found.observability >= self._observable else None
-        ratios = Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
+        protection = self._protector.of(found, x.s)
+        ratios = self._ratios(found, protection)
         window_is_new = found.first_bin + len(self.bins.z) - 1 < self._bad_bin
         state, reasons = self._logic.step(ratios, window_is_new)
+        if state is not IntegrityState.ALERT and not protection.vertical:
+            state, reasons = IntegrityState.UNAVAILABLE, (Reason.PROTECTION_LEVEL, *reasons)
+        return self._judged(self._output(x, state, reasons), found, ratios, protection)
+
+    def _ratios(self, found: Statistics, protection: Protection) -> Ratios:
+        """Statistics over their limits.  A shift of AL_s must show at AL_s itself (O) and by the curvature."""
+        limits = self._limits
+        observable = found.observability >= self._observable and protection.along
+        t2 = found.t2 / limits.t2 if observable else None
+        return Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
+
+    @staticmethod
+    def _judged(
+        output: ClearanceIntegrity, found: Statistics, ratios: Ratios, protection: Protection
+    ) -> ClearanceIntegrity:
         return dataclasses.replace(
-            self._output(x, state, reasons),
-            valid=True,
+            output,
+            valid=output.state is not IntegrityState.UNAVAILABLE,
             t1_ratio=ratios.t1,
             t2_ratio=ratios.t2,
             t3_ratio=ratios.t3,
@@ -217,6 +235,8 @@ class ClearanceMonitor:
             height_error=found.height_error,
             height_error_sd=found.height_error_sd,
             observability=found.observability,
+            protection_level_v=protection.level_v,
+            protection_level_s=protection.level_s if math.isfinite(protection.level_s) else None,
         )
 
     def _remember_obstacle(self, found: Statistics) -> None:
@@ -228,7 +248,6 @@ class ClearanceMonitor:
     # ---------------------------------------------------------------------------------------------------- output
 
     def _output(self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
-        settings = self._settings
         return ClearanceIntegrity(
             t_ns=x.t_ns,
             t_valid_ns=x.t_valid_ns,
@@ -237,8 +256,8 @@ class ClearanceMonitor:
             valid=False,
             s_begin=x.s + self._window.length,
             s_end=x.s,
-            alert_limit_v=max(settings.alert_v_m, math.radians(settings.alert_v_deg) * x.s),
-            alert_limit_s=settings.alert_s_m,
+            alert_limit_v=self._protector.limit_v(x.s),
+            alert_limit_s=self._settings.alert_s_m,
             reference=self._hash,
         )
 

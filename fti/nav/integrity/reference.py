@@ -14,10 +14,11 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from fti.config import Positive, StrictModel, bind
 from fti.errors import ConfigError
@@ -40,9 +41,16 @@ class Sensor(StrictModel):
 
 
 class Profile(StrictModel):
-    """How the profile was made: surface, step, far end, draws, and the correlation length of nominal residuals."""
+    """How the profile was made.
+
+    surface : name of the elevation, or of the recordings     made_from : which of both
+    date    : of the survey of the surface, or of the last recording
+    draws   : of the profile, or recorded approaches          correlation_m : of nominal residuals
+    """
 
     surface: str
+    made_from: Literal["terrain", "recordings"]
+    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
     ds_m: Positive
     s_max_m: Positive
     draws: int
@@ -67,9 +75,25 @@ class Limits(StrictModel):
     t3_interval: tuple[float, float]
     t4_interval: tuple[float, float]
     pfa: Positive  # probability of a false alarm per approach, all tests together
+    pmd: Annotated[float, Field(gt=0.0, lt=0.5)]  # of a missed detection, in the protection levels
     runs: int
+    verified_runs: int  # other approaches, flown with these limits
+    verified_alarms: int  # those of them with an ALERT
     seed: int
     method: str
+
+
+class Detection(StrictModel):
+    """Pd(y | window): share of windows in ALERT when the aircraft flies y beside the track and navigation says on it.
+
+    y_m : offsets to either side; s_m : begin of each part of the way, in which the windows end, descending
+    pd  : a row for each offset, a figure for each part
+    """
+
+    y_m: tuple[float, ...]
+    s_m: tuple[float, ...]
+    pd: tuple[tuple[float, ...], ...]
+    runs: int  # for each offset
 
 
 class Header(StrictModel):
@@ -79,6 +103,7 @@ class Header(StrictModel):
     sensor: Sensor
     profile: Profile
     limits: Limits
+    detection: Detection | None = None  # a profile of recordings knows nothing of what lies beside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +128,7 @@ class Reference:
         return "\n".join([*lines[:at], f'# hash = "{self.hash}"', *lines[at:]]) + "\n"
 
     def _lines(self) -> list[str]:
-        head = [f"# {key} = {_toml(value)}" for key, value in _flat(self.header.model_dump(), "")]
+        head = [f"# {key} = {_toml(value)}" for key, value in _flat(self.header.model_dump(exclude_none=True), "")]
         columns = (self.s, self.z_ref, self.s_ref, self.s_alt)
         return [TITLE, *head, COLUMNS, *(",".join(f"{v:.3f}" for v in row) for row in zip(*columns, strict=True))]
 
@@ -140,9 +165,9 @@ def _flat(table: dict[str, Any], prefix: str) -> list[tuple[str, Any]]:
     return found
 
 
-def _toml(value: str | float | int | tuple[float, ...]) -> str:
+def _toml(value: str | float | int | tuple[Any, ...]) -> str:
     if isinstance(value, tuple):
-        return repr(list(value))
+        return "[" + ", ".join(map(_toml, value)) + "]"
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     return repr(value)

@@ -9,8 +9,12 @@
     T4 = max over the last 50 m of (e_j(0) - median e(0)) / s_j     something stands there that was not there
     O  = min(Jr(+AL_s), Jr(-AL_s))      Jr: the reference matched with itself; how sharp its peak is
 
+    PL_v = (t_3 + k_md) s_b             PL_s = (sqrt(t_2) + k_md) s_s       s_s = ds sqrt(2 / (Jr(ds) + Jr(-ds)))
+
 The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index that is missing in print) as weighted statistics.  The
 height error b(0) is removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
+The protection levels are what an error must reach to be missed with the probability Pmd at most (``fti.nav.integrity.
+protection``); s_s is the sigma of a shift by the curvature of Jr.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from numpy.typing import NDArray
 
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.window import Bins
+from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -37,6 +42,7 @@ class Statistics:
     """The statistics of one window.
 
     t1..t4       : as in the module's page          observability : O
+    shift_resolution : s_s [m], infinite over level ground
     shift, _sd   : d^ and its sigma [m]; None when the best shift is the last one tried
     height_error, _sd : b(0) and s_b [m]
     first_bin    : index of the newest bin on the reference's grid
@@ -48,6 +54,7 @@ class Statistics:
     t3: float
     t4: float
     observability: float
+    shift_resolution: float
     shift: float | None
     shift_sd: float | None
     height_error: float
@@ -57,7 +64,10 @@ class Statistics:
 
 
 class Matcher:
-    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at."""
+    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at.
+
+    The kernels are compiled, or loaded from the cache, when the first one is made (seconds on the first start).
+    """
 
     def __init__(self, reference: Reference, alert_s: float) -> None:
         profile = reference.header.profile
@@ -67,28 +77,34 @@ class Matcher:
         self._obstacle = round(OBSTACLE_M / self._ds) + 1
         self._k_eff = profile.window_m / profile.correlation_m
         self._datum_sd = profile.datum_sd_m
-        size = round(profile.window_m / self._ds) + 1
-        self._windows = np.lib.stride_tricks.sliding_window_view(reference.z_ref, size)
+        self._z_ref = np.ascontiguousarray(reference.z_ref)
         self._sd = np.hypot(reference.s_ref, reference.s_alt)
+        self._shifts = np.arange(-self._span, self._span + 1)
+        self._sharpness = np.array([-self._alert, self._alert, -1, 1])
+        size = round(profile.window_m / self._ds) + 1
+        self._match(self._z_ref[self._span : self._span + size], np.ones(size), self._span, self._shifts)
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
-        size, first, zero = len(bins.z), bins.first, self._span
+        size, first = len(bins.z), bins.first
         sd = self._sd[first : first + size]
+        expected = self._z_ref[first : first + size]
         weight = np.where(bins.filled, 1.0 / sd**2, 0.0)
-        shifted = self._windows[first - zero : first + zero + 1]
-        offset, mismatch = self._match(bins.z - shifted, weight)
-        _, sharpness = self._match(shifted[zero] - shifted[[zero - self._alert, zero + self._alert]], weight)
+        offset, mismatch = self._match(bins.z, weight, first, self._shifts)
+        _, peak = self._match(expected, weight, first, self._sharpness)
         shift, shift_sd = self._best_shift(mismatch)
-        height_error = float(offset[zero])
+        here = float(mismatch[self._span])
+        height_error = float(offset[self._span])
         height_error_sd = self._height_error_sd(weight, vertical_sd)
-        obstacle = self._obstacle_of(bins.z - shifted[zero], bins.filled, sd)
+        obstacle = self._obstacle_of(bins.z - expected, bins.filled, sd)
+        bend = float(peak[2] + peak[3])
         return Statistics(
-            t1=float(mismatch[zero]),
-            t2=float(mismatch[zero] - mismatch.min()),
+            t1=here,
+            t2=here - float(mismatch.min()),
             t3=abs(height_error) / height_error_sd,
             t4=float(obstacle.max()),
-            observability=float(sharpness.min()),
+            observability=float(min(peak[0], peak[1])),
+            shift_resolution=self._ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
             shift=shift,
             shift_sd=shift_sd,
             height_error=height_error,
@@ -97,11 +113,10 @@ class Matcher:
             obstacle=obstacle,
         )
 
-    def _match(self, e: Array, weight: Array) -> tuple[Array, Array]:
-        """b and J of every row of residuals e, shape (m, K)."""
-        offset = (e @ weight) / weight.sum()
+    def _match(self, z: Array, weight: Array, first: int, shifts: NDArray[np.int64]) -> tuple[Array, Array]:
+        """b and J of a window against the reference, ``shifts`` bins farther out, shape of shifts."""
         scale = self._k_eff / np.count_nonzero(weight)
-        return offset, scale * ((e - offset[:, None]) ** 2 @ weight)
+        return _mismatch(z, weight, self._z_ref, first + shifts, scale)
 
     def _best_shift(self, mismatch: Array) -> tuple[float | None, float | None]:
         """Minimum of the parabola through the three points around the least mismatch, and its sigma."""
@@ -121,5 +136,28 @@ class Matcher:
 
     def _obstacle_of(self, residual: Array, filled: NDArray[np.bool_], sd: Array) -> Array:
         last = slice(0, self._obstacle)
-        excess = (residual[last] - np.median(residual[filled])) / sd[last]
+        excess = (residual[last] - _median(residual[filled])) / sd[last]
         return np.where(filled[last], excess, -np.inf)
+
+
+@kernel
+def _mismatch(z: Array, weight: Array, z_ref: Array, begins: NDArray[np.int64], scale: float) -> tuple[Array, Array]:
+    """b and J of a window z against the parts of z_ref that begin at ``begins``."""
+    offset, mismatch = np.empty(len(begins)), np.empty(len(begins))
+    total = weight.sum()
+    for k in range(len(begins)):
+        begin, mean, spread = begins[k], 0.0, 0.0
+        for j in range(len(z)):
+            mean += weight[j] * (z[j] - z_ref[begin + j])
+        mean /= total
+        for j in range(len(z)):
+            spread += weight[j] * (z[j] - z_ref[begin + j] - mean) ** 2
+        offset[k], mismatch[k] = mean, scale * spread
+    return offset, mismatch
+
+
+@kernel
+def _median(values: Array) -> float:
+    ordered = np.sort(values)
+    half = len(ordered) // 2
+    return float(0.5 * (ordered[half] + ordered[-1 - half]))
