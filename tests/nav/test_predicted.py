@@ -43,6 +43,7 @@ def test_rise_is_the_height_of_m_over_n_on_a_slope() -> None:
     assert found.rise[0] == pytest.approx(up, abs=1e-9)
     normal = np.array([0.0, 0.2, 1.0]) / math.sqrt(1.04)  # north, east, down; into the ground
     np.testing.assert_allclose(found.normal_n[0], normal, atol=1e-12)
+    np.testing.assert_allclose(found.nadir_n[0], normal, atol=1e-12)
 
 
 def test_lever_arm_and_mounting_are_those_of_the_sensor() -> None:
@@ -50,7 +51,7 @@ def test_lever_arm_and_mounting_are_those_of_the_sensor() -> None:
     mounted = Predictor(plane(), LASER, lever_arm_b=(3.0, 0.0, 2.0), mat_bs=mat_from_rpy(math.radians(10.0), 0.0, 0.0))
     found = mounted.along([0.0, 0.0, 100.0], mat_from_rpy(math.radians(-20.0), P5, 0.0))
     below = -3.0 * math.sin(P5) + 2.0 * math.cos(math.radians(20.0)) * math.cos(P5)
-    assert found.height_s[0] == pytest.approx(below, abs=1e-12)
+    assert found.lever_n[0, 2] == pytest.approx(below, abs=1e-12)
     tilt = math.cos(math.radians(10.0)) * math.cos(P5)
     assert found.slant_range[0] == pytest.approx((100.0 - below) / tilt, rel=1e-12)
     assert found.height_p[0] == pytest.approx(100.0, abs=1e-9)

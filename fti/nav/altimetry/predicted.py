@@ -40,13 +40,14 @@ _NADIR_STEPS = 3
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Of n poses; NaN where ``validity`` is not VALID, but for ``height_p``, which is NaN where the ground is unknown.
+    """Of n poses; NaN where ``validity`` is not VALID, what concerns N where the ground is unknown.
 
     slant_range : d, S to M as the instrument would tell it without noise, shape (n,) [m]
     height_p    : h(P) - h(N) (n,) [m]; negative where P lies under the surface of the model
-    height_s    : h(P) - h(S) (n,) [m]: how far the sensor hangs below P
+    lever_n     : P to S (n, 3), north, east, down [m]
     direction_n : u (n, 3), north, east, down; its last component is cos(theta)
     normal_n    : n (n, 3), north, east, down; the last component positive
+    nadir_n     : normal of the ground at N (n, 3), north, east, down; unknown like ``height_p``
     incidence   : angle between u and n (n,) [rad]
     dispersion  : standard deviation of the ranges across the beam (n,) [m]; 0 of a pencil.  Weighted by power where the
                   model knows it
@@ -56,9 +57,10 @@ class Prediction:
 
     slant_range: Array
     height_p: Array
-    height_s: Array
+    lever_n: Array
     direction_n: Array
     normal_n: Array
+    nadir_n: Array
     incidence: Array
     dispersion: Array
     point_l: Array
@@ -80,7 +82,7 @@ class Prediction:
     @property
     def rise(self) -> Array:
         """h(M) - h(N) (n,) [m], with h(M) := h(S) - d cos(theta)."""
-        return self.height_p - self.height_s - self.slant_range * self.cosine
+        return self.height_p - self.lever_n[:, 2] - self.slant_range * self.cosine
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,21 +136,24 @@ class Predictor:
         mats_ls = ln @ nb if self.mat_bs is None else ln @ nb @ self.mat_bs
         poses = Poses(points + _turned(ln, lever_n), mats_ls, _turned(ln, vels))
         returns = self.sensor.measure(self.terrain, poses)
-        return self._predicted(points, poses, ln, lever_n[:, 2], returns)
+        return self._predicted(points, poses, ln, lever_n, returns)
 
-    def _predicted(self, points: Array, poses: Poses, mats_ln: Array, height_s: Array, returns: Returns) -> Prediction:
+    def _predicted(self, points: Array, poses: Poses, mats_ln: Array, lever_n: Array, returns: Returns) -> Prediction:
         rays_l = _turned(poses.mats_ls, returns.direction_s)
         point_l = poses.origins_l + returns.slant_range[:, None] * rays_l
         mats_nl = np.swapaxes(mats_ln, -1, -2)
         direction_n = _turned(mats_nl, rays_l)
-        normal_n = -_turned(mats_nl, self.terrain.normal(point_l[:, 0], point_l[:, 1]))
+        height_p = _over_nadir(self.terrain, points, mats_ln[:, :, 2])
+        nadir_l = points + height_p[:, None] * mats_ln[:, :, 2]
+        normal_n, nadir_n = (-_turned(mats_nl, self.terrain.normal(at[:, 0], at[:, 1])) for at in (point_l, nadir_l))
         cosine = np.sum(direction_n * normal_n, axis=-1)
         return Prediction(
             slant_range=returns.slant_range,
-            height_p=_over_nadir(self.terrain, points, mats_ln[:, :, 2]),
-            height_s=height_s,
+            height_p=height_p,
+            lever_n=lever_n,
             direction_n=direction_n,
             normal_n=normal_n,
+            nadir_n=nadir_n,
             incidence=np.arccos(np.clip(cosine, -1.0, 1.0)),
             dispersion=_dispersion(self.terrain, self.sensor, poses, returns),
             point_l=point_l,

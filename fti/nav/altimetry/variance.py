@@ -1,0 +1,141 @@
+"""How good a range, a height and a footprint can be: variances in the surface-normal form.
+
+A ray from P along the way  w = mat_nb lever_arm_b + d u  ends where it meets the ground, a plane through x0 with the
+normal n (down).  It is the plane that decides, so the footprint is no quantity of its own beside P and attitude:
+
+    d  = n . (x0 - S) / (n . u)
+    dd = -[ n . dP + n_D dh_dem + (w x n) . psi ] / (n . u) + e                                                     (1)
+
+    dP      error of P, north, east, down [m]
+    psi     small rotation of the body in the n frame [rad]: mat_nb becomes (I + [psi x]) mat_nb
+    dh_dem  error of the ground's height, up [m];   e  error of the instrument [m]
+
+The row H = -[n, w x n] / (n . u) is what a filter uses that takes the range itself (``range_row``).  Of a beam that
+tells its nearest return the way to the ground is the shortest, so its change with the pose is that of the point it
+comes from, whatever the ground around it: n := u in (1), and no attitude but for the lever arm.  That holds while
+the nearest point lies inside the beam; at the beam's edge the ray turns with the aircraft, and it is a pencil.
+
+The printed forms (3.13 to 3.21, 3.29) write Cov(A - B) as Cov A - Cov B, which turns negative.
+Source: Spiegel 2018, section 3.2, in the form of docs/errata.md; Monte Carlo of the whole chain within 5 % for slopes
+and looks of 0 to 30 deg (tests/nav/test_variance.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.nav.altimetry.predicted import Prediction
+
+Array = NDArray[np.float64]
+
+
+def _zero() -> Array:
+    return np.zeros((6, 6))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """What is not known exactly, all one sigma.
+
+    pose_cov     : (6, 6) or (n, 6, 6), covariance of dP (north, east, down [m]) and psi [rad] as in (1), cross terms
+                   included
+    range_sd     : of the instrument [m], float or (n,)
+    dem_sd       : of the elevation model [m], at one place
+    dem_together : correlation of its errors at N and at M, 0 to 1; 1 is a bias, which no range can tell
+    """
+
+    pose_cov: Array = field(default_factory=_zero)
+    range_sd: ArrayLike = 0.0
+    dem_sd: float = 0.0
+    dem_together: float = 0.0
+
+
+def pose_cov(position_sd: ArrayLike, attitude_sd: ArrayLike) -> Array:
+    """(6, 6) of independent errors: north, east, down [m], and about north, east, down [rad]; floats or (3,)."""
+    sd = np.concatenate((np.broadcast_to(position_sd, 3), np.broadcast_to(attitude_sd, 3)))
+    return np.diag(np.asarray(sd, dtype=np.float64) ** 2)
+
+
+def range_row(seen: Prediction, *, nearest: bool) -> Array:
+    """dd / d(dP, psi): (n, 6), the row H of a range; (1) without DEM and instrument.
+
+    nearest : a beam that tells its nearest return; otherwise a pencil along u
+    Level ground, roll 45 deg, pencil: dd/dP_D = -1.414; the projected form of eq. 3.44 gives -0.707.
+    """
+    normal, along = _normal_along(seen, nearest=nearest)
+    way = seen.slant_range[:, None] * seen.direction_n + seen.lever_n
+    return np.asarray(-np.concatenate((normal, np.cross(way, normal)), axis=-1) / along[:, None])
+
+
+def dem_factor(seen: Prediction, *, nearest: bool) -> Array:
+    """dd / dh_dem (n,): n_D / (n . u), negative."""
+    normal, along = _normal_along(seen, nearest=nearest)
+    return np.asarray(-normal[:, 2] / along)
+
+
+def range_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """Variance of measured minus predicted range (n,) [m^2]: (1) squared, with its cross terms.  Eq. 3.20, 3.21."""
+    row, dem = range_row(seen, nearest=nearest), dem_factor(seen, nearest=nearest)
+    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + np.square(errors.range_sd)
+
+
+def height_row(seen: Prediction, *, nearest: bool) -> Array:
+    """Error of the compensated height of P over N by the pose it was compensated with: (n, 6).
+
+        h = h(P) - h(N) + (d_measured - d_predicted) cos(theta)
+
+    Over parallel ground at N and M the error of P drops out: the height is the instrument's, whatever P is.
+    """
+    to_nadir = np.zeros((len(seen), 6))
+    to_nadir[:, :3] = -seen.nadir_n / seen.nadir_n[:, 2:]
+    return to_nadir - seen.cosine[:, None] * range_row(seen, nearest=nearest)
+
+
+def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """Variance of the compensated height of P over the true ground below (n,) [m^2].  Section 3.2.1.
+
+        Var = row P row' + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2,        a = cos(theta) n_D / (n . u)
+
+    r : ``dem_together``.  On parallel ground and r = 1 the error of the elevation model drops out as well.
+    """
+    a = -seen.cosine * dem_factor(seen, nearest=nearest)
+    dem = errors.dem_sd**2 * (1.0 + a**2 - 2.0 * errors.dem_together * a)
+    by_pose = _quadratic(height_row(seen, nearest=nearest), errors.pose_cov)
+    return by_pose + dem + (np.asarray(errors.range_sd) * seen.cosine) ** 2
+
+
+def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
+    """Covariance of the point M where a pencil meets the ground: (n, 3, 3), north, east, down [m^2].
+
+        dM = dP + psi x w + u dd,       dd as in (1) without e
+
+    The same dd as in the range, so M moves in the plane of the ground, raised by the error of its height.  The
+    instrument is not asked: M is where the elevation model is looked up.  Eq. 3.29, corrected.
+    """
+    way = seen.slant_range[:, None] * seen.direction_n + seen.lever_n
+    jacobian = np.concatenate((np.broadcast_to(np.eye(3), (len(seen), 3, 3)), -_skew(way)), axis=-1)
+    jacobian = jacobian + seen.direction_n[:, :, None] * range_row(seen, nearest=False)[:, None, :]
+    raised = dem_factor(seen, nearest=False)[:, None] * seen.direction_n * errors.dem_sd
+    by_pose = jacobian @ errors.pose_cov @ np.swapaxes(jacobian, -1, -2)
+    return np.asarray(by_pose + raised[:, :, None] * raised[:, None, :])
+
+
+def _normal_along(seen: Prediction, *, nearest: bool) -> tuple[Array, Array]:
+    """n and n . u of (1)."""
+    normal = seen.direction_n if nearest else seen.normal_n
+    return normal, np.sum(normal * seen.direction_n, axis=-1)
+
+
+def _quadratic(row: Array, cov: Array) -> Array:
+    """row P row' of each (n, 6)."""
+    return np.asarray(((row[:, None, :] @ cov) @ row[:, :, None])[:, 0, 0])
+
+
+def _skew(vectors: Array) -> Array:
+    """[v x] (n, 3, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape(-1, 3, 3)
