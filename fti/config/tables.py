@@ -128,13 +128,26 @@ Link = Annotated[SerialLink | UdpLink | CanLink, Field(discriminator="kind")]
 
 
 class Altimeter(StrictModel):
-    """``[device.altimeter]``: the limits inside which an altimeter is believed."""
+    """``[device.altimeter]``: the limits inside which an altimeter is believed.
+
+    Of what it measures over known terrain, with the defaults of Spiegel 2018, table 3.2 (incidence: a quarter of the
+    power is left there):
+    max_deviation_m       : from what the terrain predicts; none : 5 of a laser, 10 of a radar
+    max_nadir_deviation_m : of a height that is used as it is, from the navigated one; none : not asked
+    max_dispersion        : of the ranges across the predicted beam, over the height above ground
+    max_incidence_deg     : of the predicted ray on the ground; none : 75 of a laser, 60 of a radar
+    """
 
     kind: Literal["radar", "laser"]
     range_m: tuple[float, float]
     max_roll_deg: Positive = 30.0
     max_pitch_deg: Positive = 30.0
+    max_deviation_m: Positive | None = None
+    max_nadir_deviation_m: Positive | None = None
+    max_dispersion: Positive = 0.3
+    max_incidence_deg: Positive | None = None
     beam_deg: Positive = 40.0  # full width of the beam
+    model: Literal["nearest", "beam"] = "nearest"  # of a radar, for what it should measure over known terrain
     sd_m: Positive | None = None  # one sigma, when the device does not say
 
 

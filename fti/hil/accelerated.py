@@ -32,8 +32,9 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
 from fti.service.binding import bind_devices, parse_reference, read_texts
-from fti.service.chain import Chain
+from fti.service.chain import Chain, Products
 from fti.service.diagnosis import Diagnosis
+from fti.service.ground import load_ground
 from fti.service.health import HealthBoard
 from fti.types import TICK_LINK, TICK_PERIOD_NS, Event, LinkState, RawFrame
 
@@ -148,6 +149,9 @@ class Session:
         }
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)
         self._derived = DerivedLog(folder, decimate_hz=DECIMATE_HZ, **about)
+        if config.nav.terrain:
+            ground = load_ground(config.nav.terrain)
+            self._keep(self._chain.give_ground(ground, None, -1, BEGIN_NS - BEFORE_TICKS * TICK_PERIOD_NS))
 
     def receive(self, link: str, data: bytes, t_ns: int) -> None:
         """A frame."""
@@ -178,7 +182,9 @@ class Session:
     def _take(self, frame: RawFrame) -> None:
         self._seq += 1
         self._diagnosis.listen(frame)
-        products = self._chain.feed(frame)
+        self._keep(self._chain.feed(frame))
+
+    def _keep(self, products: Products) -> None:
         for device, measurement in products.measurements:
             self._derived.measurement(device, measurement)
         for note in products.notes:

@@ -158,10 +158,15 @@ _NOTES: dict[str, tuple[str, Json]] = {
         | {"storage": _TABLE, "navigation": _TABLE},
     ),
     "/fti/device_clock": ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),
+    "/fti/terrain": (
+        "fti.Terrain",
+        {"t_ns": _INTEGER, "after_seq": _INTEGER, "name": _STRING, "sha256": _STRING, "fault": _STRING},
+    ),
     "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
 }
 EVENT_TOPIC = "/fti/event"
 DEVICE_CLOCK_TOPIC = "/fti/device_clock"
+TERRAIN_TOPIC = "/fti/terrain"
 
 
 @cache

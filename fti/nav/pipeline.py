@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from fti.config import Config
 from fti.nav.altimetry.heights import AltimeterChannel
+from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
 from fti.nav.sources import Source
-from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Velocity
+from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
 
 SOLUTION_TICKS = 2
 
@@ -30,12 +31,18 @@ class Pipeline:
         self._latency_ns = {name: round(device.latency_ms * 1e6) for name, device in devices.items()}
         roles = config.nav
         self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
-        self._altimeters = {name: AltimeterChannel(devices[name]) for name in roles.altimeters}
+        unchecked = Reason.TERRAIN_LOADING if roles.terrain else Reason.NO_TERRAIN
+        self._altimeters = {name: AltimeterChannel(devices[name], unchecked) for name in roles.altimeters}
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude], [self._sources[name] for name in roles.position]
         )
         self._approach = make_channel(config, reference)
         self._ticks = 0
+
+    def give_ground(self, ground: Ground | None) -> None:
+        """The known ground is there from now on; None: there will be none."""
+        for channel in self._altimeters.values():
+            channel.give_ground(ground)
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
         """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""

@@ -1,16 +1,18 @@
 """Navigation again, from the raw bytes of a session: the same chain, the same order, the same outputs bit for bit.
 
 With ``as_flown`` also what the ring lost and where navigation was started again is repeated; without, it is healed.
+The terrain is there from the frame on from which it was there in flight; with another configuration from the first one.
 Equal means: the same range of ``seq``, software, configuration and processor model.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -20,10 +22,13 @@ from fti.config import Config
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.recording import Recording
+from fti.logger.schemas import TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
+from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.service.chain import Chain, Products
+from fti.service.ground import load_ground
 from fti.types import RawFrame
 
 Progress = Callable[[int], None]
@@ -31,17 +36,54 @@ FLUSH_FRAMES = 5000
 
 
 @dataclass(frozen=True, slots=True)
+class GroundNote:
+    """From behind frame ``after_seq`` on there was the ground, or it was known that there is none (``fault``)."""
+
+    after_seq: int
+    t_ns: int
+    sha256: str | None = None
+    fault: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Setup:
-    """A configuration with all that it names."""
+    """A configuration with all that it names.  grounds : when the ground was there in flight"""
 
     config: Config
     texts: dict[str, str]
     devices: list[BoundDevice]
     reference: Reference | None
+    grounds: tuple[GroundNote, ...] = ()
 
     def make_chain(self) -> Chain:
         """A fresh chain."""
         return Chain(self.config, self.devices, self.reference)
+
+    def ground_in(self, segment: Segment) -> GroundNote | None:
+        """When the ground is there in a segment; None where none is configured, or it was not there in time."""
+        if self.config.nav.terrain is None:
+            return None
+        if not self.grounds:
+            return GroundNote(segment.first - 1, 0)
+        last = math.inf if segment.last is None else segment.last
+        return next((note for note in self.grounds if segment.first - 1 <= note.after_seq <= last), None)
+
+    def load_ground(self) -> Ground | None:
+        """The ground, if it was there at all.
+
+        Raises ConfigError or MissingError where it is not there now, RecordingError where it is another one.
+        """
+        settings = self.config.nav.terrain
+        if settings is None or (self.grounds and all(note.fault for note in self.grounds)):
+            return None
+        ground = load_ground(settings)
+        for note in self.grounds:
+            if note.sha256 not in (None, ground.digest()):
+                raise RecordingError(
+                    f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
+                    "with the terrain that is to be taken"
+                )
+        return ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +111,23 @@ def recorded_setup(recording: Recording, file: Path) -> Setup:
     text = texts.pop("config.toml", None)
     if text is None:
         raise RecordingError(f"{file}: holds no configuration; name one")
-    return _setup(configuration.parse(tomllib.loads(text), text, file / "config.toml"), texts)
+    setup = _setup(configuration.parse(tomllib.loads(text), text, file / "config.toml"), texts)
+    notes = [json.loads(data) for *_, data in recording.messages(TERRAIN_TOPIC, kind="derived")]
+    files = tuple(file for note in notes for file in note.get("files", ()))
+    return replace(setup, config=_with_files(setup.config, files), grounds=tuple(map(_ground_note, notes)))
+
+
+def _ground_note(note: dict[str, Any]) -> GroundNote:
+    return GroundNote(note["after_seq"], note["t_ns"], note.get("sha256"), note.get("fault"))
+
+
+def _with_files(config: Config, files: tuple[str, ...]) -> Config:
+    """The same configuration with the elevation files where they were in flight: a recorded text is elsewhere."""
+    terrain = config.nav.terrain
+    if terrain is None or not files:
+        return config
+    terrain = terrain.model_copy(update={"files": tuple(dict.fromkeys(files))})
+    return config.model_copy(update={"nav": config.nav.model_copy(update={"terrain": terrain})})
 
 
 def other_setup(path: str) -> Setup:
@@ -120,8 +178,10 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
     )
     done = 0
+    ground = setup.load_ground()
     for segment in segments:
-        for frame in _feed(recording.frames(), segment, setup.make_chain(), log):
+        chain = _Grounded(setup.make_chain(), ground, setup.ground_in(segment))
+        for frame in _feed(recording.frames(), segment, chain, log):
             done += 1
             if done % FLUSH_FRAMES == 0:
                 log.flush()
@@ -130,7 +190,25 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
     return folder.path
 
 
-def _feed(frames: Iterator[RawFrame], segment: Segment, chain: Chain, log: DerivedLog) -> Iterator[RawFrame]:
+class _Grounded:
+    """A chain that gets its ground in front of the frame in front of which it got it in flight."""
+
+    def __init__(self, chain: Chain, ground: Ground | None, note: GroundNote | None) -> None:
+        self._chain, self._ground, self._note = chain, ground, note
+        self.pass_gap = chain.pass_gap
+
+    def feed(self, frame: RawFrame) -> list[Products]:
+        """What follows from the frame, and before it from the ground."""
+        note = self._note
+        if note is None or frame.seq <= note.after_seq:
+            return [self._chain.feed(frame)]
+        self._note = None
+        ground = None if note.fault else self._ground
+        given = self._chain.give_ground(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
+        return [given, self._chain.feed(frame)]
+
+
+def _feed(frames: Iterator[RawFrame], segment: Segment, chain: _Grounded, log: DerivedLog) -> Iterator[RawFrame]:
     passed = 0
     for frame in frames:
         if segment.holds(frame.seq):
@@ -138,7 +216,8 @@ def _feed(frames: Iterator[RawFrame], segment: Segment, chain: Chain, log: Deriv
             if gaps > passed:
                 chain.pass_gap()
                 passed = gaps
-            _write(chain.feed(frame), log)
+            for products in chain.feed(frame):
+                _write(products, log)
             yield frame
 
 

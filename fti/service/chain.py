@@ -12,7 +12,8 @@ from typing import Any
 
 from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
-from fti.logger.schemas import DEVICE_CLOCK_TOPIC
+from fti.logger.schemas import DEVICE_CLOCK_TOPIC, TERRAIN_TOPIC
+from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.nav.mounted import Mountings
 from fti.nav.pipeline import Pipeline
@@ -73,6 +74,18 @@ class Chain:
         for listener in self.listeners:
             listener.start_afresh(GAP)
         self._pipeline.pass_gap()
+
+    def give_ground(self, ground: Ground | None, fault: str | None, after_seq: int, t_ns: int) -> Products:
+        """Behind frame ``after_seq`` at t_ns the ground was there; None: it never will be, and ``fault`` says why."""
+        products = Products()
+        self._pipeline.give_ground(ground)
+        about: dict[str, Any] = {"fault": fault or ""}
+        if ground:
+            about = {"name": ground.name, "files": ground.files, "sha256": ground.digest()}
+        products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
+        level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
+        products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))
+        return products
 
     def feed(self, frame: RawFrame) -> Products:
         """Take the next frame; return what follows from it."""

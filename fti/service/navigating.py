@@ -17,6 +17,7 @@ from fti.service.chain import Chain, Products
 from fti.service.control import Channel
 from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
+from fti.service.ground import GroundLoading
 from fti.service.orders import NavigationOrder
 from fti.service.patience import Patience, Skips
 from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, Output, RawFrame
@@ -45,6 +46,7 @@ class Navigator:
         self._devices = bind_devices(config, order.texts)
         self._config = config
         self._chain = Chain(config, self._devices, parse_reference(config, order.texts))
+        self._loading = GroundLoading(config) if config.nav.terrain else None
         self._diagnosis = Diagnosis(config, self._chain)
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(order)
@@ -72,6 +74,8 @@ class Navigator:
     def run(self) -> None:
         """Work until the ring has ended and is empty."""
         self._derived.start()
+        if self._loading:
+            self._loading.start()
         if self._bus:
             self._bus.alive(PROCESS)
         self._channel.send({"ready": True})
@@ -88,6 +92,7 @@ class Navigator:
         health_due = time.monotonic()
         orphaned: float | None = None
         while not self._hurry:
+            self._take_ground()
             frames = self._reader.read(READ_LIMIT)
             for index, seq, t_rx_ns, data in frames:
                 self._take(index, seq, t_rx_ns, data)
@@ -125,6 +130,11 @@ class Navigator:
             self._note_gap(self._reader.next_seq, now)
             self._last_seq += missed
             self._last_ns = now
+
+    def _take_ground(self) -> None:
+        """The ground is there, or will not be: from the next frame on."""
+        if self._loading and (loaded := self._loading.take()):
+            self._deliver(self._chain.give_ground(loaded.ground, loaded.fault, self._last_seq, self._last_ns))
 
     def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:
         if self._resumed or seq != self._last_seq + 1:
@@ -194,6 +204,7 @@ class Navigator:
                         "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
                         "ring_lost_frames": self._reader.lost_frames,
                         "last_seq": self._last_seq,
+                        "terrain": self._loading.state if self._loading else None,
                         "derived_lost": self._derived.lost,
                         "derived_fault": fault,
                     },

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from fti.config import Device
 from fti.nav.altimetry.compensation import height_at_p, mounting_of
 from fti.nav.altimetry.validity import Sample, reasons_against
+from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
-from fti.types import HeightAboveGround, RadioHeight, Range
+from fti.types import HeightAboveGround, RadioHeight, Range, Reason
+
+if TYPE_CHECKING:
+    from fti.nav.altimetry.expected import Expectation, Expected
 
 #: How often an altimeter that says nothing is reported [ns].
 REPEAT_NS = 500_000_000
@@ -27,11 +32,17 @@ class Reading:
 
 
 class AltimeterChannel:
-    """Validity, compensation and age of one altimeter."""
+    """Validity, compensation and age of one altimeter.
 
-    def __init__(self, device: Device) -> None:
+    unchecked : why there is no known ground to compare with, until there is one
+    """
+
+    def __init__(self, device: Device, unchecked: Reason = Reason.NO_TERRAIN) -> None:
         if device.altimeter is None:
             raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
+        self._device = device
+        self._unchecked = unchecked
+        self._expectation: Expectation | None = None
         self.name = device.name
         self.limits = device.altimeter
         self._mounting = mounting_of(device)
@@ -39,6 +50,13 @@ class AltimeterChannel:
         self._started_ns: int | None = None
         self._last: Reading | None = None
         self._told_ns: int | None = None
+
+    def give_ground(self, ground: Ground | None) -> None:
+        """From now on samples are compared with this ground; None: with none."""
+        from fti.nav.altimetry.expected import Expectation  # noqa: PLC0415 - numba: not needed without a ground
+
+        self._expectation = Expectation(self._device, ground) if ground else None
+        self._unchecked = Reason.NO_TERRAIN
 
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
         """What a measurement says; sigma from the configuration when the device states none."""
@@ -86,6 +104,7 @@ class AltimeterChannel:
         )
         height, sd = self._compensated(reading, nav)
         reasons = reasons_against(sample, self.limits)
+        expected = self._expected(reading, nav)
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
@@ -95,7 +114,14 @@ class AltimeterChannel:
             sd=sd,
             valid=not reasons,
             reasons=reasons,
+            **_told(expected, sample.value),
         )
+
+    def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:
+        """What the sample should be, or why nobody knows; None where there is no sample."""
+        if self._expectation is None:
+            return self._unchecked
+        return self._expectation.at(nav, reading.sd) if reading else None
 
     def _compensated(self, reading: Reading | None, nav: NavState) -> tuple[float | None, float | None]:
         attitude = nav.attitude
@@ -111,6 +137,19 @@ class AltimeterChannel:
             pitch_sd=attitude.pitch_sd,
         )
         return height.height_agl, height.sd
+
+
+def _told(expected: Expected | Reason | None, value: float | None) -> dict[str, Any]:
+    """What the ground adds to an output."""
+    if expected is None:
+        return {}
+    if isinstance(expected, Reason):
+        return {"unchecked": (expected,)}
+    found = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd()}
+    if value is None or (by_ground := expected.compensated(value)) is None:
+        return found
+    names = ("compensated", "compensated_sd", "compensation")
+    return {**found, **dict(zip(names, by_ground, strict=True))}
 
 
 def _number(value: float | None) -> float | None:

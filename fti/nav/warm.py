@@ -1,0 +1,15 @@
+"""Everything that a configuration needs compiled, before time matters."""
+
+from __future__ import annotations
+
+from fti.config import Config
+from fti.nav.altimetry import expected
+from fti.nav.ground import Ground
+
+
+def warm_up(config: Config, ground: Ground | None) -> None:
+    """Compile the kernels, or load them from the cache (seconds on the first start)."""
+    for name in config.nav.altimeters:
+        device = config.find_device(name)
+        if device and ground:
+            expected.warm_up(device, ground)

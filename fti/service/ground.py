@@ -1,0 +1,108 @@
+"""The ground of navigation: read, and its code compiled, on a thread of its own while navigation works without it.
+
+The recording waits for none of this, and navigation does not either.  From which frame on the ground was there stands
+on ``/fti/terrain``, so that reprocessing takes it at the same frame.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fti.config import Config, TerrainFiles
+from fti.nav.ground import Ground
+from fti.service.guard import guarded
+
+if TYPE_CHECKING:
+    from fti.terrain.terrain import Terrain
+
+Progress = Callable[[float], None]
+
+
+def load_ground(settings: TerrainFiles, progress: Progress | None = None) -> Ground:
+    """The ground that a configuration names.  progress : hears how far it is, 0 to 1.
+
+    Raises ConfigError or MissingError as ``Terrain.open`` does.
+    """
+    from fti.terrain.terrain import Terrain  # noqa: PLC0415 - numba: whoever navigates without terrain needs none
+
+    if settings.scene:
+        return Ground(_scene(settings.scene), settings.sd_m, f"scene {settings.scene}")
+    centre = settings.centre_deg
+    terrain = Terrain.open(
+        settings.files,
+        centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
+        radius_m=settings.radius_m,
+        cell_m=settings.cell_m,
+        vertical=settings.vertical,
+        progress=progress,
+    )
+    return Ground(terrain, settings.sd_m, ", ".join(settings.files), settings.files)
+
+
+@functools.cache
+def _scene(name: str) -> Terrain:
+    from fti.terrain.scenes import demo_scene  # noqa: PLC0415 - see above
+    from fti.terrain.surroundings import demo_country  # noqa: PLC0415
+
+    return demo_country() if name == "demo_country" else demo_scene()
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What became of the ground: it is there, none is configured, or a fault in words kept it away."""
+
+    ground: Ground | None
+    fault: str | None = None
+
+
+class GroundLoading:
+    """Loads the ground of a configuration; ``take`` hands it over once."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._share = 0.0
+        self._found: Loaded | None = None
+        self._taken: Loaded | None = None
+        # a daemon: where the flight ends before the ground is there, nothing waits for it
+        self._thread = threading.Thread(target=self._run, name="ground", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def take(self) -> Loaded | None:
+        """What was found, the first time that it is there; otherwise None."""
+        if self._taken is not None or self._found is None:
+            return None
+        self._taken = self._found
+        return self._taken
+
+    @property
+    def state(self) -> str:
+        """How it stands, for people."""
+        if self._taken is None:
+            return f"being loaded, {100 * self._share:.0f} %"
+        if self._taken.fault:
+            return f"not there: {self._taken.fault}"
+        return self._taken.ground.name if self._taken.ground else "none configured"
+
+    def _run(self) -> None:
+        from fti.nav.warm import warm_up  # noqa: PLC0415 - see above
+
+        with guarded("terrain", self._fail):
+            settings = self._config.nav.terrain
+            ground = load_ground(settings, self._hear) if settings else None
+            warm_up(self._config, ground)
+            self._found = Loaded(ground)
+
+    def _hear(self, share: float) -> None:
+        self._share = share
+
+    def _fail(self, unit: str, error: Exception) -> None:
+        del unit
+        self._found = Loaded(None, f"{type(error).__name__}: {error}")
