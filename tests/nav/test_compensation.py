@@ -1,11 +1,34 @@
-"""Compensation: closed forms, lever arm, sigma against Monte Carlo."""
+"""Compensation: closed forms, lever arm, sigma against Monte Carlo; over known ground, and inside the filter."""
 
 import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from fti.nav.altimetry.compensation import Mounting, boresight, height_at_p
+from fti.geodesy.local import MAT_ENU_NED
+from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.altimetry.compensation import (
+    Aiding,
+    Mounting,
+    aid_by_height,
+    aid_by_range,
+    boresight,
+    height_at_p,
+    height_over_ground,
+)
+from fti.nav.altimetry.predicted import Predictor
+from fti.nav.altimetry.variance import pose_cov, range_row
+from fti.ranging.laser import Laser
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.ranging.radar.antenna import WIDE
+from fti.ranging.radar.beam import trace_beam
+from fti.ranging.sensor import Poses, RangingSensor
+from fti.terrain.country import synthetic_landscape
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
 
 LASER = Mounting((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0)
 RADAR = Mounting((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), math.radians(20))
@@ -57,3 +80,99 @@ def test_sigma_is_that_of_a_monte_carlo(mounting: Mounting, roll: float, pitch: 
 def test_negative_range_is_refused() -> None:
     with pytest.raises(ValueError, match="-1"):
         height_at_p(-1.0, 0.0, 0.0, LASER)
+
+
+# ------------------------------------------------------------------------------------------------- over known ground
+
+
+def hills() -> Terrain:
+    return synthetic_landscape("forest", 3, extent_m=2000.0, cell_m=5.0).surface
+
+
+def poses(n: int, seed: int, ground: Terrain) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    east, north = rng.uniform(-300.0, 300.0, (2, n))
+    up = ground.up(east, north) + rng.uniform(60.0, 300.0, n)
+    mats = mat_from_rpy(rng.uniform(-0.5, 0.5, n), rng.uniform(-0.2, 0.2, n), rng.uniform(0.0, 6.0, n))
+    return np.stack((east, north, up), axis=-1), mats
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+@pytest.mark.parametrize("sensor", [Laser(max_range=800.0), NearestReturn(), RadarAltimeter(order=12)])
+def test_with_the_very_ground_and_beam_only_the_noise_is_left(sensor: RangingSensor) -> None:
+    ground = hills()
+    points, mats = poses(60, 1, ground)
+    seen = Predictor(ground, sensor, (3.0, 1.0, 2.0)).along(points, mats)
+    noise = np.random.default_rng(2).normal(0.0, 0.5, len(seen))
+    height = height_over_ground(seen.slant_range + noise, seen)
+    truth = points[:, 2] - ground.up(points[:, 0], points[:, 1])
+    assert np.isfinite(height).mean() > 0.9
+    assert rms(height - truth) == pytest.approx(rms(noise * seen.cosine), rel=1e-6)
+
+
+def test_an_averaged_direction_is_no_ray() -> None:
+    """Eq. 3.33 as printed: the range along the mean direction, weighted by power, and the height where that meets."""
+    ground = hills()
+    points, mats = poses(60, 1, ground)
+    radar = RadarAltimeter(antenna=WIDE, order=12)
+    at = Poses.still(points, MAT_ENU_NED @ mats)
+    echoes = trace_beam(ground, at, radar.beam, radar.ground, radar.max_range)
+    mean_s = (echoes.powers[..., None] * radar.beam.rays_s).sum(axis=1)
+    mean_l = (at.mats_ls @ (mean_s / np.linalg.norm(mean_s, axis=-1, keepdims=True))[..., None])[..., 0]
+    measured = radar.measure(ground, at).slant_range
+    meets = points + ground.cast(points, mean_l, 2000.0)[:, None] * mean_l
+    nadir = ground.up(points[:, 0], points[:, 1])
+    printed = -measured * mean_l[:, 2] + meets[:, 2] - nadir
+    left = rms(printed - (points[:, 2] - nadir))
+    seen = Predictor(ground, radar).along(points, mats)
+    assert left > 3.0
+    assert rms(height_over_ground(measured, seen) - (points[:, 2] - nadir)) < 1e-9
+
+
+def test_an_error_of_navigation_drops_out_over_level_ground() -> None:
+    level = Terrain.from_array(np.zeros((3, 3)), 2000.0, east0=-2000.0, north0=-2000.0)
+    mats = mat_from_rpy(R20, P5, 0.3)
+    believed = Predictor(level, Laser(max_range=800.0)).along([40.0, -30.0, 310.0], mats)
+    assert height_over_ground(300.0 / (math.cos(R20) * math.cos(P5)), believed)[0] == pytest.approx(300.0, abs=1e-9)
+
+
+def updated(P: Array, aiding: Aiding, k: int) -> tuple[Array, Array]:
+    H = aiding.H[k]
+    K = P @ H / (H @ P @ H + aiding.R[k])
+    rest = np.eye(6) - np.outer(K, H)
+    return K * aiding.z[k], rest @ P @ rest.T + np.outer(K, K) * aiding.R[k]
+
+
+@pytest.mark.parametrize("nearest", [False, True])
+def test_outside_the_filter_is_inside_h(nearest: bool) -> None:
+    ground = hills()
+    points, mats = poses(40, 4, ground)
+    sensor = NearestReturn() if nearest else Laser(max_range=800.0)
+    seen = Predictor(ground, sensor, (3.0, 1.0, 2.0)).along(points, mats)
+    row = range_row(seen, nearest=nearest)
+    told = seen.slant_range + np.random.default_rng(5).normal(0.0, 2.0, len(seen))
+    inside, outside = (aid(told, 0.5, seen, row) for aid in (aid_by_range, aid_by_height))
+    P = pose_cov((5.0, 5.0, 3.0), math.radians(0.3))
+    for k in np.flatnonzero(seen.valid).tolist():
+        (x_in, P_in), (x_out, P_out) = updated(P, inside, k), updated(P, outside, k)
+        np.testing.assert_allclose(x_in, x_out, atol=1e-12)
+        np.testing.assert_allclose(P_in, P_out, atol=1e-12)
+        assert np.linalg.eigvalsh(P_in).min() > 0.0
+
+
+def test_over_level_ground_height_aiding_is_the_plain_one() -> None:
+    """Eq. 3.39: 1 for the height of P (here down, so -1), nothing else of the position."""
+    level = Terrain.from_array(np.zeros((3, 3)), 2000.0, east0=-2000.0, north0=-2000.0)
+    seen = Predictor(level, Laser(max_range=800.0)).along([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 0.3))
+    H = aid_by_height(310.0, 0.5, seen, range_row(seen, nearest=False)).H
+    np.testing.assert_allclose(H[0, :3], [0.0, 0.0, -1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_range_that_is_no_number_gives_no_height(bad: float) -> None:
+    ground = hills()
+    seen = Predictor(ground, Laser(max_range=800.0)).along([0.0, 0.0, 200.0], np.eye(3))
+    assert not np.isfinite(height_over_ground(bad, seen)[0])

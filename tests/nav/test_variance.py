@@ -77,7 +77,7 @@ def test_range_and_height_within_5_percent(slope_deg: float, look_deg: float, he
     noise = RANGE_SD * rng.standard_normal(n)
     truth = predictor.along([0.0, 0.0, ABOVE], mat_nb)
     measured = truth.slant_range + noise
-    errors = ErrorModel(COV, RANGE_SD, DEM_SD, dem_together=1.0)
+    errors = ErrorModel(COV, RANGE_SD, DEM_SD, dem_length=math.inf)
     told = math.sqrt(range_variance(truth, errors, nearest=False)[0])
     assert told == pytest.approx(np.std(measured - found.slant_range), rel=WITHIN)
     height = found.height_p + (measured - found.slant_range) * found.cosine
@@ -155,6 +155,13 @@ def test_over_level_ground_the_height_does_not_depend_on_p(roll_deg: float) -> N
     seen = Predictor(sloping(0.0), LASER).along([0.0, 0.0, ABOVE], mat_from_rpy(math.radians(roll_deg), 0.0, 0.0))
     np.testing.assert_allclose(height_row(seen, nearest=False)[0, :3], 0.0, atol=1e-12)
     assert dem_factor(seen, nearest=False)[0] * seen.cosine[0] == pytest.approx(-1.0, rel=1e-12)
+
+
+def test_errors_of_the_elevation_far_apart_do_not_cancel() -> None:
+    """Level ground, M 173 m beside N: the nadir's error and the footprint's, with correlation exp(-1.73) between."""
+    seen = Predictor(sloping(0.0), LASER).along([0.0, 0.0, ABOVE], mat_from_rpy(math.radians(30.0), 0.0, 0.0))
+    far = height_variance(seen, ErrorModel(dem_sd=DEM_SD, dem_length=100.0), nearest=False)[0]
+    assert far == pytest.approx(2.0 * DEM_SD**2 * (1.0 - math.exp(-3.0 * math.tan(math.radians(30.0)))), rel=1e-9)
 
 
 def test_what_is_not_predicted_has_no_variance() -> None:

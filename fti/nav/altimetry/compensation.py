@@ -1,12 +1,34 @@
-"""Attitude compensation of altimeter ranges: from a range at the sensor to the height of the reference point P."""
+"""From a range at the sensor to the height of the reference point P over the ground straight below it.
+
+    range, beam    where the ground is known: ``height_over_ground``, with what a pencil or the sensor's own beam
+                   should measure (section 3.3.1.2, 3.3.1.3)
+    attitude       where it is not: ``height_at_p``, over ground that is taken as level (3.3.1.1)
+
+A laser gets range compensation, a radar beam compensation; a radar on the boresight's ray would get what a laser needs
+and be made worse.  Attitude compensation is for a laser, too: a leading edge is short already, and only the excess of
+the tilt over half the beam is taken from a radar's range.  With the full tilt it is made worse up to a bank of about
+twice the full width of its beam: 20 deg for 10 deg, 60 deg for 30 deg, and never for 45 deg and more (``fti study
+compensation``).
+
+Reference point: P, whatever the sensor's lever arm.  P is what navigates; ``fti.types.Point`` names it in each output.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
 from fti.geodesy.rotations import mat_from_rpy
+
+if TYPE_CHECKING:
+    from fti.nav.altimetry.predicted import Prediction
+
+Array = NDArray[np.float64]
 
 #: One sigma of roll and pitch when the attitude source does not say [rad]: a small MEMS unit, 0.5 deg.
 ATTITUDE_SD_UNKNOWN = math.radians(0.5)
@@ -110,3 +132,55 @@ def _attitude_gradient(slant_range: float, roll: float, pitch: float, mounting: 
     beam = slant_range * math.sin(excess) / math.sin(tilt) if excess > 0.0 and tilt > 0.0 else 0.0
     by_roll, by_pitch = (beam * _dot(row, mounting.boresight_b) + _dot(row, mounting.lever_arm_b) for row in rows)
     return by_roll, by_pitch
+
+
+# ------------------------------------------------------------------------------------------------- over known ground
+
+
+def height_over_ground(slant_range: ArrayLike, seen: Prediction) -> Array:
+    """Height of P over the ground straight below it, from what was measured and what should have been.
+
+        h_agl(P) = h(P) - h(N) + (d - d_predicted) cos(theta)
+
+    slant_range : measured, float or (n,) [m]
+    seen        : prediction at the pose where P is believed to be.  Of a pencil this is range compensation, eq. 3.32;
+                  of the sensor's beam it is beam compensation
+    Returns     : (n,) [m]; NaN where the range or the prediction is
+    Errors      : ``fti.nav.altimetry.variance.height_variance``.  An error of h(P) drops out over parallel ground; one
+                  of the model of the sensor comes through with cos(theta)
+    Source      : Spiegel 2018, eq. 3.33 with h(M) := h(P) - d_predicted cos(theta) (docs/errata.md).  The printed form
+                  puts a height of M from an averaged direction beside a range from elsewhere; with the very surface
+                  and the very beam it leaves metres, this one leaves the noise.
+    """
+    return np.asarray(seen.height_p + (np.asarray(slant_range) - seen.slant_range) * seen.cosine)
+
+
+class Aiding(NamedTuple):
+    """z = H x + noise of the variance R; x = (dP, psi), by which the true pose differs from the believed one.
+
+    z (n,) [m], H (n, 6), R (n,) [m^2].  dP north, east, down [m]; psi as in ``fti.nav.altimetry.variance``
+    """
+
+    z: Array
+    H: Array
+    R: Array
+
+
+def aid_by_range(slant_range: ArrayLike, range_sd: ArrayLike, seen: Prediction, row: Array) -> Aiding:
+    """The range itself, compensated inside H.  row : ``variance.range_row`` of the sensor.  Section 3.3.3.2, corrected.
+
+    z = d - d_predicted,   H = row,   R = s_range^2
+    """
+    z = np.asarray(slant_range) - seen.slant_range
+    return Aiding(z, row, np.broadcast_to(np.square(range_sd), z.shape))
+
+
+def aid_by_height(slant_range: ArrayLike, range_sd: ArrayLike, seen: Prediction, row: Array) -> Aiding:
+    """The same information as a height, compensated outside the filter; the update is the same to rounding.
+
+        z = h_agl(P) - (h(P) - h(N)),   H = row cos(theta),   R = (s_range cos(theta))^2
+
+    Over level ground and without errors of attitude this H is the plain one of eq. 3.39: 1 for the height of P.
+    """
+    z = height_over_ground(slant_range, seen) - seen.height_p
+    return Aiding(z, row * seen.cosine[:, None], np.square(np.asarray(range_sd) * seen.cosine))

@@ -44,13 +44,13 @@ class ErrorModel:
                    included
     range_sd     : of the instrument [m], float or (n,)
     dem_sd       : of the elevation model [m], at one place
-    dem_together : correlation of its errors at N and at M, 0 to 1; 1 is a bias, which no range can tell
+    dem_length   : distance [m] at which its errors' correlation has fallen to 1/e; inf is a bias, which no range tells
     """
 
     pose_cov: Array = field(default_factory=_zero)
     range_sd: ArrayLike = 0.0
     dem_sd: float = 0.0
-    dem_together: float = 0.0
+    dem_length: float = 100.0
 
 
 def pose_cov(position_sd: ArrayLike, attitude_sd: ArrayLike) -> Array:
@@ -99,10 +99,13 @@ def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> A
 
         Var = row P row' + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2,        a = cos(theta) n_D / (n . u)
 
-    r : ``dem_together``.  On parallel ground and r = 1 the error of the elevation model drops out as well.
+    r = exp(-distance / ``dem_length``), of M from N: straight down, and of a bias on parallel ground, the error of the
+    elevation model drops out as well.
     """
     a = -seen.cosine * dem_factor(seen, nearest=nearest)
-    dem = errors.dem_sd**2 * (1.0 + a**2 - 2.0 * errors.dem_together * a)
+    way = seen.lever_n + seen.slant_range[:, None] * seen.direction_n
+    together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
+    dem = errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a)
     by_pose = _quadratic(height_row(seen, nearest=nearest), errors.pose_cov)
     return by_pose + dem + (np.asarray(errors.range_sd) * seen.cosine) ** 2
 
