@@ -1,0 +1,86 @@
+"""When the machine itself stood still: a process on each core that does nothing but sleep, before all other work.
+
+    python -m benchmarks.parts.standstill CORE      until its input ends; then it prints what it has seen, as JSON
+
+A virtual machine is not let run by its host for milliseconds now and then.  Nothing in it can be on time then, and
+nothing that runs there can tell it apart from being slow, unless something with the highest priority (SCHED_FIFO) that
+needs no time is late as well.  Without the right to that priority nothing is measured, so that nothing is excused.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import time
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: It wakes so often, and so late it is of no account [s].
+PERIOD_S, LATE_S = 0.001, 0.0005
+#: What has piled up in a standstill is worked off in this part of its length.
+AFTER = 0.5
+
+
+class Standstill:
+    """Watches all cores; use it as a context."""
+
+    def __enter__(self) -> Standstill:
+        command = [sys.executable, "-m", "benchmarks.parts.standstill"]
+        options: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        self._watching = [subprocess.Popen([*command, str(core)], **options) for core in os.sched_getaffinity(0)]
+        self._spans = np.empty((0, 2))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        found = [json.loads(process.communicate()[0] or "[]") for process in self._watching]
+        self._spans = np.array([span for spans in found for span in spans]).reshape(-1, 2)
+
+    def excuses(self, due: Array) -> NDArray[np.bool_]:
+        """Which instants (time.monotonic [s]) lie in a standstill, or in what it has piled up.  After the context."""
+        excused = np.zeros(len(due), dtype=bool)
+        for begin, end in self._spans:
+            excused |= (due >= begin) & (due <= end + AFTER * (end - begin))
+        return excused
+
+    def share(self, begin: float, end: float) -> float:
+        """The part of the time from begin to end in which a core stood still, the mean of all."""
+        lost = np.clip(np.minimum(self._spans[:, 1], end) - np.maximum(self._spans[:, 0], begin), 0.0, None)
+        return float(lost.sum()) / len(self._watching) / (end - begin)
+
+
+def watch(core: int) -> list[tuple[float, float]]:
+    """Sleep until the input ends; when it was late, from when until when."""
+    os.sched_setaffinity(0, {core})
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+    except PermissionError:
+        print("no right to SCHED_FIFO: no standstill of the machine is excused", file=sys.stderr)
+        return []
+    spans, due = [], time.monotonic() + PERIOD_S
+    while not _ended():
+        time.sleep(max(0.0, due - time.monotonic()))
+        now = time.monotonic()
+        if now - due > LATE_S:
+            spans.append((due, now))
+        due = now + PERIOD_S
+    return spans
+
+
+def _ended() -> bool:
+    return bool(select.select([sys.stdin], [], [], 0.0)[0])
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        print(json.dumps(watch(int(sys.argv[1]))))
