@@ -439,6 +439,7 @@ class Reason(StrEnum):
     FULL_SCALE = "full_scale"
     # what the terrain says against an altimeter, and why it cannot be asked
     DEVIATION = "deviation"  # measured minus predicted, beyond the gate
+    NOT_NADIR = "not_nadir"  # measured minus navigated height, beyond the gate: it is not the height straight below
     DISPERSION = "dispersion"  # the rays of the predicted beam differ by too much
     INCIDENCE = "incidence"  # the beam grazes the ground
     NO_PREDICTION = "no_prediction"  # the predicted beam finds no ground in range

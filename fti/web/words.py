@@ -35,6 +35,7 @@ REASONS: dict[str, str] = {
     Reason.BELOW_150_M: "closer than 150 m: metres only",
     Reason.FULL_SCALE: "beyond full scale",
     Reason.DEVIATION: "not what the terrain predicts",
+    Reason.NOT_NADIR: "not the height straight below",
     Reason.DISPERSION: "ground in the beam is too uneven",
     Reason.INCIDENCE: "beam grazes the ground",
     Reason.NO_PREDICTION: "terrain predicts no return",

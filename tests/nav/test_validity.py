@@ -1,17 +1,45 @@
 """Validity: every rule alone, and properties that hold for every sample."""
 
+import dataclasses
 import math
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.config import Altimeter
-from fti.nav.altimetry.validity import RULES, Sample, reasons_against
+from fti.nav.altimetry.validity import RULES, Sample, narrow, reasons_against, wide
 from fti.types import Reason
 
-LIMITS = Altimeter(kind="radar", range_m=(1.0, 700.0), max_roll_deg=20.0, max_pitch_deg=15.0)
-GOOD = {"value": 100.0, "age_ns": 10, "max_age_ns": 100, "roll": 0.1, "pitch": -0.1}
+LIMITS = Altimeter(
+    kind="radar",
+    range_m=(1.0, 700.0),
+    max_roll_deg=20.0,
+    max_pitch_deg=15.0,
+    max_deviation_m=8.0,
+    max_nadir_deviation_m=10.0,
+    max_dispersion=0.2,
+    max_incidence_deg=50.0,
+)
+GOOD = Sample(
+    value=100.0,
+    age_ns=10,
+    max_age_ns=100,
+    roll=0.1,
+    pitch=-0.1,
+    predicted=104.0,
+    predicted_sd=1.0,
+    dispersion=19.0,
+    incidence=0.3,
+    navigated=98.0,
+    navigated_sd=2.0,
+    height=99.0,
+)
+
+
+def _with(sample: Sample = GOOD, /, **change: Any) -> Sample:
+    return dataclasses.replace(sample, **change)
 
 
 @pytest.mark.parametrize(
@@ -21,26 +49,96 @@ GOOD = {"value": 100.0, "age_ns": 10, "max_age_ns": 100, "roll": 0.1, "pitch": -
         ({"age_ns": 101}, Reason.STALE),
         ({"flagged": True}, Reason.DEVICE_FLAG),
         ({"value": None}, Reason.NO_RETURN),
-        ({"value": 0.99}, Reason.BELOW_RANGE),
-        ({"value": 700.1}, Reason.ABOVE_RANGE),
+        ({"value": 0.99, "predicted": None}, Reason.BELOW_RANGE),
+        ({"value": 700.1, "predicted": None}, Reason.ABOVE_RANGE),
         ({"pitch": None}, Reason.NO_ATTITUDE),
         ({"roll": math.radians(-20.1)}, Reason.ROLL),
         ({"pitch": math.radians(15.1)}, Reason.PITCH),
+        ({"predicted": 108.1}, Reason.DEVIATION),
+        ({"predicted": 91.9}, Reason.DEVIATION),
+        ({"height": 106.1}, Reason.NOT_NADIR),
+        ({"height": 89.9}, Reason.NOT_NADIR),
+        ({"dispersion": 19.7}, Reason.DISPERSION),
+        ({"incidence": math.radians(50.1)}, Reason.INCIDENCE),
     ],
 )
 def test_each_rule_alone(change: dict[str, float | None], reason: Reason) -> None:
-    assert reasons_against(Sample(**(GOOD | change)), LIMITS) == (reason,)  # type: ignore[arg-type]
+    assert reasons_against(GOOD, LIMITS) == ()
+    assert reasons_against(_with(**change), LIMITS) == (reason,)
 
 
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("value", Reason.NO_RETURN),
+        ("roll", Reason.ROLL),
+        ("pitch", Reason.PITCH),
+        ("predicted", Reason.DEVIATION),
+        ("height", Reason.NOT_NADIR),
+        ("navigated", Reason.NOT_NADIR),
+        ("navigated_sd", Reason.NOT_NADIR),
+        ("dispersion", Reason.DISPERSION),
+        ("incidence", Reason.INCIDENCE),
+    ],
+)
+def test_what_is_no_number_is_refused(name: str, reason: Reason) -> None:
+    assert reason in reasons_against(_with(**{name: math.nan}), LIMITS)
+
+
+@pytest.mark.parametrize("number", [math.inf, -math.inf])
+@pytest.mark.parametrize("name", ["value", "roll", "pitch", "predicted", "height", "navigated", "incidence"])
+def test_what_is_infinite_is_refused(name: str, number: float) -> None:
+    assert reasons_against(_with(**{name: number}), LIMITS)
+
+
+def test_what_known_errors_explain_is_not_held_against_the_sensor() -> None:
+    off = _with(predicted=111.0, predicted_sd=4.0)
+    assert reasons_against(off, LIMITS) == ()
+    assert reasons_against(_with(off, predicted=112.1), LIMITS) == (Reason.DEVIATION,)
+
+
+def test_a_navigated_height_that_may_be_wrong_vouches_for_less() -> None:
+    near = _with(height=103.0)
+    assert reasons_against(near, LIMITS) == ()
+    assert reasons_against(_with(near, navigated_sd=5.1), LIMITS) == (Reason.NOT_NADIR,)
+    assert reasons_against(_with(near, navigated_sd=11.0, height=98.0), LIMITS) == (Reason.NOT_NADIR,)
+
+
+def test_the_sets_are_those_of_the_tables() -> None:
+    laser, radar = narrow((1.0, 1000.0)), wide((1.0, 762.0), 35.0, 26.0)
+    flat = _with(roll=0.0, pitch=0.0, predicted=100.0, navigated=100.0, height=100.0)
+    for limits, roll_deg, pitch_deg, deviation in ((laser, 10.0, 10.0, 5.0), (radar, 35.0, 26.0, 10.0)):
+        for name, limit, reason in (
+            ("roll", math.radians(roll_deg), Reason.ROLL),
+            ("pitch", math.radians(pitch_deg), Reason.PITCH),
+            ("predicted", deviation, Reason.DEVIATION),
+        ):
+            base = 100.0 if name == "predicted" else 0.0
+            assert reasons_against(_with(flat, **{name: base + 0.999 * limit}), limits) == ()
+            assert reasons_against(_with(flat, **{name: base + 1.001 * limit}), limits) == (reason,)
+    far = _with(flat, height=110.1, navigated_sd=0.0)
+    assert reasons_against(far, laser) == ()
+    assert reasons_against(far, radar) == (Reason.NOT_NADIR,)
+
+
+numbers = st.none() | st.floats(-2000, 2000) | st.sampled_from([math.nan, math.inf, -math.inf])
+angles = st.none() | st.floats(-1.5, 1.5) | st.just(math.nan)
 samples = st.builds(
     Sample,
-    value=st.none() | st.floats(-10, 2000),
+    value=numbers,
     flagged=st.booleans(),
     heard=st.booleans(),
     age_ns=st.integers(0, 200),
     max_age_ns=st.just(100),
-    roll=st.none() | st.floats(-1.5, 1.5),
-    pitch=st.none() | st.floats(-1.5, 1.5),
+    roll=angles,
+    pitch=angles,
+    predicted=numbers,
+    predicted_sd=st.floats(0, 20),
+    dispersion=st.none() | st.floats(0, 200),
+    incidence=angles,
+    navigated=numbers,
+    navigated_sd=st.floats(0, 20),
+    height=numbers,
 )
 
 
@@ -56,10 +154,17 @@ def test_valid_means_inside_every_limit(sample: Sample) -> None:
         and sample.pitch is not None
         and abs(sample.roll) <= math.radians(20)
         and abs(sample.pitch) <= math.radians(15)
+        and (sample.predicted is None or abs(sample.value - sample.predicted) <= max(8.0, 3.0 * sample.predicted_sd))
+        and (
+            sample.navigated is None
+            or sample.height is None
+            or abs(sample.height - sample.navigated) + sample.navigated_sd <= 10.0
+        )
+        and (sample.dispersion is None or sample.navigated is None or sample.dispersion <= 0.2 * sample.navigated)
+        and (sample.incidence is None or abs(sample.incidence) <= math.radians(50))
     )
-    reasons = reasons_against(sample, LIMITS)
     # a value that a silent device cannot have is judged too; it is never valid
-    assert (not reasons) == inside
+    assert (not reasons_against(sample, LIMITS)) == inside
 
 
 @given(samples)
@@ -67,6 +172,10 @@ def test_reasons_come_once_and_in_the_order_of_the_table(sample: Sample) -> None
     order = [reason for reason, _ in RULES]
     found = [order.index(reason) for reason in reasons_against(sample, LIMITS)]
     assert found == sorted(set(found))
+
+
+def test_a_terrain_that_is_not_asked_refuses_nothing() -> None:
+    assert reasons_against(_with(predicted=None, dispersion=None, incidence=None, navigated=None), LIMITS) == ()
 
 
 def test_a_negative_height_is_below_every_range() -> None:

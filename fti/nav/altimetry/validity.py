@@ -1,6 +1,28 @@
 """Validity of an altimeter sample: one table of rules, each with its reason.
 
-Source: Spiegel 2018, ch. 3.1 (device flag, range limits, attitude limits); age as the design's section 2 asks.
+    what the device says     its flag, no return, silence, age, range limits
+    how the aircraft flies   roll and pitch against the beam
+    what the terrain says    measured minus predicted range; measured minus navigated height; dispersion of the ranges
+                             across the predicted beam over the height; incidence where the predicted ray meets ground
+
+Two sets of limits (``narrow``, ``wide``) for beams of these kinds, as the source has them:
+
+                             narrow beam, laser          wide beam, radar
+    roll, pitch              10 deg, 10 deg              half power angle across, along
+    measured - predicted     5 m                         10 m
+    measured - navigated     -                           10 m less one sigma of the navigated height
+    dispersion               -                           0.3 of the height; level ground gives 0.1, and 0.25 in a bank
+                                                         of the half power angle
+    incidence                75 deg                      60 deg: a quarter of the power comes back there (cos, cos^2)
+
+Measured minus predicted says whether the sensor measures what is there; in a bank over the edge of a wood it may, and
+yet be 20 m from the height straight below.  For that a sample which is used as it is, without compensation by the
+terrain, is held against the navigated height h(P) - h(N); N is known as well as the place, and where the ground around
+it is uneven so is that height, by ``fti.nav.altimetry.nadir.height_sd``: what may be that wrong vouches for less.
+
+A limit is kept by what is within it: nothing that is no number is.
+Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
+limit of incidence and of dispersion ("~ h"), these are stated.
 """
 
 from __future__ import annotations
@@ -12,6 +34,13 @@ from dataclasses import dataclass
 from fti.config import Altimeter
 from fti.types import Reason
 
+#: Of a laser and of a radar [m], [deg]: table 3.2; a quarter of the power.
+DEVIATION_M = {"laser": 5.0, "radar": 10.0}
+INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0}
+#: A deviation that the errors known of place, attitude, terrain and device explain so often is not held against it.
+SIGMAS = 3.0
+ATTITUDE_DEG, NADIR_M = 10.0, 10.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sample:
@@ -22,6 +51,14 @@ class Sample:
     heard       : the device has spoken at all
     age_ns      : time since the value was true; max_age_ns : limit
     roll, pitch : [rad] at that time; None when no attitude is known
+
+    and from the terrain, each None where it was not asked or cannot tell (NaN is refused):
+
+    predicted    : what the device should say [m]; predicted_sd : one sigma of value - predicted [m]
+    dispersion   : standard deviation of the ranges across the predicted beam [m]
+    incidence    : angle between the predicted ray and the normal of the ground [rad]
+    navigated    : h(P) - h(N) [m]; navigated_sd : its sigma [m]
+    height       : what the sample is used for as height of P above the ground straight below [m]
     """
 
     value: float | None = None
@@ -31,13 +68,44 @@ class Sample:
     max_age_ns: int = 0
     roll: float | None = None
     pitch: float | None = None
+    predicted: float | None = None
+    predicted_sd: float = 0.0
+    dispersion: float | None = None
+    incidence: float | None = None
+    navigated: float | None = None
+    navigated_sd: float = 0.0
+    height: float | None = None
 
 
 Rule = Callable[[Sample, Altimeter], bool]
 
 
-def _beyond(angle: float | None, limit_deg: float) -> bool:
-    return angle is not None and abs(angle) > math.radians(limit_deg)
+def _beyond(value: float | None, limit: float) -> bool:
+    """Of what is known: not within +- limit; NaN is not."""
+    return value is not None and not abs(value) <= limit
+
+
+def _deviates(s: Sample, a: Altimeter) -> bool:
+    if s.value is None or s.predicted is None:
+        return False
+    limit = DEVIATION_M[a.kind] if a.max_deviation_m is None else a.max_deviation_m
+    return _beyond(s.value - s.predicted, max(limit, SIGMAS * s.predicted_sd))
+
+
+def _not_nadir(s: Sample, a: Altimeter) -> bool:
+    if s.height is None or s.navigated is None or a.max_nadir_deviation_m is None:
+        return False
+    return _beyond(s.height - s.navigated, a.max_nadir_deviation_m - s.navigated_sd)
+
+
+def _dispersed(s: Sample, a: Altimeter) -> bool:
+    return (
+        s.dispersion is not None and s.navigated is not None and _beyond(s.dispersion, a.max_dispersion * s.navigated)
+    )
+
+
+def _grazes(s: Sample, a: Altimeter) -> bool:
+    return _beyond(s.incidence, math.radians(a.max_incidence_deg or INCIDENCE_DEG[a.kind]))
 
 
 #: In the order in which a person wants to read them; a rule is True when the sample breaks it.
@@ -45,15 +113,38 @@ RULES: tuple[tuple[Reason, Rule], ...] = (
     (Reason.SILENT, lambda s, a: not s.heard),
     (Reason.STALE, lambda s, a: s.heard and s.age_ns > s.max_age_ns),
     (Reason.DEVICE_FLAG, lambda s, a: s.heard and s.flagged),
-    (Reason.NO_RETURN, lambda s, a: s.heard and s.value is None),
+    (Reason.NO_RETURN, lambda s, a: s.heard and (s.value is None or math.isnan(s.value))),
     (Reason.BELOW_RANGE, lambda s, a: s.value is not None and s.value < max(0.0, a.range_m[0])),
     (Reason.ABOVE_RANGE, lambda s, a: s.value is not None and s.value > a.range_m[1]),
     (Reason.NO_ATTITUDE, lambda s, a: s.heard and (s.roll is None or s.pitch is None)),
-    (Reason.ROLL, lambda s, a: _beyond(s.roll, a.max_roll_deg)),
-    (Reason.PITCH, lambda s, a: _beyond(s.pitch, a.max_pitch_deg)),
+    (Reason.ROLL, lambda s, a: _beyond(s.roll, math.radians(a.max_roll_deg))),
+    (Reason.PITCH, lambda s, a: _beyond(s.pitch, math.radians(a.max_pitch_deg))),
+    (Reason.DEVIATION, _deviates),
+    (Reason.NOT_NADIR, _not_nadir),
+    (Reason.DISPERSION, _dispersed),
+    (Reason.INCIDENCE, _grazes),
 )
 
 
 def reasons_against(sample: Sample, limits: Altimeter) -> tuple[Reason, ...]:
     """Why the sample is not valid; empty when it is."""
     return tuple(reason for reason, broken in RULES if broken(sample, limits))
+
+
+def narrow(range_m: tuple[float, float]) -> Altimeter:
+    """Limits of a pencil beam: table 7.16."""
+    return Altimeter(kind="laser", range_m=range_m, max_roll_deg=ATTITUDE_DEG, max_pitch_deg=ATTITUDE_DEG)
+
+
+def wide(range_m: tuple[float, float], across_deg: float, along_deg: float) -> Altimeter:
+    """Limits of a wide beam that is used as it is: table 7.20.
+
+    across_deg, along_deg : half power of the antenna, off the boresight, across and along the aircraft
+    """
+    return Altimeter(
+        kind="radar",
+        range_m=range_m,
+        max_roll_deg=across_deg,
+        max_pitch_deg=along_deg,
+        max_nadir_deviation_m=NADIR_M,
+    )
