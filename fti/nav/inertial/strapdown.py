@@ -161,7 +161,7 @@ def _rates(y: Array, sensors: Array, rates: Array) -> None:
     # mat_eb f_b = f + 2 u x (u x f + w f) / |q|^2 with the vector part u
     cx, cy, cz = y_ * fz - z * fy + w * fx, z * fx - x * fz + w * fy, x * fy - y_ * fx + w * fz
     scale = 2.0 / length_sq
-    gx, gy, gz = _gravity(y[0], y[1], y[2])
+    gx, gy, gz = gravity_e(y[0], y[1], y[2])
     rates[0], rates[1], rates[2] = y[3], y[4], y[5]
     rates[3] = fx + scale * (y_ * cz - z * cy) + gx + 2.0 * EARTH_RATE * vy
     rates[4] = fy + scale * (z * cx - x * cz) + gy - 2.0 * EARTH_RATE * vx
@@ -174,7 +174,7 @@ def _rates(y: Array, sensors: Array, rates: Array) -> None:
 
 
 @kernel
-def _gravity(x: float, y: float, z: float) -> tuple[float, float, float]:
+def gravity_e(x: float, y: float, z: float) -> tuple[float, float, float]:
     """Normal gravity at x_e [m], e frame [m/s^2]; the latitude as in ``fti.geodesy.wgs84.geodetic_from_ecef``."""
     across = np.hypot(x, y)
     up, level = z, (1.0 - FLATTENING) * across

@@ -1,0 +1,264 @@
+"""What aids the filter: each class is one measurement, and says what it means for the errors.
+
+    z = measured - expected = H x + noise,     x = truth - estimate,     noise ~ N(0, R)
+
+``compute_matrices(here) -> (z, H, R)`` with z (m,), H (m, n), R (m, m).  A slow error of what aids (``Extra``) takes
+part where it is a state.  ``name`` is what the gate keeps books by: one name for each source and quantity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.states import Extra
+from fti.nav.inertial.errors import BIASED, GYRO, POS, TURN, VEL
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Matrices = tuple[Array, Array, Array]
+
+AT_P: Vector = (0.0, 0.0, 0.0)
+#: Cosine of an incidence from which on a range says nothing of a height: 84 deg.
+GRAZING = 0.1
+_UP_N = np.array([0.0, 0.0, -1.0])
+
+
+class Aiding(Protocol):
+    """One measurement."""
+
+    @property
+    def name(self) -> str:
+        """Of the source and the quantity."""
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """Which of ``horizontal`` and ``vertical`` it keeps from drifting."""
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z, H, R at the estimate of its time."""
+
+
+HORIZONTAL, VERTICAL = frozenset({"horizontal"}), frozenset({"vertical"})
+BOTH, NOTHING = HORIZONTAL | VERTICAL, frozenset[str]()
+
+
+@dataclass(frozen=True, slots=True)
+class GnssPosition:
+    """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m], or None of it; one sigma of each axis [m].
+
+    lever_arm_b : P to the antenna [m].  The extras GNSS_NORTH, GNSS_EAST, GNSS_DOWN take part
+    """
+
+    lat: float
+    lon: float
+    alt: float | None
+    horizontal_sd: float
+    vertical_sd: float
+    lever_arm_b: Vector = AT_P
+    name: str = "gnss.position"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """All, or without a height the horizontal."""
+        return HORIZONTAL if self.alt is None else BOTH
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = mat_ne (x_measured - x - mat_eb arm) - drift, in north, east, down."""
+        arm_e = here.mat_eb @ self.lever_arm_b
+        alt = here.place[2] if self.alt is None else self.alt
+        expected_e = here.y[:3] + arm_e
+        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, alt) - expected_e)
+        H = np.zeros((3, here.model.size))
+        H[:, POS : POS + 3] = here.mat_en.T
+        H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
+        for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)):
+            z[row] -= _drifting(here, extra, H[row], 1.0)
+        R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
+        rows = 2 if self.alt is None else 3
+        return z[:rows], H[:rows], R[:rows, :rows]
+
+
+@dataclass(frozen=True, slots=True)
+class GnssVelocity:
+    """Velocity of an antenna, north, east, down [m/s], down may be None; one sigma of each [m/s]."""
+
+    north: float
+    east: float
+    down: float | None
+    sd: float
+    lever_arm_b: Vector = AT_P
+    name: str = "gnss.velocity"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """Nothing: a position without a fix still drifts, but slowly."""
+        return NOTHING
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm))."""
+        around_e = here.mat_eb @ np.cross(here.rate_eb_b, self.lever_arm_b)
+        expected = here.mat_en.T @ (here.y[3:6] + around_e)
+        z = np.array([self.north, self.east, expected[2] if self.down is None else self.down]) - expected
+        H = np.zeros((3, here.model.size))
+        H[:, VEL : VEL + 3] = here.mat_en.T
+        H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(around_e)
+        if here.model.biased:
+            H[:, GYRO:BIASED] = here.mat_nb @ skew(self.lever_arm_b)
+        rows = 2 if self.down is None else 3
+        return z[:rows], H[:rows], self.sd**2 * np.eye(rows)
+
+
+@dataclass(frozen=True, slots=True)
+class BaroAltitude:
+    """Altitude of P from static pressure, as an ellipsoidal height [m]; the extra BARO takes its offset."""
+
+    alt: float
+    sd: float
+    name: str = "baro.altitude"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """The height, as well as its slow offset is known."""
+        return VERTICAL
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = alt_measured - alt - drift."""
+        return _altitude(here, self.alt, self.sd, (Extra.BARO,))
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainAltitude:
+    """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
+
+    sd : white part [m]; what is correlated belongs to the extras ALTIMETER and DEM
+    """
+
+    alt: float
+    sd: float
+    name: str = "altimeter.altitude"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """The height."""
+        return VERTICAL
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = h_agl + h_dem - alt - drifts."""
+        return _altitude(here, self.alt, self.sd, (Extra.ALTIMETER, Extra.DEM))
+
+
+@dataclass(frozen=True, slots=True)
+class SlantRange:
+    """A range as it was measured, compensated inside H: the row of errata 3.13.
+
+        expected = d + (d range / d pos) (pos - pos at which it was predicted) + drifts
+        dd = -[n . dP + n_D d dem + d (u x n) . psi] / (n . u)
+
+    slant_range  : measured [m];  sd : white part of measured - predicted at a known pose [m]
+    predicted    : d at lat, lon [rad], alt [m], with the attitude of then [m]
+    direction_n, normal_n : u, from the sensor to the ground, and n, into the ground, both unit vectors; a beam that
+                   reports its nearest return has u = n, so no attitude
+    Source: Spiegel 2018, eq. 3.40 to 3.44 as corrected in docs/errata.md (3.13, 3.44).
+    """
+
+    slant_range: float
+    sd: float
+    predicted: float
+    lat: float
+    lon: float
+    alt: float
+    direction_n: Vector
+    normal_n: Vector
+    name: str = "altimeter.range"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """The height."""
+        return VERTICAL
+
+    @property
+    def meets(self) -> bool:
+        """Whether the ray meets the ground well enough to say a height."""
+        return float(np.dot(self.direction_n, self.normal_n)) > GRAZING
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """One row."""
+        u, n = np.asarray(self.direction_n), np.asarray(self.normal_n)
+        along = float(n @ u)
+        H = np.zeros((1, here.model.size))
+        H[0, POS : POS + 3] = -here.mat_en @ n / along
+        H[0, TURN : TURN + 3] = -self.predicted * here.mat_en @ np.cross(u, n) / along
+        moved_e = here.y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
+        z = np.array([self.slant_range - self.predicted - H[0, POS : POS + 3] @ moved_e])
+        z[0] -= _drifting(here, Extra.ALTIMETER, H[0], 1.0) + _drifting(here, Extra.DEM, H[0], float(n[2]) / along)
+        return z, H, np.array([[self.sd**2]])
+
+
+@dataclass(frozen=True)
+class PositionFix:
+    """A position that something else found, with its covariance cov_n (3, 3) [m^2], north, east, down."""
+
+    lat: float
+    lon: float
+    alt: float
+    cov_n: Array
+    name: str = "fix"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """All."""
+        return BOTH
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = mat_ne (x_measured - x)."""
+        H = np.zeros((3, here.model.size))
+        H[:, POS : POS + 3] = here.mat_en.T
+        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, self.alt) - here.y[:3])
+        return z, H, np.asarray(self.cov_n)
+
+
+@dataclass(frozen=True, slots=True)
+class Standstill:
+    """A pseudo measurement: the aircraft stands.  sd [m/s]."""
+
+    sd: float = 0.02
+    name: str = "standstill"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """All: who stands does not drift."""
+        return BOTH
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """z = -v."""
+        H = np.zeros((3, here.model.size))
+        H[:, VEL : VEL + 3] = np.eye(3)
+        return -here.y[3:6], H, self.sd**2 * np.eye(3)
+
+
+def skew(v: Array | Vector) -> Array:
+    """Matrix of v x."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _altitude(here: Estimate, alt: float, sd: float, extras: tuple[Extra, ...]) -> Matrices:
+    H = np.zeros((1, here.model.size))
+    H[0, POS : POS + 3] = here.mat_en @ _UP_N
+    z = alt - here.place[2] - sum(_drifting(here, extra, H[0], 1.0) for extra in extras)
+    return np.array([z]), H, np.array([[sd**2]])
+
+
+def _drifting(here: Estimate, extra: Extra, row: Array, factor: float) -> float:
+    """What an extra adds to the measurement [m]; its column is entered."""
+    column = here.model.column(extra)
+    if column is None:
+        return 0.0
+    row[column] = factor
+    return factor * here.drift(extra)

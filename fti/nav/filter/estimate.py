@@ -1,0 +1,149 @@
+"""The estimate at one time, as aiding sees it and as it is told: latitude, longitude, north, east, down, angles."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
+from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
+from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic, geodetic_from_ecef
+from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, GYRO_BIAS, QUAT
+from fti.nav.filter.states import Extra, Model
+from fti.nav.inertial.errors import ACCEL, POS, TURN, VEL
+
+Array = NDArray[np.float64]
+
+#: Nearer to straight up or down than this roll and heading have no sigma of their own [cosine of the pitch].
+_UPRIGHT = 1e-3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the filter holds at t_ns.
+
+    y     : ndarray, shape (16 + k,)  position, velocity, quaternion e; accelerometer and gyro bias b; extras
+    P     : ndarray, shape (n, n)     covariance of the errors, ``fti.nav.filter.states``
+    felt  : ndarray, shape (6,)       accel_b [m/s^2] and gyro_b [rad/s] measured at t_ns
+    model : what the columns are
+    """
+
+    t_ns: int
+    y: Array
+    P: Array
+    felt: Array
+    model: Model
+
+    @functools.cached_property
+    def place(self) -> tuple[float, float, float]:
+        """lat, lon [rad], alt above the ellipsoid [m] of P."""
+        lat, lon, alt = geodetic_from_ecef(self.y[:3])
+        return float(lat), float(lon), float(alt)
+
+    @functools.cached_property
+    def mat_en(self) -> Array:
+        """North, east, down here to e."""
+        return mat_en(*self.place[:2])
+
+    @functools.cached_property
+    def mat_eb(self) -> Array:
+        """Body to e."""
+        return mat_from_quat(self.y[QUAT:ACCEL_BIAS])
+
+    @property
+    def mat_nb(self) -> Array:
+        """Body to north, east, down."""
+        return np.asarray(self.mat_en.T @ self.mat_eb)
+
+    @property
+    def vel_n(self) -> Array:
+        """North, east, down [m/s]."""
+        return np.asarray(self.mat_en.T @ self.y[3:6])
+
+    @property
+    def rate_eb_b(self) -> Array:
+        """Turn of the body against the Earth [rad/s]."""
+        return np.asarray(self.felt[3:] - self.y[GYRO_BIAS:EXTRAS] - self.mat_eb.T @ [0.0, 0.0, EARTH_RATE])
+
+    def drift(self, extra: Extra) -> float:
+        """An error of what aids [m]; 0 where it is no state."""
+        column = self.model.column(extra)
+        return 0.0 if column is None else float(self.y[EXTRAS + column - self.model.base])
+
+    def drift_sd(self, extra: Extra) -> float | None:
+        """Its sigma [m]; None where it is no state."""
+        column = self.model.column(extra)
+        return None if column is None else math.sqrt(max(0.0, float(self.P[column, column])))
+
+    @functools.cached_property
+    def cov_n(self) -> Array:
+        """Covariance of position [m], velocity [m/s] and turn [rad] in north, east, down: shape (9, 9)."""
+        mats = np.zeros((9, 9))
+        for at in (POS, VEL, TURN):
+            mats[at : at + 3, at : at + 3] = self.mat_en
+        return np.asarray(mats.T @ self.P[:ACCEL, :ACCEL] @ mats)
+
+    @property
+    def sd_n(self) -> Array:
+        """Square roots of its diagonal, shape (9,)."""
+        return np.sqrt(np.maximum(np.diag(self.cov_n), 0.0))
+
+    @property
+    def rpy(self) -> tuple[float, float, float]:
+        """Roll, pitch, heading [rad]."""
+        roll, pitch, heading = rpy_from_mat(self.mat_nb)
+        return float(roll), float(pitch), float(heading)
+
+    @property
+    def rpy_sd(self) -> tuple[float, float, float]:
+        """Sigma of roll, pitch and heading [rad]: of the turn about three axes that are not at right angles.
+
+        d roll = (ch n + sh e) / cp    d pitch = ch e - sh n    d heading = d + sp d roll
+        """
+        _, pitch, heading = self.rpy
+        sh, ch, sp, cp = math.sin(heading), math.cos(heading), math.sin(pitch), max(math.cos(pitch), _UPRIGHT)
+        rows = np.array([[ch / cp, sh / cp, 0.0], [-sh, ch, 0.0], [sp * ch / cp, sp * sh / cp, 1.0]])
+        variances = np.einsum("ij,jk,ik->i", rows, self.cov_n[TURN:, TURN:], rows)
+        roll, pitch_sd, turn = (min(math.pi, math.sqrt(max(0.0, float(v)))) for v in variances)
+        return roll, pitch_sd, turn
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where the filter begins: P at lat, lon [rad], alt [m], vel_n [m/s], roll, pitch, heading [rad]; one sigma each.
+
+    pos_sd, vel_sd, turn_sd : north, east, down [m, m/s, rad about those axes]
+    """
+
+    lat: float
+    lon: float
+    alt: float
+    vel_n: tuple[float, float, float]
+    roll: float
+    pitch: float
+    heading: float
+    pos_sd: tuple[float, float, float]
+    vel_sd: tuple[float, float, float]
+    turn_sd: tuple[float, float, float]
+
+    def estimate(self, t_ns: int, felt: Array, model: Model) -> Estimate:
+        """The first estimate; biases and extras at home."""
+        to_e = mat_en(self.lat, self.lon)
+        quat = quat_from_mat((to_e @ mat_from_rpy(self.roll, self.pitch, self.heading))[None])[0]
+        slow = np.zeros(6 + len(model.extras))
+        y = np.concatenate((ecef_from_geodetic(self.lat, self.lon, self.alt), to_e @ self.vel_n, quat, slow))
+        return Estimate(t_ns, y, self.covariance(model), felt, model)
+
+    def covariance(self, model: Model) -> Array:
+        """P0."""
+        to_e, found = mat_en(self.lat, self.lon), np.zeros((model.size, model.size))
+        for at, sd in ((POS, self.pos_sd), (VEL, self.vel_sd), (TURN, self.turn_sd)):
+            found[at : at + 3, at : at + 3] = to_e @ np.diag(np.square(sd)) @ to_e.T
+        slow = [model.unit.accel.bias_sd] * 3 + [model.unit.gyro.bias_sd] * 3 if model.biased else []
+        slow += [drift.sd for drift in model.extras.values()]
+        np.fill_diagonal(found[ACCEL:, ACCEL:], np.square(slow))
+        return found

@@ -1,0 +1,90 @@
+"""Which innovations are believed.
+
+    NIS = z^T (H P H^T + R)^-1 z   is chi-square with m degrees of freedom when filter and measurement are what they say
+
+Above the 1e-4 quantile a measurement is refused.  Refusing alone can lock out the truth for ever: a filter that went
+wrong refuses what would put it right.  So a source that has been refused for ``LOCKOUT_NS`` is let in again when
+nothing else that bounds the same axes was believed meanwhile; the covariance is opened by what the innovation says
+first (``opened``).  Where others are believed it stays out, and ``rejected`` names it, until it agrees.
+
+Source: Bar-Shalom, Li, Kirubarajan 2001, section 5.4 (NIS).  Checked against: tests/nav/test_filter_gate.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.filter.aiding import Aiding
+from fti.nav.filter.estimate import Estimate
+from fti.nav.inertial.errors import GRAVITY, POS, TURN, VEL
+
+Array = NDArray[np.float64]
+
+#: 1e-4 quantiles of chi-square with 1, 2, 3 degrees of freedom.
+LIMITS = {1: 15.137, 2: 18.421, 3: 21.108}
+LOCKOUT_NS = 5_000_000_000
+#: A tilt that a disagreement could hide is not taken to be larger [rad].
+MOST_TILT = 0.3
+
+
+class Judgement(Enum):
+    """Of a measurement."""
+
+    BELIEVED = "believed"
+    REFUSED = "refused"
+    LET_IN = "let in"
+
+
+class Standing(NamedTuple):
+    """Of one source: when it was believed last, since when it is refused; what it bounds."""
+
+    believed_ns: int | None
+    refused_since_ns: int | None
+    bounds: frozenset[str]
+
+
+Standings = Mapping[str, Standing]
+
+
+def judge(standings: Standings, aiding: Aiding, t_ns: int, nis: float, dof: int) -> Judgement:
+    """What becomes of a measurement with this NIS."""
+    if nis <= LIMITS[dof]:
+        return Judgement.BELIEVED
+    standing = standings.get(aiding.name)
+    since = standing.refused_since_ns if standing else None
+    if since is None or t_ns - since < LOCKOUT_NS or not aiding.bounds:
+        return Judgement.REFUSED
+    others = (s for name, s in standings.items() if name != aiding.name and s.bounds & aiding.bounds)
+    vouched = any(s.believed_ns is not None and s.believed_ns > since for s in others)
+    return Judgement.REFUSED if vouched else Judgement.LET_IN
+
+
+def noted(standings: Standings, aiding: Aiding, t_ns: int, judgement: Judgement) -> dict[str, Standing]:
+    """The books with this judgement in them."""
+    before = standings.get(aiding.name, Standing(None, None, aiding.bounds))
+    if judgement is Judgement.REFUSED:
+        since = t_ns if before.refused_since_ns is None else before.refused_since_ns
+        return {**standings, aiding.name: Standing(before.believed_ns, since, aiding.bounds)}
+    return {**standings, aiding.name: Standing(t_ns, None, aiding.bounds)}
+
+
+def rejected(standings: Standings) -> tuple[str, ...]:
+    """Who is refused at present, sorted."""
+    return tuple(sorted(name for name, s in standings.items() if s.refused_since_ns is not None))
+
+
+def opened(here: Estimate, aiding: Aiding, z: Array) -> Array:
+    """P with room for a disagreement z that has grown for ``LOCKOUT_NS``: position, velocity, and for all axes tilt."""
+    P, size, seconds = here.P.copy(), float(np.max(np.abs(z))), LOCKOUT_NS * 1e-9
+    down_e = here.mat_en[:, 2]
+    axes = np.outer(down_e, down_e) if aiding.bounds == {"vertical"} else np.eye(3)
+    P[POS:VEL, POS:VEL] += size**2 * axes
+    P[VEL:TURN, VEL:TURN] += (size / seconds) ** 2 * axes
+    if "horizontal" in aiding.bounds:
+        P[TURN : TURN + 3, TURN : TURN + 3] += min(size / (GRAVITY * seconds**2), MOST_TILT) ** 2 * np.eye(3)
+    return P

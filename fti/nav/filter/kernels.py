@@ -1,0 +1,150 @@
+"""The arithmetic of the filter: a step of estimate and covariance, and the update with one scalar.
+
+    P <- Phi P Phi^T + Q,       Phi = 1 + F T + (F T)^2 / 2
+    g = P h,  s = h g + r,  k = g / s:    P <- P - k g^T - g k^T + s k k^T     Joseph's form, written out
+
+Joseph's form (1 - k h) P (1 - k h)^T + r k k^T stays symmetric and positive whatever rounding does to k; equation 3.38
+of Spiegel 2018, P - k h P, does not (docs/errata.md).  Source: Bierman 1977, ch. II; Groves 2013, section 3.2.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.inertial.errors import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
+from fti.nav.inertial.live import move
+from fti.terrain.kernel import kernel
+
+Array = NDArray[np.float64]
+
+#: Of an estimate's row: position, velocity, quaternion e; accelerometer and gyro bias b; extras.
+QUAT, ACCEL_BIAS, GYRO_BIAS, EXTRAS = 6, 10, 13, 16
+
+
+@kernel
+def step(y: Array, P: Array, felt: Array, unit: Array, drifts: Array, seconds: float) -> None:  # noqa: PLR0917
+    """Move estimate and covariance on, in place.
+
+    y      : ndarray, shape (16 + k,)     the estimate, see the module's ``QUAT`` and so on
+    P      : ndarray, shape (n, n)        n = 9 + k or 15 + k
+    felt   : ndarray, shape (3, 6)        accel_b, gyro_b as measured at the beginning and end; their second derivatives
+    unit   : ndarray, shape (2, 4)        ``Unit.table``;   drifts : ndarray, shape (k, 3)   ``Model.drifts``
+    seconds : > 0 [s]
+    """
+    first, last = felt[0] - y[ACCEL_BIAS:EXTRAS], felt[1] - y[ACCEL_BIAS:EXTRAS]
+    middle = 0.5 * (first + last)
+    before = matrix(y)
+    biased = len(P) - len(drifts) == BIASED
+    move(y, first, last, felt[2], seconds)
+    mat_eb = 0.5 * (before + matrix(y))
+    force_e = np.empty(3)
+    for i in range(3):
+        force_e[i] = mat_eb[i, 0] * middle[0] + mat_eb[i, 1] * middle[1] + mat_eb[i, 2] * middle[2]
+    down_e = -y[0:3] / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
+    phi = transition(rates(mat_eb, force_e, down_e, biased), seconds)
+    accel, gyro = noise(unit, middle[0:3], middle[3:6], biased)
+    speed = np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
+    _spread(P, phi)
+    for i in range(3):
+        P[VEL + i, VEL + i] += accel * seconds
+        P[TURN + i, TURN + i] += gyro * seconds
+    if biased:
+        _wander_biases(y, P, unit, seconds)
+    for i in range(len(drifts)):
+        _wander(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], drifts[i, 1] + speed * drifts[i, 2], seconds)
+
+
+@kernel
+def matrix(y: Array) -> Array:
+    """mat_eb of an estimate."""
+    w, a, b, c = y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]
+    return np.array(
+        [
+            [1.0 - 2.0 * (b * b + c * c), 2.0 * (a * b - w * c), 2.0 * (a * c + w * b)],
+            [2.0 * (a * b + w * c), 1.0 - 2.0 * (a * a + c * c), 2.0 * (b * c - w * a)],
+            [2.0 * (a * c - w * b), 2.0 * (b * c + w * a), 1.0 - 2.0 * (a * a + b * b)],
+        ]
+    )
+
+
+@kernel
+def _spread(P: Array, phi: Array) -> None:
+    """Phi P Phi^T; phi : its first nine rows and as many columns as are not extras."""
+    n, (rows, columns) = len(P), phi.shape
+    moved = np.empty((rows, n))
+    for i in range(rows):
+        for j in range(n):
+            total = 0.0
+            for k in range(columns):
+                total += phi[i, k] * P[k, j]
+            moved[i, j] = total
+    for i in range(rows):
+        for j in range(rows, n):
+            P[i, j] = P[j, i] = moved[i, j]
+        for j in range(i, rows):
+            total = 0.0
+            for k in range(columns):
+                total += moved[i, k] * phi[j, k]
+            P[i, j] = P[j, i] = total
+
+
+@kernel
+def _wander_biases(y: Array, P: Array, unit: Array, seconds: float) -> None:
+    for i in range(3):
+        _wander(y, ACCEL_BIAS + i, P, ACCEL + i, unit[0, 1], 1.0 / unit[0, 2], seconds)
+        _wander(y, GYRO_BIAS + i, P, GYRO + i, unit[1, 1], 1.0 / unit[1, 2], seconds)
+
+
+@kernel
+def _wander(y: Array, at: int, P: Array, row: int, sd: float, rate: float, seconds: float) -> None:  # noqa: PLR0917
+    """One first-order Gauss-Markov error: what is left of it, and what comes new."""
+    keep = np.exp(-rate * seconds)
+    y[at] *= keep
+    for j in range(len(P)):
+        P[row, j] *= keep
+    for j in range(len(P)):
+        P[j, row] *= keep
+    P[row, row] += sd * sd * (1.0 - keep * keep)
+
+
+@kernel
+def update(x: Array, P: Array, z: float, h: Array, r: float) -> None:
+    """One scalar z = h x + noise of variance r, in place.
+
+    x : ndarray, shape (n,)   error found so far in this update;  P : (n, n);  h : (n,)
+    """
+    n = len(x)
+    g = np.zeros(n)
+    for i in range(n):
+        for j in range(n):
+            g[i] += P[i, j] * h[j]
+    s, expected = r, 0.0
+    for i in range(n):
+        s += h[i] * g[i]
+        expected += h[i] * x[i]
+    k = g / s
+    for i in range(n):
+        x[i] += k[i] * (z - expected)
+        for j in range(i, n):
+            P[i, j] = P[j, i] = P[i, j] - k[i] * g[j] - g[i] * k[j] + s * k[i] * k[j]
+
+
+@kernel
+def correct(y: Array, x: Array, extras: int) -> None:
+    """Take the error that was found into the estimate, in place.  extras : how many there are."""
+    base = len(x) - extras
+    y[0:QUAT] += x[0:TURN]
+    half = 0.5 * np.sqrt(x[TURN] ** 2 + x[TURN + 1] ** 2 + x[TURN + 2] ** 2)
+    scale = 0.5 * (np.sin(half) / half if half > 1e-8 else 1.0)
+    a, b, c, d = np.cos(half), scale * x[TURN], scale * x[TURN + 1], scale * x[TURN + 2]
+    w, p, q, r = y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]
+    y[QUAT] = a * w - b * p - c * q - d * r
+    y[QUAT + 1] = a * p + b * w + c * r - d * q
+    y[QUAT + 2] = a * q - b * r + c * w + d * p
+    y[QUAT + 3] = a * r + b * q - c * p + d * w
+    y[QUAT:ACCEL_BIAS] /= np.sqrt(np.sum(y[QUAT:ACCEL_BIAS] ** 2))
+    if base == BIASED:
+        y[ACCEL_BIAS:EXTRAS] += x[ACCEL:BIASED]
+    if extras > 0:
+        y[EXTRAS:] += x[base:]

@@ -1,0 +1,225 @@
+"""Inertial navigation, aided: measurements in, and position, velocity, attitude with their sigma, mode and reasons out.
+
+    navigator = Navigator(Model(unit=UNITS["tactical"], extras=GNSS_DRIFTS))
+    navigator.take_inertial(t_valid_ns, accel_b, gyro_b)          every inertial sample, in order
+    navigator.take(t_valid_ns, GnssPosition(...))                 what aids, in any order, up to a second late
+    navigator.take_attitude(t_valid_ns, roll, pitch, heading)     a device's attitude: it is aligned with it
+    navigator.output(t_ns)                                        FilterSolution at t_ns
+    navigator.at(t_ns)                                            Estimate with covariance, or None
+
+Pure: the same calls give the same answers, to the last bit.  What is no number, comes twice, from before the horizon or
+out of order is refused and counted (``refused``); nothing raises.
+
+Mode: WAITING for inputs, ALIGNING when they come, AIDED, COASTING where nothing has bounded the horizontal or the
+height for ``COAST_NS``, INVALID where nothing is felt any more or the position has become too uncertain.  A gap of
+inertial samples, a clock that jumps, or numbers that leave the world begin anew, with the reason RESET until it is
+aligned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fti.nav.filter import kernels
+from fti.nav.filter.aiding import Aiding, PositionFix, SlantRange
+from fti.nav.filter.aligner import Aligner
+from fti.nav.filter.estimate import Estimate, Start
+from fti.nav.filter.gate import rejected
+from fti.nav.filter.states import Model
+from fti.nav.filter.timeline import Timeline, Verdict
+from fti.types import FilterMode, FilterSolution, Reason
+
+Array = NDArray[np.float64]
+
+#: A longer gap between inertial samples cannot be bridged.
+GAP_NS = 200_000_000
+#: So many samples in a row from the past are a clock that has jumped.
+MOST_BACKWARDS = 20
+COAST_NS = 2_000_000_000
+#: Less certain than this a position is none [m, one sigma].
+MOST_SD = 2000.0
+#: What no inertial unit on an aircraft feels [m/s^2, rad/s], and where none flies [m, m/s].
+MOST_FELT = np.array([500.0] * 3 + [50.0] * 3)
+MOST_ALT, MOST_SPEED = 1e5, 2000.0
+#: Sigma of a device's attitude that states none [rad].
+ATTITUDE_SD = (math.radians(0.5), math.radians(0.5), math.radians(2.0))
+
+
+class Navigator:
+    """One filter."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.refused: Counter[Reason] = Counter()
+        self._aligner = Aligner()
+        self._timeline: Timeline | None = None
+        self._missing: tuple[Reason, ...] = (Reason.NO_IMU,)
+        self._newest_ns: int | None = None
+        self._backwards = 0
+        self._restarted: Reason | None = None
+
+    # ---------------------------------------------------------------------------------------------------- taking
+
+    def begin(self, t_ns: int, start: Start, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
+        """Begin with a known state at an inertial sample."""
+        self._newest_ns, self._restarted = t_ns, None
+        felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
+        self._timeline = Timeline(start.estimate(t_ns, felt, self.model))
+
+    def take_inertial(self, t_ns: int, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
+        """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, true at t_ns."""
+        felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
+        if felt.shape != (6,) or not np.all(np.abs(felt) < MOST_FELT):
+            self.refused[Reason.DEVICE_FLAG] += 1
+            return
+        if self._newest_ns is not None and t_ns <= self._newest_ns:
+            self._step_back()
+            return
+        self._backwards = 0
+        if self._newest_ns is not None and t_ns - self._newest_ns > GAP_NS:
+            self._restart(Reason.NO_IMU)
+        self._newest_ns = t_ns
+        if self._timeline is None:
+            self._align(t_ns, felt)
+            return
+        self._timeline.step(t_ns, felt)
+        if not _sane(self._timeline.newest.estimate):
+            self._restart(Reason.DIVERGED)
+
+    def take(self, t_ns: int, aiding: Aiding) -> None:
+        """What aids, true at t_ns."""
+        if not _known(aiding):
+            self.refused[Reason.DEVICE_FLAG] += 1
+            return
+        if self._timeline is None:
+            self._aligner.note(t_ns, aiding)
+        elif not self._timeline.take(t_ns, aiding):
+            self.refused[Reason.STALE] += 1
+
+    def take_attitude(
+        self,
+        t_ns: int,
+        roll: float,
+        pitch: float,
+        heading: float | None,
+        sd: tuple[float, float, float] = ATTITUDE_SD,
+    ) -> None:
+        """A device's attitude [rad] and its sigma: the filter is aligned with it, and does not use it afterwards."""
+        if not all(map(math.isfinite, (roll, pitch, heading or 0.0, *sd))) or not min(sd) > 0.0:
+            self.refused[Reason.DEVICE_FLAG] += 1
+        elif self._timeline is None:
+            self._aligner.note_attitude(t_ns, (roll, pitch, heading), sd)
+
+    # --------------------------------------------------------------------------------------------------- telling
+
+    def at(self, t_ns: int) -> Estimate | None:
+        """The estimate at t_ns, of the last second or ``GAP_NS`` ahead; None where there is none."""
+        timeline = self._timeline
+        if timeline is None or not timeline.oldest_ns <= t_ns <= timeline.newest.estimate.t_ns + GAP_NS:
+            return None
+        return timeline.at(t_ns)
+
+    def drain(self) -> list[Verdict]:
+        """What became of each measurement since it was asked last."""
+        return self._timeline.drain() if self._timeline else []
+
+    def mode(self, t_ns: int) -> tuple[FilterMode, tuple[Reason, ...]]:
+        """State of the filter, and why it is not better."""
+        if self._newest_ns is None or t_ns - self._newest_ns > GAP_NS:
+            return (FilterMode.INVALID if self._timeline else FilterMode.WAITING), (Reason.NO_IMU,)
+        if self._timeline is None:
+            again = (Reason.RESET,) if self._restarted else ()
+            mode = FilterMode.WAITING if Reason.NO_GNSS in self._missing else FilterMode.ALIGNING
+            return mode, (Reason.ALIGNING, *self._missing, *again)
+        newest = self._timeline.newest
+        reasons = (Reason.REJECTED,) if rejected(newest.standings) else ()
+        if max(newest.estimate.sd_n[:3]) > MOST_SD:
+            return FilterMode.INVALID, (Reason.COASTING, *reasons)
+        if self._bounded(t_ns) != {"horizontal", "vertical"}:
+            return FilterMode.COASTING, (Reason.COASTING, *reasons)
+        return FilterMode.AIDED, reasons
+
+    def output(self, t_ns: int) -> FilterSolution:
+        """What is told at t_ns.  Valid when AIDED or COASTING: the sigma says how good it is."""
+        mode, reasons = self.mode(t_ns)
+        here = self.at(t_ns) if mode in {FilterMode.AIDED, FilterMode.COASTING} else None
+        if here is None:
+            told = reasons or (Reason.STALE,)
+            return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=told, mode=mode)
+        assert self._timeline is not None
+        (lat, lon, alt), (north, east, down), (roll, pitch, heading) = here.place, here.vel_n.tolist(), here.rpy
+        sd, turned = here.sd_n, here.rpy_sd
+        return FilterSolution(
+            t_ns=t_ns, t_valid_ns=here.t_ns, valid=True, reasons=reasons, mode=mode,
+            lat=lat, lon=lon, alt=alt, horizontal_sd=float(max(sd[0], sd[1])), vertical_sd=float(sd[2]),
+            vel_north=north, vel_east=east, vel_down=down, vel_sd=float(max(sd[3:6])),
+            roll=roll, pitch=pitch, heading=heading, tilt_sd=max(turned[:2]), heading_sd=turned[2],
+            rejected=rejected(self._timeline.newest.standings),
+        )  # fmt: skip
+
+    # -------------------------------------------------------------------------------------------------- in here
+
+    def _bounded(self, t_ns: int) -> frozenset[str]:
+        """Which axes something has bounded lately."""
+        assert self._timeline is not None
+        standings = self._timeline.newest.standings.values()
+        lately = [s for s in standings if s.believed_ns is not None and t_ns - s.believed_ns <= COAST_NS]
+        return frozenset[str]().union(*(s.bounds for s in lately))
+
+    def _align(self, t_ns: int, felt: Array) -> None:
+        self._aligner.feel(t_ns, felt)
+        start = self._aligner.start(t_ns)
+        if isinstance(start, Reason):
+            self._missing = (start,)
+            return
+        self.begin(t_ns, start, felt[:3], felt[3:])
+
+    def _step_back(self) -> None:
+        """A sample from the past: one is refused, many are a clock that has jumped."""
+        self.refused[Reason.STALE] += 1
+        self._backwards += 1
+        if self._backwards > MOST_BACKWARDS:
+            self._restart(Reason.STALE)
+            self._newest_ns = None
+
+    def _restart(self, why: Reason) -> None:
+        if self._timeline is not None:
+            self._restarted = why
+        self._timeline, self._aligner, self._missing, self._backwards = None, Aligner(), (why,), 0
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    estimate = Start(0.0, 0.0, 0.0, (0.0,) * 3, 0.0, 0.0, 0.0, (1.0,) * 3, (1.0,) * 3, (0.1,) * 3).estimate(
+        0, np.zeros(6), Model()
+    )
+    y, P = estimate.y, estimate.P
+    kernels.step(y, P, np.zeros((3, 6)), Model().unit.table, Model().drifts, 0.01)
+    x = np.zeros(len(P))
+    kernels.update(x, P, 0.0, np.eye(len(P))[0], 1.0)
+    kernels.correct(y, x, 0)
+
+
+def _known(aiding: Aiding) -> bool:
+    """Every number of it is one, every sigma is positive, and what it says can be solved for."""
+    if isinstance(aiding, SlantRange) and not aiding.meets:
+        return False
+    for name in aiding.__dataclass_fields__:  # type: ignore[attr-defined]
+        value = getattr(aiding, name)
+        if isinstance(value, str) or value is None:
+            continue
+        numbers = np.asarray(value, dtype=np.float64)
+        if not np.all(np.isfinite(numbers)) or (name.endswith("sd") and not np.all(numbers > 0.0)):
+            return False
+    return not isinstance(aiding, PositionFix) or bool(np.all(np.linalg.eigvalsh(aiding.cov_n) > 0.0))
+
+
+def _sane(estimate: Estimate) -> bool:
+    """Still on Earth."""
+    if not (np.all(np.isfinite(estimate.y)) and np.all(np.diag(estimate.P) >= 0.0)):
+        return False
+    return abs(estimate.place[2]) < MOST_ALT and float(np.linalg.norm(estimate.y[3:6])) < MOST_SPEED

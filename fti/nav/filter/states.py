@@ -1,0 +1,93 @@
+"""What the filter estimates: errors of navigation, of the inertial unit, and of what aids.
+
+    0-2 position e [m]   3-5 velocity e [m/s]   6-8 turn e [rad]   9-11 accelerometer bias b   12-14 gyro bias b
+    and then, as many as are asked for, first-order Gauss-Markov errors of what aids (``Drift``)
+
+With nine states the two biases are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.inertial.errors import ACCEL, BIASED, UNITS, Unit
+
+Array = NDArray[np.float64]
+
+
+class Extra(StrEnum):
+    """A slow error of something that aids: what it says minus what is."""
+
+    GNSS_NORTH = "gnss_north"
+    GNSS_EAST = "gnss_east"
+    GNSS_DOWN = "gnss_down"
+    BARO = "baro"
+    ALTIMETER = "altimeter"
+    DEM = "dem"
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """A first-order Gauss-Markov error, correlated over time, or over the way flown, or both.
+
+    sd [m]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
+    Raises ValueError where one is not positive.
+    """
+
+    sd: float
+    period_s: float = math.inf
+    length_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not (self.sd > 0.0 and self.period_s > 0.0 and self.length_m > 0.0):
+            raise ValueError(f"{self}: each must be > 0")
+
+
+#: Errors as SEEDS of them are given nowhere else: GNSS without augmentation, correlated over some minutes.
+GNSS_DRIFTS: dict[Extra, Drift] = {
+    Extra.GNSS_NORTH: Drift(1.5, period_s=200.0),
+    Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
+    Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
+}
+#: An altimeter's bias, that of an elevation model, and of the pressure field between stations.
+ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
+DEM_DRIFT = Drift(1.5, length_m=300.0)
+BARO_DRIFT = Drift(30.0, period_s=1800.0)
+
+
+@dataclass(frozen=True)
+class Model:
+    """What is estimated, and how uncertain it is said to be.
+
+    unit   : the inertial unit
+    biased : fifteen states, else nine
+    extras : slow errors of what aids, in this order behind the others
+    """
+
+    unit: Unit = UNITS["tactical"]
+    biased: bool = True
+    extras: dict[Extra, Drift] = field(default_factory=dict)
+
+    @property
+    def base(self) -> int:
+        """States before the extras."""
+        return BIASED if self.biased else ACCEL
+
+    @property
+    def size(self) -> int:
+        """States in all."""
+        return self.base + len(self.extras)
+
+    def column(self, extra: Extra) -> int | None:
+        """Its column, None where it is no state."""
+        return self.base + list(self.extras).index(extra) if extra in self.extras else None
+
+    @property
+    def drifts(self) -> Array:
+        """For the kernels, shape (k, 3): sd [m], 1 / period [1/s], 1 / length [1/m]."""
+        return np.array([[d.sd, 1.0 / d.period_s, 1.0 / d.length_m] for d in self.extras.values()]).reshape(-1, 3)

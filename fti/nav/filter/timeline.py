@@ -1,0 +1,183 @@
+"""Measurements are taken at the time at which they were true, however late they come.
+
+Inertial samples make moments; the last ``HORIZON_NS`` of them are kept with what the filter held then.  What aids waits
+for the inertial sample after it, so that the sensors are interpolated to its time; when it comes later, the filter goes
+back to the moment before it and everything since is done again.  The result is that of having had it in time, to the
+last bit.  What is older than the horizon is refused.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.filter import kernels
+from fti.nav.filter.aiding import Aiding
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.gate import Judgement, Standings, judge, noted, opened
+
+Array = NDArray[np.float64]
+
+HORIZON_NS = 1_000_000_000
+#: What waits for an inertial sample; more than that is no aiding, it is a flood.
+MOST_WAITING = 256
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(slots=True)
+class Entry:
+    """A measurement in its place; ``told`` once its verdict was given out."""
+
+    t_ns: int
+    aiding: Aiding
+    told: bool = False
+
+
+class Verdict(NamedTuple):
+    """What became of a measurement.  nis : its normalised innovation squared, chi-square with dof."""
+
+    t_ns: int
+    name: str
+    nis: float
+    dof: int
+    judgement: Judgement
+
+
+class Moment(NamedTuple):
+    """After an inertial sample: the estimate with all that aids up to then, and the books of the gate."""
+
+    estimate: Estimate
+    standings: Standings
+
+
+class Timeline:
+    """The last second of the filter.  first : the estimate it begins with, at an inertial sample."""
+
+    def __init__(self, first: Estimate) -> None:
+        self._model = first.model
+        self._unit, self._drifts = first.model.unit.table, first.model.drifts
+        self._moments = [Moment(first, {})]
+        self._entries: list[Entry] = []
+        self._verdicts: list[Verdict] = []
+
+    @property
+    def newest(self) -> Moment:
+        """After the newest inertial sample."""
+        return self._moments[-1]
+
+    @property
+    def oldest_ns(self) -> int:
+        """Before this nothing can be taken any more."""
+        return self._moments[0].estimate.t_ns
+
+    def drain(self) -> list[Verdict]:
+        """What became of measurements since it was asked last; each is told once, as it was judged first."""
+        told, self._verdicts = self._verdicts, []
+        return told
+
+    def step(self, t_ns: int, felt: Array) -> None:
+        """Take an inertial sample, newer than the newest; felt : accel_b, gyro_b, shape (6,)."""
+        self._moments.append(self._after(len(self._moments) - 1, t_ns, felt))
+        oldest = bisect_right(self._moments, t_ns - HORIZON_NS, key=_moment_ns) - 1
+        if oldest > 0:
+            del self._moments[:oldest]
+            del self._entries[: bisect_right(self._entries, self.oldest_ns, key=_entry_ns)]
+
+    def take(self, t_ns: int, aiding: Aiding) -> bool:
+        """Take what aids; False when it is too old, there already, or there are too many."""
+        if t_ns <= self.oldest_ns or self._has(t_ns, aiding.name):
+            return False
+        if len(self._entries) - bisect_right(self._entries, self.newest.estimate.t_ns, key=_entry_ns) >= MOST_WAITING:
+            return False
+        insort(self._entries, Entry(t_ns, aiding), key=_entry_ns)
+        for k in range(bisect_left(self._moments, t_ns, key=_moment_ns), len(self._moments)):
+            done = self._moments[k].estimate
+            self._moments[k] = self._after(k - 1, done.t_ns, done.felt)
+        return True
+
+    def at(self, t_ns: int) -> Estimate:
+        """The estimate at a time: that of the moment before, moved on; beyond the newest with what was felt last."""
+        k = max(bisect_right(self._moments, t_ns, key=_moment_ns) - 1, 0)
+        before = self._moments[k].estimate
+        if t_ns <= before.t_ns:
+            return before
+        felt = self._felt_at(before, self._moments[k + 1].estimate, t_ns) if k + 1 < len(self._moments) else before.felt
+        return self._moved(before, t_ns, felt, self._bend(k))
+
+    def _has(self, t_ns: int, name: str) -> bool:
+        at = bisect_left(self._entries, t_ns, key=_entry_ns)
+        return any(e.aiding.name == name for e in self._entries[at : bisect_right(self._entries, t_ns, key=_entry_ns)])
+
+    def _after(self, k: int, t_ns: int, felt: Array) -> Moment:
+        """Moment k, moved on to an inertial sample, through all that aids between."""
+        start, standings = self._moments[k]
+        estimate, bend = start, self._bend(k, t_ns, felt)
+        end = replace(start, t_ns=t_ns, felt=felt)
+        lower, upper = (bisect_right(self._entries, t, key=_entry_ns) for t in (start.t_ns, t_ns))
+        for entry in self._entries[lower:upper]:
+            estimate = self._moved(estimate, entry.t_ns, self._felt_at(start, end, entry.t_ns), bend)
+            estimate, standings = self._aided(estimate, standings, entry)
+        return Moment(self._moved(estimate, t_ns, felt, bend), standings)
+
+    def _bend(self, k: int, t_ns: int | None = None, felt: Array | None = None) -> Array:
+        """Second derivatives of what is felt, from moments k - 1 and k and the sample after; zeros where unknown."""
+        here = self._moments[k].estimate
+        if felt is None and k + 1 < len(self._moments):
+            t_ns, felt = self._moments[k + 1].estimate.t_ns, self._moments[k + 1].estimate.felt
+        if k == 0 or felt is None or t_ns is None:
+            return np.zeros(6)
+        before = self._moments[k - 1].estimate
+        last, next_ = (here.t_ns - before.t_ns) / SECOND_NS, (t_ns - here.t_ns) / SECOND_NS
+        slopes = (felt - here.felt) / next_ - (here.felt - before.felt) / last
+        return np.asarray(2.0 * slopes / (last + next_))
+
+    @staticmethod
+    def _felt_at(before: Estimate, after: Estimate, t_ns: int) -> Array:
+        share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
+        return np.asarray(before.felt + share * (after.felt - before.felt))
+
+    def _moved(self, start: Estimate, t_ns: int, felt: Array, bend: Array) -> Estimate:
+        if t_ns == start.t_ns:
+            return start
+        y, P = start.y.copy(), start.P.copy()
+        rows = np.stack((start.felt, felt, bend))
+        kernels.step(y, P, rows, self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS)
+        return Estimate(t_ns, y, P, felt, self._model)
+
+    def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
+        z, H, R = entry.aiding.compute_matrices(here)
+        nis = float(z @ np.linalg.solve(H @ here.P @ H.T + R, z))
+        judgement = judge(standings, entry.aiding, entry.t_ns, nis, len(z))
+        if not entry.told:
+            entry.told = True
+            self._verdicts.append(Verdict(entry.t_ns, entry.aiding.name, nis, len(z), judgement))
+        standings = noted(standings, entry.aiding, entry.t_ns, judgement)
+        if judgement is Judgement.REFUSED:
+            return here, standings
+        P = opened(here, entry.aiding, z) if judgement is Judgement.LET_IN else here.P.copy()
+        return updated(replace(here, P=P), z, H, R), standings
+
+
+def updated(here: Estimate, z: Array, H: Array, R: Array) -> Estimate:
+    """The estimate after a measurement, one scalar after the other; ``here.P`` becomes the new one's.
+
+    Correlated noise is whitened: with R = L L^T, L^-1 z and L^-1 H have the covariance 1.
+    """
+    lower = np.linalg.cholesky(R)
+    y, x = here.y.copy(), np.zeros(here.model.size)
+    for value, row in zip(np.linalg.solve(lower, z), np.linalg.solve(lower, H), strict=True):
+        kernels.update(x, here.P, float(value), np.ascontiguousarray(row), 1.0)
+    kernels.correct(y, x, len(here.model.extras))
+    return Estimate(here.t_ns, y, here.P, here.felt, here.model)
+
+
+def _moment_ns(moment: Moment) -> int:
+    return moment.estimate.t_ns
+
+
+def _entry_ns(entry: Entry) -> int:
+    return entry.t_ns

@@ -1,0 +1,47 @@
+"""Attitude to begin with, where no device tells it: from what is felt and how the aircraft moves.
+
+    f_n = dv_n/dt - g_n       the force that must be felt, from the change of velocity
+    f_b                       the force that is felt
+    x_b ~ v_n                 an aeroplane flies where its nose points, but for wind and angle of attack
+
+Two directions in both frames give the turn between them (TRIAD): f exactly, and of the velocity what is at right angles
+to f.  Roll and pitch are as good as the accelerometers, pitch and heading besides as the nose is in the wind: 10 deg.
+
+Source: Black 1964, AIAA Journal 2 (TRIAD).  Checked against: simulated flights, tests/nav/test_alignment.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.gravity import normal_gravity
+
+Array = NDArray[np.float64]
+
+#: Below this speed a track is no heading [m/s].
+LEAST_SPEED = 15.0
+#: One sigma of an attitude found so: tilt, heading [rad].
+TILT_SD, HEADING_SD = float(np.deg2rad(2.0)), float(np.deg2rad(10.0))
+
+
+def attitude_in_flight(force_b: Array, vel_n: Array, accel_n: Array, lat: float, alt: float) -> Array | None:
+    """mat_nb (3, 3); None below ``LEAST_SPEED``, or where the two directions are one.
+
+    force_b : mean specific force (3,) [m/s^2];  vel_n (3,) [m/s], accel_n (3,) [m/s^2] : over the ground, the same time
+    """
+    if np.hypot(vel_n[0], vel_n[1]) < LEAST_SPEED:
+        return None
+    force_n = accel_n - np.array([0.0, 0.0, float(normal_gravity(lat, alt))])
+    here, body = _triad(force_n, vel_n), _triad(force_b, np.array([1.0, 0.0, 0.0]))
+    return None if here is None or body is None else np.asarray(here @ body.T)
+
+
+def _triad(first: Array, second: Array) -> Array | None:
+    """Columns: along the first, across both, and the third."""
+    across = np.cross(first, second)
+    lengths = np.linalg.norm(first), np.linalg.norm(across)
+    if min(lengths) < 1e-3 * (1.0 + lengths[0]):
+        return None
+    a, b = first / lengths[0], across / lengths[1]
+    return np.stack((a, b, np.cross(a, b)), axis=1)
