@@ -1,9 +1,9 @@
-"""How well the navigated height is known: closed forms on a slope and at a step, Monte Carlo over hills."""
+"""How well the ground below is known: closed forms on a slope and at a step, Monte Carlo over hills."""
 
 import numpy as np
 import pytest
 
-from fti.nav.altimetry.nadir import height_sd
+from fti.nav.altimetry.nadir import ground_sd
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
 
@@ -15,14 +15,14 @@ def _terrain(heights: np.ndarray) -> Terrain:
 def test_a_slope_is_the_slope_times_the_error_of_the_place() -> None:
     east = np.arange(-500.0, 501.0, 5.0)
     slope = _terrain(np.broadcast_to(0.3 * east, (201, 201)))
-    assert height_sd(slope, [[7.0, 3.0, 100.0]], 10.0, 2.0) == pytest.approx([np.hypot(3.0, 2.0)], abs=1e-9)
-    assert height_sd(slope, [7.0, 3.0, 100.0], 0.0, 2.0) == pytest.approx([2.0], abs=1e-9)
+    assert ground_sd(slope, [[7.0, 3.0, 100.0]], 10.0) == pytest.approx([3.0], abs=1e-9)
+    assert ground_sd(slope, [7.0, 3.0, 100.0], 0.0) == pytest.approx([0.0], abs=1e-9)
 
 
 def test_the_edge_of_a_wood_is_seen_before_it_is_reached() -> None:
     east = np.arange(-500.0, 501.0, 5.0)
     edge = _terrain(np.broadcast_to(np.where(east >= 0.0, 20.0, 0.0), (201, 201)))
-    far, near = height_sd(edge, [[-30.0, 0.0, 99.0], [-9.0, 0.0, 99.0]], 10.0, 0.0)
+    far, near = ground_sd(edge, [[-30.0, 0.0, 99.0], [-9.0, 0.0, 99.0]], 10.0)
     assert far == 0.0
     assert 8.0 < near < 20.0
 
@@ -34,12 +34,12 @@ def test_over_hills_it_is_what_places_around_give() -> None:
     points = np.column_stack((rng.uniform(-400.0, 400.0, (4000, 2)), np.zeros(4000)))
     moved = points[:, :2] + 10.0 * rng.standard_normal((4000, 2))
     true = np.sqrt(np.mean((hills.up(*moved.T) - hills.up(*points[:, :2].T)) ** 2))
-    assert np.sqrt(np.mean(height_sd(hills, points, 10.0, 0.0) ** 2)) == pytest.approx(true, rel=0.05)
+    assert np.sqrt(np.mean(ground_sd(hills, points, 10.0) ** 2)) == pytest.approx(true, rel=0.05)
 
 
 def test_unknown_ground_gives_nan() -> None:
     holed = np.zeros((201, 201))
     holed[100, 102] = np.nan
     places = [[0.0, 0.0, 9.0], [-499.0, 0.0, 9.0], [np.nan, 0.0, 9.0], [200.0, 0.0, 9.0]]
-    found = height_sd(_terrain(holed), places, 10.0, 1.0)
+    found = ground_sd(_terrain(holed), places, 10.0)
     assert np.isnan(found).tolist() == [True, True, True, False]

@@ -33,7 +33,7 @@ GOOD = Sample(
     dispersion=19.0,
     incidence=0.3,
     navigated=98.0,
-    navigated_sd=2.0,
+    ground_sd=2.0,
     height=99.0,
 )
 
@@ -76,7 +76,7 @@ def test_each_rule_alone(change: dict[str, float | None], reason: Reason) -> Non
         ("predicted", Reason.DEVIATION),
         ("height", Reason.NOT_NADIR),
         ("navigated", Reason.NOT_NADIR),
-        ("navigated_sd", Reason.NOT_NADIR),
+        ("ground_sd", Reason.NOT_NADIR),
         ("dispersion", Reason.DISPERSION),
         ("incidence", Reason.INCIDENCE),
     ],
@@ -100,8 +100,8 @@ def test_what_known_errors_explain_is_not_held_against_the_sensor() -> None:
 def test_a_navigated_height_that_may_be_wrong_vouches_for_less() -> None:
     near = _with(height=103.0)
     assert reasons_against(near, LIMITS) == ()
-    assert reasons_against(_with(near, navigated_sd=5.1), LIMITS) == (Reason.NOT_NADIR,)
-    assert reasons_against(_with(near, navigated_sd=11.0, height=98.0), LIMITS) == (Reason.NOT_NADIR,)
+    assert reasons_against(_with(near, ground_sd=5.1), LIMITS) == (Reason.NOT_NADIR,)
+    assert reasons_against(_with(near, ground_sd=11.0, height=98.0), LIMITS) == (Reason.NOT_NADIR,)
 
 
 def test_the_sets_are_those_of_the_tables() -> None:
@@ -116,7 +116,7 @@ def test_the_sets_are_those_of_the_tables() -> None:
             base = 100.0 if name == "predicted" else 0.0
             assert reasons_against(_with(flat, **{name: base + 0.999 * limit}), limits) == ()
             assert reasons_against(_with(flat, **{name: base + 1.001 * limit}), limits) == (reason,)
-    far = _with(flat, height=110.1, navigated_sd=0.0)
+    far = _with(flat, height=110.1, ground_sd=0.0)
     assert reasons_against(far, laser) == ()
     assert reasons_against(far, radar) == (Reason.NOT_NADIR,)
 
@@ -137,7 +137,7 @@ samples = st.builds(
     dispersion=st.none() | st.floats(0, 200),
     incidence=angles,
     navigated=numbers,
-    navigated_sd=st.floats(0, 20),
+    ground_sd=st.floats(0, 20),
     height=numbers,
 )
 
@@ -158,7 +158,7 @@ def test_valid_means_inside_every_limit(sample: Sample) -> None:
         and (
             sample.navigated is None
             or sample.height is None
-            or abs(sample.height - sample.navigated) + sample.navigated_sd <= 10.0
+            or abs(sample.height - sample.navigated) + sample.ground_sd <= 10.0
         )
         and (sample.dispersion is None or sample.navigated is None or sample.dispersion <= 0.2 * sample.navigated)
         and (sample.incidence is None or abs(sample.incidence) <= math.radians(50))

@@ -1,4 +1,4 @@
-"""How well the height over the ground straight below is known where the place is not known exactly."""
+"""How well the ground straight below is known where the place is not known exactly."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ Array = NDArray[np.float64]
 AROUND = 8
 
 
-def height_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float, vertical_sd: float) -> Array:
-    """One sigma of h(P) - h(N), ndarray (n,) [m], from that of the place and what the ground around N looks like.
+def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:
+    """One sigma of h(N), ndarray (n,) [m], by the error of the place: what the ground around N looks like.
 
-        s^2 = vertical_sd^2 + mean over 8 points of (h(N + sqrt(2) horizontal_sd r) - h(N))^2,    r unit, all round
+        s^2 = mean over 8 points of (h(N + sqrt(2) horizontal_sd r) - h(N))^2,    r unit, all round
 
-    On a slope that is vertical_sd^2 + (slope horizontal_sd)^2, exactly; at the edge of a wood it sees the edge.
+    On a slope that is (slope horizontal_sd)^2, exactly; at the edge of a wood it sees the edge.  What the height of P
+    and the elevation add everywhere is not in it.
+
     points_l      : (n, 3) or (3,) [m]  P in the terrain's frame; N straight below along its axis
-    horizontal_sd : of the place against the terrain, each axis [m]; vertical_sd : of height and terrain together [m]
+    horizontal_sd : of the place against the terrain, each axis [m]
     Returns NaN where the ground at N or around it is not known.
     """
     east, north, _ = np.moveaxis(np.atleast_2d(np.asarray(points_l, dtype=np.float64)), -1, 0)
     turn = 2.0 * np.pi * np.arange(AROUND)[:, None] / AROUND
     radius = np.sqrt(2.0) * horizontal_sd
     around = terrain.up(east + radius * np.sin(turn), north + radius * np.cos(turn))
-    return np.asarray(np.sqrt(vertical_sd**2 + np.mean((around - terrain.up(east, north)) ** 2, axis=0)))
+    return np.asarray(np.sqrt(np.mean((around - terrain.up(east, north)) ** 2, axis=0)))

@@ -10,15 +10,15 @@ Two sets of limits (``narrow``, ``wide``) for beams of these kinds, as the sourc
                              narrow beam, laser          wide beam, radar
     roll, pitch              10 deg, 10 deg              half power angle across, along
     measured - predicted     5 m                         10 m
-    measured - navigated     -                           10 m less one sigma of the navigated height
+    measured - navigated     -                           10 m less one sigma of h(N)
     dispersion               -                           0.3 of the height; level ground gives 0.1, and 0.25 in a bank
                                                          of the half power angle
     incidence                75 deg                      60 deg: a quarter of the power comes back there (cos, cos^2)
 
 Measured minus predicted says whether the sensor measures what is there; in a bank over the edge of a wood it may, and
 yet be 20 m from the height straight below.  For that a sample which is used as it is, without compensation by the
-terrain, is held against the navigated height h(P) - h(N); N is known as well as the place, and where the ground around
-it is uneven so is that height, by ``fti.nav.altimetry.nadir.height_sd``: what may be that wrong vouches for less.
+terrain, is held against the navigated height h(P) - h(N).  Where N lies is known as well as the place: where the ground
+around it is uneven the gate is narrower by as much as h(N) may be wrong (``fti.nav.altimetry.nadir.ground_sd``).
 
 A limit is kept by what is within it: nothing that is no number is.
 Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
@@ -57,7 +57,7 @@ class Sample:
     predicted    : what the device should say [m]; predicted_sd : one sigma of value - predicted [m]
     dispersion   : standard deviation of the ranges across the predicted beam [m]
     incidence    : angle between the predicted ray and the normal of the ground [rad]
-    navigated    : h(P) - h(N) [m]; navigated_sd : its sigma [m]
+    navigated    : h(P) - h(N) [m]; ground_sd : one sigma of h(N) by the error of the place [m]
     height       : what the sample is used for as height of P above the ground straight below [m]
     """
 
@@ -73,7 +73,7 @@ class Sample:
     dispersion: float | None = None
     incidence: float | None = None
     navigated: float | None = None
-    navigated_sd: float = 0.0
+    ground_sd: float = 0.0
     height: float | None = None
 
 
@@ -95,7 +95,7 @@ def _deviates(s: Sample, a: Altimeter) -> bool:
 def _not_nadir(s: Sample, a: Altimeter) -> bool:
     if s.height is None or s.navigated is None or a.max_nadir_deviation_m is None:
         return False
-    return _beyond(s.height - s.navigated, a.max_nadir_deviation_m - s.navigated_sd)
+    return _beyond(s.height - s.navigated, a.max_nadir_deviation_m - s.ground_sd)
 
 
 def _dispersed(s: Sample, a: Altimeter) -> bool:
