@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 _UPRIGHT = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)  # not frozen: a thousand are made in a second
 class Estimate:
-    """What the filter holds at t_ns.
+    """What the filter holds at t_ns.  Nobody changes one.
 
     y     : ndarray, shape (16 + k,)  position, velocity, quaternion e; accelerometer and gyro bias b; extras
     P     : ndarray, shape (n, n)     covariance of the errors, ``fti.nav.filter.states``

@@ -56,6 +56,14 @@ def step(y: Array, P: Array, felt: Array, unit: Array, drifts: Array, seconds: f
 
 
 @kernel
+def bent(rows: Array, last: float, following: float, into: Array) -> None:
+    """Second derivatives of three samples, rows (3, 6); the first so many seconds before, the last so many after."""
+    for j in range(rows.shape[1]):
+        slopes = (rows[2, j] - rows[1, j]) / following - (rows[1, j] - rows[0, j]) / last
+        into[j] = 2.0 * slopes / (last + following)
+
+
+@kernel
 def matrix(y: Array) -> Array:
     """mat_eb of an estimate."""
     w, a, b, c = y[QUAT], y[QUAT + 1], y[QUAT + 2], y[QUAT + 3]

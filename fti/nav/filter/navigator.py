@@ -24,6 +24,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding, PositionFix, SlantRange
 from fti.nav.filter.aligner import Aligner
@@ -42,7 +43,7 @@ MOST_BACKWARDS = 20
 COAST_NS = 2_000_000_000
 #: Less certain than this a position is none [m, one sigma].
 MOST_SD = 2000.0
-#: What no inertial unit on an aircraft feels [m/s^2, rad/s], and where none flies [m, m/s].
+#: What no inertial unit on an aircraft feels [m/s^2, rad/s], and where none flies [m beside a sphere, m/s].
 MOST_FELT = np.array([500.0] * 3 + [50.0] * 3)
 MOST_ALT, MOST_SPEED = 1e5, 2000.0
 #: Sigma of a device's attitude that states none [rad].
@@ -220,6 +221,7 @@ def _known(aiding: Aiding) -> bool:
 
 def _sane(estimate: Estimate) -> bool:
     """Still on Earth."""
-    if not (np.all(np.isfinite(estimate.y)) and np.all(np.diag(estimate.P) >= 0.0)):
+    if not (math.isfinite(estimate.y.sum() + estimate.P.sum()) and estimate.P.diagonal().min() >= 0.0):
         return False
-    return abs(estimate.place[2]) < MOST_ALT and float(np.linalg.norm(estimate.y[3:6])) < MOST_SPEED
+    height = math.dist(estimate.y[:3].tolist(), (0.0, 0.0, 0.0)) - SEMI_MAJOR
+    return abs(height) < MOST_ALT and math.hypot(*estimate.y[3:6].tolist()) < MOST_SPEED

@@ -9,7 +9,7 @@ last bit.  What is older than the horizon is refused.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -105,8 +105,12 @@ class Timeline:
         before = self._moments[k].estimate
         if t_ns <= before.t_ns:
             return before
-        felt = self._felt_at(before, self._moments[k + 1].estimate, t_ns) if k + 1 < len(self._moments) else before.felt
-        return self._moved(before, t_ns, felt, self._bend(k))
+        if k + 1 == len(self._moments):
+            return self._moved(before, t_ns, before.felt, np.zeros(6))
+        after = self._moments[k + 1].estimate
+        share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
+        felt = before.felt + share * (after.felt - before.felt)
+        return self._moved(before, t_ns, felt, self._bend(k, after.t_ns, after.felt))
 
     def _has(self, t_ns: int, name: str) -> bool:
         at = bisect_left(self._entries, t_ns, key=_entry_ns)
@@ -116,36 +120,29 @@ class Timeline:
         """Moment k, moved on to an inertial sample, through all that aids between."""
         start, standings = self._moments[k]
         estimate, bend = start, self._bend(k, t_ns, felt)
-        end = replace(start, t_ns=t_ns, felt=felt)
-        lower, upper = (bisect_right(self._entries, t, key=_entry_ns) for t in (start.t_ns, t_ns))
-        for entry in self._entries[lower:upper]:
-            estimate = self._moved(estimate, entry.t_ns, self._felt_at(start, end, entry.t_ns), bend)
+        lower = bisect_right(self._entries, start.t_ns, key=_entry_ns)
+        for entry in self._entries[lower : bisect_right(self._entries, t_ns, key=_entry_ns)]:
+            share = (entry.t_ns - start.t_ns) / (t_ns - start.t_ns)
+            estimate = self._moved(estimate, entry.t_ns, start.felt + share * (felt - start.felt), bend)
             estimate, standings = self._aided(estimate, standings, entry)
         return Moment(self._moved(estimate, t_ns, felt, bend), standings)
 
-    def _bend(self, k: int, t_ns: int | None = None, felt: Array | None = None) -> Array:
+    def _bend(self, k: int, t_ns: int, felt: Array) -> Array:
         """Second derivatives of what is felt, from moments k - 1 and k and the sample after; zeros where unknown."""
-        here = self._moments[k].estimate
-        if felt is None and k + 1 < len(self._moments):
-            t_ns, felt = self._moments[k + 1].estimate.t_ns, self._moments[k + 1].estimate.felt
-        if k == 0 or felt is None or t_ns is None:
-            return np.zeros(6)
-        before = self._moments[k - 1].estimate
-        last, next_ = (here.t_ns - before.t_ns) / SECOND_NS, (t_ns - here.t_ns) / SECOND_NS
-        slopes = (felt - here.felt) / next_ - (here.felt - before.felt) / last
-        return np.asarray(2.0 * slopes / (last + next_))
-
-    @staticmethod
-    def _felt_at(before: Estimate, after: Estimate, t_ns: int) -> Array:
-        share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
-        return np.asarray(before.felt + share * (after.felt - before.felt))
+        found = np.zeros(6)
+        if k > 0:
+            before, here = self._moments[k - 1].estimate, self._moments[k].estimate
+            rows = np.array((before.felt, here.felt, felt))
+            kernels.bent(rows, (here.t_ns - before.t_ns) / SECOND_NS, (t_ns - here.t_ns) / SECOND_NS, found)
+        return found
 
     def _moved(self, start: Estimate, t_ns: int, felt: Array, bend: Array) -> Estimate:
         if t_ns == start.t_ns:
             return start
         y, P = start.y.copy(), start.P.copy()
-        rows = np.stack((start.felt, felt, bend))
-        kernels.step(y, P, rows, self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS)
+        kernels.step(
+            y, P, np.array((start.felt, felt, bend)), self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS
+        )
         return Estimate(t_ns, y, P, felt, self._model)
 
     def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
@@ -159,20 +156,20 @@ class Timeline:
         if judgement is Judgement.REFUSED:
             return here, standings
         P = opened(here, entry.aiding, z) if judgement is Judgement.LET_IN else here.P.copy()
-        return updated(replace(here, P=P), z, H, R), standings
+        return updated(here, P, z, H, R), standings
 
 
-def updated(here: Estimate, z: Array, H: Array, R: Array) -> Estimate:
-    """The estimate after a measurement, one scalar after the other; ``here.P`` becomes the new one's.
+def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> Estimate:
+    """The estimate after a measurement, one scalar after the other; P, its covariance before, becomes that after.
 
     Correlated noise is whitened: with R = L L^T, L^-1 z and L^-1 H have the covariance 1.
     """
     lower = np.linalg.cholesky(R)
     y, x = here.y.copy(), np.zeros(here.model.size)
     for value, row in zip(np.linalg.solve(lower, z), np.linalg.solve(lower, H), strict=True):
-        kernels.update(x, here.P, float(value), np.ascontiguousarray(row), 1.0)
+        kernels.update(x, P, float(value), row, 1.0)
     kernels.correct(y, x, len(here.model.extras))
-    return Estimate(here.t_ns, y, here.P, here.felt, here.model)
+    return Estimate(here.t_ns, y, P, here.felt, here.model)
 
 
 def _moment_ns(moment: Moment) -> int:
