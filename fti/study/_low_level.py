@@ -37,6 +37,7 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses, RangingSensor
+from fti.study._flights import Leg, track, turn
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
 from fti.terrain.synthetic import buildings, forest, fractal_relief
@@ -56,6 +57,9 @@ LASER_NOISE_M, RADAR_NOISE_M, FARTHEST_M = 0.1, 0.5, 1000.0
 MODEL_ORDER, TRUTH_ORDER = 20, 40
 HORIZONTAL_SD, VERTICAL_SD = 10.0, 2.0
 DEM_NOISE_M, DEM_SHIFT_M = 1.5, 10.0
+#: The flight to look at: banks of its turns, speed [m/s], between them [s], how long a command takes [s], step [s].
+BANKS_DEG = (20.0, 35.0, 50.0, 28.0)
+SPEED, STRAIGHT_S, ANSWER_S, EVERY_S = 45.0, 14.0, 4.0, 0.5
 
 
 class Known(StrEnum):
@@ -64,6 +68,10 @@ class Known(StrEnum):
     ALL = "exact"
     PLACE_ERROR = "navigation 10 m / 2 m"
     DEM_ERROR = "DEM 1.5 m, 10 m beside"
+
+
+#: One sigma by which the place may lie beside the surface that is known, each axis [m].
+PLACE_SD = {Known.ALL: 0.0, Known.PLACE_ERROR: HORIZONTAL_SD, Known.DEM_ERROR: DEM_SHIFT_M / np.sqrt(2.0)}
 
 
 @functools.cache
@@ -116,11 +124,30 @@ def fly(seed: int, poses: int = POSES) -> Mix:
     east, north = rng.uniform(-REACH_M, REACH_M, (2, poses))
     nadir = rng.uniform(LOWEST_M, HIGHEST_M, poses)
     points = np.stack((east, north, country.surface.up(east, north) + nadir), axis=-1)
-    roll, pitch = rolls(poses, rng), PITCH_SD * rng.standard_normal(poses)
-    mats_nb = np.asarray(mat_from_rpy(roll, pitch, rng.uniform(0.0, 2.0 * np.pi, poses)))
-    at = Poses.still(points, MAT_ENU_NED @ mats_nb)
-    measured = {name: sensor.measure(country.surface, at, rng).slant_range for name, sensor in instruments(rng).items()}
-    return Mix(country, points, roll, pitch, mats_nb, nadir, measured)
+    attitude = rolls(poses, rng), PITCH_SD * rng.standard_normal(poses), rng.uniform(0.0, 2.0 * np.pi, poses)
+    return _measured(country, points, attitude, rng)
+
+
+def orbit(seed: int) -> Mix:
+    """The same, to look at: twice round over the middle of the country, four turns of other banks, from 350 m to 40 m,
+    measured twice a second.
+    """
+    country, rng = make_country(seed), np.random.default_rng([seed, 204])
+    legs = [leg for bank in np.radians(BANKS_DEG) for leg in (Leg(STRAIGHT_S, SPEED), turn(np.pi, bank, SPEED))]
+    flown = track(legs, np.radians(90.0), ANSWER_S)
+    centre = [0.5 * (np.max(x) + np.min(x)) for x in (flown.east, flown.north)]
+    ground = float(np.mean(country.surface.up(flown.east - centre[0], flown.north - centre[1])))
+    flight = flown.flown(ground + np.linspace(HIGHEST_M, LOWEST_M, len(flown.t)), EVERY_S)
+    points = flight.origins_l - [*centre, 0.0]
+    return _measured(country, points, (flight.roll, flight.pitch, flight.heading), rng)
+
+
+def _measured(country: Landscape, points_l: Array, attitude: tuple[Array, Array, Array], rng: Rng) -> Mix:
+    mats_nb = np.asarray(mat_from_rpy(*attitude))
+    surface, at = country.surface, Poses.still(points_l, MAT_ENU_NED @ mats_nb)
+    measured = {name: sensor.measure(surface, at, rng).slant_range for name, sensor in instruments(rng).items()}
+    nadir = points_l[:, 2] - surface.up(points_l[:, 0], points_l[:, 1])
+    return Mix(country, points_l, *attitude[:2], mats_nb, nadir, measured)
 
 
 def rolls(poses: int, rng: Rng) -> Array:
@@ -143,15 +170,34 @@ def instruments(rng: Rng) -> dict[str, RangingSensor]:
     }
 
 
-def predict(mix: Mix, known: Known, seed: int) -> dict[str, Prediction]:
-    """What each sensor should measure, from what is known; seed : of the run."""
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What is known of a mix: the surface, and where P is (n, 3) [m]."""
+
+    surface: Terrain
+    points_l: Array
+
+    def predict(self, mats_nb: Array) -> dict[str, Prediction]:
+        """What each sensor should measure."""
+        return {
+            name: Predictor(self.surface, sensor).along(self.points_l, mats_nb) for name, sensor in models().items()
+        }
+
+
+def believed(mix: Mix, known: Known, seed: int) -> Belief:
+    """Surface and places with the errors of what is known; seed : of the run."""
     rng = np.random.default_rng([seed, 203, list(Known).index(known)])
     surface, points = mix.country.surface, mix.points_l
     if known is Known.PLACE_ERROR:
         points = points + rng.standard_normal(points.shape) * [HORIZONTAL_SD, HORIZONTAL_SD, VERTICAL_SD]
     if known is Known.DEM_ERROR:
         surface = _mistaken(rng).applied(surface, rng)
-    return {name: Predictor(surface, sensor).along(points, mix.mats_nb) for name, sensor in models().items()}
+    return Belief(surface, points)
+
+
+def predict(mix: Mix, known: Known, seed: int) -> dict[str, Prediction]:
+    """What each sensor should measure, from what is known; seed : of the run."""
+    return believed(mix, known, seed).predict(mix.mats_nb)
 
 
 def _mistaken(rng: Rng) -> DemError:

@@ -31,8 +31,24 @@ def pooled_ratio(above: ArrayLike, below: ArrayLike) -> float:
 
 def ratio_interval(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> tuple[float, float]:
     """95 % interval of ``pooled_ratio`` by drawing units again (bootstrap, percentiles)."""
+    low, high = np.percentile(_drawn_again(above, below, rng), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def ratio_bound(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> float:
+    """One-sided upper 95 % bound of ``pooled_ratio``, by the same bootstrap."""
+    return float(np.percentile(_drawn_again(above, below, rng), 95.0))
+
+
+def _drawn_again(above: ArrayLike, below: ArrayLike, rng: np.random.Generator) -> Array:
     upper, lower = np.asarray(above, dtype=np.float64), np.asarray(below, dtype=np.float64)
     drawn = rng.integers(0, len(upper), (RESAMPLINGS, len(upper)))
-    ratios = np.sqrt(upper[drawn].sum(axis=1) / lower[drawn].sum(axis=1))
-    low, high = np.percentile(ratios, [2.5, 97.5])
+    return np.asarray(np.sqrt(upper[drawn].sum(axis=1) / lower[drawn].sum(axis=1)))
+
+
+def mean_interval(values: ArrayLike, rng: np.random.Generator) -> tuple[float, float]:
+    """95 % interval of the mean of values, one of each unit, by drawing units again (bootstrap, percentiles)."""
+    each = np.asarray(values, dtype=np.float64)
+    means = each[rng.integers(0, len(each), (RESAMPLINGS, len(each)))].mean(axis=1)
+    low, high = np.percentile(means, [2.5, 97.5])
     return float(low), float(high)

@@ -1,0 +1,146 @@
+"""Validity: what is left of the errors of a laser and a radar altimeter when the samples that may not be used are out.
+
+Source 003, section 7.5.3, tables 7.16 to 7.23: of three recorded flights the laser's error falls from 11.5 to 3.7 m
+(35 % excluded) and its like, the radar's from 15.8 to 8.6 m (20 %).  Flights and elevation are not public: the mix of
+``fti.study._low_level`` is drawn instead, and only ratios are judged (T20).
+
+Raw is the range that was told, taken as a height, against the true one straight below.  A sample is excluded by
+``fti.nav.altimetry.validity``, the same rules and limits that fly (``narrow``, ``wide``), gates not widened by known
+errors; what is left is held against raw, the mean squares of the countries summed.  N = runs: countries, 200 poses over
+each; the unit is the country, and it is the upper end of the 95 % interval (bootstrap over countries) that is judged,
+with the place and the elevation known, and again with 10 m of error in each horizontal axis and 2 m in height.
+
+Reported beside: elevation with 1.5 m of noise that lies 10 m beside the truth; and the radar with the source's gate
+alone, 10 m wherever it is, not narrowed where the ground is uneven: what an error of place then does to it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Altimeter
+from fti.nav.altimetry.nadir import ground_sd
+from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.validity import Sample, narrow, reasons_against, wide
+from fti.study import REPORTED, Draw, Progress, Result
+from fti.study._low_level import FARTHEST_M, PLACE_SD, Known, Mix, believed, fly
+from fti.study._statistics import mean_interval, pooled_ratio, ratio_interval
+from fti.study.workers import run_all
+from fti.types import Reason
+
+Array = NDArray[np.float64]
+
+RUNS = 20
+SEED = 20
+
+#: Half power of the radar's antenna off its boresight, across and along [deg]; of what altimeters of its kind tell [m].
+HALF_POWER_DEG, RADAR_M = (35.0, 26.0), 762.0
+LIMITS = {"laser": narrow((0.0, FARTHEST_M)), "radar": wide((0.0, RADAR_M), *HALF_POWER_DEG)}
+#: T20: residual over raw, and the share that is excluded.
+RESIDUAL, EXCLUDED = {"laser": 0.35, "radar": 0.55}, 0.40
+JUDGED = {Known.ALL: "", Known.PLACE_ERROR: ".place_error"}
+#: The radar's gate as the source has it.
+PLAIN = "radar, plain gate"
+
+
+class Assessed(NamedTuple):
+    """One sensor over one country: mean squares of the error of all samples and of the valid ones [m^2], the share
+    excluded, and how many by which reason, of how many samples.
+    """
+
+    raw: float
+    residual: float
+    excluded: float
+    reasons: Counter[Reason]
+    samples: int
+
+    def share(self, reason: Reason) -> float:
+        """Of the samples, refused by that reason, whatever else refuses them."""
+        return self.reasons[reason] / self.samples
+
+
+#: Of (what is known, sensor), over one country.
+Run = dict[tuple[Known, str], Assessed]
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """``runs`` countries."""
+    found = run_all(run, range(seed, seed + runs), progress)
+    return [result for key in found[0] for result in judged([one[key] for one in found], *key, seed)]
+
+
+def run(seed: int) -> Run:
+    """One country, everything about it."""
+    mix = fly(seed)
+    return {
+        (known, name): assessed(mix.measured[name.partition(",")[0]] - mix.nadir, reasons)
+        for known in Known
+        for name, reasons in against(mix, known, seed).items()
+    }
+
+
+def against(mix: Mix, known: Known, seed: int) -> dict[str, list[tuple[Reason, ...]]]:
+    """Why each sample of each sensor is refused."""
+    belief = believed(mix, known, seed)
+    uneven = ground_sd(belief.surface, belief.points_l, PLACE_SD[known])
+    seen = belief.predict(mix.mats_nb)
+    found = {name: refusals(mix, name, seen[name], uneven, LIMITS[name]) for name in LIMITS}
+    if known is Known.ALL:  # the place is known, the gate not narrowed
+        return found
+    return {**found, PLAIN: refusals(mix, "radar", seen["radar"], np.zeros(len(mix)), LIMITS["radar"])}
+
+
+def refusals(mix: Mix, name: str, seen: Prediction, uneven: Array, limits: Altimeter) -> list[tuple[Reason, ...]]:
+    """Why each sample is refused, by the rules that fly; uneven : one sigma of h(N) [m]."""
+    columns = {
+        "value": mix.measured[name], "height": mix.measured[name], "roll": mix.roll, "pitch": mix.pitch,
+        "predicted": seen.slant_range, "dispersion": seen.dispersion, "incidence": seen.incidence,
+        "navigated": seen.height_p, "ground_sd": uneven,
+    }  # fmt: skip
+    rows = np.stack(list(columns.values()), axis=-1).tolist()
+    return [reasons_against(Sample(**dict(zip(columns, row, strict=True))), limits) for row in rows]
+
+
+def assessed(error: Array, reasons: list[tuple[Reason, ...]]) -> Assessed:
+    """Of the errors [m] of samples and why each is refused."""
+    valid = np.array([not refused for refused in reasons])
+    counted = Counter(reason for refused in reasons for reason in refused)
+    residual = float(np.mean(error[valid] ** 2)) if valid.any() else float("nan")
+    return Assessed(float(np.mean(error**2)), residual, float(np.mean(~valid)), counted, len(reasons))
+
+
+def judged(found: list[Assessed], known: Known, name: str, seed: int) -> list[Result]:
+    """Residual over raw and the share excluded of all countries."""
+    raw, residual, excluded = (np.array([getattr(one, field) for one in found]) for field in Assessed._fields[:3])
+    rng = np.random.default_rng(seed)
+    ratio, (low, high) = pooled_ratio(residual, raw), ratio_interval(residual, raw, rng)
+    share, (least, most) = float(np.mean(excluded)), mean_interval(excluded, rng)
+    case = f"{name}, {known}, {len(found)} countries"
+    of_errors = (
+        f"{np.sqrt(np.mean(residual)):.2f} / {np.sqrt(np.mean(raw)):.2f} m, 95 % interval {low:.3f} to {high:.3f}"
+    )
+    texts = f"{case}: RMS of valid / all, {of_errors}", f"{case}: excluded, 95 % interval {least:.3f} to {most:.3f}"
+    if name not in LIMITS or known not in JUDGED:
+        ids = (f"{name.partition(',')[0]}.{'plain_gate.' if name == PLAIN else ''}{known.name.lower()}",) * 2
+        values = zip(ids, texts, (ratio, share), ("", ".excluded"), strict=True)
+        return [Result(f"{one}{what}", text, value, REPORTED, holds=True) for one, text, value, what in values]
+    limit, base = RESIDUAL[name], f"T20.{name}{JUDGED[known]}"
+    return [
+        Result(base, texts[0], ratio, f"<= {limit:g}, bound", high <= limit),
+        Result(f"{base}.excluded", texts[1], share, f"<= {EXCLUDED:g}, bound", most <= EXCLUDED),
+    ]
+
+
+def drawings(seed: int) -> dict[str, Draw]:
+    """Pictures like fig. 7.56 and 7.59, and what refuses how much."""
+    from fti.study import _validity_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
+
+    return {
+        "laser": lambda: plots.flight(seed, "laser"),
+        "radar": lambda: plots.flight(seed, "radar"),
+        "reasons": lambda: plots.reasons(seed),
+    }
