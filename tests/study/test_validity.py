@@ -1,0 +1,142 @@
+"""T20: the mix is what it says, validity sorts it, its judges can say no; the whole with --scale full."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.figures import write
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.study import REPORTED, _low_level, validity
+from fti.study._low_level import Known, Mix, believed, fly, instruments, make_country, models, orbit, predict, rolls
+from fti.study._statistics import mean_interval
+from fti.study.validity import LIMITS, Assessed, against, assessed, judged
+from fti.terrain.landscape import Cover
+from fti.types import Reason
+
+SEED, POSES = 7, 40
+
+
+@pytest.fixture(scope="module")
+def mix() -> Mix:
+    return fly(SEED, POSES)
+
+
+def test_the_country_is_gentle_wooded_and_built_up() -> None:
+    country = make_country(SEED)
+    assert np.ptp(country.ground.finest.heights) == pytest.approx(10.0)
+    assert np.mean(country.cover == Cover.FOREST) == pytest.approx(0.45, abs=0.02)
+    assert 0.005 < np.mean(country.cover == Cover.BUILDING) < 0.05
+    trees = country.canopy[country.cover == Cover.FOREST]
+    assert (trees.min(), trees.max()) == (pytest.approx(10.0), pytest.approx(25.0, abs=0.1))
+
+
+def test_the_mix_has_its_shares(mix: Mix) -> None:
+    roll = np.degrees(np.abs(rolls(1000, np.random.default_rng(1))))
+    assert np.count_nonzero(roll >= 10.0) == 300
+    assert roll.max() < 50.0
+    assert np.count_nonzero(np.abs(mix.roll) >= np.radians(10.0)) == 12
+    assert mix.nadir.min() >= 40.0
+    assert mix.nadir.max() <= 350.0
+    down = mix.mats_nb[:, 2, 2]
+    np.testing.assert_allclose(down, np.cos(mix.roll) * np.cos(mix.pitch), atol=1e-12)
+
+
+def test_the_instruments_are_not_their_models(mix: Mix) -> None:
+    radar, model = instruments(np.random.default_rng(1))["radar"], models()["radar"]
+    assert isinstance(radar, RadarAltimeter)
+    assert isinstance(model, RadarAltimeter)
+    assert (radar.order, model.order) == (40, 20)
+    assert radar.turn is not None
+    seen = predict(mix, Known.ALL, SEED)
+    assert np.std(mix.measured["laser"] - seen["laser"].slant_range) == pytest.approx(0.1, rel=0.4)
+    assert 0.3 < np.median(np.abs(mix.measured["radar"] - seen["radar"].slant_range)) < 3.0
+
+
+def test_what_is_known_has_the_errors_that_it_says(mix: Mix) -> None:
+    moved = believed(mix, Known.PLACE_ERROR, SEED).points_l - mix.points_l
+    np.testing.assert_allclose(np.std(moved, axis=0), [10.0, 10.0, 2.0], rtol=0.35)
+    mistaken = believed(mix, Known.DEM_ERROR, SEED).surface.finest
+    true = mix.country.surface.finest
+    assert np.hypot(mistaken.east0 - true.east0, mistaken.north0 - true.north0) == pytest.approx(10.0)
+    assert np.std(mistaken.heights - true.heights) == pytest.approx(1.5, rel=0.1)
+    exact = believed(mix, Known.ALL, SEED)
+    assert exact.surface is mix.country.surface
+    assert exact.points_l is mix.points_l
+
+
+def test_the_same_seed_is_the_same_mix(mix: Mix) -> None:
+    again = fly(SEED, POSES)
+    for name in LIMITS:
+        np.testing.assert_array_equal(again.measured[name], mix.measured[name])
+    assert not np.array_equal(fly(SEED + 1, 4).points_l, mix.points_l[:4])
+
+
+def test_validity_sorts_the_mix(mix: Mix) -> None:
+    """Laser: roll alone refuses 30 %, and what is left is small.  A sensor that is 30 m off is refused throughout."""
+    reasons = against(mix, Known.ALL, SEED)
+    for name in LIMITS:
+        found = assessed(mix.measured[name] - mix.nadir, reasons[name])
+        assert found.residual < 0.5 * found.raw
+        assert found.excluded < 0.5
+    assert assessed(mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
+    off = dataclasses.replace(mix, measured={name: told + 30.0 for name, told in mix.measured.items()})
+    for name, refused in against(off, Known.ALL, SEED).items():
+        assert all(Reason.DEVIATION in why for why in refused), name
+
+
+def test_the_plain_gate_lets_more_through_where_the_place_is_not_known(mix: Mix) -> None:
+    reasons = against(mix, Known.PLACE_ERROR, SEED)
+    narrowed, plain = (assessed(mix.nadir, reasons[name]).excluded for name in ("radar", validity.PLAIN))
+    assert plain < narrowed
+
+
+def _assessed(raw: float, residual: float, excluded: float) -> list[Assessed]:
+    return [Assessed(raw, residual, excluded, Counter({Reason.ROLL: 10}), 100)] * 5
+
+
+@pytest.mark.parametrize(("name", "limit"), [("laser", 0.35), ("radar", 0.55)])
+def test_the_judges_can_say_no(name: str, limit: float) -> None:
+    good = judged(_assessed(100.0, 100.0 * (limit - 0.01) ** 2, 0.39), Known.PLACE_ERROR, name, 1)
+    assert [result.holds for result in good] == [True, True]
+    bad = judged(_assessed(100.0, 100.0 * (limit + 0.01) ** 2, 0.41), Known.PLACE_ERROR, name, 1)
+    assert [result.holds for result in bad] == [False, False]
+    assert {result.id for result in bad} == {f"T20.{name}.place_error", f"T20.{name}.place_error.excluded"}
+    told = judged(_assessed(100.0, 100.0, 0.9), Known.DEM_ERROR, name, 1)
+    assert {result.target for result in told} == {REPORTED}
+
+
+def test_nothing_left_is_not_good() -> None:
+    nothing = assessed(np.array([1.0, 2.0]), [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
+    assert (nothing.raw, nothing.excluded, nothing.reasons[Reason.ROLL]) == (2.5, 1.0, 2)
+    assert not any(result.holds for result in judged([nothing] * 3, Known.ALL, "radar", 1))
+
+
+def test_the_interval_of_a_mean_holds_it_as_often_as_it_says(scale: int) -> None:
+    rng, inside, n = np.random.default_rng(4), 0, 60 * scale
+    for _ in range(n):
+        low, high = mean_interval(rng.normal(3.0, 1.0, 40), rng)
+        inside += low <= 3.0 <= high
+    assert inside / n > 0.85  # 0.95 less 2.5 sigma of 60 and what percentiles of 40 lose
+
+
+def test_the_flight_to_look_at_stays_over_the_country() -> None:
+    flight = orbit(SEED)
+    assert np.abs(flight.points_l[:, :2]).max() < _low_level.REACH_M
+    assert np.isfinite(flight.measured["radar"]).all()
+    assert np.degrees(np.abs(flight.roll)).max() == pytest.approx(50.0, abs=0.5)
+
+
+def test_the_whole_study_holds(scale: int, tmp_path: Path) -> None:
+    wanted = validity.drawings(validity.SEED)
+    if scale == 1:
+        assert set(wanted) == {"laser", "radar", "reasons"}
+        return
+    results = validity.study(validity.RUNS, validity.SEED, lambda share: None)
+    assert [result for result in results if not result.holds] == []
+    for name, draw in wanted.items():
+        write(draw, tmp_path / f"{name}.png")
