@@ -9,6 +9,7 @@ Where the ground cannot be asked the reason is said; a height is then what it is
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ import numpy as np
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
+from fti.nav.altimetry.nadir import ground_sd
 from fti.nav.altimetry.predicted import Prediction, Predictor
 from fti.nav.altimetry.variance import ErrorModel, height_variance, pose_cov, range_variance
 from fti.nav.ground import Ground
@@ -50,13 +52,17 @@ REASONS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Expected:
-    """What is expected of one sample.  nearest : the sensor tells the nearest return in its beam"""
+    """What is expected of one sample.
+
+    nearest : the sensor tells the nearest return in its beam; ground_sd : see ``nadir.ground_sd`` [m]
+    """
 
     prediction: Prediction
     errors: ErrorModel
     nearest: bool
+    ground_sd: float
 
     @property
     def slant_range(self) -> float:
@@ -73,6 +79,12 @@ class Expected:
         """Standard deviation of the ranges across the beam [m]."""
         return float(self.prediction.dispersion[0])
 
+    @property
+    def height(self) -> float:
+        """Of P over the ground straight below, by navigation alone [m]."""
+        return float(self.prediction.height_p[0])
+
+    @functools.cached_property
     def range_sd(self) -> float:
         """One sigma of measured minus predicted [m]."""
         return math.sqrt(float(range_variance(self.prediction, self.errors, nearest=self.nearest)[0]))
@@ -115,7 +127,9 @@ class Expectation:
         validity = Validity(int(seen.validity[0]))
         if validity is not Validity.VALID:
             return REASONS[validity]
-        return Expected(seen, self._errors(nav, range_sd), self._nearest)
+        flat = POSITION_SD_UNKNOWN if position.horizontal_sd is None else position.horizontal_sd
+        around = ground_sd(self._predictor.terrain, self._predictor.terrain.frame.to_local(*place), flat)
+        return Expected(seen, self._errors(nav, range_sd), self._nearest, float(around[0]))
 
     def _errors(self, nav: NavState, range_sd: float | None) -> ErrorModel:
         position, attitude = nav.position, nav.attitude
@@ -151,5 +165,4 @@ def warm_up(device: Device, ground: Ground) -> None:
     nav = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None)
     expected = Expectation(device, ground).at(nav, None)
     if isinstance(expected, Expected):
-        expected.range_sd()
         expected.compensated(100.0)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 #: How often an altimeter that says nothing is reported [ns].
 REPEAT_NS = 500_000_000
+#: What the known ground says against a sample, and nothing else does.
+BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,11 @@ class Reading:
     value: float | None
     sd: float | None
     flagged: bool
+
+
+def stands_alone(height: HeightAboveGround) -> bool:
+    """Whether nothing but the known ground speaks against it: what is new on the ground is seen by such heights."""
+    return BY_GROUND.issuperset(height.reasons)
 
 
 class AltimeterChannel:
@@ -93,6 +100,8 @@ class AltimeterChannel:
 
     def _output(self, t_ns: int, reading: Reading | None, nav: NavState, age_ns: int) -> HeightAboveGround:
         attitude = nav.attitude
+        height, sd = self._compensated(reading, nav)
+        expected = self._expected(reading, nav)
         sample = Sample(
             value=reading.value if reading else None,
             flagged=reading is not None and reading.flagged,
@@ -101,10 +110,10 @@ class AltimeterChannel:
             max_age_ns=self._max_age_ns,
             roll=attitude.roll if attitude else None,
             pitch=attitude.pitch if attitude else None,
+            height=height,
+            **_by_ground(expected),
         )
-        height, sd = self._compensated(reading, nav)
         reasons = reasons_against(sample, self.limits)
-        expected = self._expected(reading, nav)
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
@@ -139,13 +148,27 @@ class AltimeterChannel:
         return height.height_agl, height.sd
 
 
+def _by_ground(expected: Expected | Reason | None) -> dict[str, float]:
+    """What the ground says about a sample before it is judged."""
+    if expected is None or isinstance(expected, Reason):
+        return {}
+    return {
+        "predicted": expected.slant_range,
+        "predicted_sd": expected.range_sd,
+        "dispersion": expected.dispersion,
+        "incidence": expected.incidence,
+        "navigated": expected.height,
+        "ground_sd": expected.ground_sd,
+    }
+
+
 def _told(expected: Expected | Reason | None, value: float | None) -> dict[str, Any]:
     """What the ground adds to an output."""
     if expected is None:
         return {}
     if isinstance(expected, Reason):
         return {"unchecked": (expected,)}
-    found = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd()}
+    found = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
     if value is None or (by_ground := expected.compensated(value)) is None:
         return found
     names = ("compensated", "compensated_sd", "compensation")

@@ -6,6 +6,7 @@ import dataclasses
 
 from fti.config import Approach, Config, Device
 from fti.errors import ConfigError
+from fti.nav.altimetry.heights import stands_alone
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference, Sensor
@@ -133,7 +134,7 @@ def _fits(device: Device, sensor: Sensor) -> bool:
 
 def _sample(height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:
     attitude, position = nav.attitude, nav.position
-    if not height.valid or height.height_agl is None or height.t_valid_ns is None:
+    if not stands_alone(height) or height.height_agl is None or height.t_valid_ns is None:
         return None
     if place is None or position is None or attitude is None:
         return None
