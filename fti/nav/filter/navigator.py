@@ -200,6 +200,7 @@ def warm_up() -> None:
     )
     y, P = estimate.y, estimate.P
     kernels.step(y, P, np.zeros((3, 6)), Model().unit.table, Model().drifts, 0.01)
+    kernels.bent(np.zeros((3, 6)), 0.01, 0.01, np.zeros(6))
     x = np.zeros(len(P))
     kernels.update(x, P, 0.0, np.eye(len(P))[0], 1.0)
     kernels.correct(y, x, 0)
