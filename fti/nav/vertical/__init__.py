@@ -1,0 +1,1 @@
+"""The vertical channel alone: inertial height, held by an altimeter where satellites are gone."""

@@ -1,0 +1,247 @@
+"""Height when satellites are gone: an inertial vertical channel, held by an altimeter over known ground.
+
+Live form of the filter of ``fti.nav.vertical.filter``.  Three aidings, each a row of five (h, times the delay of the
+measurement in the climb's place, because the error was another one when it was true):
+
+    satellites   z = alt_I - alt          h = (1 -tau 0 0  0)    primes the channel while there are any
+    climb        z = climb_I - climb      h = (0    1 0 0  0)    theirs, too
+    altimeter    z = alt_I - (height_agl + ground)    h = (1 -tau 0 0 -1)
+
+The errors of satellites' heights hang together for minutes: a height every dt counts with the variance sigma^2 2 T/dt,
+so that many say no more than a few.  The altimeter's has a state.  What the filter finds is subtracted from the
+channel's output only, as the source does it (feed forward); when it becomes larger than ``FOLD_M`` it is taken out of
+the channel, which changes no output, because everything is linear.
+
+Fallbacks: no aiding: the channel alone, with the sigma that it has then; not valid beyond ``most_sd``.  No inertial
+samples for ``GAP_S``, or another time base: the channel ends, and begins anew with the next height of satellites (or
+where there are none, of the altimeter over known ground).  The altimeter refused for ``lockout_s`` with nothing else
+taken: see ``filter``; not valid until it is trusted again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from fti.nav.series import SECOND_NS
+from fti.nav.vertical.filter import GATE, ErrorFilter, Innovation
+from fti.nav.vertical.inertial import InertialHeight, Place, Vector, vertical_acceleration
+from fti.nav.vertical.model import ALTIMETER, CLIMB, HEIGHT, STATES, VerticalModel
+from fti.types import Reason
+
+#: An error this large is taken out of the channel [m].
+FOLD_M = 100.0
+#: Longest time between two inertial samples [s]; a measurement that is older, or ahead, is not used.
+GAP_S = 0.5
+LATE_S = 1.0
+#: One sigma of a climb that nobody told [m/s], of a sigma that nobody told [m].
+CLIMB_SD_UNKNOWN, SD_UNKNOWN = 10.0, 10.0
+#: So long after its last measurement an aiding is still named [s].
+NAMED_S = 2.0
+
+
+class Aiding(StrEnum):
+    """What holds the height."""
+
+    SATELLITES = "satellites"
+    ALTIMETER = "altimeter"
+    NONE = "none"  # the inertial channel alone
+
+
+@dataclass(frozen=True, slots=True)
+class VerticalSettings:
+    """How the fallback judges.
+
+    gate, lockout_s : of ``filter``
+    satellite_tau_s : for so long errors of satellites' heights hang together [s];  climb_tau_s : of their climb
+    most_sd         : a height with a larger sigma is not valid [m]
+    """
+
+    model: VerticalModel = field(default_factory=VerticalModel)
+    gate: float = GATE
+    lockout_s: float = 10.0
+    satellite_tau_s: float = 150.0
+    climb_tau_s: float = 5.0
+    most_sd: float = 50.0
+
+
+@dataclass(frozen=True, slots=True)
+class VerticalState:
+    """Height of P above the ellipsoid and climb (up), each with one sigma [m], [m/s]; None where unknown."""
+
+    t_ns: int
+    alt: float | None
+    alt_sd: float | None
+    climb: float | None
+    climb_sd: float | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    aiding: Aiding
+
+
+class VerticalFallback:
+    """Takes what comes, in any order of time, and says the height at any time near the newest inertial sample."""
+
+    def __init__(self, settings: VerticalSettings | None = None) -> None:
+        self._settings = settings or VerticalSettings()
+        self._channel: InertialHeight | None = None
+        self._filter: ErrorFilter | None = None
+        self._filter_ns = 0
+        self._imu_ns: int | None = None
+        self._last_ns: dict[str, int] = {}
+
+    # ----------------------------------------------------------------------------------------------------- taking
+
+    def take_imu(self, t_ns: int, accel_b: Vector, roll: float, pitch: float, place: Place) -> None:
+        """A sample of specific force [m/s^2] with the attitude [rad] and place at its time.
+
+        One that is not newer than the last, or has no number somewhere, is passed over; after a gap the channel ends.
+        """
+        if not all(map(math.isfinite, (*accel_b, roll, pitch, place.lat, place.north, place.east))):
+            return
+        if self._imu_ns is not None and t_ns <= self._imu_ns:
+            if self._imu_ns - t_ns > LATE_S * SECOND_NS:  # another time base
+                self._end(t_ns)
+            return
+        if self._imu_ns is not None and t_ns - self._imu_ns > GAP_S * SECOND_NS:
+            self._end(t_ns)
+        self._imu_ns = t_ns
+        if self._channel is not None and t_ns > self._channel.t_ns:
+            accel = vertical_acceleration(accel_b, roll, pitch, place, self._channel.alt)
+            self._channel.advance(t_ns, accel)
+
+    def take_satellites(
+        self, t_ns: int, alt: float, sd: float | None, climb: float | None, climb_sd: float | None
+    ) -> None:
+        """Height above the ellipsoid [m] and climb [m/s] of P by satellites, true at t_ns, and their sigmas."""
+        sd = _usable(sd, SD_UNKNOWN)
+        told = climb is not None and math.isfinite(climb)
+        if self._channel is None:
+            self._begin(t_ns, alt, sd, climb if told else None, climb_sd)
+            return
+        weight = self._weight("satellites", t_ns, self._settings.satellite_tau_s)
+        self._take("satellites", t_ns, alt, sd**2 * weight, _row(HEIGHT))
+        if told and climb is not None:
+            weight = self._weight("climb", t_ns, self._settings.climb_tau_s)
+            self._take("climb", t_ns, climb, _usable(climb_sd, CLIMB_SD_UNKNOWN) ** 2 * weight, _row(CLIMB))
+
+    def take_height(self, t_ns: int, height_agl: float, sd: float | None, ground: float, ground_sd: float) -> None:
+        """Height of P above ground [m] by an altimeter, true at t_ns, and the ground's above the ellipsoid [m]."""
+        noise = math.hypot(_usable(sd, SD_UNKNOWN), ground_sd)
+        alt = height_agl + ground
+        if self._channel is None:
+            own = self._settings.model.altimeter_sd
+            self._begin(t_ns, alt, math.hypot(noise, own), None, None)
+            if self._filter is not None:  # what the altimeter has too much the channel has, too
+                self._filter.P[[HEIGHT, ALTIMETER], [ALTIMETER, HEIGHT]] = own**2
+            return
+        self._take("altimeter", t_ns, alt, noise**2, _row(HEIGHT, ALTIMETER))
+
+    # ------------------------------------------------------------------------------------------------------ telling
+
+    def at(self, t_ns: int) -> VerticalState:
+        """Height and climb at t_ns."""
+        if self._channel is None or self._filter is None:
+            reason = Reason.NO_IMU if self._imu_ns is None else Reason.ALIGNING
+            return VerticalState(t_ns, None, None, None, None, valid=False, reasons=(reason,), aiding=Aiding.NONE)
+        if abs(t_ns - self._channel.t_ns) > GAP_S * SECOND_NS:
+            return VerticalState(t_ns, None, None, None, None, valid=False, reasons=(Reason.STALE,), aiding=Aiding.NONE)
+        self._propagate()
+        alt, climb = self._channel.at(t_ns)
+        x, sd = self._filter.x, np.sqrt(np.diag(self._filter.P))
+        ahead = (t_ns - self._channel.t_ns) / SECOND_NS
+        reasons = self._reasons(float(sd[HEIGHT]))
+        return VerticalState(
+            t_ns,
+            alt=alt - float(x[HEIGHT] + ahead * x[CLIMB]),
+            alt_sd=float(sd[HEIGHT]),
+            climb=climb - float(x[CLIMB]),
+            climb_sd=float(sd[CLIMB]),
+            valid=not reasons,
+            reasons=reasons,
+            aiding=self._aiding(t_ns),
+        )
+
+    def _reasons(self, sd: float) -> tuple[Reason, ...]:
+        assert self._filter is not None
+        table = ((Reason.REJECTED, not self._filter.trusted), (Reason.COASTING, not sd <= self._settings.most_sd))
+        return tuple(reason for reason, so in table if so)
+
+    def _aiding(self, t_ns: int) -> Aiding:
+        for aiding in (Aiding.SATELLITES, Aiding.ALTIMETER):
+            last = self._last_ns.get(f"taken {aiding}")
+            if last is not None and t_ns - last <= NAMED_S * SECOND_NS:
+                return aiding
+        return Aiding.NONE
+
+    # ------------------------------------------------------------------------------------------------------- filter
+
+    def _begin(self, t_ns: int, alt: float, sd: float, climb: float | None, climb_sd: float | None) -> None:
+        """Begin the channel with a height, if an inertial sample is near."""
+        if self._imu_ns is None or not math.isfinite(alt + sd) or abs(t_ns - self._imu_ns) > GAP_S * SECOND_NS:
+            return
+        ahead_s = (self._imu_ns - t_ns) / SECOND_NS
+        rate_sd = CLIMB_SD_UNKNOWN if climb is None else _usable(climb_sd, CLIMB_SD_UNKNOWN)
+        self._channel = InertialHeight(self._imu_ns, alt + (climb or 0.0) * ahead_s, climb or 0.0)
+        P = self._settings.model.start(math.hypot(sd, rate_sd * ahead_s), rate_sd)
+        self._filter = ErrorFilter(np.zeros(STATES), P, self._settings.gate, self._settings.lockout_s)
+        self._filter_ns = self._imu_ns
+
+    def _end(self, t_ns: int) -> None:
+        self._channel = self._filter = None
+        self._imu_ns = t_ns
+        self._last_ns.clear()
+
+    def _weight(self, aiding: str, t_ns: int, tau_s: float) -> float:
+        """How many times its variance a measurement counts, whose error hangs together with the last one's."""
+        last = self._last_ns.get(aiding)
+        if last is None or t_ns <= last:
+            return max(1.0, 2.0 * tau_s)
+        return max(1.0, 2.0 * tau_s * SECOND_NS / (t_ns - last))
+
+    def _take(self, aiding: str, t_ns: int, value: float, variance: float, h: np.ndarray) -> None:
+        """Channel minus measurement, at the time of the measurement, against the errors of now."""
+        assert self._channel is not None and self._filter is not None
+        last = self._last_ns.get(aiding)
+        delay_s = (self._channel.t_ns - t_ns) / SECOND_NS
+        if not math.isfinite(value + variance) or abs(delay_s) > LATE_S or (last is not None and t_ns <= last):
+            return
+        self._last_ns[aiding] = t_ns
+        self._propagate()
+        alt, climb = self._channel.at(t_ns)
+        of_climb = bool(h[CLIMB])
+        h[CLIMB] -= delay_s * h[HEIGHT]
+        found = self._filter.update((climb if of_climb else alt) - value, h, variance)
+        self._note(aiding, t_ns, found)
+
+    def _note(self, aiding: str, t_ns: int, found: Innovation) -> None:
+        assert self._channel is not None and self._filter is not None
+        if bool(found.taken):
+            self._last_ns[f"taken {aiding}"] = t_ns
+        if abs(self._filter.x[HEIGHT]) > FOLD_M:
+            self._channel.shift(*map(float, self._filter.x[[HEIGHT, CLIMB]]))
+            self._filter.x[[HEIGHT, CLIMB]] = 0.0
+
+    def _propagate(self) -> None:
+        """The filter to the newest inertial sample."""
+        assert self._channel is not None and self._filter is not None
+        dt = (self._channel.t_ns - self._filter_ns) / SECOND_NS
+        if dt > 0.0:
+            phi, Q = self._settings.model.step(dt)
+            self._filter.predict(phi, Q, dt)
+            self._filter_ns = self._channel.t_ns
+
+
+def _row(*states: int) -> np.ndarray:
+    """h with +1 for the first state and -1 for the second."""
+    h = np.zeros(STATES)
+    for state, sign in zip(states, (1.0, -1.0), strict=False):
+        h[state] = sign
+    return h
+
+
+def _usable(sd: float | None, otherwise: float) -> float:
+    return sd if sd is not None and math.isfinite(sd) and sd > 0.0 else otherwise

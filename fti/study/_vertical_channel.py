@@ -1,0 +1,126 @@
+"""The simulation of source 001: five error states, an altimeter that is noisy, and four faults; many runs at once.
+
+    x(k) = (I + dt F) x(k-1) + G u(k-1),    z(k) = dH(k) - dHR(k) + v(k),    v ~ N(0, 1000 m^2)
+
+In faulted steps the sigma of v is a hundred times as large.  Two variants (errata, Hajiyev H1): ``PRINTED``, which
+gives the source's table 1, and ``PHYSICAL``, which is what its equations say.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.vertical.filter import ErrorFilter
+from fti.nav.vertical.model import ALTIMETER, HEIGHT, STATES, system_matrix
+
+Array = NDArray[np.float64]
+
+#: Of the source: step [s], iterations, gravity [m/s^2], radius of the Earth [km], inverse correlation times [1/s].
+DT_S, ITERATIONS = 0.1, 500
+GRAVITY, RADIUS_KM = 9.89, 6372.0
+ACCEL_RATE, GRAVITY_RATE, ALTIMETER_RATE = 1e-3, 5e-3, 0.1
+ACCEL_SD, GRAVITY_SD, NOISE_VARIANCE = 1e-3, 1e-4, 1000.0
+#: Initial errors; what is faulted, and how much larger the noise is then.
+START = np.array([23.0, 2e-3, 1e-3, 1e-4, 2.0])
+FAULTED, FAULT = (101, 201, 301, 401), 100.0
+#: Not given by the source: one sigma of the altimeter's slow error in the long run [m].  P0 = diag(START^2).
+ALTIMETER_SD = 2.0
+#: Where filters are judged: the iterations of table 1.
+INSTANTS = range(50, ITERATIONS + 1, 50)
+#: z = h x + v.
+MEASURED = np.zeros(STATES)
+MEASURED[[HEIGHT, ALTIMETER]] = 1.0, -1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """Radius in the unit that it is used in, and by what the driving noise is multiplied."""
+
+    name: str
+    radius: float
+    noise: float
+
+    @property
+    def phi(self) -> Array:
+        """Eq. 1 to 5 as one step, shape (5, 5)."""
+        F = system_matrix(2.0 * GRAVITY / self.radius, ACCEL_RATE, GRAVITY_RATE, ALTIMETER_RATE)
+        return np.eye(STATES) + DT_S * F
+
+    @property
+    def driving_sd(self) -> Array:
+        """One sigma of what a step adds, shape (5,)."""
+        keep = 1.0 - DT_S * ALTIMETER_RATE
+        slow = ALTIMETER_SD * math.sqrt(1.0 - keep**2)
+        return np.array([0.0, 0.0, ACCEL_SD * self.noise, GRAVITY_SD * self.noise, slow])
+
+
+PRINTED = Variant("printed", RADIUS_KM, 1.0)
+PHYSICAL = Variant("physical", 1e3 * RADIUS_KM, DT_S)
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """Errors x, shape (iterations + 1, runs, 5), and measurements z, shape (iterations + 1, runs), of which row 0 is
+    the start and has no measurement."""
+
+    x: Array
+    z: Array
+
+
+def simulate(variant: Variant, runs: int, rng: np.random.Generator, *, drawn: bool, faulted: bool) -> Truth:
+    """So many runs.  drawn : the start from N(0, P0), else the source's one;  faulted : with the four faults."""
+    x = np.empty((ITERATIONS + 1, runs, STATES))
+    x[0] = START * (rng.normal(size=(runs, STATES)) if drawn else 1.0)
+    phi, sd = variant.phi, variant.driving_sd
+    for k in range(ITERATIONS):
+        x[k + 1] = x[k] @ phi.T + sd * rng.normal(size=(runs, STATES))
+    noise = math.sqrt(NOISE_VARIANCE) * rng.normal(size=x.shape[:2])
+    if faulted:
+        noise[list(FAULTED)] *= FAULT
+    return Truth(x, x @ MEASURED + noise)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What a filter makes of measurements, after each iteration.
+
+    x  : (iterations + 1, runs, 5);  sd : the same, one sigma
+    P  : (instants, runs, 5, 5) at ``INSTANTS``
+    innovation : (iterations + 1, runs), over its sigma;  taken : the same, whether it was
+    """
+
+    x: Array
+    sd: Array
+    P: Array
+    innovation: Array
+    taken: NDArray[np.bool_]
+
+
+def estimate(variant: Variant, z: Array, gate: float, lockout_s: float = math.inf) -> Estimate:
+    """The filter over measurements of shape (iterations + 1, runs)."""
+    runs, Q = z.shape[1], np.diag(variant.driving_sd**2)
+    channel = ErrorFilter(np.zeros((runs, STATES)), np.tile(np.diag(START**2), (runs, 1, 1)), gate, lockout_s)
+    x, sd = np.zeros((*z.shape, STATES)), np.zeros((*z.shape, STATES))
+    innovation, taken = np.zeros(z.shape), np.zeros(z.shape, dtype=bool)
+    P, sd[0] = [], START
+    for k in range(1, len(z)):
+        channel.predict(variant.phi, Q, DT_S)
+        found = channel.update(z[k], MEASURED, NOISE_VARIANCE)
+        x[k], innovation[k], taken[k] = channel.x, found.value / found.sd, found.taken
+        sd[k] = np.sqrt(np.einsum("rii->ri", channel.P))
+        if k in INSTANTS:
+            P.append(channel.P)
+    return Estimate(x, sd, np.stack(P), innovation, taken)
+
+
+def expected(variant: Variant, iterations: int) -> tuple[float, float]:
+    """Mean and one sigma of the INS error after so many iterations [m]: exact, of the source's start."""
+    phi, Q = variant.phi, np.diag(variant.driving_sd**2)
+    mean, cov = START, np.zeros((STATES, STATES))
+    for _ in range(iterations):
+        mean, cov = phi @ mean, phi @ cov @ phi.T + Q
+    return float(mean[HEIGHT]), math.sqrt(cov[HEIGHT, HEIGHT])

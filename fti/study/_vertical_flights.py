@@ -1,0 +1,226 @@
+"""Flights for the live form of the vertical channel: satellites for two minutes, then an altimeter alone.
+
+Ten minutes at 60 m/s in 48 deg north, climbing and sinking by up to 100 m, banking by up to 20 deg.  50 Hz of specific
+force; satellites' height and climb at 5 Hz, 0.2 s late; an altimeter at 10 Hz, 0.1 s late, of which ``WILD`` returns
+are anything from 0 to 600 m; the ground is known.  Truth is drawn from what the filter believes (``VerticalModel``),
+or richer: accelerometers off by a constant milli-g, attitude by 0.2 deg, vibration of 2 m/s^2 at 17 Hz, an elevation
+model that is 1.5 m off as a whole and 1.5 m over 30 m and over 300 m each, and 1 % of it 10 m.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.altimetry.compensation import down_row
+from fti.nav.series import SECOND_NS
+from fti.nav.vertical.fallback import VerticalFallback
+from fti.nav.vertical.inertial import Place, vertical_acceleration
+from fti.nav.vertical.model import VerticalModel
+from fti.study import REPORTED, Progress, Result
+from fti.study.workers import run_all
+
+Array = NDArray[np.float64]
+
+SECONDS, LOST_S = 600, 120.0
+IMU_HZ, SATELLITE_HZ, ALTIMETER_HZ = 50, 5, 10
+SATELLITE_DELAY_S, ALTIMETER_DELAY_S = 0.2, 0.1
+SATELLITE_SD, SATELLITE_TAU_S, CLIMB_SD, CLIMB_TAU_S = 3.0, 150.0, 0.1, 5.0
+ALTIMETER_NOISE, WILD, WILD_M = 0.5, 0.05, 600.0
+SPEED, LAT = 60.0, math.radians(48.0)
+#: When the height is judged [s].
+INSTANTS_S = tuple(range(180, SECONDS + 1, 60))
+#: How much richer truth is: bias [m/s^2], tilt [rad], vibration [m/s^2] and [Hz], elevation [m].
+BIAS, TILT, SHAKE, SHAKE_HZ = 9.81e-3, math.radians(0.2), 2.0, 17.0
+DEM_BIAS, DEM_SD, DEM_LENGTHS_M, DEM_OUTLIER_M, DEM_OUTLIERS = 1.5, 1.5, (30.0, 300.0), 10.0, 0.01
+MOST_RICH = 1.5
+#: So many times fewer flights with the richer truth, and without an altimeter.
+FEWER = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Which flight: seed, its number, whether truth is richer, whether there is an altimeter."""
+
+    seed: int
+    number: int
+    rich: bool = False
+    altimeter: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """Every tenth of a second: time [s], true and estimated height with its sigma, error of climb with its; valid."""
+
+    t: Array
+    alt: Array
+    found: Array
+    sd: Array
+    climb_error: Array
+    climb_sd: Array
+    valid: NDArray[np.bool_]
+
+    def at_instants(self, values: Array) -> Array:
+        """Of each instant."""
+        return values[np.searchsorted(self.t, np.array(INSTANTS_S) - 1e-6)]
+
+
+def markov(n: int, step_s: float, sd: float, tau_s: float, rng: np.random.Generator) -> Array:
+    """A first-order Gauss-Markov process, shape (n,), drawn in its long run."""
+    keep = math.exp(-step_s / tau_s)
+    values = rng.normal(0.0, sd, n)
+    values[1:] *= math.sqrt(1.0 - keep**2)
+    for k in range(1, n):
+        values[k] += keep * values[k - 1]
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """What is true and what is measured, at IMU_HZ: accel_b (n, 3), roll, pitch; altimeter's and satellites' errors."""
+
+    t: Array
+    alt: Array
+    climb: Array
+    accel_b: Array
+    roll: Array
+    pitch: Array
+    place: Place
+    altimeter_error: Array
+    satellite_error: Array
+    climb_error: Array
+
+
+def make(case: Case) -> Sensors:
+    """The flight and its sensors."""
+    rng = np.random.default_rng([case.seed, case.number, 7])
+    n, dt = SECONDS * IMU_HZ + 1, 1.0 / IMU_HZ
+    t = np.linspace(0.0, SECONDS, n)
+    alt, climb, accel = _wander(t, rng)
+    heading = rng.uniform(0.0, 2.0 * math.pi)
+    place = Place(LAT, SPEED * math.cos(heading), SPEED * math.sin(heading))
+    roll, pitch = math.radians(20.0) * np.sin(t / 11.0 + heading), math.radians(3.0) * np.sin(t / 7.0)
+    model = VerticalModel()
+    wrong = markov(n, dt, model.accel_sd, model.accel_tau_s, rng) + rng.normal(
+        0.0, model.accel_noise / math.sqrt(dt), n
+    )
+    wrong += markov(n, dt, model.gravity_sd, model.gravity_tau_s, rng)
+    slow = markov(n, dt, model.altimeter_sd, model.altimeter_tau_s, rng)
+    if case.rich:
+        wrong += rng.choice([-BIAS, BIAS]) + SHAKE * np.sin(2.0 * math.pi * SHAKE_HZ * t)
+        slow = _elevation(t, rng)
+    turned = rng.normal(0.0, TILT, 2) if case.rich else np.zeros(2)
+    still = np.array([vertical_acceleration((0.0, 0.0, 0.0), 0.0, 0.0, place, h) for h in (0.0, 1000.0)])
+    up = accel - (still[0] + (still[1] - still[0]) * alt / 1000.0) + wrong
+    rows = np.array([down_row(r, p) for r, p in zip(roll + turned[0], pitch + turned[1], strict=True)])
+    return Sensors(
+        t, alt, climb, -up[:, None] * rows, roll, pitch, place, slow,
+        markov(n, dt, SATELLITE_SD, SATELLITE_TAU_S, rng), markov(n, dt, CLIMB_SD, CLIMB_TAU_S, rng),
+    )  # fmt: skip
+
+
+def _wander(t: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Height above the ellipsoid, climb and its rate [m, m/s, m/s^2]: three waves."""
+    alt, climb, accel = np.full_like(t, 800.0), np.zeros_like(t), np.zeros_like(t)
+    for size, period in ((60.0, 170.0), (30.0, 70.0), (10.0, 25.0)):
+        w, phase = 2.0 * math.pi / period, rng.uniform(0.0, 2.0 * math.pi)
+        alt += size * np.sin(w * t + phase)
+        climb += size * w * np.cos(w * t + phase)
+        accel -= size * w**2 * np.sin(w * t + phase)
+    return alt, climb, accel
+
+
+def _elevation(t: Array, rng: np.random.Generator) -> Array:
+    """Error of the elevation model under the flight [m]."""
+    step = float(t[1] - t[0])
+    error = rng.choice([-DEM_BIAS, DEM_BIAS]) + np.zeros_like(t)
+    for length in DEM_LENGTHS_M:
+        error += markov(len(t), step, DEM_SD, length / SPEED, rng)
+    return np.asarray(error + DEM_OUTLIER_M * (rng.random(len(t)) < DEM_OUTLIERS))
+
+
+def fly(case: Case) -> Flown:
+    """One flight through the live form."""
+    s = make(case)
+    rng = np.random.default_rng([case.seed, case.number, 8])
+    channel = VerticalFallback()
+    rows = []
+    for k, accel_b in enumerate(s.accel_b.tolist()):
+        channel.take_imu(_ns(s.t[k]), accel_b, float(s.roll[k]), float(s.pitch[k]), s.place)
+        if k % (IMU_HZ // SATELLITE_HZ) == 0 and s.t[k] < LOST_S:
+            _satellites(channel, s, k)
+        if k % (IMU_HZ // ALTIMETER_HZ) == 0:
+            if case.altimeter:
+                _altimeter(channel, s, k, rng)
+            now = channel.at(_ns(s.t[k]))
+            rows.append(
+                (s.t[k], s.alt[k], now.alt, now.alt_sd, (now.climb or 0.0) - s.climb[k], now.climb_sd, now.valid)
+            )
+    table = np.array([[math.nan if v is None else v for v in row] for row in rows], dtype=np.float64)
+    t, alt, found, sd, climb_error, climb_sd, valid = table.T
+    return Flown(t, alt, found, sd, climb_error, climb_sd, valid > 0.0)
+
+
+def _ns(t: float) -> int:
+    return round(t * SECOND_NS)
+
+
+def _satellites(channel: VerticalFallback, s: Sensors, k: int) -> None:
+    i = k - round(SATELLITE_DELAY_S * IMU_HZ)
+    if i >= 0:
+        alt, climb = float(s.alt[i] + s.satellite_error[i]), float(s.climb[i] + s.climb_error[i])
+        channel.take_satellites(_ns(s.t[i]), alt, SATELLITE_SD, climb, CLIMB_SD)
+
+
+def _altimeter(channel: VerticalFallback, s: Sensors, k: int, rng: np.random.Generator) -> None:
+    i = k - round(ALTIMETER_DELAY_S * IMU_HZ)
+    ground = 400.0 + 50.0 * math.sin(s.t[k] / 9.0)
+    agl = float(s.alt[i]) - ground + float(s.altimeter_error[i]) + rng.normal(0.0, ALTIMETER_NOISE)
+    wild, anything = rng.random() < WILD, rng.uniform(0.0, WILD_M)
+    if i >= 0:
+        channel.take_height(_ns(s.t[i]), anything if wild else agl, ALTIMETER_NOISE, ground, 0.0)
+
+
+# ------------------------------------------------------------------------------------------------------------- judging
+
+
+def judged(flights: int, seed: int, progress: Progress) -> list[Result]:
+    """F: honest and rich truth, and without an altimeter."""
+    from fti.study.robust_altimeter import judge_honesty  # noqa: PLC0415 - it uses this module
+
+    few = max(2, flights // FEWER)
+    kinds = [[Case(seed, i) for i in range(flights)], [Case(seed, i, rich=True) for i in range(few)],
+             [Case(seed, i, altimeter=False) for i in range(few)]]  # fmt: skip
+    found = iter(run_all(fly, [case for kind in kinds for case in kind], progress))
+    honest, rich, alone = ([next(found) for _ in kind] for kind in kinds)
+    normal, squares = _scores(honest)
+    results = judge_honesty("F.honest", normal, squares, squares, seed)[:4]
+    ratio = float(np.sqrt(np.mean(_scores(rich)[0] ** 2)))
+    return [
+        *results,
+        Result("F.rich", f"RMS of error over sigma, richer truth, {few} flights", ratio, f"<= {MOST_RICH}",
+               ratio <= MOST_RICH),
+        *(_reported(f"F.{name}", words, kind) for name, words, kind in (
+            ("error", "height, eight minutes without satellites", honest),
+            ("rich_error", "the same, richer truth", rich),
+            ("alone_error", "the same, without an altimeter", alone))),
+    ]  # fmt: skip
+
+
+def _scores(flown: list[Flown]) -> tuple[Array, Array]:
+    """Error of height and climb over sigma (instants, flights, 2), and the mean of their squares (instants, flights).
+
+    That mean is 1 whatever the correlation of the two is.
+    """
+    height = np.stack([f.at_instants((f.found - f.alt) / f.sd) for f in flown], axis=1)
+    climb = np.stack([f.at_instants(f.climb_error / f.climb_sd) for f in flown], axis=1)
+    normal = np.stack([height, climb], axis=-1)
+    return normal, np.asarray(0.5 * np.sum(normal**2, axis=-1))
+
+
+def _reported(name: str, words: str, flown: list[Flown]) -> Result:
+    error = np.concatenate([f.at_instants(f.found - f.alt) for f in flown])
+    return Result(name, f"{words}: RMS error [m]", float(np.sqrt(np.mean(error**2))), REPORTED, holds=True)

@@ -1,0 +1,95 @@
+"""Pictures of the study of the vertical channel (source 001, fig. 2 to 7), and a flight of its live form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, label, legend_above, sheet
+from fti.nav.vertical.filter import GATE
+from fti.nav.vertical.model import HEIGHT
+from fti.study._vertical_channel import DT_S, FAULTED, ITERATIONS, PHYSICAL, PRINTED, Variant, estimate, simulate
+from fti.study._vertical_flights import LOST_S, Case, Flown, fly
+from fti.study.robust_altimeter import jumps
+
+#: Runs of the picture of the jumps.
+MANY = 500
+
+
+def one_run(variant: Variant, seed: int, gate: float, *, faulted: bool) -> Figure:
+    """Fig. 2 and 3, 4 and 5, or 6 and 7: one run."""
+    truth = simulate(variant, 1, np.random.default_rng([seed, 9]), drawn=False, faulted=faulted)
+    found = estimate(variant, truth.z, gate)
+    what = "every measurement counts" if math.isinf(gate) else f"refusal beyond {gate:g} sigma"
+    figure = sheet(
+        f"INS and radio altimeter: {what}",
+        f"One run, {variant.name}; " + ("noise a hundredfold at four iterations." if faulted else "no faults."),
+        height=7.0,
+    )
+    heights, errors = figure.subplots(2, 1, sharex=True)
+    t, ins = DT_S * np.arange(ITERATIONS + 1), truth.x[:, 0, HEIGHT]
+    estimated, sd = found.x[:, 0, HEIGHT], found.sd[:, 0, HEIGHT]
+    for values, colour, name in ((ins, BLACK, "INS error"), (estimated, BLUE, "estimated INS error")):
+        heights.plot(t, values, color=colour, label=name)
+    errors.fill_between(t, -sd, sd, color=SKY, alpha=0.4, lw=0.0, label="one sigma")
+    errors.plot(t, estimated - ins, color=VERMILION, label="error of the integrated height")
+    if faulted:
+        _mark_faults(heights, errors)
+    label(heights, y="[m]", title="Height")
+    label(errors, x="time [s]", y="[m]", title="Integrated")
+    legend_above(heights)
+    legend_above(errors)
+    return figure
+
+
+def _mark_faults(*all_axes: Axes) -> None:
+    for axes in all_axes:
+        for k in FAULTED:
+            axes.axvline(DT_S * k, color=GREY, lw=0.7, ls=":")
+
+
+def jumps_at_faults(seed: int) -> Figure:
+    """Jumps of all faults of many runs, with and without refusal: their distribution."""
+    figure = sheet(
+        "What a fault does to the estimate",
+        f"Change of the estimated INS error at the faulted iterations; {MANY} runs of four faults each.",
+        width=10.0,
+        height=4.6,
+    )
+    for axes, variant in zip(figure.subplots(1, 2, sharey=True), (PRINTED, PHYSICAL), strict=True):
+        truth = simulate(variant, MANY, np.random.default_rng([seed, 9]), drawn=False, faulted=True)
+        for gate, colour, name in ((math.inf, VERMILION, "every one counts"), (GATE, BLUE, "refusal")):
+            found = np.sort(jumps(estimate(variant, truth.z, gate)).ravel())
+            axes.semilogx(found, np.linspace(0.0, 100.0, len(found)), color=colour, label=name)
+        axes.axvline(1.0, color=GREY, ls=":", lw=1.0)
+        label(axes, x="jump [m]", title=variant.name.capitalize())
+        legend_above(axes)
+    figure.axes[0].set_ylabel("faults with a smaller one [%]")
+    return figure
+
+
+def flight(seed: int) -> Figure:
+    """The live form, with an altimeter and without."""
+    figure = sheet(
+        "Ten minutes, satellites for the first two",
+        "Then an altimeter over known ground, one return in twenty is anything; or the inertial channel alone.",
+        height=7.0,
+    )
+    aided, alone = figure.subplots(2, 1, sharex=True)
+    for axes, altimeter, title in ((aided, True, "With an altimeter"), (alone, False, "Inertial alone")):
+        _draw_flight(axes, fly(Case(seed, 0, altimeter=altimeter)))
+        label(axes, y="height minus truth [m]", title=title)
+        legend_above(axes)
+    alone.set_xlabel("time [s]")
+    return figure
+
+
+def _draw_flight(axes: Axes, flown: Flown) -> None:
+    axes.fill_between(flown.t, -flown.sd, flown.sd, color=SKY, alpha=0.4, lw=0.0, label="one sigma")
+    error = flown.found - flown.alt
+    axes.plot(flown.t, error, color=ORANGE, lw=0.8, label="not valid")
+    axes.plot(flown.t, np.where(flown.valid, error, np.nan), color=GREEN, label="valid")
+    axes.axvline(LOST_S, color=GREY, ls=":", lw=1.0)

@@ -1,0 +1,232 @@
+"""The live vertical channel: closed forms, late measurements, outages, and inputs that must not become a height."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from fti.geodesy.gravity import normal_gravity
+from fti.nav.altimetry.compensation import down_row
+from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalSettings, VerticalState
+from fti.nav.vertical.inertial import InertialHeight, Place, vertical_acceleration
+from fti.types import Reason
+
+S = 1_000_000_000
+LAT = math.radians(48.0)
+HERE = Place(LAT, 0.0, 0.0)
+ALT, GROUND = 700.0, 450.0
+RATE_HZ = 20
+
+
+def felt(
+    up: float, roll: float = 0.0, pitch: float = 0.0, alt: float = ALT, place: Place = HERE
+) -> tuple[float, float, float]:
+    """Specific force of who accelerates upwards so."""
+    none = vertical_acceleration((0.0, 0.0, 0.0), 0.0, 0.0, place, alt)
+    x, y, z = (-(up - none) * r for r in down_row(roll, pitch))
+    return x, y, z
+
+
+class Flight:
+    """Level flight at ALT, fed step by step."""
+
+    def __init__(self, settings: VerticalSettings | None = None, begin_ns: int = S) -> None:
+        self.channel = VerticalFallback(settings)
+        self.t_ns = begin_ns
+        self.bias = 0.0
+
+    def go(
+        self, seconds: float, *, satellites: bool = True, altimeter: float | None = 0.0, late_s: float = 0.0
+    ) -> VerticalState:
+        for k in range(round(seconds * RATE_HZ)):
+            self.t_ns += S // RATE_HZ
+            self.channel.take_imu(self.t_ns, felt(self.bias), 0.0, 0.0, HERE)
+            then = self.t_ns - round(late_s * S)
+            if satellites and k % 10 == 0:
+                self.channel.take_satellites(then, ALT, 3.0, 0.0, 0.1)
+            if altimeter is not None and k % 5 == 0:
+                self.channel.take_height(then, ALT - GROUND + altimeter, 0.5, GROUND, 1.0)
+        return self.channel.at(self.t_ns)
+
+
+def test_who_stands_still_feels_gravity() -> None:
+    for lat in (0.0, LAT, math.pi / 2, -math.pi / 2):
+        place = Place(lat, 0.0, 0.0)
+        still = vertical_acceleration((0.0, 0.0, -float(normal_gravity(lat, ALT))), 0.0, 0.0, place, ALT)
+        assert still == pytest.approx(0.0, abs=1e-12)
+
+
+def test_who_flies_east_is_lighter() -> None:
+    """Eoetvoes: 2 omega v cos(lat) + v^2 / R."""
+    g = float(normal_gravity(LAT, ALT))
+    east = vertical_acceleration((0.0, 0.0, -g), 0.0, 0.0, Place(LAT, 0.0, 60.0), ALT)
+    assert east == pytest.approx(2 * 7.292115e-5 * 60 * math.cos(LAT) + 60**2 / 6.39e6, abs=5e-6)
+
+
+def test_a_bank_is_no_climb() -> None:
+    roll, pitch = math.radians(40.0), math.radians(10.0)
+    assert vertical_acceleration(felt(0.3, roll, pitch), roll, pitch, HERE, ALT) == pytest.approx(0.3, abs=1e-12)
+
+
+def test_height_is_the_integral() -> None:
+    channel = InertialHeight(0, 100.0, 2.0)
+    for k in range(1, 101):
+        channel.advance(k * S // 100, 3.0 * k / 100)  # grows by 3 m/s^3
+    assert channel.climb == pytest.approx(2.0 + 1.5, abs=2e-4)
+    assert channel.alt == pytest.approx(100.0 + 2.0 + 0.5, abs=3e-4)
+    assert channel.at(S // 2)[0] == pytest.approx(100.0 + 1.0 + 0.5 / 8, abs=3e-4)
+
+
+def test_level_flight_stays_level() -> None:
+    state = Flight().go(60.0)
+    assert state.valid and state.aiding is Aiding.SATELLITES
+    assert state.alt == pytest.approx(ALT, abs=1e-3)
+    assert state.climb == pytest.approx(0.0, abs=1e-4)
+    assert state.alt_sd is not None and state.alt_sd < 3.0
+
+
+def test_the_altimeter_holds_what_the_channel_alone_loses() -> None:
+    flights = {name: Flight() for name in ("held", "alone")}
+    for flight in flights.values():
+        flight.go(60.0)
+        flight.bias = 3e-3  # within what the model believes
+    held = flights["held"].go(300.0, satellites=False)
+    alone = flights["alone"].go(300.0, satellites=False, altimeter=None)
+    assert held.valid and held.aiding is Aiding.ALTIMETER
+    assert held.alt == pytest.approx(ALT, abs=0.5)
+    assert alone.alt is not None and alone.alt_sd is not None and held.alt_sd is not None
+    assert alone.alt - ALT > 50.0
+    assert abs(alone.alt - ALT) < 3.0 * alone.alt_sd
+    assert (alone.valid, alone.reasons, alone.aiding) == (False, (Reason.COASTING,), Aiding.NONE)
+
+
+def test_a_late_measurement_counts_when_it_was_true() -> None:
+    """Climbing at 5 m/s, everything 0.3 s late: taken as of now it would be 1.5 m off."""
+    channel, alt, t_ns = VerticalFallback(), ALT, S
+    for k in range(60 * RATE_HZ):
+        t_ns += S // RATE_HZ
+        alt += 5.0 / RATE_HZ
+        channel.take_imu(t_ns, felt(0.0, alt=alt), 0.0, 0.0, HERE)
+        if k % 5 == 0:
+            channel.take_satellites(t_ns - 3 * S // 10, alt - 1.5, 3.0, 5.0, 0.1)
+            channel.take_height(t_ns - 3 * S // 10, alt - 1.5 - GROUND, 0.5, GROUND, 1.0)
+    found = channel.at(t_ns)
+    assert found.alt == pytest.approx(alt, abs=0.02)
+    assert channel.at(t_ns + S // 10).alt == pytest.approx(alt + 0.5, abs=0.02)
+
+
+def test_taking_a_large_error_out_of_the_channel_changes_no_output(monkeypatch: pytest.MonkeyPatch) -> None:
+    def flown() -> VerticalState:
+        flight = Flight()
+        flight.go(30.0)
+        flight.bias = 0.02
+        return flight.go(240.0, satellites=False)
+
+    folded = flown()
+    monkeypatch.setattr("fti.nav.vertical.fallback.FOLD_M", math.inf)
+    kept = flown()
+    assert folded.alt == pytest.approx(kept.alt, abs=0.05)
+    assert folded.alt_sd == pytest.approx(kept.alt_sd, abs=1e-6)
+
+
+def test_wild_returns_are_refused() -> None:
+    flight = Flight()
+    calm = flight.go(60.0)
+    for _ in range(40):
+        flight.channel.take_height(flight.t_ns, 5.0, 0.5, GROUND, 1.0)
+        last = flight.go(0.1, satellites=False)
+    assert last.valid and calm.alt is not None
+    assert last.alt == pytest.approx(ALT, abs=0.05)
+
+
+def test_an_altimeter_that_contradicts_satellites_is_refused_for_as_long_as_there_are_any() -> None:
+    flight = Flight()
+    flight.go(60.0)
+    assert flight.go(60.0, altimeter=80.0).alt == pytest.approx(ALT, abs=1.0)
+
+
+def test_after_satellites_the_refused_altimeter_is_believed_in_the_end_and_said_to_be_uncertain() -> None:
+    flight = Flight()
+    flight.go(60.0)
+    told = [flight.go(0.1, satellites=False, altimeter=80.0) for _ in range(150)]
+    opened = [state.reasons for state in told if not state.valid]
+    assert opened and set(opened) == {(Reason.REJECTED,)}
+    assert told[-1].valid
+    assert told[-1].alt == pytest.approx(ALT + 80.0, abs=6.0)
+
+
+def test_without_satellites_it_begins_with_the_altimeter() -> None:
+    flight = Flight()
+    state = flight.go(120.0, satellites=False)
+    assert state.valid and state.aiding is Aiding.ALTIMETER
+    assert state.alt == pytest.approx(ALT, abs=0.5)
+    assert state.alt_sd is not None
+    assert state.alt_sd > 1.0  # the altimeter's slow error stays: nothing else says the height
+
+
+def test_what_is_missing_is_named() -> None:
+    channel = VerticalFallback()
+    assert channel.at(S).reasons == (Reason.NO_IMU,)
+    channel.take_imu(S, felt(0.0), 0.0, 0.0, HERE)
+    assert channel.at(S).reasons == (Reason.ALIGNING,)
+    channel.take_satellites(S, ALT, 3.0, None, None)
+    assert channel.at(S).valid
+    assert channel.at(3 * S).reasons == (Reason.STALE,)
+
+
+def test_after_a_gap_it_begins_anew() -> None:
+    flight = Flight()
+    flight.go(30.0)
+    flight.t_ns += 2 * S
+    assert flight.go(1 / RATE_HZ, satellites=False, altimeter=None).reasons == (Reason.ALIGNING,)
+    assert flight.go(5.0).valid
+
+
+def test_time_that_goes_back_a_little_is_passed_over_and_a_lot_begins_anew() -> None:
+    flight = Flight()
+    before = flight.go(30.0)
+    flight.channel.take_imu(flight.t_ns - S // 10, felt(50.0), 0.0, 0.0, HERE)
+    flight.channel.take_imu(flight.t_ns, felt(50.0), 0.0, 0.0, HERE)
+    assert flight.channel.at(flight.t_ns) == before
+    flight.t_ns -= 20 * S
+    assert flight.go(1 / RATE_HZ, satellites=False, altimeter=None).reasons == (Reason.ALIGNING,)
+    assert flight.go(5.0).valid
+
+
+def test_measurements_twice_and_too_late_count_once_and_not_at_all() -> None:
+    flight = Flight()
+    before = flight.go(30.0)
+    for _ in range(20):
+        flight.channel.take_height(flight.t_ns - S // 4, ALT - GROUND, 0.5, GROUND, 1.0)  # was taken already
+        flight.channel.take_height(flight.t_ns - 5 * S, ALT, 0.5, GROUND, 1.0)
+        flight.channel.take_satellites(flight.t_ns + 5 * S, ALT + 50.0, 3.0, None, None)
+    assert flight.channel.at(flight.t_ns) == before
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_changes_nothing(wrong: float) -> None:
+    flight = Flight()
+    before = flight.go(30.0)
+    channel, later = flight.channel, flight.t_ns + S // 100
+    channel.take_imu(later, (wrong, 0.0, -9.8), 0.0, 0.0, HERE)
+    channel.take_imu(later, felt(0.0), wrong, 0.0, HERE)
+    channel.take_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, lat=wrong))
+    channel.take_satellites(later, wrong, 3.0, wrong, wrong)
+    channel.take_height(later, wrong, 0.5, GROUND, 1.0)
+    channel.take_height(later, 100.0, 0.5, wrong, 1.0)
+    channel.take_height(later, 250.0, 0.5, GROUND, wrong)
+    assert channel.at(flight.t_ns) == before
+
+
+def test_attitude_through_ninety_degrees_and_the_poles() -> None:
+    for lat in (math.pi / 2, -math.pi / 2, 0.0):
+        channel, t_ns, place = VerticalFallback(), S, Place(lat, 30.0, 30.0)
+        for k in range(20 * RATE_HZ):
+            t_ns += S // RATE_HZ
+            roll, pitch = 2.0 * math.pi * k / 500, math.pi / 2 * math.sin(k / 100)
+            channel.take_imu(t_ns, felt(0.0, roll, pitch, place=place), roll, pitch, place)
+            if k % 10 == 0:
+                channel.take_satellites(t_ns, ALT, 3.0, 0.0, 0.1)
+        assert channel.at(t_ns).alt == pytest.approx(ALT, abs=0.01)
