@@ -1,6 +1,7 @@
 """Messages of a DBC, compiled: each signal knows how to cut itself out of a frame.
 
-cantools reads the DBC, and encodes for the emulator; decoding is ours, so that cantools can judge it.
+cantools reads the DBC.  Decoding and encoding are ours and made for thousands of frames a second; in the tests cantools
+judges both.
 
     little-endian (Intel)     word = data as a little-endian number; the signal begins at bit ``start``
     big-endian (Motorola)     word = data as a big-endian number; ``start`` is the most significant bit, counted
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -37,6 +38,8 @@ _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct("
 
 #: Cuts a raw value out of the little-endian and the big-endian word of a frame.
 Cut = Callable[[int, int], float]
+#: What a raw value adds to the word of a frame that has its byte order.
+Place = Callable[[float], int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +48,7 @@ class Signal:
 
     low, high  : limits in ``unit``, infinite when the DBC states none; least, most : what fits on the wire, raw
     states     : raw value -> its name in the value table
+    big        : it is big-endian
     modulus    : values that it takes before it rolls over, where it is a counter
     selector   : signal that must have one of ``choices`` for this one to be in the frame; "" when it always is
     """
@@ -52,6 +56,8 @@ class Signal:
     name: str
     unit: str
     cut: Cut
+    place: Place
+    big: bool
     factor: float
     offset: float
     low: float
@@ -97,7 +103,7 @@ class Layout:
     message: Any  # cantools' Message; the package has no types that mypy can follow
     selectors: tuple[Signal, ...] = field(init=False)
     _choices: tuple[frozenset[int], ...] = field(init=False)  # of each selector: the values that select anything
-    _present: dict[tuple[int | None, ...], tuple[Signal, ...]] = field(init=False, default_factory=dict)
+    _present: dict[tuple[float | None, ...], tuple[Signal, ...]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         named = {s.selector for s in self.signals}
@@ -113,11 +119,11 @@ class Layout:
             return self.signals
         return self._case([int(s.cut(little, big)) for s in self.selectors])
 
-    def selected(self, chosen: Mapping[str, int]) -> tuple[Signal, ...]:
+    def selected(self, chosen: Mapping[str, float]) -> tuple[Signal, ...]:
         """The signals of a frame whose multiplexers say this."""
-        return self._case([chosen.get(s.name) for s in self.selectors])
+        return self._case([chosen.get(s.name) for s in self.selectors]) if self.selectors else self.signals
 
-    def _case(self, values: list[int | None]) -> tuple[Signal, ...]:
+    def _case(self, values: Sequence[float | None]) -> tuple[Signal, ...]:
         """Always the same tuple for the same signals; whatever selects nothing is one case."""
         used = tuple([v if v in known else None for v, known in zip(values, self._choices, strict=True)])
         found = self._present.get(used)
@@ -126,7 +132,7 @@ class Layout:
             found = self._present[used] = tuple(s for s in self.signals if self._is_there(s, by_name))
         return found
 
-    def _is_there(self, signal: Signal, chosen: Mapping[str, int | None]) -> bool:
+    def _is_there(self, signal: Signal, chosen: Mapping[str, float | None]) -> bool:
         if not signal.selector:
             return True
         parent = next(s for s in self.selectors if s.name == signal.selector)
@@ -181,6 +187,8 @@ def _signal(signal: Any, length: int) -> Signal:
         name=signal.name,
         unit=signal.unit or "",
         cut=_cut(signal, length, is_float),
+        place=_place(signal, length, is_float),
+        big=signal.byte_order == "big_endian",
         factor=float(conversion.scale),
         offset=float(conversion.offset),
         low=-math.inf if signal.minimum is None else signal.minimum - slack,
@@ -232,6 +240,17 @@ def _cut_big(shift: int, mask: int, sign: int) -> Callable[[int, int], int]:
     if sign:
         return lambda _, big: ((big >> shift & mask) ^ sign) - sign
     return lambda _, big: big >> shift & mask
+
+
+def _place(signal: Any, length: int, is_float: bool) -> Place:
+    """The way back of ``_cut``."""
+    bits, first = signal.length, _first_bit(signal)
+    shift = 8 * length - first - bits if signal.byte_order == "big_endian" else first
+    if is_float:
+        pack = _FLOATS[bits].pack
+        return lambda raw: int.from_bytes(pack(raw), "big") << shift
+    mask = (1 << bits) - 1
+    return lambda raw: (int(raw) & mask) << shift
 
 
 def _typed(cut: Callable[[int, int], int], bits: int, is_float: bool) -> Cut:

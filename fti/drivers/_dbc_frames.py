@@ -1,7 +1,4 @@
-"""Frames of a DBC for the emulator: a message goes out when everything in it has been told anew.
-
-cantools encodes, so what the compiled decoder makes of a frame is judged by another program.
-"""
+"""Frames of a DBC for the emulator: a message goes out when everything in it has been told anew."""
 
 from __future__ import annotations
 
@@ -9,6 +6,8 @@ from collections.abc import Mapping
 
 from fti.canframe import pack_can
 from fti.drivers._dbc import Layout, Signal
+
+HEAD_SIZE = 8
 
 
 class FrameBuilder:
@@ -18,6 +17,8 @@ class FrameBuilder:
         self.layout = layout
         self.signals: Mapping[str, Signal] = {s.name: s for s in layout.signals}
         self._raw: dict[str, float] = {}
+        frame = pack_can(layout.can_id, bytes(layout.length), extended=layout.extended, fd=layout.length > HEAD_SIZE)
+        self._head, self._size = frame[:HEAD_SIZE], len(frame) - HEAD_SIZE
 
     def tell(self, name: str, raw: float) -> None:
         """Keep the raw value of a signal for the next frame."""
@@ -25,16 +26,22 @@ class FrameBuilder:
 
     def frame(self, own: Mapping[str, float]) -> bytes | None:
         """The frame, when all that is in it has been told.  own : what nobody tells: counter, node."""
-        told = {**self._raw, **{name: raw for name, raw in own.items() if name in self.signals}}
-        chosen = {s.name: int(told[s.name]) for s in self.layout.selectors if s.name in told}
-        present = [s.name for s in self.layout.selected(chosen)]
-        if not all(name in told for name in present):
-            return None
+        told = {**self._raw, **own}
+        little = big = 0
+        for signal in self.layout.selected(told):
+            raw = told.get(signal.name)
+            if raw is None:
+                return None
+            if signal.big:
+                big |= signal.place(raw)
+            else:
+                little |= signal.place(raw)
         self._raw = {}
-        return pack(self.layout, {name: told[name] for name in present})
+        return self._head + self._data(little, big)
 
-
-def pack(layout: Layout, raw: Mapping[str, float]) -> bytes:
-    """A frame with these raw values; every signal that it needs must be there."""
-    data = layout.message.encode(dict(raw), scaling=False, strict=False)
-    return pack_can(layout.can_id, data, extended=layout.extended, fd=layout.length > 8)
+    def _data(self, little: int, big: int) -> bytes:
+        """The data, with zeros behind them."""
+        length = self.layout.length
+        if big:
+            little |= int.from_bytes(big.to_bytes(length, "big"), "little")
+        return little.to_bytes(self._size, "little")

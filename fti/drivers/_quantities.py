@@ -109,10 +109,11 @@ class Quantity:
         """The value in a measurement that this quantity carries; None when it carries none of it."""
         if type(measurement) is not self.measurement:
             return None
-        if any(getattr(measurement, name) != value for name, value in self.constant):
-            return None
+        for name, constant in self.constant:
+            if getattr(measurement, name) != constant:
+                return None
         value: float | None = getattr(measurement, self.field)
-        return None if value is None else value * self.sign
+        return value if value is None or self.sign == 1 else value * self.sign
 
     def is_empty(self, measurement: Measurement) -> bool:
         """True when the measurement is of this class and says nothing but that it is not valid."""

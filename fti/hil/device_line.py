@@ -44,23 +44,27 @@ class DeviceLine:
         self._values = DeviceFaults(sensor.name, faults, seed)
         self._stages = stages_of(sensor.bound, faults, seed, end_s)
         self._k = 0
+        self._times: list[float] = sensor.t.tolist()
+        self._cycles_s: list[float | None] = [*sensor.due.tolist(), None]
 
     def due_s(self) -> float | None:
         """When something may leave next [s]; None when nothing will."""
+        if not self._stages:
+            return self.cycle_s
         instants = [self.cycle_s, *(stage.due_s() for stage in self._stages)]
         return min((due for due in instants if due is not None), default=None)
 
     @property
     def cycle_s(self) -> float | None:
         """When the device itself has the next thing to say [s]; None when it has said everything."""
-        return float(self.sensor.due[self._k]) if self._k < len(self.sensor.due) else None
+        return self._cycles_s[self._k]
 
     def step(self, start_ns: int) -> list[bytes]:
         """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
-        t = self.due_s()
+        t, cycle_s = self.due_s(), self.cycle_s
         assert t is not None
         messages = []
-        if self.cycle_s is not None and self.cycle_s <= t:
+        if cycle_s is not None and cycle_s <= t:
             messages = self._cycle(self._k, start_ns) if self._is_powered(t) else []
             self._k += 1
         return self._spoiled(t, messages)
@@ -74,7 +78,7 @@ class DeviceLine:
 
     def _cycle(self, k: int, start_ns: int) -> list[bytes]:
         """The messages of sample k, before anything is wrong with their bytes."""
-        t = float(self.sensor.t[k])
+        t = self._times[k]
         measurements = self._clock.apply(t, self.sensor.measure(k, start_ns))
         said = self._values.apply(t, measurements)
         encode = self._encode_wrong if said is not measurements else self.sensor.encoder.encode

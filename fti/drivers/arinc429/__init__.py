@@ -38,7 +38,7 @@ from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F40
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.apmp import Apmp
 from fti.drivers.arinc429.chapter10 import Chapter10
-from fti.drivers.arinc429.entry import Handler, make_entries
+from fti.drivers.arinc429.entry import Entry, Handler, Source, make_entries, source_of
 from fti.drivers.arinc429.labels import Label, LabelSet, choose
 from fti.drivers.arinc429.packets import Packets, boot_ns
 from fti.drivers.arinc429.stream import SEARCH_BYTES, WORD_BYTES, WordStream, words_wanted
@@ -163,11 +163,17 @@ class Encoder:
 
     def __init__(self, options: Options) -> None:
         self._options = options
-        self._entries = make_entries(chosen_labels(options))
+        self._entries: dict[Source, list[Entry]] = {}
+        for entry in make_entries(chosen_labels(options)):
+            for source in entry.sources():
+                self._entries.setdefault(source, []).append(entry)
         self._packets: Packets | None = None if options.packets == "none" else PACKETS[options.packets]()
 
     def encode(self, measurement: Measurement) -> list[bytes]:
-        words = [self._ready(word) for entry in self._entries for word in entry.encode(measurement)]
+        entries = self._entries.get(source_of(measurement))
+        if entries is None:
+            return []
+        words = [self._ready(word) for entry in entries for word in entry.encode(measurement)]
         if self._packets is None:
             return [word.to_bytes(WORD_BYTES, self._options.byte_order) for word in words]
         return [self._packets.pack(words, self._options.bus or 0, boot_ns(measurement.stamp))] if words else []

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, NamedTuple, Protocol
 
 from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS, Quantity
 from fti.drivers._units import FOOT
@@ -20,6 +20,8 @@ from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, Measurement, RadioHeight, Reading, Stamp
 
 Decode = Callable[[int, Stamp], list[Measurement]]
+#: A class of measurements, or the name of a Reading.
+Source = type[Any] | str
 NOT_NORMAL = {
     "bnr": {0: "failure", 1: "no_computed_data", 2: "functional_test"},
     "bcd": {1: "no_computed_data", 2: "functional_test"},
@@ -37,11 +39,19 @@ class Handler(NamedTuple):
     decode: Decode
 
 
+def source_of(measurement: Measurement) -> Source:
+    """Where a measurement stands among the sources."""
+    return measurement.name if isinstance(measurement, Reading) else type(measurement)
+
+
 class Entry(Protocol):
     """One entry of a label set, made ready.  Each decoder and encoder has its own: an entry may remember."""
 
     def handlers(self) -> Sequence[Handler]:
         """One for each label that it has."""
+
+    def sources(self) -> Collection[Source]:
+        """What ``encode`` may have words for; it is asked for nothing else."""
 
     def encode(self, measurement: Measurement) -> list[int]:
         """The words for a measurement, in odd parity; empty when it carries nothing of this entry."""
@@ -91,6 +101,9 @@ class Number:
             found = dataclasses.replace(found, sd=quantisation_step_ft(round(si / FOOT, 6)) * FOOT / math.sqrt(12))
         seen: list[Measurement] = [found] if found else []
         return [*seen, _status(stamp, self.name, what)] if what else seen
+
+    def sources(self) -> Collection[Source]:
+        return [self.label.reading if self.quantity.measurement is Reading else self.quantity.measurement]
 
     def encode(self, measurement: Measurement) -> list[int]:
         picked = self.picked(measurement)
@@ -158,6 +171,9 @@ class FineNumber:
         steps = (coarse << self._fine_bits) + fine
         return self._coarse.measured(steps * self._scale / (1 << (self._bits + self._fine_bits)), "", at)
 
+    def sources(self) -> Collection[Source]:
+        return self._coarse.sources()
+
     def encode(self, measurement: Measurement) -> list[int]:
         picked = self._coarse.picked(measurement)
         if picked is None:
@@ -207,6 +223,9 @@ class Discrete:
         flags = (*set_flags, f"{at.name}_{what}") if what else set_flags
         ok = not what and not set(flags).intersection(at.not_ok)
         return [*found, DeviceStatus(stamp=stamp, ok=ok, flags=flags)]
+
+    def sources(self) -> Collection[Source]:
+        return [*self.label.fields, *([DeviceStatus] if self.label.flags else [])]
 
     def encode(self, measurement: Measurement) -> list[int]:
         at = self.label
@@ -260,6 +279,9 @@ class Equipment:
             flag = f"equipment_{number:03X}_instead_of_{self._expected:03X}"
             found.append(DeviceStatus(stamp=stamp, ok=False, flags=(flag,)))
         return found
+
+    def sources(self) -> Collection[Source]:
+        return [self.NAME]
 
     def encode(self, measurement: Measurement) -> list[int]:
         if not isinstance(measurement, Reading) or measurement.name != self.NAME:

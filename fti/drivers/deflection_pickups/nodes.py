@@ -29,6 +29,12 @@ class Encoder:
         self._bus = bus
         self._tables = dict(tables)
         self._builders = {m.layout.name: (m, FrameBuilder(m.layout)) for m in bus.messages.values()}
+        messages = [(name, m) for name, (m, _) in self._builders.items()]
+        self._fixed = {name: {NODE_ID: m.node_id} | _others(m) for name, m in messages}
+        self._raw = {s: [(name, m.raw[s]) for name, m in messages if s in m.raw] for s in bus.sensors}
+        self._deflections = {
+            s: [(name, *m.deflection[s]) for name, m in messages if s in m.deflection] for s in bus.sensors
+        }
         self._codes: dict[str, int] = {}
         self._intervals_ns: dict[str, int] = {}
         self._due_ns: dict[str, int] = {}
@@ -64,24 +70,21 @@ class Encoder:
     def _tell_raw(self, surface: str, raw: int | None) -> list[str]:
         if raw is None:
             return []
-        taken = [(name, m.raw[surface]) for name, (m, _) in self._builders.items() if surface in m.raw]
-        for name, signal in taken:
+        for name, signal in self._raw[surface]:
             self._builders[name][1].tell(signal.name, signal.raw(raw))
-        return [name for name, _ in taken]
+        return [name for name, _ in self._raw[surface]]
 
     def _tell_deflection(self, surface: str, deflection: float | None) -> list[str]:
         if deflection is None:
             return []
-        taken = [(name, m.deflection[surface]) for name, (m, _) in self._builders.items() if surface in m.deflection]
-        for name, (signal, factor) in taken:
+        for name, signal, factor in self._deflections[surface]:
             self._builders[name][1].tell(signal.name, signal.raw(deflection / factor))
-        return [name for name, _ in taken]
+        return [name for name, _, _ in self._deflections[surface]]
 
     def _frame(self, message: Message, builder: FrameBuilder) -> bytes | None:
         name = message.layout.name
         code = self._codes.get(name, 0)
-        own = {NODE_ID: message.node_id, COUNTER: code} | _others(message)
-        frame = builder.frame(own)
+        frame = builder.frame({COUNTER: code} | self._fixed[name])
         if frame is not None and message.counter is not None:
             self._codes[name] = (code + 1) % message.counter.modulus
         return frame

@@ -107,8 +107,9 @@ class Encoder:
 
     def encode(self, measurement: Measurement) -> list[bytes]:
         """See the contract."""
-        if measurement.stamp != self._now:
-            self._now, self._epoch = measurement.stamp, self._epoch + 1
+        stamp = measurement.stamp
+        if stamp is not self._now and stamp != self._now:
+            self._now, self._epoch = stamp, self._epoch + 1
         self._latest.keep(measurement)
         return [
             self._frame(name, measurement, make(measurement, self._latest))

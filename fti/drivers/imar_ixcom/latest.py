@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from fti.drivers.imar_ixcom.readings import or_nan
 from fti.drivers.imar_ixcom.status import HEALTHY
@@ -38,5 +38,5 @@ class Latest:
 
     def of(self, kind: type[M], stamp: Stamp) -> M | None:
         """The newest one of a class, if it has this stamp."""
-        found = self._newest.get(kind)
-        return found if isinstance(found, kind) and found.stamp == stamp else None
+        found: Any = self._newest.get(kind)
+        return found if found is not None and (found.stamp is stamp or found.stamp == stamp) else None

@@ -52,6 +52,7 @@ def decode_status(status: int) -> tuple[str, ...]:
     return (*flags, ALIGNMENT[status >> 12 & 3], QUALITY[status >> 14 & 3])
 
 
+@lru_cache(maxsize=256)
 def encode_status(flags: tuple[str, ...]) -> int:
     """The status word; alignment and position quality are good where the flags do not name them."""
     status = sum(1 << bit for bit, name in enumerate(STATUS_FLAGS) if name in flags)
@@ -116,6 +117,7 @@ def decode_word(word: int, names: Names) -> tuple[str, ...]:
     return tuple(name for bit, name in enumerate(names) if word >> bit & 1)
 
 
+@lru_cache(maxsize=256)
 def encode_word(flags: tuple[str, ...], names: Names) -> int:
     """The word in which the bits that the flags name are set."""
     return sum(1 << bit for bit, name in enumerate(names) if name in flags)

@@ -32,7 +32,9 @@ class DeviceClock:
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
         """The measurements of t [s] with the time of this clock."""
-        error_ns = round(self.error_s(t) * SECOND_NS) if self._faults else 0
+        if not self._faults:
+            return measurements
+        error_ns = round(self.error_s(t) * SECOND_NS)
         if not error_ns:
             return measurements
         return [replace(m, stamp=_moved(m.stamp, error_ns)) for m in measurements]

@@ -24,18 +24,20 @@ from pydantic import Field
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, pressure_altitude
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.errors import lagged, slow, white
+from fti.hil.sensors.quick import (
+    new_airspeed,
+    new_flow_angles,
+    new_impact_pressure,
+    new_pressure_altitude,
+    new_static_pressure,
+    new_temperature,
+)
 from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import HEAT_RATIO, World, calibrated_airspeed, impact_pressure
 from fti.service.binding import BoundDevice
 from fti.types import (
-    Airspeed,
-    FlowAngles,
-    ImpactPressure,
     Measurement,
-    PressureAltitude,
     Stamp,
-    StaticPressure,
-    Temperature,
 )
 
 Array = NDArray[np.float64]
@@ -82,19 +84,25 @@ class AirData:
         set_hpa = settings.altimeter_hpa
         self.setting_pa = world.atmosphere.qnh if set_hpa is None else 100.0 * set_hpa
         self._at_setting = float(pressure_altitude(self.setting_pa))
+        said = (self.p_static, self.q_c, pressure_altitude(self.p_static), calibrated_airspeed(self.q_c))
+        self._rows = np.column_stack([*said, self.tas, self.temperature, self.aoa, self.aos])
+
+    def pressures(self, k: int) -> tuple[float, float, float]:
+        """Static and impact pressure [Pa] and static temperature [K] of sample k."""
+        p_static, q_c, _, _, _, temperature, _, _ = self._rows[k].tolist()
+        return p_static, q_c, temperature
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """All that an air-data computer says: altitude at the standard setting, then at the crew's."""
-        p_static, q_c = float(self.p_static[k]), float(self.q_c[k])
-        alt_press, cas = float(pressure_altitude(p_static)), float(calibrated_airspeed(q_c))
+        p_static, q_c, alt_press, cas, tas, temperature, aoa, aos = self._rows[k].tolist()
         return [
-            StaticPressure(stamp=stamp, p_static=p_static),
-            ImpactPressure(stamp=stamp, q_c=q_c),
-            PressureAltitude(stamp=stamp, alt_press=alt_press, setting_pa=STANDARD_PA),
-            PressureAltitude(stamp=stamp, alt_press=alt_press - self._at_setting),
-            Airspeed(stamp=stamp, cas=cas, ias=cas, tas=float(self.tas[k])),
-            Temperature(stamp=stamp, static=float(self.temperature[k])),
-            FlowAngles(stamp=stamp, aoa=float(self.aoa[k]), aos=float(self.aos[k])),
+            new_static_pressure(stamp=stamp, p_static=p_static),
+            new_impact_pressure(stamp=stamp, q_c=q_c),
+            new_pressure_altitude(stamp=stamp, alt_press=alt_press, setting_pa=STANDARD_PA),
+            new_pressure_altitude(stamp=stamp, alt_press=alt_press - self._at_setting),
+            new_airspeed(stamp=stamp, cas=cas, ias=cas, tas=tas),
+            new_temperature(stamp=stamp, static=temperature),
+            new_flow_angles(stamp=stamp, aoa=aoa, aos=aos),
         ]
 
 

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.sensors.errors import white
+from fti.hil.sensors.quick import new_radio_height, new_range, new_reading, new_status
 from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.service.binding import BoundDevice
-from fti.types import DeviceStatus, Measurement, RadioHeight, Range, Reading, Stamp
+from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 
@@ -47,16 +48,16 @@ class RadarAltimeter:
             heights = world.returns(instrument, t, bound.device).slant_range
         else:
             heights = world.radar_ranges(t, beam, bound.device)
-        self._heights = heights + white(t, self.NOISE_SD, rng)
+        self._heights = (heights + white(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status, then height."""
-        height = float(self._heights[k])
+        height = self._heights[k]
         locked = self._range[0] <= height <= self._range[1]
         flags = ("in_air",) if locked else ("in_air", "unlocked")
         return [
-            DeviceStatus(stamp=stamp, ok=locked, flags=flags),
-            RadioHeight(stamp=stamp, height_agl=max(height, 0.0) if locked else None, valid=locked),
+            new_status(stamp=stamp, ok=locked, flags=flags),
+            new_radio_height(stamp=stamp, height_agl=max(height, 0.0) if locked else None, valid=locked),
         ]
 
 
@@ -76,14 +77,14 @@ class LaserAltimeter:
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         limits = bound.device.altimeter
         self._range = limits.range_m if limits else self.RANGE_M
-        self._ranges = world.laser_ranges(t, bound.device) + white(t, self.NOISE_SD, rng)
+        self._ranges = (world.laser_ranges(t, bound.device) + white(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Strength of the return, then range; NaN is no return."""
-        slant_range = float(self._ranges[k])
+        slant_range = self._ranges[k]
         seen = self._range[0] <= slant_range <= self._range[1]
         strength = min(1.0, (self.FULL_STRENGTH_M / slant_range) ** 2) if seen else 0.0
         return [
-            Reading(stamp=stamp, name="first_strength", value=100.0 * strength, unit="%"),
-            Range(stamp=stamp, slant_range=slant_range if seen else None, valid=seen),
+            new_reading(stamp=stamp, name="first_strength", value=100.0 * strength, unit="%"),
+            new_range(stamp=stamp, slant_range=slant_range if seen else None, valid=seen),
         ]

@@ -20,16 +20,13 @@ from fti.hil.sensors.errors import slow
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import declination
+from fti.hil.sensors.quick import new_deviation, new_reading, new_status, new_temperature
 from fti.hil.sensors.settings import settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import (
-    Deviation,
-    DeviceStatus,
     Measurement,
-    Reading,
     Stamp,
-    Temperature,
     TimeScale,
 )
 
@@ -51,6 +48,17 @@ UNITS = {
     "vertical_integrity_limit": "m",
 }
 
+#: What its inertial sensors say besides the attitude; accelerations forward, right, up.
+INERTIAL = (
+    "magnetic_heading",
+    "roll_rate",
+    "pitch_rate",
+    "yaw_rate",
+    "longitudinal_acceleration",
+    "lateral_acceleration",
+    "normal_acceleration",
+    "inertial_altitude",
+)
 #: Mode 01100 is navigation, 01000 acquisition (label 273; Esterline CMA-5024).
 NAVIGATING, ACQUIRING = 12.0, 8.0
 #: Integrity limits against sigma, horizontal (non-precision approach) and vertical: RTCA DO-229, J.2.1.
@@ -70,15 +78,18 @@ class IlsReceiver:
         s, y = path.along(state.lat, state.lon)
         to_antenna = path.airfield.runway_length_m + self.ANTENNA_BEHIND_RUNWAY_M
         distance = np.maximum(s - path.x_gpi + to_antenna, 1.0)
-        self._localizer = -self.DDM_PER_M * y * to_antenna / distance + slow(t, self.LOCALIZER_BEND, self.BEND_S, rng)
+        localizer = -self.DDM_PER_M * y * to_antenna / distance + slow(t, self.LOCALIZER_BEND, self.BEND_S, rng)
         elevation = np.arctan2(state.alt - path.alt_path(0.0), s)
         glide = self.DDM_AT_012_GLIDE * (elevation - path.glide) / (0.12 * path.glide)
-        self._glide = np.where(s > 0.0, glide + slow(t, self.GLIDE_BEND, self.BEND_S, rng), np.nan)
+        glide = np.where(s > 0.0, glide + slow(t, self.GLIDE_BEND, self.BEND_S, rng), np.nan)
+        self._deviations = np.column_stack([localizer, glide])
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Both deviations; over the runway there is no glide slope."""
-        glide = None if np.isnan(self._glide[k]) else float(self._glide[k])
-        return [Deviation(stamp=stamp, localizer_ddm=float(self._localizer[k]), glide_slope_ddm=glide)]
+        localizer, glide = self._deviations[k].tolist()
+        return [
+            new_deviation(stamp=stamp, localizer_ddm=localizer, glide_slope_ddm=None if math.isnan(glide) else glide)
+        ]
 
 
 class ArincUnit:
@@ -92,9 +103,11 @@ class ArincUnit:
         self._avionics = Avionics(bound, world, t, rng)
         self._receivers = (Interrogator(state, world, t, rng), IlsReceiver(state, world, t, rng))
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
-        self._force, self._rates = inertial_samples(grade, state, rng)
-        self._heading = (state.heading - declination(state)) % (2 * np.pi)
-        self._alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
+        force, rates = inertial_samples(grade, state, rng)
+        heading = (state.heading - declination(state)) % (2 * np.pi)
+        alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
+        upward = [1.0, 1.0, -1.0]  # of the normal acceleration: gravity in level flight
+        self._rows = np.column_stack([heading, rates, force * upward, alt_msl])
         options = bound.options
         equipment = chosen_labels(options).equipment if isinstance(options, Options) else None
         self._equipment = {"equipment_id": float(int(equipment, 16))} if equipment else {}
@@ -111,7 +124,7 @@ class ArincUnit:
         readings |= self._inertial(k) | self._equipment
         found += _readings(stamp, readings | self._gnss(k, stamp))
         total = temperature * (1.0 + 0.2 * mach**2)
-        return [*found, Temperature(stamp=stamp, total=total), DeviceStatus(stamp=stamp, ok=True)]
+        return [*found, new_temperature(stamp=stamp, total=total), new_status(stamp=stamp, ok=True)]
 
     def _gnss(self, k: int, stamp: Stamp) -> dict[str, float | None]:
         """What the receiver says of itself; without a fix it computes neither dilution nor limits."""
@@ -129,23 +142,12 @@ class ArincUnit:
         }
 
     def _inertial(self, k: int) -> dict[str, float]:
-        roll_rate, pitch_rate, yaw_rate = map(float, self._rates[k])
-        forward, right, down = map(float, self._force[k])
-        return {
-            "magnetic_heading": float(self._heading[k]),
-            "roll_rate": roll_rate,
-            "pitch_rate": pitch_rate,
-            "yaw_rate": yaw_rate,
-            "longitudinal_acceleration": forward,
-            "lateral_acceleration": right,
-            "normal_acceleration": -down,  # up: gravity in level flight
-            "inertial_altitude": float(self._alt_msl[k]),
-        }
+        return dict(zip(INERTIAL, self._rows[k].tolist(), strict=True))
 
 
 def _readings(stamp: Stamp, values: dict[str, float | None]) -> list[Measurement]:
     """Readings by name; one without a value is not valid."""
     return [
-        Reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
+        new_reading(stamp=stamp, name=name, value=value, unit=UNITS.get(name, ""), valid=value is not None)
         for name, value in values.items()
     ]

@@ -11,18 +11,15 @@ from fti.hil.sensors.errors import white
 from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import inertial_samples
 from fti.hil.sensors.magnetometer import earth_field_b
+from fti.hil.sensors.quick import new_field, new_impact_pressure, new_range, new_sample, new_static_pressure
 from fti.hil.sensors.settings import settings_of
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import (
     DeviceStatus,
-    ImpactPressure,
-    ImuSample,
-    MagneticField,
     Measurement,
     Range,
     Stamp,
-    StaticPressure,
     TimeScale,
 )
 
@@ -49,12 +46,12 @@ class Autopilot:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """What is due in cycle k."""
-        ax, ay, az = map(float, self._accel[k])
-        gx, gy, gz = map(float, self._gyro[k])
-        mx, my, mz = map(float, self._field[k])
+        ax, ay, az = self._accel[k].tolist()
+        gx, gy, gz = self._gyro[k].tolist()
+        mx, my, mz = self._field[k].tolist()
         found: list[Measurement] = [
-            MagneticField(stamp=stamp, field_b=(mx, my, mz)),
-            ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            new_field(stamp=stamp, field_b=(mx, my, mz)),
+            new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
             self._reference.attitude(k, stamp),
         ]
         if self._ranges is not None and k % self.RANGE_EVERY == 0:
@@ -64,8 +61,8 @@ class Autopilot:
             found += [reference.satellites(k, stamp), reference.velocity(k, stamp), reference.position(k, stamp)]
         if k % self.PRESSURE_EVERY == 0:
             found += [
-                ImpactPressure(stamp=stamp, q_c=float(self._air.q_c[k])),
-                StaticPressure(stamp=stamp, p_static=float(self._air.p_static[k])),
+                new_impact_pressure(stamp=stamp, q_c=float(self._air.q_c[k])),
+                new_static_pressure(stamp=stamp, p_static=float(self._air.p_static[k])),
             ]
         if k % self.HEARTBEAT_EVERY == 0:
             found.append(DeviceStatus(stamp=stamp, ok=True, flags=("active", "armed", "auto")))
@@ -73,4 +70,4 @@ class Autopilot:
 
     def _range(self, slant_range: float, stamp: Stamp) -> Range:
         seen = self._limits[0] <= slant_range <= self._limits[1]
-        return Range(stamp=stamp, slant_range=slant_range if seen else None, sd=self.LASER_SD, valid=seen)
+        return new_range(stamp=stamp, slant_range=slant_range if seen else None, sd=self.LASER_SD, valid=seen)

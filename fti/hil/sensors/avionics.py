@@ -12,6 +12,7 @@ from fti.hil.flight.trajectory import State
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import RadarAltimeter
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.quick import new_attitude
 from fti.hil.sensors.reception import NAVIGATION, Reception
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -33,16 +34,16 @@ class Reference:
     ATTITUDE_SD, HEADING_SD = np.deg2rad(0.3), np.deg2rad(0.8)
 
     def __init__(self, bound: BoundDevice, state: State, world: World, t: Array, rng: np.random.Generator) -> None:
-        self.roll = state.roll + slow(t, self.ATTITUDE_SD, 60.0, rng)
-        self.pitch = state.pitch + slow(t, self.ATTITUDE_SD, 60.0, rng)
-        self.heading = (state.heading + slow(t, self.HEADING_SD, 60.0, rng)) % (2 * np.pi)
+        roll = state.roll + slow(t, self.ATTITUDE_SD, 60.0, rng)
+        pitch = state.pitch + slow(t, self.ATTITUDE_SD, 60.0, rng)
+        heading = (state.heading + slow(t, self.HEADING_SD, 60.0, rng)) % (2 * np.pi)
+        self._rpy = np.column_stack([roll, pitch, heading])
         self._receiver = Reception(bound, NAVIGATION, world, t, rng)
 
     def attitude(self, k: int, stamp: Stamp) -> Attitude:
         """Roll, pitch and heading of sample k."""
-        return Attitude(
-            stamp=stamp, roll=float(self.roll[k]), pitch=float(self.pitch[k]), heading=float(self.heading[k])
-        )
+        roll, pitch, heading = self._rpy[k].tolist()
+        return new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading)
 
     def position(self, k: int, stamp: Stamp) -> Position:
         """Position of sample k: that of the receiver."""
@@ -71,7 +72,7 @@ class Avionics:
 
     def air(self, k: int) -> tuple[float, float, float]:
         """Static and impact pressure [Pa] and static temperature [K] of sample k."""
-        return float(self._air.p_static[k]), float(self._air.q_c[k]), float(self._air.temperature[k])
+        return self._air.pressures(k)
 
     @property
     def setting_pa(self) -> float:

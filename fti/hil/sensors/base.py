@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.drivers import Encoder
+from fti.drivers._quick import quick_stamp
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import State
+from fti.hil.sensors.quick import new_stamp
 from fti.hil.tables.schema import SensorSettings
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
@@ -77,6 +79,7 @@ class Sensor:
                 f"{world.scenario.title}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
                 f"the first one would be after {shift_s:g} s"
             )
+        self._times: list[float] = self.t.tolist()
         jitter_s = np.abs(rng.normal(0.0, 1e-3 * _given(settings.jitter_ms, JITTER_SD_MS), len(self.t)))
         latency_s = 1e-3 * _given(settings.latency_ms, device.latency_ms)
         self.due = np.maximum.accumulate(self.t + latency_s + jitter_s)
@@ -87,7 +90,7 @@ class Sensor:
 
     def measure(self, k: int, start_ns: int) -> list[Measurement]:
         """Measurements of sample k of a flight that began at start_ns (FTI time)."""
-        return self.model.measure(k, self._stamp(float(self.t[k]), start_ns))
+        return self.model.measure(k, self._stamp(self._times[k], start_ns))
 
     def restart(self, t: float) -> None:
         """It gets power again at t [s]: what it was told is forgotten; what it counts, and its time, begin at 0."""
@@ -98,8 +101,8 @@ class Sensor:
         true_ns = start_ns + round(t * SECOND_NS)
         if self._time_scale is TimeScale.BOOT:
             on_s = max(t - self._powered_s, 0.0) * (1.0 + 1e-6 * self.drift_ppm)
-            return Stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
-        return Stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else Stamp(true_ns)
+            return new_stamp(true_ns, round(on_s * SECOND_NS), TimeScale.BOOT)
+        return new_stamp(true_ns, true_ns, TimeScale.UTC) if self._time_scale else quick_stamp(true_ns)
 
 
 def _given(setting: float | None, otherwise: float) -> float:

@@ -35,10 +35,11 @@ from fti.drivers.deflection_pickups.table import HIGHEST_RAW, Table, read_tables
 from fti.hil.flight.coordinated import TRIM_AOA
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.errors import play, white
+from fti.hil.sensors.quick import new_deflection
 from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import Measurement, Stamp, SurfaceDeflection
+from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 
@@ -148,7 +149,7 @@ class DeflectionPickups:
         angles = deflections(world.state(t), world.surfaces(t))
         tables = factory_tables(angles) | read_tables(getattr(bound.options, "calibration", ""), angles)
         settings = settings_of(PickupSettings, world.scenario, bound.device.name)
-        self._raw = {s: self._counts(tables[s], angles[s], settings, rng) for s in angles}
+        self._raw = {s: self._counts(tables[s], angles[s], settings, rng).tolist() for s in angles}
 
     def _counts(
         self, table: Table, angle: Array, settings: PickupSettings, rng: np.random.Generator
@@ -159,9 +160,7 @@ class DeflectionPickups:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Every sensor; a bus sends those that it has."""
-        return [
-            SurfaceDeflection(stamp=stamp, surface=s, deflection=None, raw=int(raw[k])) for s, raw in self._raw.items()
-        ]
+        return [new_deflection(stamp=stamp, surface=s, deflection=None, raw=raw[k]) for s, raw in self._raw.items()]
 
 
 def table_error(table: Table, angle: Array, shares: Array) -> Array:

@@ -26,9 +26,10 @@ from numpy.typing import NDArray
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.errors import slow
+from fti.hil.sensors.quick import new_dme_range
 from fti.hil.world import World
 from fti.terrain.outcome import Outcome
-from fti.types import DmeRange, Measurement, Stamp
+from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -41,6 +42,7 @@ STATIONS_M = (
     (-18_000.0, -44_000.0, 600.0),
     (9000.0, 71_000.0, 90.0),
 )
+STATIONS = tuple(f"dme_{n}" for n, _ in enumerate(STATIONS_M, 1))
 STATION_SD, STATION_PERIOD_S = 0.05 * NAUTICAL_MILE, 3600.0
 INTERROGATOR_SD, INTERROGATOR_PERIOD_S, REPLY_SD = 0.085 * NAUTICAL_MILE, 120.0, 15.0
 REPLIES, SCAN_S, MEMORY_S, SEARCH_S = 0.7, 0.1, 10.0, 1.0
@@ -54,14 +56,14 @@ class Interrogator:
         asked = np.arange(0.0, world.duration, SCAN_S)
         at = np.clip(np.searchsorted(asked, t, side="right") - 1, 0, None)
         there = world.state(asked)
-        self._ranges = [_told(asked, *sight(there, world, station), rng)[at] for station in STATIONS_M]
+        self._ranges = np.column_stack([_told(asked, *sight(there, world, s), rng)[at] for s in STATIONS_M])
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The four ranges of sample k; of a station that is not locked, none."""
-        told = [(n, float(r[k])) for n, r in enumerate(self._ranges, 1)]
+        told = zip(STATIONS, self._ranges[k].tolist(), strict=True)
         return [
-            DmeRange(stamp=stamp, station=f"dme_{n}", slant_range=None if math.isnan(r) else r, valid=not math.isnan(r))
-            for n, r in told
+            new_dme_range(stamp=stamp, station=name, slant_range=None if math.isnan(r) else r, valid=not math.isnan(r))
+            for name, r in told
         ]
 
 

@@ -21,16 +21,18 @@ from fti.hil.sensors.inertial_solution import (
     BARO_PERIOD_S,
     BARO_SD,
     InertialSettings,
+    Told,
     Unit,
     alone_times,
     doubts_of,
     held,
     left_alone,
 )
+from fti.hil.sensors.quick import new_attitude, new_position, new_sample, new_velocity
 from fti.hil.sensors.settings import settings_of
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
-from fti.types import Attitude, ImuSample, Measurement, Position, Stamp, TimeScale, Velocity
+from fti.types import Measurement, Position, Stamp, TimeScale
 
 Array = NDArray[np.float64]
 
@@ -80,50 +82,51 @@ class InertialNavigation:
         faults, doubts = GnssFaults(name, world.scenario.fault), doubts_of(settings.grade)
         told, (own,) = held(state, doubts, faults.offset_n(t), rng), rng.spawn(1)
         unit = _unit(settings.grade, world, t, own)
-        self._accel, self._gyro = unit.force_b[:: unit.every], unit.rate_b[:: unit.every]
-        self._told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
-        self._arm = _beside(state, bound)
-        self._arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
-        self._undulation = world.undulation
-        self._aids = Aids(bound, world, t, rng, told=self._told)
+        inertial = unit.force_b[:: unit.every], unit.rate_b[:: unit.every]
+        told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
+        self._alone, self._undulation = told.alone.tolist(), world.undulation
+        arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
+        self._rows = np.column_stack([*inertial, *_said(told, _beside(state, bound), arm_vel_n)])
+        self._aids = Aids(bound, world, t, rng, told=told)
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Inertial sample, attitude, velocity, position: the content of one message; then what is due more seldom."""
-        ax, ay, az = map(float, self._accel[k])
-        gx, gy, gz = map(float, self._gyro[k])
+        row = self._rows[k].tolist()
+        ax, ay, az, gx, gy, gz, roll, pitch, heading, north, east, down, *place, h_sd, v_sd, velocity_sd = row
         return [
             *self._news(k, stamp),
-            ImuSample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
-            *self._solution(k, stamp),
+            new_sample(stamp=stamp, accel_b=(ax, ay, az), gyro_b=(gx, gy, gz)),
+            new_attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
+            new_velocity(stamp=stamp, north=north, east=east, down=down, sd=velocity_sd),
+            self._position(stamp, *place, horizontal_sd=h_sd, vertical_sd=v_sd),
             *self._aids.measure(k, stamp),
         ]
 
     def _news(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Its status, where it loses or finds its satellites: every message has it from then on."""
-        alone = self._told.alone
-        before = alone[k - 1] if k else False
-        return [status(stamp, alone=bool(alone[k]))] if alone[k] != before else []
+        alone = self._alone[k]
+        return [status(stamp, alone=alone)] if alone != (self._alone[k - 1] if k else False) else []
 
-    def _solution(self, k: int, stamp: Stamp) -> list[Measurement]:
-        said, deviations = self._told.solution, self._told.deviations[k]
-        roll, pitch, heading = map(float, said.rpy[k])
-        north, east, down = map(float, said.vel_n[k] + self._arm_vel_n[k])
-        places = zip((said.lat, said.lon, said.alt), self._arm, strict=True)
-        lat, lon, alt = (float(at[k] + arm[k]) for at, arm in places)
-        return [
-            Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading),
-            Velocity(stamp=stamp, north=north, east=east, down=down, sd=float(deviations[3])),
-            Position(
-                stamp=stamp,
-                lat=lat,
-                lon=lon,
-                alt=alt,
-                alt_msl=alt - self._undulation,
-                undulation=self._undulation,
-                horizontal_sd=float(deviations[0]),
-                vertical_sd=float(deviations[2]),
-            ),
-        ]
+    def _position(
+        self, stamp: Stamp, lat: float, lon: float, alt: float, *, horizontal_sd: float, vertical_sd: float
+    ) -> Position:
+        return new_position(
+            stamp=stamp,
+            lat=lat,
+            lon=lon,
+            alt=alt,
+            alt_msl=alt - self._undulation,
+            undulation=self._undulation,
+            horizontal_sd=horizontal_sd,
+            vertical_sd=vertical_sd,
+        )
+
+
+def _said(told: Told, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
+    """Columns of the solution at the device, as ``InertialNavigation.measure`` takes them."""
+    said = told.solution
+    places = (at + beside for at, beside in zip((said.lat, said.lon, said.alt), arm, strict=True))
+    return said.rpy, said.vel_n + arm_vel_n, *places, told.deviations[:, [0, 2, 3]]
 
 
 def _unit(grade: GradeName, world: World, t: Array, rng: np.random.Generator) -> Unit:

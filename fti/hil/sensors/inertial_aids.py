@@ -68,7 +68,7 @@ class Aids:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """What is due with sample k."""
-        return [m for every, measure in self._aids if k % every == 0 for m in measure(k, stamp)]
+        return [m for every, measure in self._aids if k % every == 0 for m in measure(k, stamp)] if self._aids else []
 
 
 def _receiver(reference: Reference) -> Measure:

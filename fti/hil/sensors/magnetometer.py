@@ -21,11 +21,12 @@ from pydantic import Field
 from fti.geodesy.magnetic import magnetic_field_n
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.trajectory import State
+from fti.hil.sensors.quick import new_field
 from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.tables.bases import NotNegative
 from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
-from fti.types import MagneticField, Measurement, Stamp
+from fti.types import Measurement, Stamp
 
 Array = NDArray[np.float64]
 
@@ -80,5 +81,5 @@ class Magnetometer:
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The field in the axes of the case."""
-        x, y, z = map(float, self._field[k])
-        return [MagneticField(stamp=stamp, field_b=(x, y, z))]
+        x, y, z = self._field[k].tolist()
+        return [new_field(stamp=stamp, field_b=(x, y, z))]

@@ -30,6 +30,7 @@ from fti.geodesy.wgs84 import ecef_from_geodetic, radii
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.constellation import Constellation, dilution
+from fti.hil.sensors.quick import new_position, new_satellites, new_velocity
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.terrain.outcome import Outcome
@@ -123,9 +124,11 @@ class Reception:
         sd_n = sd_n[self._at]
         stated = np.where(np.isnan(degraded[:, [0, 0, 1]]), sd_n, degraded[:, [0, 0, 1]])
         share = np.divide(stated, sd_n, out=np.ones_like(sd_n), where=self.fix[:, None])
-        self._found = _moved(self.place, share * _joined(knots, t, error_n))
+        found = _moved(self.place, share * _joined(knots, t, error_n))
+        horizontal_sd = np.hypot(stated[:, 0], stated[:, 1]) / math.sqrt(2.0)
+        self._places = np.column_stack([found, horizontal_sd, stated[:, 2]])
         self._vel_found = self.vel_n + _joined(knots, t, vel_error_n)
-        self._horizontal_sd, self._vertical_sd = np.hypot(stated[:, 0], stated[:, 1]) / math.sqrt(2.0), stated[:, 2]
+        self._has_fix, self._knot = self.fix.tolist(), self._at.tolist()
 
     def tracked(self, k: int) -> Mask:
         """Which satellites are used at sample k, in the order of the constellation."""
@@ -133,31 +136,31 @@ class Reception:
 
     def position(self, k: int, stamp: Stamp) -> Position:
         """Position of sample k, with both heights and the undulation between them; without a fix nothing."""
-        if not self.fix[k]:
-            return Position(stamp=stamp, valid=False)
-        lat, lon, alt = map(float, self._found[k])
-        return Position(
+        if not self._has_fix[k]:
+            return new_position(stamp=stamp, valid=False)
+        lat, lon, alt, horizontal_sd, vertical_sd = self._places[k].tolist()
+        return new_position(
             stamp=stamp, lat=lat, lon=lon, alt=alt, alt_msl=alt - self._undulation, undulation=self._undulation,
-            horizontal_sd=float(self._horizontal_sd[k]), vertical_sd=float(self._vertical_sd[k]),
+            horizontal_sd=horizontal_sd, vertical_sd=vertical_sd,
         )  # fmt: skip
 
     def velocity(self, k: int, stamp: Stamp) -> Velocity:
         """Velocity of sample k, in components and as ground speed and track; without a fix nothing."""
-        if not self.fix[k]:
-            return Velocity(stamp=stamp, valid=False)
-        north, east, down = map(float, self._vel_found[k])
-        return Velocity(
+        if not self._has_fix[k]:
+            return new_velocity(stamp=stamp, valid=False)
+        north, east, down = self._vel_found[k].tolist()
+        return new_velocity(
             stamp=stamp, north=north, east=east, down=down, ground_speed=math.hypot(north, east),
-            track=math.atan2(east, north) % (2 * math.pi), sd=self._epochs[self._at[k]].vel_sd,
+            track=math.atan2(east, north) % (2 * math.pi), sd=self._epochs[self._knot[k]].vel_sd,
         )  # fmt: skip
 
     def satellites(self, k: int, stamp: Stamp) -> Satellites:
         """How many satellites are used for sample k, and their dilution of precision; without a fix none."""
-        epoch = self._epochs[self._at[k]]
-        if not self.fix[k]:
-            return Satellites(stamp=stamp, used=0)
+        epoch = self._epochs[self._knot[k]]
+        if not self._has_fix[k]:
+            return new_satellites(stamp=stamp, used=0)
         hdop, vdop, pdop = epoch.dop
-        return Satellites(stamp=stamp, used=epoch.used, hdop=hdop, vdop=vdop, pdop=pdop)
+        return new_satellites(stamp=stamp, used=epoch.used, hdop=hdop, vdop=vdop, pdop=pdop)
 
 
 def _epochs(make: Make, towards: tuple[Array, Array], usable: Mask, rng: np.random.Generator) -> list[Epoch]:
