@@ -26,12 +26,17 @@ RECEIVE_BUFFER = 4 * 2**20
 MEMINFO = struct.Struct("@9I")  # linux/sock_diag.h; the last one is the drop counter
 
 
-def prepare(sock: socket.socket) -> None:
-    """Non-blocking, 4 MiB of receive buffer (as much as is allowed), kernel stamps, drop counter."""
-    sock.setblocking(False)
+def enlarge(sock: socket.socket) -> None:
+    """4 MiB of receive buffer, or as much as is allowed."""
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
     with contextlib.suppress(PermissionError):  # beyond net.core.rmem_max only with CAP_NET_ADMIN
         sock.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, RECEIVE_BUFFER)
+
+
+def prepare(sock: socket.socket) -> None:
+    """Non-blocking, a large receive buffer, kernel stamps, drop counter."""
+    sock.setblocking(False)
+    enlarge(sock)
     sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     sock.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
 

@@ -31,7 +31,7 @@ from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, PortAbsent, PortBusy, PortDenied
 from fti.links._batch import COUNT
 from fti.links._poll import forget, watch
-from fti.links._socket import Arrival, prepare
+from fti.links._socket import Arrival, enlarge, prepare
 from fti.links._thread import ThreadReader
 from fti.links.base import BaseLink, Sink
 from fti.links.can_errors import ControllerWatch, count_error, is_error
@@ -110,6 +110,8 @@ class BusLink(BaseLink):
             self._controller.begin(self._clock.now_ns())
         self._fd = _fileno(self._bus)
         self._queue = self._socket or _socket_at(self._fd)
+        if self._queue:  # a bus of the library may be a socket with the usual queue, a quarter of a second
+            enlarge(self._queue)
         self._arrival = Arrival(self._clock, self.status)
         if self._socket:
             watch(self._fd, self._on_readable)

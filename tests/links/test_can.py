@@ -17,7 +17,7 @@ from fti.canframe import pack_can
 from fti.clock import FakeClock, SystemClock, choose_epoch_ns
 from fti.config import CanLink
 from fti.errors import ConfigError, LinkError, SentInPart
-from fti.links import open_link
+from fti.links import _socket, open_link
 from fti.links._batch import Batch
 from fti.links.can import pack_message, unpack_message
 from fti.types import LinkState
@@ -255,8 +255,9 @@ async def test_multicast_bus_stays_on_this_machine_and_does_not_hear_itself(fake
         assert heard.frames == [FRAMES[1], FRAMES[0]]
 
 
-async def test_frames_that_the_kernel_drops_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A bus of the library may be a socket of its own (udp_multicast)."""
+@pytest.fixture
+def own_socket(monkeypatch: pytest.MonkeyPatch) -> FakeBus:
+    """A bus of the library that is a socket of its own (udp_multicast), with a small queue."""
     made = FakeBus()
     for end in (made.socket, made.other):
         end.close()
@@ -265,13 +266,27 @@ async def test_frames_that_the_kernel_drops_are_counted(monkeypatch: pytest.Monk
     made.socket.bind(("127.0.0.1", 0))
     made.other.connect(made.socket.getsockname())
     monkeypatch.setattr(can, "Bus", lambda *_, **__: made)
+    return made
+
+
+async def test_frames_that_the_kernel_drops_are_counted(own_socket: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_socket, "RECEIVE_BUFFER", 4096)
     async with running(link("udp_multicast")) as (opened, heard):
         for _ in range(500):
-            made.other.send(FRAMES[0])
+            own_socket.other.send(FRAMES[0])
         await until_async(lambda: opened.status.socket_dropped and heard.frames)
         await opened.drain()
         opened._judge()
         assert len(heard.frames) + opened.status.socket_dropped == 500
+
+
+async def test_a_bus_that_is_a_socket_has_a_queue_that_is_enough(own_socket: FakeBus) -> None:
+    """Half a second of 525 frames/s may wait, where nothing but the usual limit of the system is allowed."""
+    async with running(link("udp_multicast")) as (opened, heard):
+        for _ in range(260):
+            own_socket.other.send(FRAMES[0])
+        await until_async(lambda: len(heard.frames) == 260)
+        assert opened.status.socket_dropped == 0
 
 
 async def test_a_frame_that_could_not_be_sent_is_not_waited_for(fake: list[FakeBus]) -> None:

@@ -48,6 +48,7 @@ class PtyEndpoint(LineEndpoint):
         self._attended = asyncio.Event()
         self._unread_since: float | None = None
         self._look_at = 0.0
+        self._looked_at = self._read = 0  # bytes sent until the last look; and read, at least
         self._stale_at: int | None = None  # bytes sent when something was last read away; None: it is read
         self._slave = -1
         self._slave_name = ""
@@ -122,20 +123,29 @@ class PtyEndpoint(LineEndpoint):
         self._fd = self._slave = -1
 
     def _forget_stale(self) -> None:
-        """Read away what nobody has read for STALE_S; told when it begins, and when somebody reads again."""
-        now = self._now()
-        if _unread(self._slave) == 0:
-            self._unread_since = None
-            if self._stale_at is not None and self.sent.bytes > self._stale_at:
-                self._tell(f"{self._name}: is read again")
-                self._stale_at = None
+        """Read away what nobody has read for STALE_S; told when it begins, and when somebody reads again.
+
+        A reader of a busy line may never be seen with nothing left to read: it reads while the count of what it has
+        read grows.  What was sent since the last look is not counted, for the kernel may still hold it back.
+        """
+        now, unread = self._now(), _unread(self._slave)
+        read, self._looked_at = self._looked_at - unread, self.sent.bytes
+        if unread == 0 and self._stale_at is not None and self.sent.bytes > self._stale_at:
+            self._tell(f"{self._name}: is read again")
+            self._stale_at = None
+        if unread == 0 or read > self._read:
+            self._read, self._unread_since = max(read, self._read), None
         elif self._unread_since is None:
             self._unread_since = now
         elif now - self._unread_since > STALE_S:
-            self._drop(_read_away(self._slave))
-            if self._stale_at is None:
-                self._tell(f"{self._name}: nobody has read it for {STALE_S:g} s; what is sent is dropped")
-            self._stale_at, self._unread_since = self.sent.bytes, None
+            self._throw_away()
+
+    def _throw_away(self) -> None:
+        self._drop(_read_away(self._slave))
+        if self._stale_at is None:
+            self._tell(f"{self._name}: nobody has read it for {STALE_S:g} s; what is sent is dropped")
+        self._stale_at = self._read = self.sent.bytes
+        self._unread_since = None
 
 
 def _unread(slave: int) -> int:

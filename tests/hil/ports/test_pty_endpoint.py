@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import os
 import termios
 from collections.abc import AsyncIterator, Callable
@@ -108,6 +109,22 @@ async def test_what_nobody_reads_for_long_is_read_away(tmp_path: Path, monkeypat
             assert line.sent.dropped_bytes >= 3
             await until_async(lambda: reader.more().endswith(b"new"))
             assert not reader.data.startswith(b"old")
+
+
+async def test_a_reader_that_is_never_done_is_a_reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine something is unread at every look, for longer than what nobody reads may lie there."""
+    time = itertools.count(step=far_end.STALE_S / 20)
+    async with endpoint(tmp_path / "line") as line:
+        with Reader(tmp_path / "line") as reader:
+            await line.reader_ready()
+            monkeypatch.setattr(line, "_now", lambda: float(next(time)))
+            line.send(b"0" * 10)
+            for k in range(1, 100):
+                line.send(b"%d" % (k % 10) * 10)
+                await until_async(lambda: far_end._unread(reader.fd) == 20)
+                reader.data += os.read(reader.fd, 10)
+            assert line.sent.dropped_bytes == 0
+            assert reader.data == b"".join(b"%d" % (k % 10) * 10 for k in range(99))
 
 
 async def test_send_all_waits_and_loses_nothing(tmp_path: Path) -> None:
