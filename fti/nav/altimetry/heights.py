@@ -148,16 +148,16 @@ class AltimeterChannel:
         return height.height_agl, height.sd
 
 
-def _by_ground(expected: Expected | Reason | None) -> dict[str, float]:
-    """What the ground says about a sample before it is judged."""
+def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:
+    """What the ground says about a sample before it is judged; None where it cannot tell, as over a hole."""
     if expected is None or isinstance(expected, Reason):
         return {}
     return {
-        "predicted": expected.slant_range,
+        "predicted": _number(expected.slant_range),
+        "dispersion": _number(expected.dispersion),
+        "incidence": _number(expected.incidence),
+        "navigated": _number(expected.height),
         "predicted_sd": expected.range_sd,
-        "dispersion": expected.dispersion,
-        "incidence": expected.incidence,
-        "navigated": expected.height,
         "ground_sd": expected.ground_sd,
     }
 

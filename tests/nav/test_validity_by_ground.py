@@ -1,0 +1,90 @@
+"""Validity live: an altimeter's channel over ground that is known, with holes, edges and sensors that are wrong."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.config import Device
+from fti.nav.altimetry.heights import AltimeterChannel, Reading
+from fti.nav.ground import Ground
+from fti.nav.navigation import NavState
+from fti.nav.sources import AttitudeState, PositionState
+from fti.terrain.terrain import Terrain
+from fti.types import HeightAboveGround, Reason
+
+LAT0, LON0 = math.radians(48.0), math.radians(11.5)
+HEIGHT_M = 150.0
+POSTS = np.arange(-600.0, 601.0, 5.0)
+
+
+def channel(heights: np.ndarray, **altimeter: Any) -> AltimeterChannel:
+    """Over posts [m] around the place; a laser unless told otherwise."""
+    limits = {"kind": "laser", "range_m": (1.0, 400.0), "max_roll_deg": 45.0, **altimeter}
+    device = Device.model_validate(
+        {"name": "altimeter", "link": "line", "driver": "lightware_ascii", "altimeter": limits, "max_age_ms": 500.0}
+    )
+    terrain = Terrain.from_array(heights, 5.0, lat0=LAT0, lon0=LON0, east0=POSTS[0], north0=POSTS[0])
+    made = AltimeterChannel(device)
+    made.give_ground(Ground(terrain, 0.0, "test"))
+    return made
+
+
+def said(of: AltimeterChannel, value: float, roll_deg: float = 0.0, place_sd: float = 0.1) -> HeightAboveGround:
+    """What becomes of a sample 150 m over the place, heading north."""
+    attitude = AttitudeState(math.radians(roll_deg), 0.0, 0.0, 1e-4, 1e-4)
+    position = PositionState(LAT0, LON0, HEIGHT_M, place_sd, 0.1, 0.0, 0.0, 0.0, 0)
+    return of.take(Reading(10, 10, value, 0.1, False), NavState(10, attitude, position, "ins", "ins"))
+
+
+def level() -> np.ndarray:
+    return np.zeros((len(POSTS), len(POSTS)))
+
+
+def test_a_sensor_that_measures_what_is_there_is_valid_and_one_that_does_not_is_not() -> None:
+    laser = channel(level())
+    assert said(laser, 150.2).reasons == ()
+    assert said(laser, 155.2).reasons == (Reason.DEVIATION,)
+    assert said(laser, 75.0).reasons == (Reason.DEVIATION,)  # a cloud
+    assert said(channel(level(), max_deviation_m=6.0), 155.2).reasons == ()
+
+
+def test_a_place_that_is_not_known_makes_no_sensor_wrong() -> None:
+    slope = np.broadcast_to(0.8 * POSTS, (len(POSTS), len(POSTS)))
+    assert said(channel(slope), 158.0).reasons == (Reason.DEVIATION,)
+    assert said(channel(slope), 158.0, place_sd=10.0).reasons == ()
+
+
+def test_a_hole_under_the_aircraft_says_nothing_against_a_beam_beside_it() -> None:
+    holed = level()
+    holed[np.ix_(np.abs(POSTS) < 12.0, np.abs(POSTS) < 12.0)] = np.nan
+    beside = said(channel(holed, max_roll_deg=50.0), 150.0 / math.cos(math.radians(40.0)), roll_deg=40.0)
+    assert beside.reasons == ()
+    assert beside.compensated is None
+    assert said(channel(holed), 150.0).unchecked == (Reason.TERRAIN_HOLE,)
+
+
+def test_a_height_that_is_used_as_it_is_is_held_against_the_navigated_one() -> None:
+    """Banked 30 deg to the right the laser looks to the left, onto the roof of a wood, 20 m over the meadow below."""
+    wood = np.where(np.broadcast_to(POSTS, (len(POSTS), len(POSTS))) < -30.0, 20.0, 0.0)
+    slant = 130.0 / math.cos(math.radians(30.0))
+    assert said(channel(wood), slant, roll_deg=30.0).reasons == ()
+    gated = said(channel(wood, max_nadir_deviation_m=10.0), slant, roll_deg=30.0)
+    assert gated.reasons == (Reason.NOT_NADIR,)
+    assert gated.compensated == pytest.approx(150.0, abs=0.3)  # which a terrain cures
+
+
+def test_a_beam_that_grazes_the_ground_is_refused() -> None:
+    wall = np.where(np.broadcast_to(POSTS, (len(POSTS), len(POSTS))) < -15.0, 60.0, 0.0)
+    seen = said(channel(wall, max_deviation_m=1000.0), 130.0, roll_deg=8.0)
+    assert seen.reasons == (Reason.INCIDENCE,)
+
+
+def test_ground_in_the_beam_that_is_uneven_is_refused() -> None:
+    rough = 60.0 * (np.indices((len(POSTS), len(POSTS))).sum(axis=0) // 8 % 2)
+    radar = channel(rough, kind="radar", beam_deg=80.0, max_deviation_m=1000.0, max_dispersion=0.15)
+    assert said(radar, 120.0).reasons == (Reason.DISPERSION,)
+    assert said(channel(level(), kind="radar", beam_deg=80.0, max_dispersion=0.15), 150.0).reasons == ()
