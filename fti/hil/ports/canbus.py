@@ -11,19 +11,25 @@ import can
 
 from fti.config import CanLink
 from fti.errors import MissingError
+from fti.hil.ports.line import Tell
 from fti.hil.ports.trying import TryingEndpoint
 from fti.links.can import pack_message, unpack_message
 
+#: A bus that takes nothing for so long is no bus with a queue that is full for a moment [s].
+REFUSED_S = 1.0
+
 
 class CanBusEndpoint(TryingEndpoint):
-    """A node on a bus that python-can reaches."""
+    """A node on a bus that python-can reaches.  tell : told when the bus takes nothing any more, and when it does."""
 
     is_stream: ClassVar[bool] = False
 
-    def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]]) -> None:
+    def __init__(self, link: CanLink, respond: Callable[[bytes], list[bytes]], tell: Tell = lambda _: None) -> None:
         super().__init__()
         self._link = link
-        self._respond = respond
+        self._respond, self._tell = respond, tell
+        self._refused_since: float | None = None
+        self._told = False
         self._bus: can.BusABC | None = None
         self._own: Counter[bytes] = Counter()  # frames that this bus will hand back to us
 
@@ -64,17 +70,36 @@ class CanBusEndpoint(TryingEndpoint):
         assert self._bus is not None
         try:
             self._bus.send(unpack_message(data), timeout=0)
-        except can.CanError:
+        except can.CanError as error:
+            self._refused(error)
             return False
+        self._taken()
         if self._link.interface == "udp_multicast":
             self._own[data] += 1
         self.sent.messages += 1
         self.sent.bytes += len(data)
         return True
 
+    def _refused(self, error: can.CanError) -> None:
+        now = asyncio.get_running_loop().time()
+        self._refused_since = now if self._refused_since is None else self._refused_since
+        if not self._told and now - self._refused_since >= REFUSED_S:
+            self._told = True
+            self._tell(f"{self._link.name}: the bus takes nothing: {error}; what is sent is dropped")
+
+    def _taken(self) -> None:
+        self._refused_since = None
+        if self._told:
+            self._told = False
+            self._tell(f"{self._link.name}: the bus takes frames again")
+
     def _receive(self) -> None:
         assert self._bus is not None
-        message = self._bus.recv(timeout=0)
+        try:
+            message = self._bus.recv(timeout=0)
+        except can.CanError as error:  # so a socket tells that its interface went down
+            self._refused(error)
+            return
         if message is None:
             return
         frame = pack_message(message)

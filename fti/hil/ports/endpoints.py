@@ -84,7 +84,8 @@ def make_endpoint(
         slowness = byte_s(link) if paced else 0.0
         return PtyEndpoint(folder / link.name, heard, byte_s=slowness, carries=carries(link), tell=tell)
     if port is not None:
-        return _bus_endpoint(link.model_copy(update={"interface": port.interface, "channel": port.device}), respond)
+        there = link.model_copy(update={"interface": port.interface, "channel": port.device})
+        return _bus_endpoint(there, respond, tell)
     if link.interface == "slcan":
         return SlcanEndpoint(folder / link.name, respond, bitrate=link.bitrate if paced else None, tell=tell)
     if link.interface not in SHARED_INTERFACES:
@@ -92,13 +93,13 @@ def make_endpoint(
             f"link {link.name!r}: interface {link.interface!r} is hardware that only its bus can speak to; "
             f"the emulator offers {', '.join(SHARED_INTERFACES)}"
         )
-    return _bus_endpoint(link, respond)
+    return _bus_endpoint(link, respond, tell)
 
 
-def _bus_endpoint(link: CanLink, respond: Respond) -> Endpoint:
+def _bus_endpoint(link: CanLink, respond: Respond, tell: Tell) -> Endpoint:
     from fti.hil.ports.canbus import CanBusEndpoint  # noqa: PLC0415  few benches have a bus, and python-can is slow to import
 
-    return CanBusEndpoint(link, respond)
+    return CanBusEndpoint(link, respond, tell)
 
 
 def carries(link: SerialLink) -> str:

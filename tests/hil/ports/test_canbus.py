@@ -1,0 +1,96 @@
+"""A bus that goes down, seen from the emulator's node on it."""
+
+from __future__ import annotations
+
+import socket
+from typing import Any
+
+import can
+import pytest
+
+from fti.canframe import pack_can
+from fti.config import CanLink
+from fti.hil.ports import canbus
+from fti.hil.ports.canbus import CanBusEndpoint
+from tests.helpers import until_async
+
+FRAME = pack_can(0x123, b"12345678")
+
+
+class FailingBus:
+    """A bus of python-can that takes nothing while it is down."""
+
+    def __init__(self) -> None:
+        self.down = False
+        self.ours, self.theirs = socket.socketpair()
+
+    def fileno(self) -> int:
+        return self.ours.fileno()
+
+    def _check(self) -> None:
+        if self.down:
+            raise can.CanOperationError("Network is down", 100)
+
+    def send(self, message: can.Message, timeout: float) -> None:
+        self._check()
+
+    def recv(self, timeout: float) -> can.Message | None:
+        self.ours.recv(1)
+        self._check()
+        return None
+
+    def shutdown(self) -> None:
+        self.ours.close()
+        self.theirs.close()
+
+
+@pytest.fixture
+def bus(monkeypatch: pytest.MonkeyPatch) -> FailingBus:
+    made = FailingBus()
+
+    def make(*_: Any, **__: Any) -> FailingBus:
+        return made
+
+    monkeypatch.setattr(can, "Bus", make)
+    return made
+
+
+async def test_a_bus_that_goes_down_is_told_counted_and_used_again(
+    bus: FailingBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(canbus, "REFUSED_S", 0.0)
+    node = CanBusEndpoint(
+        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], told.append
+    )
+    await node.open()
+    try:
+        node.send(FRAME)
+        bus.down = True
+        bus.theirs.send(b"!")  # the socket is readable, and says why
+        await until_async(lambda: told)
+        node.send(FRAME)
+        assert told == ["bus: the bus takes nothing: Network is down [Error Code 100]; what is sent is dropped"]
+        bus.down = False
+        node.send(FRAME)
+        assert told[1:] == ["bus: the bus takes frames again"]
+        assert (node.sent.messages, node.sent.dropped_messages) == (2, 1)
+    finally:
+        node.close()
+
+
+async def test_a_queue_that_is_full_for_a_moment_is_no_news(bus: FailingBus) -> None:
+    told: list[str] = []
+    node = CanBusEndpoint(
+        CanLink(name="bus", kind="can", interface="socketcan", channel="c0"), lambda _: [], told.append
+    )
+    await node.open()
+    try:
+        bus.down = True
+        node.send(FRAME)
+        bus.down = False
+        node.send(FRAME)
+        assert told == []
+        assert node.sent.dropped_messages == 1
+    finally:
+        node.close()
