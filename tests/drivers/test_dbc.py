@@ -22,6 +22,8 @@ from fti.canframe import EXTENDED, pack_can
 from fti.cli.decode import candump_frames
 from fti.config import bind
 from fti.drivers import dbc
+from fti.drivers._dbc import read_layouts
+from fti.drivers._dbc_frames import FrameBuilder
 from fti.drivers._quick import quick_maker, quick_reading, quick_stamp
 from fti.errors import ConfigError
 from fti.service.binding import bind_devices
@@ -117,6 +119,30 @@ def test_every_feature_is_decoded_as_cantools_does(word: int, noise: bytes) -> N
             assert (seen[name].value, seen[name].valid) == (None, False)
         else:
             assert seen[name].value == value or not seen[name].valid
+
+
+@settings(max_examples=settings().max_examples // 3)
+@given(layouts() | st.just(FEATURES), st.data())
+def test_frames_are_built_as_cantools_does(text: str, data: st.DataObject) -> None:
+    layout = data.draw(st.sampled_from(read_layouts(text)))
+    chosen = {
+        s.name: data.draw(
+            st.sampled_from(sorted({c for other in layout.signals if other.selector == s.name for c in other.choices}))
+        )
+        for s in layout.selectors
+    }
+    raw: dict[str, float] = {}
+    for s in layout.selected(chosen):
+        numbers = st.integers(int(s.least), int(s.most)) if not s.is_float else st.floats(-1e4, 1e4, width=16)
+        raw[s.name] = chosen[s.name] if s.name in chosen else data.draw(numbers)
+    builder = FrameBuilder(layout)
+    for name in [*raw][1:]:
+        builder.tell(name, raw[name])
+    first = next(iter(raw))
+    assert builder.frame({}) is None
+    expected = layout.message.encode(raw, scaling=False, strict=False)
+    fd = layout.length > 8
+    assert builder.frame({first: raw[first]}) == pack_can(layout.can_id, expected, extended=layout.extended, fd=fd)
 
 
 @given(st.data())
