@@ -66,13 +66,16 @@ class World:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """along [m]; up of the aircraft [m]; heights above ground [m]: nadir over the model, measured, by the model."""
+    """along [m]; up of the aircraft [m]; heights above ground [m]: nadir over the model, measured, by the model, and
+    what was measured, compensated with that (``fti.nav.altimetry.compensation``).
+    """
 
     along: Array
     up: Array
     nadir: Array
     measured: Array
     model: Array
+    compensated: Array
 
     def mean_squares(self) -> tuple[float, float]:
         """Of model minus measured and of nadir minus measured [m^2]; NaN where a measurement is missing."""
@@ -137,7 +140,10 @@ def fly(world: World, path: Path, antenna: str, rng: Rng) -> Run:
     measured = instrument.measure(world.truth, poses, rng).slant_range
     east, north, up = origins_l.T
     nadir = up - world.dsm.up(east, north)
-    return Run(along, up, nadir, measured, model.measure(world.dsm, poses).slant_range)
+    expected = model.measure(world.dsm, poses)
+    cosine = -(poses.mats_ls[:, 2] * expected.direction_s).sum(axis=-1)
+    compensated = nadir + (measured - expected.slant_range) * cosine
+    return Run(along, up, nadir, measured, expected.slant_range, compensated)
 
 
 def flown(seed: int) -> dict[tuple[str, str], Run]:

@@ -83,7 +83,7 @@ def drawn(model_error: float, terrains: int = 20) -> list[dict[tuple[str, str], 
     runs = []
     for _ in range(terrains):
         nadir, model = rng.normal(0.0, 1.0, 100), rng.normal(0.0, model_error, 100)
-        runs.append({("level", "wide"): Run(zero, zero, nadir, zero, model)})
+        runs.append({("level", "wide"): Run(zero, zero, nadir, zero, model, zero)})
     return runs
 
 

@@ -1,0 +1,77 @@
+"""The approach study in small: the pattern clears its hills, the ratio and its judge; the whole with --scale full."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.figures import write
+from fti.study import _approach_plots, _pattern, approach
+from fti.study._pattern import THRESHOLD_M, make_pattern
+from fti.study._statistics import ratio_bound, ratio_interval
+
+COARSE_S = 6.0
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wide antenna, and a measurement in 6 s."""
+    monkeypatch.setattr(approach, "ANTENNAS", {"wide": approach.ANTENNAS["wide"]})
+    monkeypatch.setattr(approach, "make_pattern", functools.partial(make_pattern, every_s=COARSE_S))
+    monkeypatch.setattr(_pattern, "CELL_M", 20.0)
+    monkeypatch.setattr(_approach_plots, "FINE_S", COARSE_S)
+    monkeypatch.setattr(_approach_plots, "STEP_M", 50.0)
+
+
+@pytest.mark.usefixtures("small")
+def test_one_pattern_holds_and_repeats_itself() -> None:
+    shares: list[float] = []
+    results = approach.study(1, 13, shares.append)
+    assert [result for result in results if not result.holds] == []
+    assert shares == [1.0]
+    by_id = {result.id: result.value for result in results}
+    assert by_id["T13.same"] < by_id["T13.independent"] < by_id["T13.dem"]
+    assert [result.value for result in approach.study(1, 13, shares.append)] == [r.value for r in results]
+
+
+def test_the_pattern_is_the_one_that_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_pattern, "CELL_M", 50.0)
+    for seed in range(approach.SEED, approach.SEED + 6):
+        pattern = make_pattern(seed, 1.0)
+        flight, before = pattern.flight, pattern.flight.t < pattern.flight.t[-1] - 25.0
+        assert flight.origins_l[-1] == pytest.approx([0.0, 0.0, THRESHOLD_M], abs=40.0)
+        assert np.cos(flight.heading[[0, -1]]) == pytest.approx([-1.0, 1.0], abs=1e-6)
+        assert np.degrees(np.abs(flight.roll)).max() < 24.0
+        assert pattern.nadir[before].min() > 20.0
+        assert pattern.nadir.max() < 600.0  # within the altimeter's range
+
+
+def test_the_judge_can_say_no() -> None:
+    good, bad = [(1.0, 100.0)] * 20, [(1.0, 100.0)] * 15 + [(30.0, 100.0)] * 5
+    assert approach._judged(good, "wide", "independent", 1)[0].holds
+    judged = approach._judged(bad, "wide", "independent", 1)[0]
+    assert judged.value < 0.30  # the ratio itself would pass
+    assert not judged.holds
+    assert approach._judged(bad, "narrow", "independent", 1)[0].holds  # reported, not judged
+
+
+def test_the_bound_is_one_sided() -> None:
+    above, below = np.random.default_rng(1).uniform(0.5, 1.5, (2, 20))
+    bound = ratio_bound(above, below, np.random.default_rng(2))
+    low, high = ratio_interval(above, below, np.random.default_rng(2))
+    assert low < bound < high
+
+
+@pytest.mark.timeout(1800)
+def test_the_whole_study_holds(scale: int, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if scale == 1:  # pictures that cost little
+        request.getfixturevalue("small")
+    else:
+        results = approach.study(approach.RUNS, approach.SEED, lambda share: None)
+        assert [result for result in results if not result.holds] == []
+    for name, draw in approach.drawings(13).items():
+        write(draw, tmp_path / f"{name}.png")
+        assert (tmp_path / f"{name}.png").stat().st_size > 20_000

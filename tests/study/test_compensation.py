@@ -1,0 +1,81 @@
+"""The compensation study in small: its orderings, its judges, its pictures; the whole with --scale full."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.figures import write
+from fti.study import _low_level, compensation
+from fti.study._low_level import Known
+from fti.study.compensation import NEVER_DEG, WAYS, Found, helps_from
+
+FEW = 40
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """40 poses, two beams, three banks."""
+    monkeypatch.setattr(_low_level.fly, "__defaults__", (FEW,))
+    monkeypatch.setattr(compensation, "BANK_POSES", 20)
+    monkeypatch.setattr(compensation, "WIDTHS_DEG", (10, 60))
+    monkeypatch.setattr(compensation, "BANKS_DEG", (0, 30, 60))
+
+
+@pytest.mark.usefixtures("small")
+def test_one_country_holds_and_repeats_itself() -> None:
+    shares: list[float] = []
+    results = compensation.study(1, 21, shares.append)
+    assert [result for result in results if not result.holds] == []
+    assert shares[-1] == 1.0
+    assert len({result.id for result in results}) == len(results)
+    by_id = {result.id: result.value for result in results}
+    assert by_id["laser.all.range"] < 0.2  # the ray itself over the surface itself: the noise is left
+    assert by_id["laser.all.range"] < by_id["laser.dem_error.range"] < by_id["laser.all.attitude"]
+    assert by_id["radar.all.beam"] < by_id["radar.place_error.beam"] < by_id["radar.all.attitude"]
+    assert (by_id["bank.10"], by_id["bank.60"]) == (30, NEVER_DEG)
+    assert by_id["T2"] < 0.7
+    assert [result.value for result in compensation.study(1, 21, shares.append)] == [r.value for r in results]
+
+
+def test_all_ways_have_the_same_poses() -> None:
+    mix = _low_level.fly(21, FEW)
+    mix.measured["radar"][3] = np.nan
+    heights = compensation.compensated(mix, _low_level.predict(mix, Known.ALL, 21))
+    assert set(heights) == {(sensor, way) for sensor in ("laser", "radar") for way in WAYS}
+    assert all(np.isnan(heights["radar", way][3]) for way in WAYS)
+    assert np.isfinite(heights["laser", "raw"][3])
+
+
+def found(beam: float, raw: float) -> Found:
+    mix = {(known, sensor, way): 4.0 for known in Known for sensor in ("laser", "radar") for way in WAYS}
+    mix[Known.ALL, "radar", "beam"], mix[Known.ALL, "radar", "raw"] = beam, raw
+    return Found(mix, np.ones((6, 7, 3)), (4.0, 1.0))
+
+
+def test_the_judge_can_say_no() -> None:
+    better, worse = [found(1.0, 2.0)] * 20, [found(2.0, 1.0)] * 6 + [found(1.0, 2.0)] * 14
+    assert compensation._ordered(better, "radar", "beam", "raw").holds
+    judged = compensation._ordered(worse, "radar", "beam", "raw")
+    assert (judged.value, judged.target, judged.holds) == (14, ">= 17", False)
+    assert not compensation._ordered([found(1.0, 1.0)] * 20, "radar", "beam", "raw").holds
+
+
+def test_where_it_helps_is_where_it_helps_from_there_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compensation, "BANKS_DEG", (0, 10, 20, 30))
+    raw, by = np.array([[5.0, 5.0, 5.0, 5.0]] * 3), np.array([[4.0, 6.0, 4.0, 4.0], [6.0] * 4, [4.0, 4.0, 4.0, 5.0]])
+    assert helps_from(np.stack((raw, by), axis=-1), 1) == [20, NEVER_DEG, NEVER_DEG]
+
+
+@pytest.mark.timeout(1800)
+def test_the_whole_study_holds(scale: int, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    if scale == 1:  # a picture that costs little
+        request.getfixturevalue("small")
+    else:
+        results = compensation.study(compensation.RUNS, compensation.SEED, lambda share: None)
+        assert [result for result in results if not result.holds] == []
+    drawings = compensation.drawings(21)
+    write(drawings["radar"], tmp_path / "radar.png")
+    assert (tmp_path / "radar.png").stat().st_size > 20_000
