@@ -21,11 +21,17 @@ HEIGHT_M = 150.0
 POSTS = np.arange(-600.0, 601.0, 5.0)
 
 
-def channel(heights: np.ndarray, **altimeter: Any) -> AltimeterChannel:
-    """Over posts [m] around the place; a laser unless told otherwise."""
+def channel(heights: np.ndarray, right_m: float = 0.0, **altimeter: Any) -> AltimeterChannel:
+    """Over posts [m] around the place; a laser unless told otherwise, so far to the right of P."""
     limits = {"kind": "laser", "range_m": (1.0, 400.0), "max_roll_deg": 45.0, **altimeter}
     device = Device.model_validate(
-        {"name": "altimeter", "link": "line", "driver": "lightware_ascii", "altimeter": limits, "max_age_ms": 500.0}
+        {
+            "name": "altimeter",
+            "link": "line",
+            "driver": "lightware_ascii",
+            "altimeter": limits,
+            "lever_arm_b": (0.0, right_m, 0.0),
+        }
     )
     terrain = Terrain.from_array(heights, 5.0, lat0=LAT0, lon0=LON0, east0=POSTS[0], north0=POSTS[0])
     made = AltimeterChannel(device)
@@ -61,7 +67,8 @@ def test_a_place_that_is_not_known_makes_no_sensor_wrong() -> None:
 def test_a_hole_under_the_aircraft_says_nothing_against_a_beam_beside_it() -> None:
     holed = level()
     holed[np.ix_(np.abs(POSTS) < 12.0, np.abs(POSTS) < 12.0)] = np.nan
-    beside = said(channel(holed, max_roll_deg=50.0), 150.0 / math.cos(math.radians(40.0)), roll_deg=40.0)
+    beside = said(channel(holed, right_m=20.0, max_nadir_deviation_m=10.0), 150.0)
+    assert beside.predicted == pytest.approx(150.0)
     assert beside.reasons == ()
     assert beside.compensated is None
     assert said(channel(holed), 150.0).unchecked == (Reason.TERRAIN_HOLE,)
