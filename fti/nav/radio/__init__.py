@@ -1,0 +1,1 @@
+"""Position by ranges to satellites and ground stations, and which height to believe."""

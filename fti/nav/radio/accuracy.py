@@ -1,0 +1,71 @@
+"""How accurate a radio altimeter says it is, and which height is the better one.
+
+    sigma_alt^2 = sigma_agl^2 + sigma_dem^2 + (dh/dn, dh/de) P_ne (dh/dn, dh/de)^T
+
+of alt = height above ground + height of the ground above the ellipsoid: the ground's is looked up where one is believed
+to be, so a wrong place on a slope is a wrong height.
+
+Source: Koo, section 3 (choice by predicted accuracy) and table 1 (Honeywell HG9550, greatest errors).  A greatest error
+says nothing of what is within it; taken as uniform between the two ends, sigma is a root of three smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+FOOT_M = 0.3048
+#: Greatest error to sigma.
+UNIFORM = 1.0 / math.sqrt(3.0)
+
+
+class Step(NamedTuple):
+    """Up to a height [m], the greatest error [m] and [of the height]: the sum of both."""
+
+    up_to: float
+    absolute: float
+    relative: float
+
+
+#: Table 1: +-2 ft up to 100 ft, 2 % up to 5000 ft, 100 ft up to 10 000 ft, then 1 %.
+HG9550 = (
+    Step(100.0 * FOOT_M, 2.0 * FOOT_M, 0.0),
+    Step(5000.0 * FOOT_M, 0.0, 0.02),
+    Step(10_000.0 * FOOT_M, 100.0 * FOOT_M, 0.0),
+    Step(math.inf, 0.0, 0.01),
+)
+
+
+class AltitudeSource(StrEnum):
+    """Where a height above the ellipsoid comes from."""
+
+    RANGES = "ranges"  # satellites and DME
+    ALTIMETER = "altimeter"  # radio altimeter over known ground
+
+
+def altimeter_sd(height_agl: ArrayLike, table: Sequence[Step] = HG9550) -> Array:
+    """One sigma [m], shape (...), of heights above ground [m], as a data sheet has it; below zero as at zero."""
+    height = np.maximum(height_agl, 0.0)
+    up_to, absolute, relative = np.array(table).T
+    at = np.minimum(np.searchsorted(up_to, height), len(table) - 1)
+    return np.asarray(UNIFORM * (absolute[at] + relative[at] * height))
+
+
+def choose(ranges_sd: float | None, altimeter_sd: float | None) -> tuple[AltitudeSource, float] | None:
+    """The source whose predicted sigma [m] is the smaller, and that; None where there is neither."""
+    known = [
+        (sd, source)
+        for sd, source in ((ranges_sd, AltitudeSource.RANGES), (altimeter_sd, AltitudeSource.ALTIMETER))
+        if sd is not None and math.isfinite(sd)
+    ]
+    if not known:
+        return None
+    sd, source = min(known, key=lambda entry: entry[0])
+    return source, sd

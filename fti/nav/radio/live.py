@@ -1,0 +1,285 @@
+"""Position and height from what radio gives live: a receiver's fix with its satellites, DME ranges, a radio altimeter.
+
+The receiver's fix stands for its satellites: with the covariance sigma_G^2 (H_G^T H_G)^-1 of the satellites that it
+used it weighs as much as their pseudoranges would, of which no one tells the satellites' places.  A receiver with fewer
+than four satellites has no fix, and what it says of its sky counts for nothing here.
+
+Ranges of the last seconds are moved on with the velocity.  The sigma of the height is predicted with satellites and
+stations, and with the altimeter (over known ground); where the altimeter's is the smaller, its height becomes one more
+observation, else it is left out.  Without satellites it is nearly always taken: stations are on the ground, and ranges
+to them say little of the height.
+
+An observation whose test (what is left over its own sigma) is beyond ``TEST`` is refused, the worst first, as long as
+the others can tell which it is; where they cannot, the position is not valid.  With two stations and no earlier
+position there are two solutions: none is given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.nav.radio.accuracy import AltitudeSource, altimeter_sd, choose
+from fti.nav.radio.least_squares import Altitude, Array, Observation, Place, Slant, Solution, covariance, solve
+from fti.nav.series import SECOND_NS
+from fti.types import Reason
+
+#: A test beyond this is a fault: one in 16 000 of normally distributed ones.
+TEST = 4.0
+#: Equations more than unknowns, so that tests tell which one is wrong.
+TO_ISOLATE = 2
+#: With fewer stations and no earlier position there is more than one solution.
+UNAMBIGUOUS = 3
+FIX, HEIGHT = "satellites", "altimeter"
+
+
+class Station(NamedTuple):
+    """Where a DME station stands: lat, lon [rad], alt above the ellipsoid [m]."""
+
+    lat: float
+    lon: float
+    alt: float
+
+
+@dataclass(frozen=True, slots=True)
+class RadioSettings:
+    """One sigma of a pseudorange and of a DME range [m]; how old a fix, a range, a height and a velocity may be [s]."""
+
+    satellite_sd: float = 3.0
+    dme_sd: float = 222.0
+    fix_age_s: float = 1.5
+    dme_age_s: float = 3.0
+    height_age_s: float = 0.5
+    velocity_age_s: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class RadioState:
+    """Where radio says that P is.
+
+    lat, lon [rad], alt above the ellipsoid [m]; horizontal_sd of each axis, vertical_sd [m]: None without a solution
+    source                   : what the height comes from
+    ranges_sd, altimeter_sd  : sigma of the height that each of the two would have [m]; None where it has none
+    used, refused            : names of stations, ``satellites``, ``altimeter``
+    """
+
+    t_ns: int
+    valid: bool
+    reasons: tuple[Reason, ...]
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    source: AltitudeSource | None = None
+    ranges_sd: float | None = None
+    altimeter_sd: float | None = None
+    used: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+
+
+class _Range(NamedTuple):
+    t_ns: int
+    metres: float
+
+
+class _Fix(NamedTuple):
+    t_ns: int
+    pos_e: Array
+    cov_n: Array
+
+
+class _Height(NamedTuple):
+    t_ns: int
+    alt: float
+    sd: float
+
+
+class RadioNavigation:
+    """Takes what comes, in any order of time, and solves when asked.  stations : those that may be heard, by name."""
+
+    def __init__(self, stations: Mapping[str, Station], settings: RadioSettings | None = None) -> None:
+        self._stations_e = {name: ecef_from_geodetic(*station) for name, station in stations.items()}
+        self._settings = settings or RadioSettings()
+        self._ranges: dict[str, _Range] = {}
+        self._sky: Array | None = None
+        self._fix: _Fix | None = None
+        self._height: _Height | None = None
+        self._velocity: tuple[int, Array] | None = None
+        self._last: tuple[int, Array] | None = None
+
+    # ----------------------------------------------------------------------------------------------------- taking
+
+    def take_satellites(self, azimuth: Array, elevation: Array) -> None:
+        """Directions of the satellites that the receiver uses, shapes (n,) [rad], for the fixes after them."""
+        known = np.isfinite(azimuth) & np.isfinite(elevation)
+        self._sky = fix_covariance(azimuth[known], elevation[known], self._settings.satellite_sd)
+
+    def take_fix(self, t_ns: int, place: Station, horizontal_sd: float | None, vertical_sd: float | None) -> None:
+        """A receiver's position, true at t_ns, and its sigmas, which count where its satellites are not known."""
+        stated = horizontal_sd, horizontal_sd, vertical_sd
+        cov_n = self._sky
+        if cov_n is None and all(sd is not None and 0.0 < sd < math.inf for sd in stated):
+            cov_n = np.diag(np.square(np.array(stated, dtype=np.float64)))
+        newer = self._fix is None or t_ns > self._fix.t_ns
+        if newer and cov_n is not None and all(map(math.isfinite, place)) and abs(place.lat) <= math.pi / 2:
+            self._fix = _Fix(t_ns, ecef_from_geodetic(*place), cov_n)
+
+    def take_velocity(self, t_ns: int, north: float, east: float, down: float) -> None:
+        """Velocity [m/s], true at t_ns."""
+        if all(map(math.isfinite, (north, east, down))) and (self._velocity is None or t_ns > self._velocity[0]):
+            self._velocity = t_ns, np.array([north, east, down])
+
+    def take_dme(self, t_ns: int, station: str, slant_range: float | None) -> None:
+        """A range [m] to a station, true at t_ns; of a station that is not known, or without a range, nothing."""
+        last = self._ranges.get(station)
+        known = station in self._stations_e and slant_range is not None and math.isfinite(slant_range)
+        if known and slant_range is not None and slant_range >= 0.0 and (last is None or t_ns > last.t_ns):
+            self._ranges[station] = _Range(t_ns, slant_range)
+
+    def take_height(self, t_ns: int, height_agl: float, sd: float | None, ground: float, ground_sd: float) -> None:
+        """Height of P above ground [m], true at t_ns, and of the ground there above the ellipsoid [m].
+
+        sd : None takes that of the data sheet (``accuracy.HG9550``)
+        """
+        own = float(altimeter_sd(height_agl)) if sd is None else sd
+        entry = _Height(t_ns, height_agl + ground, math.hypot(own, ground_sd))
+        newer = self._height is None or t_ns > self._height.t_ns
+        if newer and math.isfinite(entry.alt) and 0.0 < entry.sd < math.inf:
+            self._height = entry
+
+    # ------------------------------------------------------------------------------------------------------ telling
+
+    def at(self, t_ns: int) -> RadioState:
+        """The position at t_ns from what is fresh then."""
+        observed = self._observed(t_ns)
+        start_e = self._start(t_ns, observed)
+        if start_e is None:
+            missing = self._missing(observed)
+            return RadioState(t_ns, valid=False, reasons=(*missing, Reason.GEOMETRY) if observed else missing)
+        height = self._height if _fresh(self._height, t_ns, self._settings.height_age_s) else None
+        ranges_sd, height_sd = _height_sd(observed, start_e), height.sd if height else None
+        chosen = choose(ranges_sd, height_sd)
+        source = chosen[0] if chosen else None
+        if height and source is AltitudeSource.ALTIMETER:
+            observed[HEIGHT] = Altitude(height.alt, height.sd)
+        solution, refused, agreed = _solve(observed, start_e)
+        if solution is None:
+            reasons = *self._missing(observed), Reason.GEOMETRY
+            return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=ranges_sd, altimeter_sd=height_sd)
+        if agreed:
+            self._last = t_ns, solution.x[:3]
+        lat, lon, alt = map(float, solution.geodetic())
+        north, east, down = np.diag(solution.cov_n()).tolist()
+        return RadioState(
+            t_ns,
+            valid=agreed,
+            reasons=() if agreed else (Reason.REJECTED,),
+            lat=lat,
+            lon=lon,
+            alt=alt,
+            horizontal_sd=math.sqrt(0.5 * (north + east)),
+            vertical_sd=math.sqrt(down),
+            source=source if HEIGHT in observed else AltitudeSource.RANGES,
+            ranges_sd=ranges_sd,
+            altimeter_sd=height_sd,
+            used=tuple(observed),
+            refused=refused,
+        )
+
+    def _observed(self, t_ns: int) -> dict[str, Observation]:
+        """What is fresh, without the altimeter, moved to t_ns."""
+        s = self._settings
+        observed: dict[str, Observation] = {}
+        if self._fix and _fresh(self._fix, t_ns, s.fix_age_s):
+            lat, lon, _ = geodetic_from_ecef(self._fix.pos_e)
+            turn = mat_en(lat, lon)
+            observed[FIX] = Place(
+                self._fix.pos_e + self._moved(self._fix.t_ns, t_ns, turn), turn @ self._fix.cov_n @ turn.T
+            )
+        for name, entry in sorted(self._ranges.items()):
+            if _fresh(entry, t_ns, s.dme_age_s):
+                moved = self._stations_e[name] + self._moved(entry.t_ns, t_ns, self._turn())
+                observed[name] = Slant(moved[None], np.array([entry.metres]), np.array([s.dme_sd]), clock=False)
+        return observed
+
+    def _start(self, t_ns: int, observed: Mapping[str, Observation]) -> Array | None:
+        """Where the iteration begins: the last position, the fix, or amid three stations and more."""
+        place = observed.get(FIX)
+        if isinstance(place, Place):
+            return place.pos_e
+        if not observed:
+            return None
+        if self._last:
+            return self._last[1] + self._moved(self._last[0], t_ns, self._turn())
+        points = [o.points_e[0] for o in observed.values() if isinstance(o, Slant)]
+        return np.asarray(np.mean(points, axis=0)) if len(points) >= UNAMBIGUOUS else None
+
+    def _turn(self) -> Array:
+        """n to e, about here: a degree of latitude off turns the velocity of a few seconds by metres."""
+        near = self._last[1] if self._last else next(iter(self._stations_e.values()), np.array([1.0, 0.0, 0.0]))
+        lat, lon, _ = geodetic_from_ecef(near)
+        return mat_en(lat, lon)
+
+    def _moved(self, then_ns: int, t_ns: int, turn: Array) -> Array:
+        """How far one has come since then [m], e frame; nothing when the velocity is unknown."""
+        if self._velocity is None or abs(t_ns - self._velocity[0]) > self._settings.velocity_age_s * SECOND_NS:
+            return np.zeros(3)
+        return np.asarray(turn @ self._velocity[1] * ((t_ns - then_ns) / SECOND_NS))
+
+    def _missing(self, observed: Mapping[str, Observation]) -> tuple[Reason, ...]:
+        stations = any(isinstance(o, Slant) for o in observed.values())
+        table = ((Reason.NO_SATELLITES, FIX not in observed), (Reason.NO_DME, not stations))
+        return tuple(reason for reason, so in table if so)
+
+
+def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
+    """Covariance north, east, down [m^2], shape (3, 3), of a fix by satellites in these directions [rad].
+
+    sd : of a pseudorange [m];  None where they do not fix a position.
+    """
+    level = np.cos(elevation)
+    towards_n = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    H = np.concatenate((-towards_n, np.ones((len(towards_n), 1))), axis=-1) / sd
+    normal = H.T @ H
+    if len(H) < 4 or np.linalg.eigvalsh(normal).min() < 1e-8:  # a sigma of 10 km
+        return None
+    return np.asarray(np.linalg.inv(normal)[:3, :3])
+
+
+def _fresh(entry: _Range | _Fix | _Height | None, t_ns: int, age_s: float) -> bool:
+    return entry is not None and abs(t_ns - entry.t_ns) <= age_s * SECOND_NS
+
+
+def _height_sd(observed: Mapping[str, Observation], pos_e: Array) -> float | None:
+    """Sigma of the height that the observations give at a place."""
+    cov = covariance(list(observed.values()), pos_e)
+    if cov is None:
+        return None
+    lat, lon, _ = geodetic_from_ecef(pos_e)
+    down = mat_en(lat, lon)[:, 2]
+    return math.sqrt(down @ cov[:3, :3] @ down)
+
+
+def _solve(observed: dict[str, Observation], start_e: Array) -> tuple[Solution | None, tuple[str, ...], bool]:
+    """The solution without what is refused, which is taken out of ``observed``, and whether the rest agrees."""
+    refused: list[str] = []
+    while True:
+        solution = solve(list(observed.values()), start_e)
+        if solution is None:
+            return None, tuple(refused), False
+        names = [name for name, o in observed.items() for _ in range(3 if isinstance(o, Place) else 1)]
+        tests = np.nan_to_num(np.abs(solution.tests))
+        worst = int(np.argmax(tests))
+        if tests[worst] <= TEST:
+            return solution, tuple(refused), True
+        if len(names) - 3 < TO_ISOLATE:
+            return solution, tuple(refused), False
+        refused.append(names[worst])
+        del observed[names[worst]]

@@ -1,0 +1,199 @@
+"""Radio navigation live: which height is taken, what is refused, and inputs that must not become a position."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fti.geodesy.rotations import mat_en
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.nav.radio.accuracy import AltitudeSource
+from fti.nav.radio.live import RadioNavigation, RadioState, Station, fix_covariance
+from fti.types import Reason
+
+S = 1_000_000_000
+T = 100 * S
+HERE = Station(0.84, 0.2, 1500.0)
+GROUND = 600.0
+STATIONS = {
+    "a": Station(0.843, 0.204, 650.0),
+    "b": Station(0.834, 0.206, 900.0),
+    "c": Station(0.845, 0.19, 1300.0),
+    "d": Station(0.838, 0.191, 620.0),
+}
+AZIMUTH = np.radians([10.0, 80.0, 150.0, 220.0, 300.0])
+ELEVATION = np.radians([70.0, 20.0, 40.0, 15.0, 35.0])
+
+
+def distance(name: str, here: Station = HERE) -> float:
+    return float(np.linalg.norm(ecef_from_geodetic(*STATIONS[name]) - ecef_from_geodetic(*here)))
+
+
+def feed(
+    radio: RadioNavigation, t_ns: int = T, *, fix: bool = True, stations: str = "abcd", height: float | None = 900.0
+) -> RadioState:
+    if fix:
+        radio.take_satellites(AZIMUTH, ELEVATION)
+        radio.take_fix(t_ns, HERE, 3.0, 5.0)
+    for name in stations:
+        radio.take_dme(t_ns, name, distance(name))
+    if height is not None:
+        radio.take_height(t_ns, height, None, GROUND, 2.0)
+    return radio.at(t_ns)
+
+
+def off(state: RadioState) -> float:
+    assert state.lat is not None and state.lon is not None and state.alt is not None
+    found = ecef_from_geodetic(state.lat, state.lon, state.alt)
+    return float(np.linalg.norm(found - ecef_from_geodetic(*HERE)))
+
+
+def test_with_satellites_the_ranges_have_the_better_height() -> None:
+    state = feed(RadioNavigation(STATIONS))
+    cov_n = fix_covariance(AZIMUTH, ELEVATION, 3.0)
+    assert cov_n is not None and state.ranges_sd is not None
+    assert state.valid and state.source is AltitudeSource.RANGES
+    assert state.ranges_sd == pytest.approx(math.sqrt(cov_n[2, 2]), rel=0.01)
+    assert state.altimeter_sd == pytest.approx(math.hypot(18.0 / math.sqrt(3.0), 2.0), rel=1e-6)
+    assert state.vertical_sd == pytest.approx(state.ranges_sd, rel=1e-6)
+    assert off(state) < 1e-2
+    assert state.used == ("satellites", "a", "b", "c", "d")
+
+
+def test_low_above_known_ground_the_altimeter_is_better_than_satellites() -> None:
+    radio = RadioNavigation(STATIONS)
+    radio.take_height(T, 20.0, None, HERE.alt - 20.0, 1.0)
+    state = feed(radio, height=None)
+    assert state.source is AltitudeSource.ALTIMETER
+    assert state.vertical_sd is not None and state.altimeter_sd is not None and state.ranges_sd is not None
+    assert state.vertical_sd < state.altimeter_sd < state.ranges_sd
+    assert "altimeter" in state.used
+
+
+def test_without_satellites_stations_give_the_place_and_the_altimeter_the_height() -> None:
+    radio = RadioNavigation(STATIONS)
+    assert feed(radio, fix=False).ranges_sd is None  # amid the stations they say nothing of the height
+    state = feed(radio, T + S, fix=False)
+    assert state.valid and state.source is AltitudeSource.ALTIMETER
+    assert state.ranges_sd is not None and state.ranges_sd > 500.0
+    assert state.vertical_sd == pytest.approx(state.altimeter_sd, rel=0.01)
+    assert state.horizontal_sd is not None and 100.0 < state.horizontal_sd < 400.0
+    assert off(state) < 1.0
+
+
+def test_two_stations_go_on_from_a_position_and_do_not_begin_with_none() -> None:
+    radio = RadioNavigation(STATIONS)
+    first = feed(radio, fix=False, stations="ab")
+    assert (first.valid, first.reasons) == (False, (Reason.NO_SATELLITES, Reason.GEOMETRY))
+    feed(radio, T + S)
+    later = feed(radio, T + 5 * S, fix=False, stations="ab")
+    assert later.valid
+    assert off(later) < 1.0
+
+
+def test_what_moves_is_moved_on() -> None:
+    """100 m/s: ranges of 2 s ago are those of a place 200 m behind."""
+    radio = RadioNavigation(STATIONS)
+    down = mat_en(HERE.lat, HERE.lon)
+    radio.take_velocity(T, 100.0, 0.0, 0.0)
+    for k, name in enumerate("abcd"):
+        age_s = 0.5 * (k + 1)
+        then_e = ecef_from_geodetic(*HERE) - down[:, 0] * 100.0 * age_s
+        radio.take_dme(T - round(age_s * S), name, float(np.linalg.norm(ecef_from_geodetic(*STATIONS[name]) - then_e)))
+    radio.take_height(T, 900.0, None, GROUND, 2.0)
+    assert off(radio.at(T)) < 3.0
+
+
+def test_a_wrong_range_is_refused_by_name() -> None:
+    radio = RadioNavigation(STATIONS)
+    radio.take_dme(T + 1, "c", distance("c") + 5000.0)
+    state = feed(radio)
+    assert (state.valid, state.refused) == (True, ("c",))
+    assert off(state) < 1e-2
+
+
+def test_a_wrong_fix_is_refused_when_four_stations_and_the_altimeter_say_so() -> None:
+    radio = RadioNavigation(STATIONS)
+    radio.take_satellites(AZIMUTH, ELEVATION)
+    radio.take_fix(T + 1, Station(HERE.lat + 0.002, HERE.lon, HERE.alt), 3.0, 5.0)
+    state = feed(radio, fix=False)
+    assert state.refused[-1:] == ("satellites",) or not state.valid
+    for k in range(20):  # and does not drag the next ones along
+        state = feed(radio, T + (3 + k) * S, fix=False)
+    assert state.valid
+    assert off(state) < 1.0
+
+
+def test_what_cannot_be_told_apart_is_not_valid() -> None:
+    radio = RadioNavigation(STATIONS)
+    feed(radio)
+    radio.take_dme(T + 5 * S + 1, "a", distance("a") + 9000.0)
+    state = feed(radio, T + 5 * S, fix=False, stations="bc")
+    assert (state.valid, state.reasons) == (False, (Reason.REJECTED,))
+
+
+def test_what_is_missing_is_named() -> None:
+    radio = RadioNavigation(STATIONS)
+    assert radio.at(T).reasons == (Reason.NO_SATELLITES, Reason.NO_DME)
+    feed(radio)
+    assert radio.at(T + 60 * S).reasons == (Reason.NO_SATELLITES, Reason.NO_DME)
+    alone = feed(RadioNavigation({}), stations="")
+    assert alone.valid and alone.used == ("satellites",)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1e4])
+def test_what_is_no_measurement_changes_nothing(wrong: float) -> None:
+    radio = RadioNavigation(STATIONS)
+    before = feed(radio)
+    radio.take_dme(T + 1, "a", wrong)
+    radio.take_dme(T + 1, "nowhere", 5000.0)
+    radio.take_dme(T + 1, "a", None)
+    radio.take_fix(T + 1, Station(wrong, 0.2, 1500.0), 3.0, 5.0)
+    if not math.isfinite(wrong):
+        radio.take_velocity(T + 1, wrong, 0.0, 0.0)
+        radio.take_height(T + 1, wrong, None, GROUND, 2.0)
+        radio.take_height(T + 1, 900.0, wrong, GROUND, 2.0)
+        radio.take_height(T + 1, 900.0, 3.0, GROUND, wrong)
+    assert radio.at(T) == before
+
+
+def test_late_and_twice_changes_nothing() -> None:
+    radio = RadioNavigation(STATIONS)
+    before = feed(radio)
+    radio.take_dme(T, "a", distance("a") + 700.0)
+    radio.take_dme(T - S, "b", distance("b") + 700.0)
+    radio.take_fix(T - S, Station(0.85, 0.2, 1500.0), 3.0, 5.0)
+    radio.take_height(T - S, 100.0, None, GROUND, 2.0)
+    assert radio.at(T) == before
+
+
+def test_satellites_in_one_plane_do_not_weigh() -> None:
+    assert fix_covariance(np.zeros(5), np.radians([10.0, 30.0, 50.0, 70.0, 80.0]), 3.0) is None
+    assert fix_covariance(AZIMUTH[:3], ELEVATION[:3], 3.0) is None
+    radio = RadioNavigation(STATIONS)
+    radio.take_satellites(AZIMUTH[:3], ELEVATION[:3])
+    radio.take_fix(T, HERE, 3.0, 5.0)  # what it states counts
+    state = radio.at(T)
+    assert state.vertical_sd == pytest.approx(5.0, rel=1e-6)
+    radio.take_satellites(np.append(AZIMUTH, math.nan), np.append(ELEVATION, 0.3))
+    radio.take_fix(T + 1, HERE, None, None)
+    assert radio.at(T).valid
+
+
+def test_poles_and_the_date_line() -> None:
+    for lat, lon in ((math.pi / 2, 0.0), (-math.pi / 2, 0.0), (0.4, math.pi), (0.4, -math.pi + 1e-9)):
+        here = Station(lat, lon, 1500.0)
+        here_e, turn = ecef_from_geodetic(*here), mat_en(lat, lon)
+        radio = RadioNavigation({})
+        radio._stations_e = {
+            str(k): here_e + turn @ line
+            for k, line in enumerate(np.array([[3e4, 0, 900], [-2e4, 3e4, 500], [0, -4e4, 1000], [1e4, 1e4, 800]]))
+        }
+        for name, point in radio._stations_e.items():
+            radio.take_dme(T, name, float(np.linalg.norm(point - here_e)))
+        radio.take_height(T, 900.0, None, GROUND, 2.0)
+        state = radio.at(T)
+        assert state.valid and state.lat is not None and state.lon is not None and state.alt is not None
+        assert np.linalg.norm(ecef_from_geodetic(state.lat, state.lon, state.alt) - here_e) < 1.0
