@@ -23,6 +23,7 @@ from fti.study import REPORTED, Draw, Progress, Result
 from fti.study._flown import Flown, fly
 from fti.study._scenarios import Scenario, approach, low_level
 from fti.study._statistics import LEVEL, least_positive
+from fti.study.workers import run_all
 
 RUNS = 15
 SEED = 23
@@ -130,10 +131,7 @@ ORDERINGS = (
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """``runs`` flights of each kind over each ground."""
-    flown: list[Run] = []
-    for run in range(runs):
-        flown.append(fly_all(seed + run))
-        progress((run + 1) / runs)
+    flown = run_all(fly_all, range(seed, seed + runs), progress)
     return [pencil_on_level_ground(flown), *(_judged(ordering, flown) for ordering in ORDERINGS), *_reported(flown)]
 
 

@@ -19,12 +19,15 @@ Not shown: the increments of pyins, which is not among what this project install
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.flight.smoothing import Fit, fit
 from fti.study import REPORTED, Draw, Progress, Result
 from fti.study._closure import STEP_S, Closure, close, recorded, s_turns, wandering
+from fti.study.workers import run_all
 
 Array = NDArray[np.float64]
 
@@ -42,13 +45,13 @@ FACTOR = 3.5
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """All three; ``runs`` flights each."""
-    fits, closures, factors = list[Fit](), list[Closure](), list[float]()
-    for run in range(runs):
-        fits.append(fitted(seed, run))
-        closures.append(closed(seed, run))
-        factors.append(least_factor(seed, run))
-        progress((run + 1) / runs)
+    found = run_all(functools.partial(_all_three, seed), range(runs), progress)
+    fits, closures, factors = (list(each) for each in zip(*found, strict=True))
     return [*judge_fits(fits), *judge_closures(closures), _factor(factors)]
+
+
+def _all_three(seed: int, run: int) -> tuple[Fit, Closure, float]:
+    return fitted(seed, run), closed(seed, run), least_factor(seed, run)
 
 
 def fitted(seed: int, run: int) -> Fit:
