@@ -25,6 +25,7 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "### `[device.altimeter]`": (tables.Altimeter, ()),
     "## `[nav]`": (tables.Nav, ()),
     "### `[nav.terrain]`": (tables.TerrainFiles, ()),
+    "### `[nav.filter]`": (tables.Filter, ()),
     "### `[nav.approach]`": (tables.Approach, ()),
     "| key of `[display]`": (tables.Display, ()),
     "| key of `[bus]`": (tables.Bus, ()),

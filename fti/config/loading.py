@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.config.binding import bind
-from fti.config.tables import CanLink, Config, SerialLink, TerrainFiles, UdpLink
+from fti.config.tables import CanLink, Config, Nav, SerialLink, TerrainFiles, UdpLink
 from fti.errors import ConfigError, MissingError
 
 #: What ``[nav.terrain]`` says of files alone.
@@ -65,9 +65,22 @@ def _check_references(config: Config, file: str) -> None:
             if name not in devices:
                 raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
     _check_terrain(config.nav.terrain, file)
+    _check_filter(config.nav, devices, file)
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+
+
+def _check_filter(nav: Nav, devices: list[str], file: str) -> None:
+    if nav.filter is None:
+        return
+    named = {"imu": (nav.filter.imu,), "gnss": nav.filter.gnss, "baro": filter(None, (nav.filter.baro,))}
+    for key, names in named.items():
+        if unknown := [name for name in names if name not in devices]:
+            raise ConfigError(f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_listed(devices)}")
+    if other := [name for name in nav.filter.altimeters if name not in nav.altimeters]:
+        allowed = _listed(nav.altimeters)
+        raise ConfigError(f"{file}: nav.filter.altimeters: {other[0]!r} is not in nav.altimeters; there are {allowed}")
 
 
 def _check_terrain(terrain: TerrainFiles | None, file: str) -> None:

@@ -203,6 +203,24 @@ class Approach(StrictModel):
     alert_v_deg: Positive = 0.35
 
 
+class Filter(StrictModel):
+    """``[nav.filter]``: inertial navigation of our own, when devices give no position, altitude or attitude.
+
+    imu        : the device whose inertial samples are integrated;  unit : its grade
+    gnss       : devices whose positions and velocities aid
+    baro       : the device whose pressure altitude aids
+    altimeters : those whose heights aid over known terrain
+    states     : with or without the biases of the unit
+    """
+
+    imu: Name
+    unit: Literal["navigation", "tactical", "mems"] = "tactical"
+    gnss: tuple[Name, ...] = ()
+    baro: Name | None = None
+    altimeters: tuple[Name, ...] = ()
+    states: Literal[9, 15] = 15
+
+
 class Nav(StrictModel):
     """``[nav]``: roles, each a list of devices in order of preference."""
 
@@ -210,6 +228,7 @@ class Nav(StrictModel):
     position: tuple[Name, ...] = ()
     altimeters: tuple[Name, ...] = ()
     terrain: TerrainFiles | None = None
+    filter: Filter | None = None
     approach: Approach | None = None
 
 

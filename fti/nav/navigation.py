@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
 
 from fti.nav.sources import AttitudeState, PositionState, Source
 from fti.types import Event, NavSolution, Reason
 
+if TYPE_CHECKING:
+    from fti.nav.vertical.fallback import VerticalState
+
 #: After a gap in what arrives, so long is waited before a source is said to be another one or gone [ns].
 SETTLE_NS = 300_000_000
+#: Sources that are no device.
+FILTER, VERTICAL = "filter", "vertical"
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,15 +27,36 @@ class NavState:
     position: PositionState | None
     attitude_source: str | None
     position_source: str | None
+    altitude_source: str | None = None
+
+
+class Fallback(Protocol):
+    """What takes the place of devices."""
+
+    def position(self, t_ns: int) -> PositionState | None:
+        """Position with altitude."""
+
+    def attitude(self, t_ns: int) -> AttitudeState | None:
+        """Attitude."""
+
+    def altitude(self, t_ns: int) -> VerticalState | None:
+        """Altitude alone."""
 
 
 class Navigation:
-    """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer."""
+    """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer.
 
-    def __init__(self, attitude: Sequence[Source], position: Sequence[Source]) -> None:
+    fallback : asked where no device has; it is named FILTER, and VERTICAL for an altitude alone
+    """
+
+    def __init__(
+        self, attitude: Sequence[Source], position: Sequence[Source], fallback: Fallback | None = None
+    ) -> None:
         self._attitude = attitude
         self._position = position
+        self._fallback = fallback
         self._told: dict[str, str | None] = {"attitude": None, "position": None}
+        self._alone = False  # the altitude is that of the vertical channel
         self._after_gap = False
         self._quiet_until_ns = 0
 
@@ -41,16 +68,23 @@ class Navigation:
         """The state at t_ns."""
         attitude, attitude_source = self._find_attitude(t_ns)
         position, position_source = self._find_position(t_ns, attitude)
-        return NavState(t_ns, attitude, position, attitude_source, position_source)
+        altitude_source = position_source if position and position.alt is not None else None
+        if self._fallback and position and position.alt is None and (found := self._fallback.altitude(t_ns)):
+            down = position.down if found.climb is None else -found.climb
+            position = replace(position, alt=found.alt, vertical_sd=found.alt_sd, down=down)
+            altitude_source = VERTICAL
+        return NavState(t_ns, attitude, position, attitude_source, position_source, altitude_source)
 
     def _find_attitude(self, t_ns: int) -> tuple[AttitudeState | None, str | None]:
         for source in self._attitude:
             if found := source.attitude(t_ns):
                 return found, source.name
+        if self._fallback and (found := self._fallback.attitude(t_ns)):
+            return found, FILTER
         return None, None
 
     def _find_position(self, t_ns: int, attitude: AttitudeState | None) -> tuple[PositionState | None, str | None]:
-        """A whole position if any device has one, else the first horizontal one."""
+        """A whole position if any device has one, or the fallback, else the first horizontal one."""
         flat: tuple[PositionState | None, str | None] = (None, None)
         for source in self._position:
             found = source.position(t_ns, attitude)
@@ -58,6 +92,8 @@ class Navigation:
                 return found, source.name
             if found and flat[0] is None:
                 flat = found, source.name
+        if self._fallback and (whole := self._fallback.position(t_ns)):
+            return whole, FILTER
         return flat
 
     def changes(self, state: NavState) -> list[Event]:
@@ -71,6 +107,10 @@ class Navigation:
             _event(state.t_ns, role, self._told[role], now[role]) for role in now if now[role] != self._told[role]
         ]
         self._told = now
+        alone = state.altitude_source == VERTICAL
+        if alone != self._alone:
+            events.append(_altitude_event(state.t_ns, alone))
+            self._alone = alone
         return events
 
 
@@ -80,6 +120,11 @@ def _event(t_ns: int, role: str, before: str | None, now: str | None) -> Event:
     if before is None:
         return Event(t_ns=t_ns, level="info", source="nav", text=f"{role}: from {now}")
     return Event(t_ns=t_ns, level="warning", source="nav", text=f"{role}: from {now} instead of {before}")
+
+
+def _altitude_event(t_ns: int, alone: bool) -> Event:
+    text = "altitude: from the vertical channel" if alone else "altitude: not from the vertical channel any more"
+    return Event(t_ns=t_ns, level="warning" if alone else "info", source="nav", text=text)
 
 
 def solution(state: NavState) -> NavSolution:
@@ -93,6 +138,7 @@ def solution(state: NavState) -> NavSolution:
         reasons=reasons,
         position_source=state.position_source,
         attitude_source=state.attitude_source,
+        altitude_source=state.altitude_source,
         lat=position.lat if position else None,
         lon=position.lon if position else None,
         alt=position.alt if position else None,

@@ -5,11 +5,14 @@ of different links may be out of order by milliseconds; every history is ordered
 
     t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
 
-Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick;
-ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
+Rates: HeightAboveGround per sample; NavSolution and FilterSolution every second tick (25 Hz), moved on to the time of
+the tick; VerticalSolution every tenth; ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing
+new to say is repeated at 2 Hz.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from fti.config import Config
 from fti.nav.altimetry.heights import AltimeterChannel
@@ -18,9 +21,12 @@ from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
 from fti.nav.sources import Source
-from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
+from fti.types import Attitude, Event, ImuSample, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
 
-SOLUTION_TICKS = 2
+if TYPE_CHECKING:
+    from fti.nav.aided import AidedNavigation
+
+SOLUTION_TICKS, VERTICAL_TICKS = 2, 10
 
 
 class Pipeline:
@@ -33,8 +39,11 @@ class Pipeline:
         self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
         unchecked = Reason.TERRAIN_LOADING if roles.terrain else Reason.NO_TERRAIN
         self._altimeters = {name: AltimeterChannel(devices[name], unchecked) for name in roles.altimeters}
+        self._aided = _aided(config)
         self._navigation = Navigation(
-            [self._sources[name] for name in roles.attitude], [self._sources[name] for name in roles.position]
+            [self._sources[name] for name in roles.attitude],
+            [self._sources[name] for name in roles.position],
+            self._aided,
         )
         self._approach = make_channel(config, reference)
         self._ticks = 0
@@ -43,6 +52,8 @@ class Pipeline:
         """The known ground is there from now on; None: there will be none."""
         for channel in self._altimeters.values():
             channel.give_ground(ground)
+        if self._aided:
+            self._aided.give_ground(ground)
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
         """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
@@ -51,6 +62,9 @@ class Pipeline:
             t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
         if isinstance(m, (RadioHeight, Range)):
             return self._feed_altimeter(device, m, t_valid_ns)
+        if self._aided:
+            nav = self._navigation.at(t_valid_ns) if isinstance(m, ImuSample) else None
+            self._aided.feed(device, m, t_valid_ns, nav)
         source = self._sources.get(device)
         if source and isinstance(m, Attitude):
             source.push_attitude(m, t_valid_ns)
@@ -66,6 +80,8 @@ class Pipeline:
             return []
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
+        if self._aided:
+            self._aided.take_height(height, nav)
         return [height, *self._approach.take(height, nav)]
 
     def pass_gap(self) -> None:
@@ -83,4 +99,16 @@ class Pipeline:
         self._ticks += 1
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav))
+        if self._aided and self._ticks % SOLUTION_TICKS == 0:
+            out.append(self._aided.solution(t_ns))
+        if self._aided and self._ticks % VERTICAL_TICKS == 0:
+            out.append(self._aided.vertical_solution(t_ns))
         return out
+
+
+def _aided(config: Config) -> AidedNavigation | None:
+    if config.nav.filter is None:
+        return None
+    from fti.nav.aided import AidedNavigation  # noqa: PLC0415 - numba: not needed without a filter
+
+    return AidedNavigation(config.nav.filter, {device.name: device for device in config.device})

@@ -77,17 +77,13 @@ class Source:
 
     def push_position(self, m: Position, t_ns: int) -> None:
         """Take the parts of a position; the ellipsoidal height from the undulation of the same message if need be."""
-        alt = m.alt
-        if alt is None and m.alt_msl is not None and m.undulation is not None:
-            alt = m.alt_msl + m.undulation
+        alt = ellipsoidal(m)
         parts = (("lat", m.lat, m.horizontal_sd), ("lon", m.lon, m.horizontal_sd), ("alt", alt, m.vertical_sd))
         self._push(t_ns, m.valid, parts)
 
     def push_velocity(self, m: Velocity, t_ns: int) -> None:
         """Take the parts of a velocity; ground speed and track of one message become north and east."""
-        north, east = m.north, m.east
-        if north is None and m.ground_speed is not None and m.track is not None:
-            north, east = m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
+        north, east = level_velocity(m)
         parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
         alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
         self._push(t_ns, m.valid, parts + alone)
@@ -178,6 +174,20 @@ class Source:
         if value.sd is None:
             return None
         return math.hypot(value.sd, self._velocity_sd * value.age_ns / SECOND_NS)
+
+
+def ellipsoidal(m: Position) -> float | None:
+    """Height above the ellipsoid [m], with the undulation of the same message if need be; None when it has none."""
+    if m.alt is None and m.alt_msl is not None and m.undulation is not None:
+        return m.alt_msl + m.undulation
+    return m.alt
+
+
+def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
+    """North and east [m/s], from ground speed and track of the same message if need be."""
+    if m.north is None and m.ground_speed is not None and m.track is not None:
+        return m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
+    return m.north, m.east
 
 
 def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:

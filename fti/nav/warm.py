@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from fti.config import Config
 from fti.nav.altimetry import expected
+from fti.nav.filter.navigator import warm_up as warm_up_filter
 from fti.nav.ground import Ground
 
 
 def warm_up(config: Config, ground: Ground | None) -> None:
     """Compile the kernels, or load them from the cache (seconds on the first start)."""
+    if config.nav.filter:
+        warm_up_filter()
     for name in config.nav.altimeters:
         device = config.find_device(name)
         if device and ground:

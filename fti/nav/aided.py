@@ -1,0 +1,196 @@
+"""Inertial navigation of our own, live: the error-state filter and the vertical channel, fed by devices.
+
+Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude and altimeters over known
+ground, and takes the place of devices that give no position, altitude or attitude any more; the vertical channel gives
+the altitude when the filter gives none either.  Heights of altimeters count once a second: samples that follow see the
+same ground.  Configured by ``[nav.filter]``; without it nothing of this runs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fti.config import Device, Filter
+from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
+from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
+from fti.nav.ground import Ground
+from fti.nav.inertial.errors import UNITS
+from fti.nav.navigation import NavState
+from fti.nav.series import Series
+from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
+from fti.nav.vertical.fallback import VerticalFallback, VerticalState
+from fti.nav.vertical.inertial import Place
+from fti.types import (
+    Attitude,
+    FilterSolution,
+    HeightAboveGround,
+    ImuSample,
+    Measurement,
+    Position,
+    PressureAltitude,
+    Velocity,
+    VerticalSolution,
+)
+
+#: Sigmas of what states none: position, height [m], velocity [m/s], pressure altitude [m].
+POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0
+#: Sigma of a climb that is the slope of positions [m/s].
+CLIMB_SD = 0.5
+#: No altitude, speed or sigma in SI units is larger.
+LARGEST = 1e6
+BOUNDED = (
+    "alt", "alt_msl", "alt_press", "north", "east", "down", "ground_speed", "sd", "horizontal_sd", "vertical_sd"
+)  # fmt: skip
+#: So often a height of one altimeter aids [ns].
+HEIGHT_NS = 1_000_000_000
+
+
+class AidedNavigation:
+    """Filter and vertical channel.  settings : which devices feed them; devices : all, by name"""
+
+    def __init__(self, settings: Filter, devices: dict[str, Device]) -> None:
+        self._settings = settings
+        self._arms = {name: device.lever_arm_b for name, device in devices.items()}
+        self._navigator = Navigator(_model(settings))
+        self._vertical = VerticalFallback()
+        self._ground: Ground | None = None
+        self._place: Place | None = None
+        self._alts = {name: Series() for name in settings.gnss}
+        self._used_ns: dict[str, int] = {}
+        self._climb: tuple[float | None, float | None] = (None, None)
+        self._carrier: str | None = None
+
+    def give_ground(self, ground: Ground | None) -> None:
+        """Heights of altimeters above this ground aid from now on."""
+        self._ground = ground
+
+    # ---------------------------------------------------------------------------------------------------- taking
+
+    def feed(self, device: str, m: Measurement, t_ns: int, nav: NavState | None) -> None:
+        """Take a measurement that was true at t_ns.  nav : the state at that time, for inertial samples"""
+        settings = self._settings
+        if not _conceivable(m):
+            return
+        if isinstance(m, ImuSample) and device == settings.imu:
+            self._take_imu(m, t_ns, nav)
+        elif isinstance(m, Attitude) and m.valid and m.roll is not None and m.pitch is not None:
+            self._navigator.take_attitude(t_ns, m.roll, m.pitch, m.heading)
+        elif device in settings.gnss and isinstance(m, Velocity) and m.valid:
+            self._take_velocity(device, m, t_ns)
+        elif device in settings.gnss and isinstance(m, Position) and m.valid:
+            self._take_position(device, m, t_ns)
+        elif device == settings.baro and isinstance(m, PressureAltitude) and m.valid:
+            self._navigator.take(t_ns, BaroAltitude(m.alt_press, BARO_SD, name=f"{device}.altitude"))
+
+    def _take_imu(self, m: ImuSample, t_ns: int, nav: NavState | None) -> None:
+        if m.accel_b is None or m.gyro_b is None:
+            return
+        self._navigator.take_inertial(t_ns, m.accel_b, m.gyro_b)
+        if nav and nav.position and _conceivable(nav.position):
+            self._place = Place(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
+        if nav and nav.attitude and self._place:  # the last place will do: gravity hardly changes with it
+            self._vertical.take_imu(t_ns, m.accel_b, nav.attitude.roll, nav.attitude.pitch, self._place)
+
+    def _take_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
+        north, east = level_velocity(m)
+        self._climb = (-m.down if m.down is not None else None, m.sd)
+        if north is None or east is None:
+            return
+        down, sd = m.down, VELOCITY_SD if m.sd is None else m.sd
+        if down is None and self._navigator.at(t_ns) is None:  # it begins with a climb, if only that of the positions
+            climb = self._alts[device].slope(t_ns)
+            down, sd = None if climb is None else -climb, max(sd, CLIMB_SD)
+        self._navigator.take(t_ns, GnssVelocity(north, east, down, sd, self._arms[device], name=f"{device}.velocity"))
+
+    def _take_position(self, device: str, m: Position, t_ns: int) -> None:
+        alt = ellipsoidal(m)
+        if m.lat is None or m.lon is None:
+            return
+        level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
+        high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
+        arm = self._arms[device]
+        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, name=f"{device}.position"))
+        if alt is not None:
+            self._alts[device].push(t_ns, alt)
+            self._vertical.take_satellites(t_ns, alt + arm[2], high, *self._climb)
+
+    def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """An altimeter over known ground, judged valid; the ground is that below the position of its time."""
+        position = nav.position
+        if not self._counts(height) or position is None or self._ground is None or height.t_valid_ns is None:
+            return
+        known, sd = height.compensated, height.compensated_sd
+        if known is None or sd is None:  # without an altitude nothing is predicted: as over level ground
+            known, sd = height.height_agl, height.sd
+        ground = float(self._ground.terrain.height(position.lat, position.lon))
+        if known is None or not math.isfinite(ground):
+            return
+        self._used_ns[height.sensor], self._carrier = height.t_valid_ns, height.sensor
+        self._vertical.take_height(height.t_valid_ns, known, sd, ground, self._ground.sd)
+        aiding = TerrainAltitude(known + ground, sd or self._ground.sd, name=f"{height.sensor}.altitude")
+        self._navigator.take(height.t_valid_ns, aiding)
+
+    def _counts(self, height: HeightAboveGround) -> bool:
+        last = self._used_ns.get(height.sensor)
+        if not height.valid or height.t_valid_ns is None or height.sensor not in self._settings.altimeters:
+            return False
+        return last is None or abs(height.t_valid_ns - last) >= HEIGHT_NS
+
+    # --------------------------------------------------------------------------------------------------- telling
+
+    def solution(self, t_ns: int) -> FilterSolution:
+        """What the filter says."""
+        return self._navigator.output(t_ns)
+
+    def vertical_solution(self, t_ns: int) -> VerticalSolution:
+        """What the vertical channel says."""
+        found = self._vertical.at(t_ns)
+        return VerticalSolution(
+            t_ns=t_ns,
+            t_valid_ns=t_ns if found.alt is not None else None,
+            valid=found.valid,
+            reasons=found.reasons,
+            alt=found.alt,
+            vertical_sd=found.alt_sd,
+            vel_down=-found.climb if found.climb is not None else None,
+            vel_down_sd=found.climb_sd,
+            altimeter=self._carrier,
+        )
+
+    def position(self, t_ns: int) -> PositionState | None:
+        """Of the filter, for who has no other; None where it is not valid."""
+        told = self._navigator.output(t_ns)
+        if not told.valid or told.lat is None or told.lon is None:
+            return None
+        return PositionState(
+            told.lat, told.lon, told.alt, told.horizontal_sd, told.vertical_sd,
+            told.vel_north, told.vel_east, told.vel_down, t_ns,
+        )  # fmt: skip
+
+    def attitude(self, t_ns: int) -> AttitudeState | None:
+        """Of the filter, for who has no other."""
+        told = self._navigator.output(t_ns)
+        if not told.valid or told.roll is None or told.pitch is None:
+            return None
+        return AttitudeState(told.roll, told.pitch, told.heading, told.tilt_sd, told.tilt_sd)
+
+    def altitude(self, t_ns: int) -> VerticalState | None:
+        """Of the vertical channel, for who has no other."""
+        found = self._vertical.at(t_ns)
+        return found if found.valid else None
+
+
+def _conceivable(m: Measurement | PositionState) -> bool:
+    """No number that no aircraft has: squares of the largest ones are no numbers any more."""
+    told = [value for name in BOUNDED if (value := getattr(m, name, None)) is not None]
+    return all(abs(value) <= LARGEST for value in told)
+
+
+def _model(settings: Filter) -> Model:
+    extras: dict[Extra, Drift] = dict(GNSS_DRIFTS) if settings.gnss else {}
+    if settings.baro:
+        extras[Extra.BARO] = BARO_DRIFT
+    if settings.altimeters:
+        extras |= {Extra.ALTIMETER: ALTIMETER_DRIFT, Extra.DEM: DEM_DRIFT}
+    return Model(UNITS[settings.unit], settings.states == 15, extras)

@@ -1,0 +1,201 @@
+"""The filter and the vertical channel in the pipeline: they take over when devices give nothing, and say so."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.config import Config, parse
+from fti.geodesy.local import LocalFrame
+from fti.geodesy.wgs84 import EARTH_RATE
+from fti.nav.ground import Ground
+from fti.nav.pipeline import Pipeline
+from fti.terrain.terrain import Terrain
+from fti.types import (
+    Attitude,
+    Event,
+    FilterMode,
+    FilterSolution,
+    ImuSample,
+    Measurement,
+    NavSolution,
+    Output,
+    Position,
+    Range,
+    Reason,
+    Stamp,
+    Velocity,
+    VerticalSolution,
+)
+
+MS, S = 1_000_000, 1_000_000_000
+T0 = 1_000 * S
+LAT, ALT, SPEED, RADIUS = 0.8, 500.0, 60.0, 6_366_000.0
+GRAVITY = 9.80721  # normal gravity at LAT and ALT [m/s^2]
+GROUND_UP = 300.0
+
+
+def config(**nav: Any) -> Config:
+    device = {"link": "l", "driver": "d"}
+    table: dict[str, Any] = {
+        "session": {"name": "t"},
+        "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
+        "device": [
+            {"name": "imu", "max_age_ms": 300.0, **device},
+            {"name": "gnss", "max_age_ms": 500.0, **device},
+            {"name": "laser", "altimeter": {"kind": "laser", "range_m": [1.0, 700.0], "sd_m": 0.1}, **device},
+        ],
+        "nav": {
+            "attitude": ["imu"],
+            "position": ["gnss"],
+            "altimeters": ["laser"],
+            "filter": {"imu": "imu", "gnss": ["gnss"], "altimeters": ["laser"]},
+            **nav,
+        },
+    }
+    return parse(table, "", Path("t.toml"))
+
+
+def flown(t: float) -> float:
+    """Latitude after t seconds of level flight to the north."""
+    return LAT + SPEED * t / RADIUS
+
+
+def measurements(k: int, *, gnss: bool, alt: bool = True) -> list[tuple[str, Measurement]]:
+    """What arrives in step k of 10 ms."""
+    t = 0.01 * k
+    stamp = Stamp(T0 + k * 10 * MS)
+    turn = (EARTH_RATE * math.cos(LAT), -SPEED / RADIUS, -EARTH_RATE * math.sin(LAT))
+    lift = GRAVITY - SPEED**2 / RADIUS
+    force = (0.0, 2.0 * EARTH_RATE * math.sin(LAT) * SPEED, -lift)
+    found: list[tuple[str, Measurement]] = [
+        ("imu", ImuSample(stamp=stamp, accel_b=force, gyro_b=turn)),
+        ("imu", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)),
+    ]
+    if gnss and k % 20 == 0:
+        height = ALT if alt else None
+        found += [
+            ("gnss", Position(stamp=stamp, lat=flown(t), lon=0.2, alt=height, horizontal_sd=1.0, vertical_sd=1.5)),
+            ("gnss", Velocity(stamp=stamp, north=SPEED, east=0.0, down=0.0 if alt else None, sd=0.05)),
+        ]
+    if k % 5 == 0:
+        found.append(("laser", Range(stamp=stamp, slant_range=ALT - GROUND_UP)))
+    return found
+
+
+def level() -> Ground:
+    """Ground GROUND_UP above the ellipsoid, as far as is flown."""
+    frame = LocalFrame(LAT, 0.2, 0.0)
+    posts = 200.0 * (np.arange(61) - 30.0)
+    bulge = (posts[:, None] ** 2 + posts[None, :] ** 2) / (2.0 * RADIUS)
+    terrain = Terrain.from_array(GROUND_UP - bulge, 200.0, lat0=LAT, lon0=0.2, east0=-6000.0, north0=-6000.0)
+    assert terrain.frame == frame
+    return Ground(terrain, 1.0, "level")
+
+
+def fly(pipeline: Pipeline, first: int, last: int, **how: bool) -> list[Output | Event]:
+    out: list[Output | Event] = []
+    for k in range(first, last):
+        for device, m in measurements(k, **how):
+            out += pipeline.feed(device, m)
+        if k % 2 == 0:
+            out += pipeline.tick(T0 + k * 10 * MS)
+    return out
+
+
+@pytest.fixture(scope="module")
+def flight() -> tuple[list[Output | Event], list[Output | Event]]:
+    """Eight seconds with GNSS and six without."""
+    pipeline = Pipeline(config(), None)
+    pipeline.give_ground(level())
+    return fly(pipeline, 0, 800, gnss=True), fly(pipeline, 800, 1400, gnss=False)
+
+
+Flight = tuple[list[Output | Event], list[Output | Event]]
+
+
+def test_with_gnss_the_devices_are_used_and_the_filter_is_aided(flight: Flight) -> None:
+    with_gnss, _ = flight
+    solutions = [o for o in with_gnss if isinstance(o, NavSolution)]
+    filtered = [o for o in with_gnss if isinstance(o, FilterSolution)]
+    assert {o.position_source for o in solutions[10:]} == {"gnss"}
+    assert filtered[-1].mode is FilterMode.AIDED
+    assert filtered[-1].valid
+
+
+def test_without_gnss_the_filter_takes_over_and_says_so(flight: Flight) -> None:
+    _, without = flight
+    last = [o for o in without if isinstance(o, NavSolution)][-1]
+    assert (last.position_source, last.altitude_source, last.valid) == ("filter", "filter", True)
+    assert last.lat is not None
+    assert abs(last.lat - flown(13.98)) * RADIUS < 5.0
+    assert last.alt == pytest.approx(ALT, abs=3.0)
+    texts = [o.text for o in without if isinstance(o, Event)]
+    assert texts == ["position: from filter instead of gnss"]
+    mode = [o for o in without if isinstance(o, FilterSolution)][-1]
+    assert (mode.mode, mode.reasons) == (FilterMode.COASTING, (Reason.COASTING,))
+
+
+def test_the_altimeter_over_known_ground_keeps_the_height(flight: Flight) -> None:
+    _, without = flight
+    vertical = [o for o in without if isinstance(o, VerticalSolution)][-1]
+    assert vertical.valid
+    assert vertical.altimeter == "laser"
+    assert vertical.alt == pytest.approx(ALT, abs=3.0)
+    filtered = [o for o in without if isinstance(o, FilterSolution)][-1]
+    assert filtered.vertical_sd is not None
+    assert filtered.vertical_sd < 1.0, "the heights of GNSS have a sigma of 1.5 m, drift by more, and are gone"
+
+
+def test_a_filter_without_gnss_waits_and_says_for_what() -> None:
+    out = fly(Pipeline(config(), None), 0, 30, gnss=False)
+    last = [o for o in out if isinstance(o, FilterSolution)][-1]
+    assert (last.mode, last.valid) == (FilterMode.WAITING, False)
+    assert Reason.NO_GNSS in last.reasons
+    assert [o for o in out if isinstance(o, VerticalSolution)][-1].reasons == (Reason.NO_IMU,)
+
+
+def test_a_height_that_nobody_gives_any_more_comes_from_the_vertical_channel() -> None:
+    pipeline = Pipeline(config(filter={"imu": "imu", "altimeters": ["laser"]}), None)
+    pipeline.give_ground(level())
+    out = fly(pipeline, 0, 300, gnss=True, alt=False)
+    last = [o for o in out if isinstance(o, NavSolution)][-1]
+    assert (last.position_source, last.altitude_source) == ("gnss", "vertical")
+    assert last.alt == pytest.approx(ALT, abs=3.0)
+    assert "altitude: from the vertical channel" in [o.text for o in out if isinstance(o, Event)]
+
+
+def test_without_a_filter_in_the_configuration_there_is_none() -> None:
+    out = fly(Pipeline(config(filter=None), None), 0, 100, gnss=True)
+    assert not [o for o in out if isinstance(o, FilterSolution | VerticalSolution)]
+    assert [o for o in out if isinstance(o, NavSolution)][-1].valid
+
+
+def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_told() -> None:
+    pipeline = Pipeline(config(), None)
+    pipeline.give_ground(level())
+    fly(pipeline, 0, 200, gnss=True)
+    nan, huge = math.nan, 1e300
+    out: list[Output | Event] = []
+    for k, value in enumerate((nan, math.inf, -math.inf, huge, -huge)):
+        for step in (-50_000, 0, 0, 3):  # from long ago, twice, a little later
+            stamp = Stamp(T0 + (2000 + 20 * k + step) * MS)
+            hostile: list[tuple[str, Measurement]] = [
+                ("imu", ImuSample(stamp=stamp, accel_b=(value, 0.0, 0.0), gyro_b=(0.0, value, 0.0))),
+                ("imu", Attitude(stamp=stamp, roll=value, pitch=math.pi / 2, heading=value)),
+                ("gnss", Position(stamp=stamp, lat=value, lon=value, alt=value, horizontal_sd=value)),
+                ("gnss", Position(stamp=stamp, lat=math.pi / 2, lon=math.pi, alt=0.0, vertical_sd=0.0)),
+                ("gnss", Velocity(stamp=stamp, north=value, east=value, down=value, sd=value)),
+                ("laser", Range(stamp=stamp, slant_range=value, sd=value)),
+            ]
+            for device, m in hostile:
+                out += pipeline.feed(device, m)
+            out += pipeline.tick(stamp.t_rx_ns)
+    for o in out:
+        for name in ("lat", "alt", "vertical_sd", "vel_down", "height_agl", "compensated", "predicted"):
+            told = getattr(o, name, None)
+            assert told is None or math.isfinite(told), (name, o)
