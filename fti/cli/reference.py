@@ -1,9 +1,11 @@
 """Make and read the reference profile of an approach.
 
 The profile is what one kind of altimeter sees of the terrain along the published path; with it come the limits of the
-integrity monitor's tests, from simulated nominal approaches.  ``info`` prints what a reference holds and draws it.
+integrity monitor's tests, from simulated nominal approaches, over as many processes as there are cores.  ``info``
+prints what a reference holds and draws it.
 
     fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
+    fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
     fti reference make --airfield FILE --terrain demo --out x.csv --runs 50 --seed 7
     fti reference info configs/profiles/demo.csv
     fti reference info configs/profiles/demo.csv --json
@@ -14,7 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,10 +24,13 @@ from typing import TYPE_CHECKING
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.nav.integrity.reference import Reference
+    from fti.nav.integrity.approach import ApproachPath
+    from fti.nav.integrity.reference import Detection, Reference
     from fti.terrain.terrain import Terrain
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
+#: How far around the approach elevation is read [m]: aircraft beside the track, and their beams.
+AROUND_M = 1500.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,11 +38,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     make = actions.add_parser("make", help="make a reference: profile and limits")
     make.add_argument("--airfield", required=True, type=Path, metavar="FILE", help="the airfield file (TOML)")
-    make.add_argument("--terrain", required=True, choices=["demo"], help="the surface below the approach")
+    make.add_argument(
+        "--terrain", required=True, nargs="+", metavar="FILE", help="elevation files below the approach, or: demo"
+    )
+    make.add_argument("--vertical", choices=["egm96", "egm2008", "ellipsoid"], help="datum of files that do not say it")
+    make.add_argument("--surface", metavar="NAME", help="what the elevation is called (default: the files' names)")
+    make.add_argument("--date", metavar="YYYY-MM-DD", help="of its survey (default: of the airfield's)")
     make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
     make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="default: ra4500")
     make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
-    make.add_argument("--runs", type=_count(20), default=200, help="simulated nominal approaches (200)")
+    make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (2000)")
+    make.add_argument(
+        "--beside-runs",
+        type=_count(2),
+        default=100,
+        metavar="N",
+        help="approaches at each offset beside the track (100)",
+    )
     make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
     make.add_argument("--seed", type=_count(0), default=1, help="seed of everything random (1)")
     info = actions.add_parser("info", help="print and draw a reference")
@@ -82,27 +99,59 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
-    from fti.hil.approaches import MODELS
+    from fti.hil.approaches import MODELS, TerrainGround
     from fti.hil.calibration import Plan, make_reference
-    from fti.nav.integrity.approach import load_airfield
+    from fti.nav.integrity.approach import ApproachPath, load_airfield
+    from fti.study.workers import run_all
 
     airfield = load_airfield(_read(args.airfield), str(args.airfield))
-    plan = Plan(surface=args.terrain, s_max=args.s_max, draws=args.draws, runs=args.runs, seed=args.seed)
+    path, altimeter = ApproachPath(airfield), MODELS[args.altimeter]
+    plan = Plan(
+        surface=args.surface or " ".join(Path(name).name for name in args.terrain),
+        date=args.date or airfield.survey_date,
+        s_max=args.s_max,
+        draws=args.draws,
+        runs=args.runs,
+        beside_runs=args.beside_runs,
+        seed=args.seed,
+    )
     with _Bars() as bars:
-        reference = make_reference(airfield, _terrain(), MODELS[args.altimeter], plan, bars.update)
+        ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
+        reference = make_reference(ground, plan, bars.update, run_all)
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         args.out.write_text(reference.to_text(), encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"{args.out}: cannot be written: {error.strerror}") from None
-    print(f"{args.out}: {len(reference.s)} points, {args.runs} approaches, hash {reference.hash}")
+    limits = reference.header.limits
+    print(
+        f"{args.out}: {len(reference.s)} points, {limits.runs} approaches, an alarm on {limits.verified_alarms} of "
+        f"{limits.verified_runs} others, hash {reference.hash}"
+    )
     return 0
 
 
-def _terrain() -> Terrain:
-    from fti.terrain.scenes import demo_scene
+def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:
+    """The demonstration's terrain with its vegetation low to high, or the one that the files make."""
+    from fti.terrain.scenes import VEGETATION, demo_scene
+    from fti.terrain.terrain import Terrain
 
-    return demo_scene()
+    if args.terrain == ["demo"]:
+        scenes = []
+        for height in VEGETATION:
+            scenes.append(demo_scene(vegetation=height))
+            bars.update("terrain", len(scenes) / len(VEGETATION))
+        return tuple(scenes)
+    lat, lon = path.geodetic(args.s_max / 2, 0.0)
+    return (
+        Terrain.open(
+            args.terrain,
+            centre=(float(lat), float(lon)),
+            radius_m=args.s_max / 2 + AROUND_M,
+            vertical=args.vertical,
+            progress=lambda share: bars.update("terrain", share),
+        ),
+    )
 
 
 class _Bars(AbstractContextManager["_Bars"]):
@@ -122,13 +171,13 @@ class _Bars(AbstractContextManager["_Bars"]):
         if self._progress:
             self._progress.stop()
 
-    def update(self, what: str, done: int, total: int) -> None:
-        """So much is done."""
+    def update(self, what: str, share: float) -> None:
+        """So much is done, 0 to 1."""
         if self._progress is None:
             return
         if what not in self._tasks:
-            self._tasks[what] = self._progress.add_task(what, total=total)
-        self._progress.update(self._tasks[what], completed=done)
+            self._tasks[what] = self._progress.add_task(what, total=1.0)
+        self._progress.update(self._tasks[what], completed=share)
 
 
 # ---------------------------------------------------------------------------------------------------------- info
@@ -154,14 +203,25 @@ def _summary(reference: Reference) -> list[str]:
         f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
         f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
         f"sensor       {header.sensor.kind}, beam {header.sensor.beam_deg} deg",
-        f"profile      {profile.surface}, s -200 to {profile.s_max_m + 200:.0f} m, step {profile.ds_m} m, "
-        f"{profile.draws} draws, seed {profile.seed}",
+        f"profile      {profile.surface} of {profile.date}, s -200 to {profile.s_max_m + 200:.0f} m, step "
+        f"{profile.ds_m} m, from {profile.made_from}, {profile.draws} draws, seed {profile.seed}",
         f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
         f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
-        f"(Pfa {limits.pfa}, {limits.runs} approaches)",
+        f"(Pfa {limits.pfa}, Pmd {limits.pmd}, {limits.runs} approaches)",
+        f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
+        *_beside(header.detection),
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
+
+
+def _beside(detection: Detection | None) -> Iterator[str]:
+    """Share of windows in ALERT, by the offset from the track and the part of the way."""
+    if detection is None:
+        return
+    yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
+    for y, row in zip(detection.y_m, detection.pd, strict=True):
+        yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are an ALERT"
 
 
 def _plot(reference: Reference) -> list[str]:

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.drivers._units import FOOT
 from fti.hil.sensors.errors import slow, white
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Sensor
+from fti.nav.integrity.window import Track
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
-from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
+from fti.ranging.radar.quantise import FOOT, QUANTISATION_FT
 from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity
@@ -33,6 +34,8 @@ TAPER_M = 1000.0
 FLARE_M = 3.0
 #: Distance that a spatial process takes for a second of a temporal one [m].
 UNIT_M = 10.0
+#: The ground is traced at least so often along the way [m]: a bin of the reference, and less than any footprint.
+TRACE_M = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +76,13 @@ PROFILE = Spread(track=15.0)
 class AltimeterModel:
     """An altimeter as it measures: beam, noise [m] and the steps of its output.
 
-    quantise : a height [m] as the instrument shows it      step : size of its steps at a height [m]
+    step : size of the steps of its output at heights [m], any shape
     """
 
     sensor: Sensor
     rate_hz: float
     noise_sd: float
-    quantise: Callable[[float], float]
-    step: Callable[[float], float]
+    step: Callable[[Array], Array]
 
     def beam(self) -> NearestReturn | Laser:
         """The range model."""
@@ -88,27 +90,29 @@ class AltimeterModel:
             return Laser(max_range=2000.0)
         return NearestReturn(beam_width=float(np.deg2rad(self.sensor.beam_deg)))
 
+    def quantise(self, height: Array) -> Array:
+        """Heights [m] as the instrument shows them."""
+        step = self.step(height)
+        return np.asarray(np.rint(height / step) * step)
+
     def sd(self, height: Array) -> Array:
         """One sigma of a sample at heights [m]: noise, and the step over root 12."""
-        return np.asarray([np.hypot(self.noise_sd, self.step(float(h)) / np.sqrt(12.0)) for h in height])
+        return np.asarray(np.hypot(self.noise_sd, self.step(height) / np.sqrt(12.0)))
+
+
+def _ra4500_step(height: Array) -> Array:
+    tops, steps = np.array(QUANTISATION_FT, dtype=np.float64).T
+    return np.asarray(steps[np.searchsorted(tops[:-1], height / FOOT)] * FOOT)
+
+
+def _laser_step(height: Array) -> Array:
+    return np.full(np.shape(height), 0.01)
 
 
 #: FreeFlight RA-4500: 25 Hz, steps of the driver's table, and 0.3 m of noise.
-RA4500 = AltimeterModel(
-    sensor=Sensor(kind="radar", beam_deg=40.0),
-    rate_hz=25.0,
-    noise_sd=0.3,
-    quantise=lambda h: quantise_ft(h / FOOT) * FOOT,
-    step=lambda h: quantisation_step_ft(h / FOOT) * FOOT,
-)
+RA4500 = AltimeterModel(Sensor(kind="radar", beam_deg=40.0), rate_hz=25.0, noise_sd=0.3, step=_ra4500_step)
 #: A survey-grade laser: 25 Hz, 0.1 m, steps of 1 cm.
-LASER = AltimeterModel(
-    sensor=Sensor(kind="laser", beam_deg=0.1),
-    rate_hz=25.0,
-    noise_sd=0.1,
-    quantise=lambda h: round(h, 2),
-    step=lambda _: 0.01,
-)
+LASER = AltimeterModel(Sensor(kind="laser", beam_deg=0.1), rate_hz=25.0, noise_sd=0.1, step=_laser_step)
 MODELS = {"ra4500": RA4500, "laser": LASER}
 
 
@@ -134,36 +138,73 @@ class Flown:
     climb: Array
 
 
+class Ground(Protocol):
+    """What lies below an approach."""
+
+    @property
+    def path(self) -> ApproachPath:
+        """The published approach."""
+
+    @property
+    def altimeter(self) -> AltimeterModel:
+        """The altimeter that is flown over it."""
+
+    def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
+        """Ranges [m] along poses, rows s, y, alt, roll, pitch, crab, without the instrument's noise; NaN: no return."""
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainGround:
+    """Terrain; where there are several of it (seasons of the vegetation, say) each approach meets one of them."""
+
+    path: ApproachPath
+    altimeter: AltimeterModel
+    terrains: tuple[Terrain, ...]
+
+    def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
+        """By the range model of the altimeter."""
+        terrain = self.terrains[rng.integers(len(self.terrains))]
+        s, y, alt, roll, pitch, crab = pose
+        lat, lon = self.path.geodetic(s, y)
+        heading = np.deg2rad(self.path.airfield.course_deg) + crab
+        poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading)
+        return self.altimeter.beam().measure(terrain, poses).slant_range
+
+
 def simulate(
-    path: ApproachPath,
-    terrain: Terrain,
-    altimeter: AltimeterModel,
+    ground: Ground,
     s_max: float,
     rng: np.random.Generator,
     *,
+    s_end: float = 0.0,
     spread: Spread = NOMINAL,
     offset: Callable[[Array], Array] | None = None,
 ) -> Flown:
-    """One nominal approach from s_max down to the intercept point; ``offset(s)`` [m] to the right makes it another one.
+    """One nominal approach from s_max down to s_end, the intercept point; ``offset(s)`` [m] to the right makes it another one.
 
-    The altimeter sits at P and is traced with the attitude of the moment; samples without a return are left out.
+    The altimeter sits at P and is traced with the attitude of the moment every few metres, straight lines between;
+    samples without a return are left out.
     """
+    altimeter = ground.altimeter
     speed = rng.normal(spread.speed_mean, spread.speed)
-    t = np.arange(0.0, s_max / speed, 1.0 / altimeter.rate_hz)
+    t = np.arange(0.0, (s_max - s_end) / speed, 1.0 / altimeter.rate_hz)
     s = s_max - speed * t
     y = slow(t, spread.track, spread.period, rng) + (offset(s) if offset else 0.0)
-    alt = flown_altitude(path, s, slow(t, spread.height, spread.period, rng))
+    alt = flown_altitude(ground.path, s, slow(t, spread.height, spread.period, rng))
     roll = slow(t, spread.roll, 5.0, rng)
     pitch = spread.pitch_mean + slow(t, spread.pitch, 10.0, rng)
     crab = slow(t, spread.crab, spread.period, rng)
     lag = rng.normal(0.0, spread.latency)
-    measured = _ranges(path, terrain, altimeter, np.stack((s + speed * lag, y, alt, roll, pitch, crab)))
+    some = np.append(np.arange(0, len(t) - 1, max(1, round(TRACE_M / speed * altimeter.rate_hz))), len(t) - 1)
+    pose = np.stack((s + speed * lag, y, alt, roll, pitch, crab))
+    clear = ground.ranges(pose[:, some], rng)
+    measured = np.interp(t, t[some], clear)  # NaN where one of both neighbours is
     seen = np.isfinite(measured)
     measured += rng.normal(0.0, spread.dem_bias) + _dem_error(s[0] - s, spread, rng)
     agl = _projected(altimeter, measured, roll, pitch) + white(t, altimeter.noise_sd, rng)
     nav = [slow(t, sd, spread.period, rng) for sd in (*(spread.nav_horizontal,) * 2, spread.nav_vertical)]
     climb = np.gradient(alt, t)
-    shown = np.array([altimeter.quantise(max(h, 0.0)) for h in np.nan_to_num(agl)])
+    shown = altimeter.quantise(np.maximum(np.nan_to_num(agl), 0.0))
     columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], roll, pitch, climb)
     return Flown(spread.nav_vertical, *(column[seen] for column in columns))
 
@@ -172,15 +213,6 @@ def flown_altitude(path: ApproachPath, s: Array, error: Array) -> Array:
     """Altitude above the ellipsoid [m] with a height error [m] that tapers off, and a flare."""
     wanted = path.alt_path(s) + error * np.clip(s / TAPER_M, 0.0, 1.0)
     return np.maximum(wanted, path.alt_gpi - path.airfield.runway_slope * s + FLARE_M)
-
-
-def _ranges(path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, pose: Array) -> Array:
-    """Ranges [m] along poses: rows s, y, alt, roll, pitch, crab."""
-    s, y, alt, roll, pitch, crab = pose
-    lat, lon = path.geodetic(s, y)
-    heading = np.deg2rad(path.airfield.course_deg) + crab
-    poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading)
-    return altimeter.beam().measure(terrain, poses).slant_range
 
 
 def _projected(altimeter: AltimeterModel, measured: Array, roll: Array, pitch: Array) -> Array:
@@ -194,9 +226,7 @@ def _dem_error(along: Array, spread: Spread, rng: np.random.Generator) -> Array:
     return np.asarray(short + slow(along / UNIT_M, spread.dem_long, 300.0 / UNIT_M, rng))
 
 
-def draw_profile(
-    path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, s: Array, rng: np.random.Generator
-) -> Array:
+def draw_profile(ground: Ground, s: Array, rng: np.random.Generator) -> Array:
     """One draw of the terrain as the sensor sees it [m] at ascending path lengths s: z = alt - agl.
 
     Track, height, attitude and the navigated s are off by constants; the elevation errs over 30 and 300 m.
@@ -205,21 +235,40 @@ def draw_profile(
     sds = (spread.nav_horizontal, spread.track, spread.height, spread.roll, spread.pitch, spread.crab)
     pose = np.outer(rng.normal(0.0, sds), np.ones_like(s))
     pose[0] += s
-    pose[2] = flown_altitude(path, pose[0], pose[2])
+    pose[2] = flown_altitude(ground.path, pose[0], pose[2])
     pose[4] += spread.pitch_mean
-    measured = _projected(altimeter, _ranges(path, terrain, altimeter, pose), pose[3], pose[4])
+    measured = _projected(ground.altimeter, ground.ranges(pose, rng), pose[3], pose[4])
     return np.asarray(pose[2] - measured + _dem_error(s, spread, rng))
 
 
-def samples(flown: Flown) -> Iterator[ClearanceSample]:
+def track_of(flown: Flown) -> Track:
     """The approach as the monitor takes it."""
+    t_ns = START_NS + np.rint(flown.t * 1e9).astype(np.int64)
     columns = (flown.nav_s, flown.nav_y, flown.nav_alt, flown.agl, flown.roll, flown.pitch, flown.climb)
-    for t, *row in zip(flown.t.tolist(), *(column.tolist() for column in columns), strict=True):
-        s, y, alt, agl, roll, pitch, climb = row
-        t_ns = START_NS + round(t * 1e9)
-        yield ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, flown.vertical_sd)
+    return Track(t_ns, *columns)
+
+
+def sample_of(track: Track, k: int, vertical_sd: float) -> ClearanceSample:
+    """Sample k of an approach."""
+    columns = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
+    s, y, alt, agl, roll, pitch, climb = (float(column[k]) for column in columns)
+    t_ns = int(track.t_ns[k])
+    return ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, vertical_sd)
+
+
+def samples(flown: Flown) -> Iterator[ClearanceSample]:
+    """All samples of an approach."""
+    track = track_of(flown)
+    return (sample_of(track, k, flown.vertical_sd) for k in range(len(track.t_ns)))
 
 
 def fly(monitor: ClearanceMonitor, flown: Flown) -> list[ClearanceIntegrity]:
     """Everything that the monitor says on this approach."""
-    return [output for sample in samples(flown) if (output := monitor.step(sample)) is not None]
+    track, outputs = track_of(flown), list[ClearanceIntegrity]()
+    k = 0
+    while (k := monitor.skip(track, k)) < len(track.t_ns):
+        output = monitor.step(sample_of(track, k, flown.vertical_sd))
+        if output is not None:
+            outputs.append(output)
+        k += 1
+    return outputs

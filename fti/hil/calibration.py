@@ -1,58 +1,105 @@
 """Making a reference: the profile of an approach, and the limits of the monitor's tests from simulated approaches.
 
-    profile   z_ref, s_ref = mean and sigma over draws of track (15 m), height (5 m), attitude and elevation error;
-              sigma not below 0.5 m and multiplied by sqrt((n - 1) / chi2_0.05(n - 1)), so that few draws are not
-              taken for certainty
+    profile   z_ref, s_ref = mean and sigma over draws of track (15 m), height (5 m), attitude and elevation error, or
+              over recorded approaches (``fti.hil.recordings``); sigma not below 0.5 m and multiplied by
+              sqrt((n - 1) / chi2_0.05(n - 1)), so that few draws are not taken for certainty
     l_c       integral scale of the residuals of nominal approaches, between ds and L / 8
     limits    t_i = quantile 1 - Pfa / 4 of the maxima of T_i over whole nominal approaches, all windows, dependence
-              included: a Gumbel distribution fitted by L-moments to the maxima, and not below the largest of them;
-              with a 95 % bootstrap interval.  (A generalised-Pareto tail needs more approaches than are flown here.)
+              included (``fti.hil.tails``), with a 95 % bootstrap interval
+    verified  other nominal approaches through the whole logic, states included: how many had an ALERT
+    Pd        share of windows in ALERT when the aircraft flies 50, 100, 200 m beside the track and navigation says on
+              it, by the part of the way in which they end
 
-Sources: Spiegel 2018, 7.2.2 (profile from the sensor model); Hosking 1990 (L-moments); Wilson and Hilferty 1931
-(chi-square quantile).
+Sources: Spiegel 2018, 7.2.2 (profile from the sensor model); Wilson and Hilferty 1931 (chi-square quantile).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Approach
 from fti.errors import ConfigError
-from fti.hil.approaches import NOMINAL, AltimeterModel, Flown, draw_profile, fly, simulate
-from fti.nav.integrity.approach import Airfield, ApproachPath
-from fti.nav.integrity.monitor import ClearanceMonitor
-from fti.nav.integrity.reference import LEAST_CORRELATIONS, Header, Limits, Profile, Reference, grid
-from fti.terrain.terrain import Terrain
+from fti.hil.approaches import NOMINAL, Flown, Ground, TerrainGround, draw_profile, fly, simulate, track_of
+from fti.hil.range_map import map_ground
+from fti.hil.tails import bootstrap_interval, upper_quantile
+from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
+from fti.nav.integrity.reference import LEAST_CORRELATIONS, Detection, Header, Limits, Profile, Reference, grid
+from fti.nav.integrity.scan import Scan, Scanner
+from fti.types import IntegrityState
 
 Array = NDArray[np.float64]
+Argument = TypeVar("Argument")
+Found = TypeVar("Found")
 
 DS_M = 5.0
 WINDOW_M = 400.0
 SD_FLOOR_M = 0.5
-EULER_GAMMA = 0.5772156649015329
-BOOTSTRAPS = 500
 TESTS = ("t1", "t2", "t3", "t4")
-METHOD = "Gumbel by L-moments on the maxima of each approach, quantile 1 - pfa/4, not below the largest maximum"
+METHOD = "maxima of each approach, quantile 1 - pfa/4, generalised-Pareto tail by probability-weighted moments"
+#: Approaches that the correlation length is found from.
+CORRELATION_RUNS = 100
+#: One in so many of the calibration's approaches is flown again, with another seed, to verify the limits.
+VERIFY_EACH = 4
+BESIDE_M = (50.0, 100.0, 200.0)
+PART_M = 1000.0
+#: Alert limits do not matter where only alarms count: those of the protection levels are kept out of the way.
+ANY_LEVEL_M = 1e6
 
-Progress = Callable[[str, int, int], None]
+#: Told what is being done and the share of it that is done, 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+class RunAll(Protocol):
+    """Does a task for each argument, somewhere, and gives what it returns in their order."""
+
+    def __call__(
+        self, task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Callable[[float], None]
+    ) -> list[Found]:
+        """``progress`` is told the share that is done."""
+
+
+def one_by_one(
+    task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Callable[[float], None]
+) -> list[Found]:
+    """Here, one after the other."""
+    todo, found = list(arguments), list[Found]()
+    for argument in todo:
+        found.append(task(argument))
+        progress(len(found) / len(todo))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a reference is made from.  surface : its name; pfa : false alarms per approach, all tests together."""
+    """What a reference is made with.
+
+    surface : name of the terrain or of the recordings, date : of their survey
+    runs : simulated approaches for the limits      beside_runs : for each offset of the table of detection
+    pfa : false alarms per approach, all tests together      pmd : missed detections
+    """
 
     surface: str
+    date: str
+    made_from: Literal["terrain", "recordings"] = "terrain"
     s_max: float = 7000.0
     draws: int = 100
-    runs: int = 200
+    runs: int = 2000
+    beside_runs: int = 100
     seed: int = 1
     pfa: float = 0.01
+    pmd: float = 1e-3
+
+    def rng(self, *stream: int) -> np.random.Generator:
+        """Random numbers of one purpose, the same for the same numbers."""
+        return np.random.default_rng([self.seed, *stream])
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,37 +112,52 @@ class Surface:
     s_alt: Array
 
 
-def make_reference(
-    airfield: Airfield, terrain: Terrain, altimeter: AltimeterModel, plan: Plan, progress: Progress
-) -> Reference:
-    """Profile, correlation length and limits.  progress(what, done, of) is called as the work goes on.
+def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_all: RunAll = one_by_one) -> Reference:
+    """From terrain and sensor model: profile, limits, table of detection.
 
     Raises ConfigError where the terrain does not cover the approach.
     """
-    path = ApproachPath(airfield)
-    surface = make_surface(path, terrain, altimeter, plan, progress)
-    rng = np.random.default_rng([plan.seed, 2])
-    flights = []
-    for run in range(plan.runs):
-        flights.append(simulate(path, terrain, altimeter, plan.s_max, rng))
-        progress("nominal approaches", run + 1, plan.runs)
-    correlation = correlation_length(surface, flights)
-    reference = _without_limits(airfield, altimeter, plan, surface, correlation)
-    maxima = []
-    for run, flown in enumerate(flights):
-        maxima.append(approach_maxima(reference, flown))
-        progress("integrity monitor", run + 1, plan.runs)
-    header = reference.header.model_copy(update={"limits": make_limits(plan, np.array(maxima))})
+    surface = make_surface(ground, plan, progress, run_all)
+    mapped = map_ground(ground, plan.s_max, functools.partial(progress, "range map"))
+    reference = calibrate(mapped, surface, plan, progress, run_all)
+    offsets = [(sign * y, run) for y in BESIDE_M for sign in (-1, 1) for run in range(plan.beside_runs // 2)]
+    task = functools.partial(_alerts_beside, ground, plan, reference)
+    found = run_all(task, offsets, functools.partial(progress, "beside the track"))
+    header = reference.header.model_copy(update={"detection": _detection(plan, found)})
     return dataclasses.replace(reference, header=header)
 
 
-def _without_limits(
-    airfield: Airfield, altimeter: AltimeterModel, plan: Plan, surface: Surface, correlation: float
+def calibrate(
+    ground: Ground, surface: Surface, plan: Plan, progress: Progress, run_all: RunAll = one_by_one
 ) -> Reference:
+    """The reference of a profile: correlation length, limits, and how they hold on other approaches."""
+    some = range(min(CORRELATION_RUNS, plan.runs))
+    covariances = run_all(
+        functools.partial(_covariance, ground, plan, surface), some, functools.partial(progress, "correlation")
+    )
+    correlation = correlation_length(np.sum(covariances, axis=0))
+    open_ended = _without_limits(ground, plan, surface, correlation)
+    task = functools.partial(_maxima, ground, plan, Scanner(open_ended, _settings(open_ended)))
+    maxima = np.array(run_all(task, range(plan.runs), functools.partial(progress, "nominal approaches")))
+    limited = _with_limits(open_ended, make_limits(plan, maxima))
+    others = range(max(plan.runs // VERIFY_EACH, 1))
+    task_verify = functools.partial(_alarms, ground, plan, limited, Scanner(limited, _settings(limited)))
+    alarms = run_all(task_verify, others, functools.partial(progress, "verification"))
+    verified = {"verified_runs": len(alarms), "verified_alarms": sum(alarms)}
+    return _with_limits(limited, limited.header.limits.model_copy(update=verified))
+
+
+def _with_limits(reference: Reference, limits: Limits) -> Reference:
+    return dataclasses.replace(reference, header=reference.header.model_copy(update={"limits": limits}))
+
+
+def _without_limits(ground: Ground, plan: Plan, surface: Surface, correlation: float) -> Reference:
     """The reference with every limit at 1, so that ratios are the statistics themselves."""
     unlimited = _limits(plan, [1.0] * len(TESTS), [(1.0, 1.0)] * len(TESTS))
     profile = Profile(
         surface=plan.surface,
+        made_from=plan.made_from,
+        date=plan.date,
         ds_m=DS_M,
         s_max_m=plan.s_max,
         draws=plan.draws,
@@ -104,33 +166,36 @@ def _without_limits(
         correlation_m=round(correlation, 1),
         datum_sd_m=NOMINAL.dem_bias,
     )
-    header = Header(airfield=airfield, sensor=altimeter.sensor, profile=profile, limits=unlimited)
+    header = Header(airfield=ground.path.airfield, sensor=ground.altimeter.sensor, profile=profile, limits=unlimited)
     return Reference(header, surface.s, surface.z_ref, surface.s_ref, surface.s_alt)
 
 
 # ------------------------------------------------------------------------------------------------------- profile
 
 
-def make_surface(
-    path: ApproachPath, terrain: Terrain, altimeter: AltimeterModel, plan: Plan, progress: Progress
-) -> Surface:
+def make_surface(ground: Ground, plan: Plan, progress: Progress, run_all: RunAll = one_by_one) -> Surface:
     """Mean and sigma of the terrain as the sensor sees it.  Raises ConfigError where it sees none."""
     s = grid(DS_M, plan.s_max)
-    rng = np.random.default_rng([plan.seed, 1])
-    draws = []
-    for n in range(plan.draws):
-        draws.append(draw_profile(path, terrain, altimeter, s, rng))
-        progress("profile", n + 1, plan.draws)
-    z = np.array(draws)
+    task = functools.partial(_draw, ground, plan, s)
+    z = np.array(run_all(task, range(plan.draws), functools.partial(progress, "profile")))
     blind = ~np.isfinite(z).all(axis=0)
     if blind.any():
         raise ConfigError(
-            f"{path.airfield.name}: no return from {plan.surface!r} between {s[blind][0]:.0f} and "
+            f"{ground.path.airfield.name}: no return from {plan.surface!r} between {s[blind][0]:.0f} and "
             f"{s[blind][-1]:.0f} m before the intercept point; the profile must end before (s_max = {plan.s_max:.0f} m)"
         )
-    sd = np.maximum(z.std(axis=0, ddof=1), SD_FLOOR_M) * few_draws_factor(plan.draws)
+    return surface_of(ground, s, z)
+
+
+def _draw(ground: Ground, plan: Plan, s: Array, n: int) -> Array:
+    return draw_profile(ground, s, plan.rng(1, n))
+
+
+def surface_of(ground: Ground, s: Array, z: Array) -> Surface:
+    """From draws or recorded approaches z, shape (n, len(s)), n >= 5."""
+    sd = np.maximum(z.std(axis=0, ddof=1), SD_FLOOR_M) * few_draws_factor(len(z))
     z_ref = z.mean(axis=0)
-    rounded = (np.round(values, 3) for values in (z_ref, sd, altimeter.sd(path.alt_path(s) - z_ref)))
+    rounded = (np.round(values, 3) for values in (z_ref, sd, ground.altimeter.sd(ground.path.alt_path(s) - z_ref)))
     return Surface(s, *rounded)
 
 
@@ -144,14 +209,8 @@ def few_draws_factor(n: int) -> float:
 # ------------------------------------------------------------------------------------------------- correlation length
 
 
-def correlation_length(surface: Surface, flights: Sequence[Flown]) -> float:
-    """Integral scale of the normalised residuals [m], within ds and L / 8: l_c = ds (1 + 2 sum rho)."""
-    lags = round(WINDOW_M / DS_M)
-    covariance = np.zeros(lags)
-    for flown in flights:
-        residual = _binned_residual(surface, flown)
-        residual = residual[np.isfinite(residual)]
-        covariance += [float(np.mean(residual[lag:] * residual[: len(residual) - lag])) for lag in range(lags)]
+def correlation_length(covariance: Array) -> float:
+    """Integral scale [m], within ds and L / 8: l_c = ds (1 + 2 sum rho) up to the first rho <= 0."""
     rho = covariance[1:] / covariance[0]
     negative = np.flatnonzero(rho <= 0.0)
     until = int(negative[0]) if len(negative) else len(rho)
@@ -159,15 +218,28 @@ def correlation_length(surface: Surface, flights: Sequence[Flown]) -> float:
     return min(max(scale, DS_M), WINDOW_M / LEAST_CORRELATIONS)
 
 
+def _covariance(ground: Ground, plan: Plan, surface: Surface, run: int) -> Array:
+    """Of the normalised residuals of an approach, by lag in bins up to a window."""
+    residual = _binned_residual(surface, simulate(ground, plan.s_max, plan.rng(2, run)))
+    residual = residual[np.isfinite(residual)]
+    lags = range(round(WINDOW_M / DS_M))
+    return np.array([float(np.mean(residual[lag:] * residual[: len(residual) - lag])) for lag in lags])
+
+
+def binned(s: Array, flown_s: Array, z: Array) -> Array:
+    """Means of z in the bins around s, NaN where there is no sample."""
+    at = np.rint((flown_s - s[0]) / DS_M).astype(np.intp)
+    inside = (at >= 0) & (at < len(s))
+    count = np.bincount(at[inside], minlength=len(s))
+    total = np.bincount(at[inside], z[inside], minlength=len(s))
+    with np.errstate(invalid="ignore"):
+        return np.asarray(total / count)
+
+
 def _binned_residual(surface: Surface, flown: Flown) -> Array:
     """(z - z_ref) / sigma in bins, without its mean over a window, NaN where there is no sample."""
-    at = np.rint((flown.nav_s - surface.s[0]) / DS_M).astype(np.intp)
-    inside = (at >= 0) & (at < len(surface.s))
-    z = (flown.nav_alt - flown.agl)[inside]
-    count = np.bincount(at[inside], minlength=len(surface.s))
-    total = np.bincount(at[inside], z, minlength=len(surface.s))
-    with np.errstate(invalid="ignore"):
-        residual = (total / count - surface.z_ref) / np.hypot(surface.s_ref, surface.s_alt)
+    z = binned(surface.s, flown.nav_s, flown.nav_alt - flown.agl)
+    residual = (z - surface.z_ref) / np.hypot(surface.s_ref, surface.s_alt)
     flat = np.ones(round(WINDOW_M / DS_M) + 1)
     there = np.isfinite(residual)
     mean = np.convolve(np.where(there, residual, 0.0), flat, "same") / np.maximum(
@@ -179,49 +251,92 @@ def _binned_residual(surface: Surface, flown: Flown) -> Array:
 # ------------------------------------------------------------------------------------------------------------ limits
 
 
-def approach_maxima(reference: Reference, flown: Flown) -> Array:
-    """The greatest T1, T2, T3, T4 of all windows of an approach, shape (4,); the limits of ``reference`` are all 1.
+def make_monitor(reference: Reference) -> ClearanceMonitor:
+    """A monitor whose protection levels keep no alarm from being counted."""
+    return ClearanceMonitor(reference, _settings(reference))
+
+
+def _settings(reference: Reference) -> Approach:
+    return Approach(profile="", window_m=reference.header.profile.window_m, alert_v_m=ANY_LEVEL_M)
+
+
+def approach_maxima(scan: Scan, alert_s: float) -> Array:
+    """The greatest T1, T2, T3, T4 of all windows of an approach, shape (4,).
 
     T2 counts where the shift can be observable for any limit above 1: a superset of the windows in which it is judged.
     """
-    monitor = ClearanceMonitor(reference, Approach(profile="", window_m=reference.header.profile.window_m))
-    found = np.zeros(4)
-    for output in fly(monitor, flown):
-        ratios = (output.t1_ratio, output.t2_ratio, output.t3_ratio, output.t4_ratio)
-        found = np.maximum(found, [0.0 if ratio is None else ratio for ratio in ratios])
-    return found
+    observable = (scan.observability >= (1.0 + OBSERVABLE_MARGIN) ** 2) & (scan.shift_resolution <= alert_s)
+    return np.array([scan.t1.max(), np.max(scan.t2 * observable), scan.t3.max(), scan.t4.max()])
 
 
-def gumbel_quantile(maxima: Array, p: float) -> float:
-    """Quantile p of a Gumbel distribution with the L-moments of ``maxima``, not below the largest of them."""
-    ordered = np.sort(maxima)
-    n = len(ordered)
-    mean = float(ordered.mean())
-    half_gini = 2.0 * float(np.arange(n) @ ordered) / (n * (n - 1)) - mean if n > 1 else 0.0
-    scale = half_gini / math.log(2.0)
-    fitted = mean - EULER_GAMMA * scale - scale * math.log(-math.log(p))
-    return max(fitted, float(ordered[-1]))
+def _maxima(ground: Ground, plan: Plan, scanner: Scanner, run: int) -> Array:
+    flown = simulate(ground, plan.s_max, plan.rng(3, run))
+    scan = scanner.scan(track_of(flown), flown.vertical_sd)
+    if scan is None or not len(scan.s):
+        raise ConfigError(f"{plan.surface}: a nominal approach leaves windows without samples: it cannot be monitored")
+    return approach_maxima(scan, Approach(profile="").alert_s_m)
 
 
-def bootstrap_interval(maxima: Array, p: float, rng: np.random.Generator) -> tuple[float, float]:
-    """95 % interval of ``gumbel_quantile`` over resampled approaches."""
-    found = [gumbel_quantile(rng.choice(maxima, len(maxima)), p) for _ in range(BOOTSTRAPS)]
-    low, high = np.quantile(found, (0.025, 0.975))
-    return round(float(low), 3), round(float(high), 3)
+def may_alarm(scan: Scan | None, limits: Limits) -> bool:
+    """Whether a statistic is above its limit, so that the alarm logic must be asked."""
+    if scan is None:
+        return True
+    over = ((scan.t1, limits.t1), (scan.t2, limits.t2), (scan.t3, limits.t3), (scan.t4, limits.t4))
+    return any(bool(np.any(values > limit)) for values, limit in over)
+
+
+def _alarms(ground: Ground, plan: Plan, reference: Reference, scanner: Scanner, run: int) -> bool:
+    """Whether there was an ALERT on a nominal approach that the limits were not made from."""
+    flown = simulate(ground, plan.s_max, plan.rng(4, run))
+    if not may_alarm(scanner.scan(track_of(flown), flown.vertical_sd), reference.header.limits):
+        return False
+    return any(output.state is IntegrityState.ALERT for output in fly(make_monitor(reference), flown))
 
 
 def make_limits(plan: Plan, maxima: Array) -> Limits:
     """Limits from the maxima of the tests, shape (runs, 4)."""
-    p = 1.0 - plan.pfa / len(TESTS)
-    rng = np.random.default_rng([plan.seed, 3])
-    values = [round(gumbel_quantile(column, p), 3) for column in maxima.T]
-    intervals = [bootstrap_interval(column, p, rng) for column in maxima.T]
-    return _limits(plan, values, intervals)
+    beyond, rng = plan.pfa / len(TESTS), plan.rng(5)
+    values = [round(upper_quantile(column, beyond), 3) for column in maxima.T]
+    intervals = [bootstrap_interval(column, beyond, rng) for column in maxima.T]
+    return _limits(plan, values, [(round(low, 3), round(high, 3)) for low, high in intervals])
 
 
 def _limits(plan: Plan, values: Sequence[float], intervals: Sequence[tuple[float, float]]) -> Limits:
     table = dict(zip(TESTS, values, strict=True)) | {
         f"{test}_interval": interval for test, interval in zip(TESTS, intervals, strict=True)
     }
-    made = {"pfa": plan.pfa, "runs": plan.runs, "seed": plan.seed, "method": METHOD}
-    return Limits.model_validate(table | made)
+    made = {"pfa": plan.pfa, "pmd": plan.pmd, "runs": plan.runs, "seed": plan.seed, "method": METHOD}
+    return Limits.model_validate(table | made | {"verified_runs": 0, "verified_alarms": 0})
+
+
+# --------------------------------------------------------------------------------------------------- beside the track
+
+
+def _parts(plan: Plan) -> Array:
+    """Begin of each part of the way [m], descending."""
+    return np.asarray(PART_M * np.arange(math.ceil(plan.s_max / PART_M), 0, -1))
+
+
+def _alerts_beside(ground: Ground, plan: Plan, reference: Reference, flight: tuple[float, int]) -> Array:
+    """Windows in ALERT and windows judged, by part, shape (2, parts), flown ``flight[0]`` m beside the track."""
+    beside, run = flight
+    rng = plan.rng(6, round(abs(beside)), int(beside > 0), run)
+    flown = simulate(ground, plan.s_max, rng, offset=lambda s: np.full_like(s, beside))
+    flown = dataclasses.replace(flown, nav_y=flown.nav_y - beside)
+    counts = np.zeros((2, len(_parts(plan))))
+    for output in fly(make_monitor(reference), flown):
+        if output.valid and output.s_end is not None:
+            part = len(counts[0]) - 1 - int(output.s_end // PART_M)
+            counts[:, part] += output.state is IntegrityState.ALERT, 1
+    return counts
+
+
+def _detection(plan: Plan, found: Sequence[Array]) -> Detection:
+    counts = np.sum(np.reshape(np.array(found), (len(BESIDE_M), -1, *found[0].shape)), axis=1)
+    share = np.round(counts[:, 0] / np.maximum(counts[:, 1], 1.0), 3)
+    return Detection(
+        y_m=BESIDE_M,
+        s_m=tuple(_parts(plan).tolist()),
+        pd=tuple(tuple(row) for row in share.tolist()),
+        runs=2 * (plan.beside_runs // 2),
+    )

@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 #: The published approach that the scene is built for; the one place that holds its numbers.
 DEMO_AIRFIELD = Path(__file__).parent / "data" / "demo_airfield.toml"
 
+#: Heights of the vegetation that approaches may meet, times that of the survey.
+VEGETATION = (0.8, 0.9, 1.0, 1.1, 1.2)
+
 CELL_M = 5.0
 #: The elevation is read at every fourth post and interpolated between: its own posts are 75 to 93 m apart.
 COARSE = 4

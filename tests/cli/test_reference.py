@@ -16,7 +16,7 @@ DEMO = str(ROOT / "configs" / "profiles" / "demo.csv")
 def test_make_writes_a_reference_that_info_shows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "x.csv"
     made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", "demo", "--out", str(out)]
-    assert main([*made, "--runs", "20", "--draws", "5", "--s-max", "1200", "--seed", "3"]) == 0
+    assert main([*made, "--runs", "20", "--draws", "5", "--beside-runs", "2", "--s-max", "1000", "--seed", "3"]) == 0
     reference = Reference.parse(out.read_text(), str(out))
     assert (reference.header.profile.seed, reference.header.limits.runs) == (3, 20)
     assert reference.hash in capsys.readouterr().out

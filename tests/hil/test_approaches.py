@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from fti.config import Approach
-from fti.hil.approaches import RA4500, Spread, draw_profile, fly, samples, simulate
+from fti.hil.approaches import RA4500, TerrainGround, draw_profile, fly, samples, simulate
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
+from fti.ranging.radar.quantise import FOOT, quantise_ft
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
@@ -40,45 +41,50 @@ def path() -> ApproachPath:
     return ApproachPath(load_airfield(DEMO_AIRFIELD.read_text(), str(DEMO_AIRFIELD)))
 
 
+@pytest.fixture(scope="module")
+def ground(path: ApproachPath, terrain: Terrain) -> TerrainGround:
+    return TerrainGround(path, RA4500, (terrain,))
+
+
+#: As in the demonstration's configuration.
+SETTINGS = Approach(profile="", alert_v_m=12.0)
+
+
 @pytest.fixture
 def monitor(reference: Reference) -> ClearanceMonitor:
-    return ClearanceMonitor(reference, Approach(profile=""))
+    return ClearanceMonitor(reference, SETTINGS)
 
 
-def test_reference_is_that_of_the_airfield_and_the_scene(
-    reference: Reference, path: ApproachPath, terrain: Terrain
-) -> None:
-    assert reference.header.airfield == path.airfield
+def test_reference_is_that_of_the_airfield_and_the_scene(reference: Reference, ground: TerrainGround) -> None:
+    assert reference.header.airfield == ground.path.airfield
     rng = np.random.default_rng(FRESH)
-    z = np.mean([draw_profile(path, terrain, RA4500, reference.s, rng) for _ in range(8)], axis=0)
+    z = np.mean([draw_profile(ground, reference.s, rng) for _ in range(8)], axis=0)
     normal = (z - reference.z_ref) / reference.s_ref
     assert np.abs(normal).mean() < 0.5
     assert np.abs(normal).max() < 3.0
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_nominal_approach_becomes_good_and_stays(
-    monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, seed: int
-) -> None:
-    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, seed]))
+def test_a_nominal_approach_becomes_good_and_stays(monitor: ClearanceMonitor, ground: TerrainGround, seed: int) -> None:
+    flown = simulate(ground, START, np.random.default_rng([FRESH, seed]))
     judged = [o.state for o in fly(monitor, flown) if o.valid]
     assert len(judged) > 250
     assert set(judged) <= {OK, MONITOR, IntegrityState.CAUTION}
     assert judged.count(OK) > len(judged) / 2
 
 
-def test_most_windows_are_observable(monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain) -> None:
-    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 7]))
+def test_most_windows_are_observable(monitor: ClearanceMonitor, ground: TerrainGround) -> None:
+    flown = simulate(ground, START, np.random.default_rng([FRESH, 7]))
     judged = [o for o in fly(monitor, flown) if o.valid]
     assert sum(Reason.NOT_OBSERVABLE not in o.reasons for o in judged) > len(judged) / 2
 
 
-def test_glide_slope_is_inside_3_sigma(reference: Reference, path: ApproachPath, terrain: Terrain) -> None:
+def test_glide_slope_is_inside_3_sigma(reference: Reference, path: ApproachPath, ground: TerrainGround) -> None:
     """Pooled over 4 approaches (the unit is the epoch, as the acceptance asks): at least 99 %."""
     inside = []
     for seed in range(4):
-        monitor = ClearanceMonitor(reference, Approach(profile=""))
-        flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 10, seed]))
+        monitor = ClearanceMonitor(reference, SETTINGS)
+        flown = simulate(ground, START, np.random.default_rng([FRESH, 10, seed]))
         for x, s, alt in zip(samples(flown), flown.s, flown.alt, strict=True):
             output = monitor.step(x)
             if output is None or monitor.bins is None:
@@ -91,8 +97,8 @@ def test_glide_slope_is_inside_3_sigma(reference: Reference, path: ApproachPath,
     assert np.mean(inside) >= 0.99
 
 
-def outputs_over(monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain) -> list[ClearanceIntegrity]:
-    return fly(monitor, simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 20])))
+def outputs_over(monitor: ClearanceMonitor, ground: TerrainGround) -> list[ClearanceIntegrity]:
+    return fly(monitor, simulate(ground, START, np.random.default_rng([FRESH, 20])))
 
 
 @pytest.mark.parametrize(("height", "width"), [(30.0, 20.0), (75.0, 60.0), (150.0, 60.0)])
@@ -100,7 +106,7 @@ def test_an_obstacle_is_an_alert_that_passes(
     monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, height: float, width: float
 ) -> None:
     box = Obstacle(kind="obstacle", before_threshold_m=2500.0, height_m=height, length_m=width, width_m=width)
-    outputs = outputs_over(monitor, path, with_obstacles(terrain, path, [box]))
+    outputs = outputs_over(monitor, TerrainGround(path, RA4500, (with_obstacles(terrain, path, [box]),)))
     there = 2500.0 + path.x_gpi
     far, near = there + 120.0, there - 120.0  # generous: the beam reaches 80 m
     before = {o.state for o in outputs if o.valid and (o.s_end or 0) > far}
@@ -112,15 +118,41 @@ def test_an_obstacle_is_an_alert_that_passes(
 
 
 @pytest.mark.parametrize("side", [-120.0, 120.0])
-def test_120_m_beside_the_track_is_seen(
-    monitor: ClearanceMonitor, path: ApproachPath, terrain: Terrain, side: float
-) -> None:
+def test_120_m_beside_the_track_is_seen(monitor: ClearanceMonitor, ground: TerrainGround, side: float) -> None:
     """Inside the 150 m of the off-track rule, while navigation says that all is well."""
     beside: Callable[[np.ndarray], np.ndarray] = lambda s: np.full_like(s, side)  # noqa: E731
-    flown = simulate(path, terrain, RA4500, START, np.random.default_rng([FRESH, 30]), offset=beside)
+    flown = simulate(ground, START, np.random.default_rng([FRESH, 30]), offset=beside)
     assert IntegrityState.ALERT in {o.state for o in fly(monitor, flown)}
 
 
-def test_the_same_seed_is_the_same_flight(path: ApproachPath, terrain: Terrain) -> None:
-    first, second = (simulate(path, terrain, RA4500, 1000.0, np.random.default_rng(5), spread=Spread()) for _ in "ab")
+def test_the_same_seed_is_the_same_flight(ground: TerrainGround) -> None:
+    first, second = (simulate(ground, 1000.0, np.random.default_rng(5)) for _ in "ab")
     assert first.agl.tobytes() == second.agl.tobytes()
+
+
+def test_the_short_way_says_what_sample_by_sample_says(reference: Reference, ground: TerrainGround) -> None:
+    """With refused samples, gaps, a window that is begun again, and a climb on the way."""
+    flown = simulate(ground, START, np.random.default_rng([FRESH, 40]))
+    flown.nav_y[300:400] = 200.0
+    flown.roll[700:760] = np.nan
+    flown.climb[900:1100] = 4.0
+    flown.nav_s[1400:] += 60.0
+    flown.agl[1500:1502] = np.nan
+    plain, short = (ClearanceMonitor(reference, SETTINGS) for _ in "ab")
+    expected = [output for x in samples(flown) if (output := plain.step(x)) is not None]
+    assert len({output.state for output in expected}) > 2
+    assert repr(fly(short, flown)) == repr(expected)
+
+
+def test_the_ground_is_traced_often_enough(ground: TerrainGround, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between traces 5 m apart straight lines: in bins within 0.5 m RMS of every sample traced; noise as it is."""
+    some = simulate(ground, START, np.random.default_rng([FRESH, 50]))
+    monkeypatch.setattr("fti.hil.approaches.TRACE_M", 0.1)
+    every = simulate(ground, START, np.random.default_rng([FRESH, 50]))
+    assert np.sqrt(np.mean((some.agl - every.agl) ** 2)) < 0.5
+
+
+def test_the_instrument_shows_the_steps_of_the_driver() -> None:
+    heights_ft = np.array([0.4, 118.6, 119.4, 120.6, 198.0, 203.0, 498.0, 512.0, 998.0, 1030.0, 2300.0])
+    expected = [quantise_ft(float(h)) for h in heights_ft]
+    assert RA4500.quantise(heights_ft * FOOT) / FOOT == pytest.approx(expected)

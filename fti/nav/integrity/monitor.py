@@ -18,8 +18,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from fti.nav.integrity.protection import Protection, Protector
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.states import AlarmLogic, Ratios
 from fti.nav.integrity.statistics import Matcher, Statistics
-from fti.nav.integrity.window import Bins, Window, has_gaps
+from fti.nav.integrity.window import Bins, Track, Window, between, has_gaps
 from fti.types import ClearanceIntegrity, IntegrityState, Reason
 
 UPDATE_NS = 200_000_000
@@ -64,6 +65,9 @@ class ClearanceSample:
     vertical_sd: float | None
 
 
+#: What is told of a window that was not matched.
+NOTHING: Mapping[str, float | None] = MappingProxyType({})
+
 Rule = Callable[[ClearanceSample, Approach], bool]
 
 #: Why a sample is not used.  A rule is True when the sample breaks it.
@@ -78,19 +82,19 @@ class GoAround:
     """Climbing at more than 2 m/s for 3 s begins it, 3 s without ends it."""
 
     def __init__(self) -> None:
-        self._active = False
+        self.active = False
         self._since_ns: int | None = None
 
     def step(self, t_ns: int, climb: float | None) -> bool:
         """Whether a go-around is being flown."""
         climbing = climb is not None and climb > GO_AROUND_CLIMB
-        if climbing == self._active:
+        if climbing == self.active:
             self._since_ns = None
         elif self._since_ns is None:
             self._since_ns = t_ns
         elif t_ns - self._since_ns >= GO_AROUND_NS:
-            self._active, self._since_ns = climbing, None
-        return self._active
+            self.active, self._since_ns = climbing, None
+        return self.active
 
 
 class ClearanceMonitor:
@@ -107,7 +111,18 @@ class ClearanceMonitor:
         self._window = Window(reference)
         self._matcher = Matcher(reference, settings.alert_s_m)
         self._protector = Protector(self._limits, settings)
-        self._agl_ref = (self.path.alt_path(reference.s) - reference.z_ref).tolist()
+        self.agl_ref = self.path.alt_path(reference.s) - reference.z_ref
+        self.bounds = np.array(
+            [
+                reference.header.profile.s_max_m,
+                settings.y_max_m,
+                math.radians(settings.max_roll_deg),
+                math.radians(settings.max_pitch_deg),
+                GO_AROUND_CLIMB,
+                UPDATE_M,
+                UPDATE_NS,
+            ]
+        )
         self._s0, self._ds = float(reference.s[0]), reference.header.profile.ds_m
         self._hash = reference.hash
         self._go_around = GoAround()
@@ -143,15 +158,26 @@ class ClearanceMonitor:
         self._judged_ns = x.t_ns
         return self._say(self._judge(x), always=True)
 
+    def skip(self, track: Track, begin: int) -> int:
+        """Take samples from ``begin`` on as long as each only goes into the window and nothing is to be said.
+
+        Returns the index of the first that is left for ``step``.  The outputs are those of ``step`` alone, sooner.
+        """
+        if self._updated is None or self._go_around.active:
+            return begin
+        end = self._window.take(track, begin, self.bounds, self._updated, self.agl_ref)
+        if end > begin:
+            self._used_ns = int(track.t_ns[end - 1])
+            self._go_around.step(self._used_ns, None)
+        return end
+
     def follow(self, s: float) -> None:
         """Where the aircraft is, usable sample or not: more than 20 m back out, and the window is of another try."""
         if self._window.goes_backward(s):
             self.restart()
 
     def _collect(self, x: ClearanceSample) -> None:
-        at, share = divmod((x.s - self._s0) / self._ds, 1.0)
-        near, far = self._agl_ref[int(at)], self._agl_ref[int(at) + 1]
-        self._window.add(x.s, x.alt - x.agl, x.agl - near - share * (far - near))
+        self._window.add(x.s, x.alt - x.agl, x.agl - between(self.agl_ref, (x.s - self._s0) / self._ds))
 
     def refuse(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity | None:
         """There is no usable sample.
@@ -198,9 +224,9 @@ class ClearanceMonitor:
     def _judge(self, x: ClearanceSample) -> ClearanceIntegrity:
         self.bins = self._window.bins(x.s)
         if not self._window.is_full(x.s):
-            return self._output(x, IntegrityState.ACQUIRE, ())
+            return self._judged(x, IntegrityState.ACQUIRE, (), NOTHING)
         if has_gaps(self.bins):
-            return self._output(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,))
+            return self._judged(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NOTHING)
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
         self._remember_obstacle(found)
@@ -210,7 +236,7 @@ class ClearanceMonitor:
         state, reasons = self._logic.step(ratios, window_is_new)
         if state is not IntegrityState.ALERT and not protection.vertical:
             state, reasons = IntegrityState.UNAVAILABLE, (Reason.PROTECTION_LEVEL, *reasons)
-        return self._judged(self._output(x, state, reasons), found, ratios, protection)
+        return self._judged(x, state, reasons, _told(found, ratios, protection))
 
     def _ratios(self, found: Statistics, protection: Protection) -> Ratios:
         """Statistics over their limits.  A shift of AL_s must show at AL_s itself (O) and by the curvature."""
@@ -218,26 +244,6 @@ class ClearanceMonitor:
         observable = found.observability >= self._observable and protection.along
         t2 = found.t2 / limits.t2 if observable else None
         return Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
-
-    @staticmethod
-    def _judged(
-        output: ClearanceIntegrity, found: Statistics, ratios: Ratios, protection: Protection
-    ) -> ClearanceIntegrity:
-        return dataclasses.replace(
-            output,
-            valid=output.state is not IntegrityState.UNAVAILABLE,
-            t1_ratio=ratios.t1,
-            t2_ratio=ratios.t2,
-            t3_ratio=ratios.t3,
-            t4_ratio=ratios.t4,
-            shift=found.shift,
-            shift_sd=found.shift_sd,
-            height_error=found.height_error,
-            height_error_sd=found.height_error_sd,
-            observability=found.observability,
-            protection_level_v=protection.level_v,
-            protection_level_s=protection.level_s if math.isfinite(protection.level_s) else None,
-        )
 
     def _remember_obstacle(self, found: Statistics) -> None:
         """The newest bin at which T4 was over its limit."""
@@ -247,18 +253,21 @@ class ClearanceMonitor:
 
     # ---------------------------------------------------------------------------------------------------- output
 
-    def _output(self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
+    def _judged(
+        self, x: ClearanceSample, state: IntegrityState, reasons: tuple[Reason, ...], told: Mapping[str, float | None]
+    ) -> ClearanceIntegrity:
         return ClearanceIntegrity(
             t_ns=x.t_ns,
             t_valid_ns=x.t_valid_ns,
             state=state,
             reasons=reasons,
-            valid=False,
+            valid=bool(told) and state is not IntegrityState.UNAVAILABLE,
             s_begin=x.s + self._window.length,
             s_end=x.s,
             alert_limit_v=self._protector.limit_v(x.s),
             alert_limit_s=self._settings.alert_s_m,
             reference=self._hash,
+            **told,
         )
 
     def _unavailable(self, t_ns: int, t_valid_ns: int | None, reasons: tuple[Reason, ...]) -> ClearanceIntegrity:
@@ -280,3 +289,20 @@ class ClearanceMonitor:
             return None
         self._last = new
         return new
+
+
+def _told(found: Statistics, ratios: Ratios, protection: Protection) -> dict[str, float | None]:
+    """What an output says of a window that was matched."""
+    return {
+        "t1_ratio": ratios.t1,
+        "t2_ratio": ratios.t2,
+        "t3_ratio": ratios.t3,
+        "t4_ratio": ratios.t4,
+        "shift": found.shift,
+        "shift_sd": found.shift_sd,
+        "height_error": found.height_error,
+        "height_error_sd": found.height_error_sd,
+        "observability": found.observability,
+        "protection_level_v": protection.level_v,
+        "protection_level_s": protection.level_s if math.isfinite(protection.level_s) else None,
+    }

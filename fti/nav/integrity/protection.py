@@ -45,8 +45,8 @@ class Protector:
 
     def __init__(self, limits: Limits, settings: Approach) -> None:
         missed = NormalDist().inv_cdf(1.0 - limits.pmd)
-        self._factor_v = limits.t3 + missed
-        self._factor_s = math.sqrt(limits.t2) + missed
+        self.factor_v = limits.t3 + missed
+        self.factor_s = math.sqrt(limits.t2) + missed
         self._settings = settings
 
     def limit_v(self, s: float) -> float:
@@ -56,8 +56,8 @@ class Protector:
     def of(self, found: Statistics, s: float) -> Protection:
         """The levels of a window that ends at s [m]."""
         return Protection(
-            self._factor_v * found.height_error_sd,
-            self._factor_s * found.shift_resolution,
+            self.factor_v * found.height_error_sd,
+            self.factor_s * found.shift_resolution,
             self.limit_v(s),
             self._settings.alert_s_m,
         )

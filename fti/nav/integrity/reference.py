@@ -11,6 +11,7 @@ SHA-256 over the rest.  A reference made for another kind of sensor is refused b
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import tomllib
 from dataclasses import dataclass
@@ -116,7 +117,7 @@ class Reference:
     s_ref: Array
     s_alt: Array
 
-    @property
+    @functools.cached_property
     def hash(self) -> str:
         """SHA-256 over the canonical content, hexadecimal."""
         return hashlib.sha256("\n".join(self._lines()).encode()).hexdigest()

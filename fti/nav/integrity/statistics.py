@@ -17,6 +17,8 @@ The protection levels are what an error must reach to be missed with the probabi
 protection``); s_s is the sigma of a shift by the curvature of Jr.
 """
 
+# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
+
 from __future__ import annotations
 
 import math
@@ -79,44 +81,34 @@ class Matcher:
         self._datum_sd = profile.datum_sd_m
         self._z_ref = np.ascontiguousarray(reference.z_ref)
         self._sd = np.hypot(reference.s_ref, reference.s_alt)
-        self._shifts = np.arange(-self._span, self._span + 1)
-        self._sharpness = np.array([-self._alert, self._alert, -1, 1])
         size = round(profile.window_m / self._ds) + 1
-        self._match(self._z_ref[self._span : self._span + size], np.ones(size), self._span, self._shifts)
+        self.evaluate(Bins(self._span, np.ones(size, bool), self._z_ref[:size], np.zeros(size)), None)
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
-        size, first = len(bins.z), bins.first
-        sd = self._sd[first : first + size]
-        expected = self._z_ref[first : first + size]
-        weight = np.where(bins.filled, 1.0 / sd**2, 0.0)
-        offset, mismatch = self._match(bins.z, weight, first, self._shifts)
-        _, peak = self._match(expected, weight, first, self._sharpness)
+        span, found = self._span, np.empty((4, 2 * self._span + 1))
+        total, obstacle = match(
+            bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, found
+        )  # fmt: skip
+        offset, mismatch, _, peak = found
         shift, shift_sd = self._best_shift(mismatch)
-        here = float(mismatch[self._span])
-        height_error = float(offset[self._span])
-        height_error_sd = self._height_error_sd(weight, vertical_sd)
-        obstacle = self._obstacle_of(bins.z - expected, bins.filled, sd)
-        bend = float(peak[2] + peak[3])
+        here, height_error = float(mismatch[span]), float(offset[span])
+        height_error_sd = self._height_error_sd(float(total), int(np.count_nonzero(bins.filled)), vertical_sd)
+        bend = float(peak[span - 1] + peak[span + 1])
         return Statistics(
             t1=here,
             t2=here - float(mismatch.min()),
             t3=abs(height_error) / height_error_sd,
             t4=float(obstacle.max()),
-            observability=float(min(peak[0], peak[1])),
+            observability=float(min(peak[span - self._alert], peak[span + self._alert])),
             shift_resolution=self._ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
             shift=shift,
             shift_sd=shift_sd,
             height_error=height_error,
             height_error_sd=height_error_sd,
-            first_bin=first,
+            first_bin=bins.first,
             obstacle=obstacle,
         )
-
-    def _match(self, z: Array, weight: Array, first: int, shifts: NDArray[np.int64]) -> tuple[Array, Array]:
-        """b and J of a window against the reference, ``shifts`` bins farther out, shape of shifts."""
-        scale = self._k_eff / np.count_nonzero(weight)
-        return _mismatch(z, weight, self._z_ref, first + shifts, scale)
 
     def _best_shift(self, mismatch: Array) -> tuple[float | None, float | None]:
         """Minimum of the parabola through the three points around the least mismatch, and its sigma."""
@@ -129,35 +121,51 @@ class Matcher:
             return (i - self._span) * self._ds, None
         return (i - self._span + 0.5 * (left - right) / bend) * self._ds, self._ds * math.sqrt(2 / bend)
 
-    def _height_error_sd(self, weight: Array, vertical_sd: float | None) -> float:
+    def _height_error_sd(self, total: float, count: int, vertical_sd: float | None) -> float:
         nav = VERTICAL_SD_UNKNOWN if vertical_sd is None else vertical_sd
-        mean_sd = math.sqrt(np.count_nonzero(weight) / self._k_eff / float(weight.sum()))
-        return math.hypot(nav, self._datum_sd, mean_sd)
-
-    def _obstacle_of(self, residual: Array, filled: NDArray[np.bool_], sd: Array) -> Array:
-        last = slice(0, self._obstacle)
-        excess = (residual[last] - _median(residual[filled])) / sd[last]
-        return np.where(filled[last], excess, -np.inf)
+        return math.hypot(nav, self._datum_sd, math.sqrt(count / self._k_eff / total))
 
 
 @kernel
-def _mismatch(z: Array, weight: Array, z_ref: Array, begins: NDArray[np.int64], scale: float) -> tuple[Array, Array]:
-    """b and J of a window z against the parts of z_ref that begin at ``begins``."""
-    offset, mismatch = np.empty(len(begins)), np.empty(len(begins))
-    total = weight.sum()
-    for k in range(len(begins)):
-        begin, mean, spread = begins[k], 0.0, 0.0
-        for j in range(len(z)):
-            mean += weight[j] * (z[j] - z_ref[begin + j])
-        mean /= total
-        for j in range(len(z)):
-            spread += weight[j] * (z[j] - z_ref[begin + j] - mean) ** 2
-        offset[k], mismatch[k] = mean, scale * spread
-    return offset, mismatch
+def match(
+    z: Array,
+    filled: NDArray[np.bool_],
+    z_ref: Array,
+    sd: Array,
+    first: int,
+    span: int,
+    k_eff: float,
+    obstacle: int,
+    found: Array,
+) -> tuple[float, Array]:
+    """Match a window, and the reference in its place, with the reference at all shifts.
 
+    found   : shape (4, 2 span + 1), written: b and J of the window, b and J of the reference
+    Returns : sum of the weights, and (e(0) - median e(0)) / s of the newest ``obstacle`` bins, -inf where not filled
 
-@kernel
-def _median(values: Array) -> float:
-    ordered = np.sort(values)
-    half = len(ordered) // 2
-    return float(0.5 * (ordered[half] + ordered[-1 - half]))
+    Shifts are the inner loop: they are next to each other in memory, and no sum is reordered.
+    """
+    found[:] = 0.0
+    total, count = 0.0, 0
+    for j in range(len(z)):
+        if not filled[j]:
+            continue
+        at = first + j
+        weight = 1.0 / (sd[at] * sd[at])
+        total += weight
+        count += 1
+        for k in range(2 * span + 1):
+            shifted = z_ref[at - span + k]
+            e, own = z[j] - shifted, z_ref[at] - shifted
+            found[0, k] += weight * e
+            found[1, k] += weight * e * e
+            found[2, k] += weight * own
+            found[3, k] += weight * own * own
+    for row in (0, 2):
+        found[row] /= total
+        found[row + 1] = np.maximum(k_eff / count * (found[row + 1] - total * found[row] ** 2), 0.0)
+    residual = z - z_ref[first : first + len(z)]
+    ordered = np.sort(residual[filled])
+    median = 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
+    excess = (residual[:obstacle] - median) / sd[first : first + obstacle]
+    return total, np.where(filled[:obstacle], excess, -np.inf)

@@ -4,6 +4,8 @@ A bin holds the mean of its samples (no interpolation); s falls as the aircraft 
 first of the window.
 """
 
+# ruff: noqa: PLR0917 - compiled kernels take their scalars by position
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -12,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.nav.integrity.reference import Reference
+from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
@@ -32,6 +35,20 @@ class Bins:
     filled: NDArray[np.bool_]
     z: Array
     dh: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Many samples, shape (n,) each: what ``ClearanceSample`` holds; climb is NaN where unknown."""
+
+    t_ns: NDArray[np.int64]
+    s: Array
+    y: Array
+    alt: Array
+    agl: Array
+    roll: Array
+    pitch: Array
+    climb: Array
 
 
 class Window:
@@ -71,6 +88,19 @@ class Window:
         self._z[at] += z
         self._dh[at] += dh
 
+    def take(self, track: Track, begin: int, bounds: Array, updated: tuple[int, float], agl_ref: Array) -> int:
+        """Add samples from ``begin`` on, up to the first that breaks a rule or is due for an update: its index.
+
+        bounds : most s, |y|, |roll|, |pitch| and climb of a usable sample; least way and time to the next update
+        agl_ref : height above ground on the path, on the reference's grid
+        """
+        columns = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
+        end, self._least_s = take(
+            track.t_ns, columns, begin, bounds, updated, agl_ref,
+            (self._count, self._z, self._dh), (self._s0, self._ds, self._least_s),
+        )  # fmt: skip
+        return end
+
     def is_full(self, s: float) -> bool:
         """Whether the first sample lies a whole window behind s."""
         return self._first_s is not None and self._first_s - s >= self.length
@@ -78,11 +108,7 @@ class Window:
     def bins(self, s: float) -> Bins:
         """The window that ends at s."""
         first = self._index(s)
-        part = slice(first, first + self._size)
-        count = self._count[part]
-        filled = count > 0
-        divisor = np.where(filled, count, 1.0)
-        return Bins(first, filled, self._z[part] / divisor, self._dh[part] / divisor)
+        return Bins(first, *means(self._count, self._z, self._dh, first, self._size))
 
     def _index(self, s: float) -> int:
         return round((s - self._s0) / self._ds)
@@ -91,3 +117,50 @@ class Window:
 def has_gaps(bins: Bins) -> bool:
     """Whether less than 80 % of the bins are filled."""
     return bool(np.count_nonzero(bins.filled) < FILLED_SHARE * len(bins.filled))
+
+
+@kernel
+def means(count: Array, z: Array, dh: Array, first: int, size: int) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Which of ``size`` bins hold a sample, and the means of z and dh in them, 0 in the others."""
+    part = slice(first, first + size)
+    filled = count[part] > 0.0
+    divisor = np.maximum(count[part], 1.0)
+    return filled, z[part] / divisor, dh[part] / divisor
+
+
+@kernel
+def between(values: Array, at: float) -> float:
+    """Linear interpolation at a fraction of the index."""
+    near = int(at)
+    return float(values[near] + (at - near) * (values[near + 1] - values[near]))
+
+
+@kernel
+def take(
+    t_ns: NDArray[np.int64],
+    columns: tuple[Array, ...],
+    begin: int,
+    bounds: Array,
+    updated: tuple[int, float],
+    agl_ref: Array,
+    sums: tuple[Array, ...],
+    place: tuple[float, float, float],
+) -> tuple[int, float]:
+    """See ``Window.take``; returns also the least s so far.  What is no number breaks a rule."""
+    ss, ys, alts, agls, rolls, pitches, climbs = columns
+    count, z, dh = sums
+    s0, ds, least = place
+    for k in range(begin, len(t_ns)):
+        s = ss[k]
+        usable = 0.0 <= s <= bounds[0] and abs(ys[k]) <= bounds[1] and abs(rolls[k]) <= bounds[2]
+        if not (usable and abs(pitches[k]) <= bounds[3] and s <= least + BACKWARD_M) or climbs[k] > bounds[4]:
+            return k, least
+        if abs(updated[1] - s) >= bounds[5] and t_ns[k] - updated[0] >= bounds[6]:
+            return k, least
+        least = min(s, least)
+        at = (s - s0) / ds
+        j = round(at)
+        count[j] += 1.0
+        z[j] += alts[k] - agls[k]
+        dh[j] += agls[k] - between(agl_ref, at)
+    return len(t_ns), least
