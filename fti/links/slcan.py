@@ -22,6 +22,7 @@ import asyncio
 import os
 import re
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from fti import canframe
@@ -102,6 +103,19 @@ def _with_switch(frame: bytes) -> bytes:
 
 def format_frame(frame: bytes) -> bytes:
     """A frame as the adapter wants it, with CR.  Raises ValueError for an error frame."""
+    if len(frame) == canframe.CAN_SIZE and (begin := _data_begin(frame[:5])):
+        return begin + frame[8 : 8 + frame[4]].hex().upper().encode() + b"\r"
+    return _format_any(frame)
+
+
+@lru_cache(maxsize=1024)
+def _data_begin(head: bytes) -> bytes:
+    """The text before the data of a classic data frame, from its identifier and length; none for another frame."""
+    found = canframe.unpack_can(head.ljust(canframe.CAN_SIZE, b"\0"))
+    return b"" if found.error or found.remote else _format_any(head.ljust(canframe.CAN_SIZE, b"\0"))[: -1 - 2 * head[4]]
+
+
+def _format_any(frame: bytes) -> bytes:
     found = canframe.unpack_can(frame)
     if found.error:
         raise ValueError("an error frame cannot be sent")

@@ -11,6 +11,7 @@ digits in bits 11-29, the highest of three bits.  A discrete word is bits 11-29 
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import cache
 from typing import Literal
 
 from fti.drivers._bits import REVERSED
@@ -66,6 +67,7 @@ def with_parity(word: int, parity: Parity = "odd") -> int:
     return word if is_intact(word, parity) else word | _PARITY
 
 
+@cache
 def label_byte(octal: str) -> int:
     """Bits 1-8 for a label written in octal digits ("164")."""
     return REVERSED[int(octal, 8)]
@@ -99,7 +101,7 @@ def decode_steps(word: int, bits: int) -> int:
 
 def encode_steps(label: str, raw: int, bits: int, *, state: BnrState, sdi: int = 0) -> int:
     """A BNR word of a two's complement number that fits into bits and sign."""
-    word = label_byte(label) | raw % (2 << bits) << (BNR_TOP - bits) | state << _SSM_SHIFT
+    word = label_byte(label) | raw % (2 << bits) << (BNR_TOP - bits) | int(state) << _SSM_SHIFT
     return with_parity(word if bits > BNR_BITS_BESIDE_SDI else word | sdi << _SDI_SHIFT)
 
 

@@ -6,6 +6,7 @@ import math
 import struct
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 from fti.canframe import EXTENDED, EXTENDED_MASK, pack_can, unpack_can
 from fti.drivers.canaerospace.data_types import FLOAT, NODATA, UCHAR4
@@ -13,15 +14,23 @@ from fti.drivers.canaerospace.decoder import HEADER_SIZE, IDS, NODE_SERVICES
 from fti.drivers.canaerospace.parameters import Parameter
 from fti.types import Measurement, Reading
 
+MESSAGE_SIZE = 8
+CODE_AND_VALUE = struct.Struct(">Bf")
 FLOAT_MAX = 3.4028234663852886e38
 #: Hardware and software revision of the emulated unit; standard identifiers, standard header.
 IDENTIFICATION = bytes([1, 1, 0, 0])
 
 
+@cache
+def frame_begin(word: int, node: int) -> bytes:
+    """The begin of the frames of normal operation data with a FLOAT, up to the service code."""
+    data = bytes([node, FLOAT, 0])
+    return pack_can(word & EXTENDED_MASK, data.ljust(MESSAGE_SIZE, b"\0"), extended=bool(word & EXTENDED))[:-5]
+
+
 def encode_message(word: int, node: int, code: int, value: float) -> bytes:
     """A frame of normal operation data with a FLOAT, clamped to what a FLOAT can say."""
-    data = struct.pack(">BBBBf", node, FLOAT, 0, code, min(max(value, -FLOAT_MAX), FLOAT_MAX))
-    return pack_can(word & EXTENDED_MASK, data, extended=bool(word & EXTENDED))
+    return frame_begin(word, node) + CODE_AND_VALUE.pack(code, min(max(value, -FLOAT_MAX), FLOAT_MAX))
 
 
 def identification_request(node: int) -> bytes:
@@ -45,8 +54,8 @@ class Encoder:
     def encode(self, measurement: Measurement) -> list[bytes]:
         if not getattr(measurement, "valid", True):
             return []
-        told = ((p, _value_of(p, measurement)) for p in self._carrying(measurement))
-        return [self._frame(p, value) for p, value in told if value is not None]
+        carrying = self._carrying(measurement)
+        return [self._frame(p, v) for p in carrying if (v := _value_of(p, measurement)) is not None]
 
     def _carrying(self, measurement: Measurement) -> Sequence[Parameter]:
         """The parameters that may carry something of it."""
@@ -79,7 +88,10 @@ def _value_of(parameter: Parameter, measurement: Measurement) -> float | None:
     """What the measurement says of this parameter, in its unit."""
     if isinstance(measurement, Reading):
         value = measurement.value if measurement.name == parameter.name else None
-    else:
-        value = parameter.quantity.pick(measurement) if parameter.quantity else None
-        value = None if value is None else (value - parameter.scale[1]) / parameter.scale[0]
-    return value if value is not None and math.isfinite(value) else None
+        return value if value is not None and math.isfinite(value) else None
+    value = parameter.quantity.pick(measurement) if parameter.quantity else None
+    if value is None:
+        return None
+    factor, offset = parameter.scale
+    value = (value - offset) / factor
+    return value if math.isfinite(value) else None

@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from fti.canframe import unpack_can
+from fti.canframe import EXTENDED
 from fti.config import SerialLink
+from fti.drivers._can import frame_head
 
 CHUNK_S = 0.001
 #: Instants so near to each other are the same: a sum of floats may end a little behind the instant that it was told.
@@ -27,8 +28,8 @@ def byte_s(link: SerialLink) -> float:
 
 def frame_s(frame: bytes, bitrate: int) -> float:
     """How long a ``can_frame`` takes on a bus at best [s]: without stuff bits, which add up to a fifth."""
-    found = unpack_can(frame)
-    return ((EXTENDED_BITS if found.extended else STANDARD_BITS) + 8 * len(found.data)) / bitrate
+    word, length = frame_head(frame)
+    return ((EXTENDED_BITS if word & EXTENDED else STANDARD_BITS) + 8 * length) / bitrate
 
 
 @dataclass(slots=True)
