@@ -66,7 +66,7 @@ def _draw_errors(axes: Axes, error: np.ndarray, refused: np.ndarray) -> None:
 
 
 def _draw_attitude(axes: Axes, mix: Mix, name: str) -> None:
-    t, limit = _seconds(mix), validity.LIMITS[name].max_roll_deg
+    t, limit = _seconds(mix), validity.VARIANTS[name].limits.max_roll_deg
     axes.axhspan(-limit, limit, color=SKY, alpha=0.2, lw=0.0, label="roll that is valid")
     axes.plot(t, np.degrees(mix.roll), color=BLUE, label="roll")
     axes.plot(t, np.degrees(mix.pitch), color=ORANGE, label="pitch")
@@ -83,7 +83,7 @@ def reasons(seed: int) -> Figure:
         width=9.0,
         height=4.2,
     )
-    for axes, name in zip(figure.subplots(1, 2, sharex=True), validity.LIMITS, strict=True):
+    for axes, name in zip(figure.subplots(1, 2, sharex=True), ("laser", "radar"), strict=True):
         _draw_reasons(axes, runs, name)
     return figure
 
