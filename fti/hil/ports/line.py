@@ -115,13 +115,10 @@ class LineEndpoint(ABC):
 
     def _hand_over(self, now: float) -> bool:
         """Write what has left the wire; true when the kernel takes no more."""
-        while (due := self._wire.due(now)) is not None:
-            written = self._write(due)
-            if self._wire.took(written):
-                self.sent.messages += 1
-            elif written < len(due):
-                return True
-        return False
+        due = self._wire.due(now)
+        written = self._write(due) if due else 0
+        self.sent.messages += self._wire.took(written)
+        return written < len(due)
 
     def _lost(self, why: str) -> None:
         """The port is gone: drop what waits, and what comes."""
@@ -133,7 +130,7 @@ class LineEndpoint(ABC):
             self._drop(len(self._wire.drop_oldest().data))
         self._space.set()
 
-    def _write(self, data: memoryview) -> int:
+    def _write(self, data: bytes) -> int:
         try:
             written = os.write(self._fd, data)
         except BlockingIOError:

@@ -68,23 +68,31 @@ class Wire:
         self.waiting_s += message.duration_s
         self.waiting_bytes += len(message.data)
 
-    def due(self, now_s: float) -> memoryview | None:
-        """What may leave now of the first message; None when that is nothing."""
-        if not self._waiting:
-            return None
-        first = self._waiting[0]
-        passed = first.passed(now_s - self._begin_s)
-        return memoryview(first.data)[first.written : passed] if passed > first.written else None
+    def due(self, now_s: float) -> bytes:
+        """What may leave now, of all messages together."""
+        elapsed_s, parts = now_s - self._begin_s, []
+        for message in self._waiting:
+            passed = message.passed(elapsed_s)
+            if passed > message.written:
+                parts.append(message.data[message.written : passed])
+            if passed < len(message.data):
+                break
+            elapsed_s -= message.duration_s
+        return parts[0] if len(parts) == 1 else b"".join(parts)
 
-    def took(self, count: int) -> bool:
-        """So many bytes of it have left; true when the message is complete."""
-        first = self._waiting[0]
-        first.written += count
-        if first.written < len(first.data):
-            return False
-        self._begin_s += first.duration_s
-        self._remove(0)
-        return True
+    def took(self, count: int) -> int:
+        """So many bytes of that have left; returns how many messages are complete with them."""
+        complete = 0
+        while count:
+            first = self._waiting[0]
+            part = min(count, len(first.data) - first.written)
+            first.written += part
+            count -= part
+            if first.written == len(first.data):
+                self._begin_s += first.duration_s
+                self._remove(0)
+                complete += 1
+        return complete
 
     def drop_oldest(self) -> Message:
         """Take away the oldest message of which nothing has left, or the only one there is."""

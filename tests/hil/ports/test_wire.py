@@ -39,10 +39,9 @@ def test_a_frame_takes_its_bits_without_stuffing() -> None:
 
 def drain(wire: Wire, now: float) -> bytes:
     """What leaves at an instant."""
-    left = b""
-    while (due := wire.due(now)) is not None:
-        left += due
-        wire.took(len(due))
+    left = wire.due(now)
+    wire.took(len(left))
+    assert not wire.due(now)
     return left
 
 
@@ -97,6 +96,19 @@ def test_a_can_frame_leaves_whole_at_its_end() -> None:
     assert wire.next_s(0.0) == pytest.approx(5 * MS)
     assert drain(wire, 5.1 * MS) == b"t1230\r"
     assert wire.next_s(5.1 * MS) == pytest.approx(10 * MS)
+
+
+def test_frames_whose_time_has_come_leave_together_and_are_counted_when_they_are_complete() -> None:
+    wire = Wire()
+    for name in (b"t1000\r", b"t1010\r", b"t1020\r"):
+        wire.add(Message(name, 1 * MS, whole=True), 0.0)
+    assert wire.due(2.5 * MS) == b"t1000\rt1010\r"
+    assert wire.took(8) == 1  # the kernel took a part of the second
+    assert wire.due(2.5 * MS) == b"010\r"
+    assert wire.took(4) == 1
+    assert wire.due(2.5 * MS) == b""
+    assert wire.due(3.5 * MS) == b"t1020\r"
+    assert wire.took(0) == 0
 
 
 def test_the_oldest_goes_but_not_what_has_begun() -> None:
