@@ -69,6 +69,7 @@ class Aircraft:
         self.power_units = [bound.device.name for bound in devices if bound.device.driver == "power_unit"]
         nav = config.nav
         self.altimeters = nav.altimeters
+        self.knows_ground = nav.terrain is not None
         self.sources = frozenset((*nav.position, *nav.attitude))
         self.approach = approach = nav.approach
         self.has_approach = approach is not None and bool(nav.altimeters)

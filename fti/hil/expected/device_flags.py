@@ -11,7 +11,9 @@ from fti.hil.expected.duties import (
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
     CONFIRM_S,
+    DEVIATION_M,
     DOUBT_S,
+    GROUND_WORDS,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
@@ -214,6 +216,20 @@ def _comes_in_bursts(fault: Burst, case: Case) -> Found:
     return _stale(case), ""
 
 
+def _stands_still(fault: Stuck, case: Case) -> Found:
+    """Known ground shows it of an altimeter, as soon as the true height is another one."""
+    craft, truth = case.craft, case.truth
+    limits = craft.altimeter(case.name)
+    inside = (truth.t >= fault.from_s) & (truth.t < fault.to_s)
+    if limits is None or case.name not in craft.altimeters or not craft.knows_ground or not inside.any():
+        return [], "values that stand still with fresh times"
+    stood = float(truth.height_agl[inside][0])
+    shown = truth.span(inside & (abs(truth.height_agl - stood) > DEVIATION_M) & (truth.height_agl < limits.range_m[1]))
+    if shown is None or stood > limits.range_m[1]:
+        return [], "a height that stands still and is not wrong by much"
+    return [Duty(f"{HEIGHT}/{case.name}", GROUND_WORDS, *shown, SILENT_S, fault.to_s - shown[0] + SILENT_S)], ""
+
+
 def _nobody_knows(what: str) -> Callable[[Any, Case], Found]:
     return lambda fault, case: ([], what)
 
@@ -223,7 +239,7 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
     (Cut, _is_silent),
     (Breaker | BrownOut, _has_no_power),
     (Freeze, _is_frozen),
-    (Stuck, _nobody_knows("values that stand still with fresh times")),
+    (Stuck, _stands_still),
     (Invalid, _says_so),
     (GnssOutage, _has_no_fix),
     (OnQuantity | Forced, _nobody_knows("a wrong value of one device: nothing compares it with another's")),

@@ -30,6 +30,9 @@ CLOCK_SEEN_S = 0.1
 SLOWEST_MPS, CONFIRM_S = 35.0, 2.0
 #: No relief that the reference leaves open is as high as this [m].
 OBSTACLE_M = 30.0
+#: What known ground says against a height; it tells so much of a value that stands still, too [m].
+GROUND_WORDS = ("deviation", "dispersion", "incidence", "not_nadir")
+DEVIATION_M = 30.0
 #: A share of messages that changes a rate by more than what health tolerates.
 RATE_SHARE = 0.5
 #: Wrong bits that are enough for a message to be refused beyond doubt.

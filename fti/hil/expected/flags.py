@@ -4,7 +4,7 @@ A flag is a word at a place of the recorded session (``fti.post.score.said``):
 
 place                                words
 -----------------------------------  ----------------------------------------------------------------------------------
-/nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return ...
+/nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return, deviation ...
 /nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one
 /nav/clearance_integrity             unavailable, caution, alert, and the reasons
 /fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are refused;
@@ -20,11 +20,15 @@ it is told as such, and is neither a miss nor a success.
 
 from __future__ import annotations
 
+import numpy as np
+
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.device_flags import consequences, on_device, silence
 from fti.hil.expected.duties import (
     CONFIRM_S,
+    GROUND_WORDS,
     HEALTH_S,
+    HEIGHT,
     INTEGRITY,
     LEDGER,
     LEDGER_CLEARS_S,
@@ -70,13 +74,31 @@ def _obstacle(fault: Obstacle, craft: Aircraft, truth: Truth) -> Told:
         return Told("flight", (), ())
     begin, end = beside
     window = craft.window_m / SLOWEST_MPS + CONFIRM_S
-    may = (May(INTEGRITY, begin, end + 2 * window),)
+    may = (May(INTEGRITY, begin, end + 2 * window), *_against_ground(craft, begin, end))
     if above is None:  # the flight ended with the obstacle ahead, where the beam saw it
         return Told("flight", (), may)
     duty = Duty(INTEGRITY, ("obstacle",), above[0], above[0] + window, CONFIRM_S, end - above[0] + window)
     seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
+    duties = (duty, *_deviations(craft, truth, above)) if seen else ()
     unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
-    return Told("flight", (duty,) if seen else (), may, unknown)
+    return Told("flight", duties, may, unknown)
+
+
+def _against_ground(craft: Aircraft, begin: float, end: float) -> tuple[May, ...]:
+    """Ground that is not as it is known speaks against every altimeter."""
+    return tuple(May(f"{HEIGHT}/{name}", begin, end + SILENT_S, GROUND_WORDS) for name in craft.altimeters)
+
+
+def _deviations(craft: Aircraft, truth: Truth, above: tuple[float, float]) -> list[Duty]:
+    """A radar above it says what the known ground does not explain, as long as it can measure at all."""
+    if not craft.knows_ground:
+        return []
+    highest = float(np.max(truth.height_agl[(truth.t >= above[0]) & (truth.t <= above[1])]))
+    radars = [name for name in craft.altimeters if not craft.is_laser(name) and highest < craft.range_m(name)]
+    return [
+        Duty(f"{HEIGHT}/{name}", ("deviation",), *above, craft.period_s(name) + NAV_S, SILENT_S + above[1] - above[0])
+        for name in radars
+    ]
 
 
 def _off_track(fault: OffTrack, craft: Aircraft, truth: Truth) -> Told:

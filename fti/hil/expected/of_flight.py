@@ -44,6 +44,8 @@ def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
     limits = craft.altimeter(name)
     if limits is None:
         return
+    if craft.knows_ground:  # a wall or the edge of a wood in the beam: what it is like is no fault
+        yield May(f"{HEIGHT}/{name}", 0.0, truth.end_s + NAV_S, ("dispersion", "incidence"))
     for from_s, until_s in _runs(truth, _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)):
         yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S)
     least, most = limits.range_m
