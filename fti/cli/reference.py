@@ -6,6 +6,7 @@ prints what a reference holds and draws it.
 
     fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
     fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
+    fti reference make --airfield FILE --recorded SESSION SESSION --sensor radar_altimeter --out profiles/27.csv
     fti reference make --airfield FILE --terrain demo --out x.csv --runs 50 --seed 7
     fti reference info configs/profiles/demo.csv
     fti reference info configs/profiles/demo.csv --json
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
+    from fti.hil.approaches import AltimeterModel
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import Detection, Reference
     from fti.terrain.terrain import Terrain
@@ -38,12 +40,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     make = actions.add_parser("make", help="make a reference: profile and limits")
     make.add_argument("--airfield", required=True, type=Path, metavar="FILE", help="the airfield file (TOML)")
-    make.add_argument(
-        "--terrain", required=True, nargs="+", metavar="FILE", help="elevation files below the approach, or: demo"
+    source = make.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        "--recorded", nargs="+", type=Path, metavar="SESSION", help="recorded flights with 5 approaches or more"
     )
+    make.add_argument("--sensor", default="altimeter", metavar="NAME", help="their altimeter (altimeter)")
+    source.add_argument("--terrain", nargs="+", metavar="FILE", help="elevation files below the approach, or: demo")
     make.add_argument("--vertical", choices=["egm96", "egm2008", "ellipsoid"], help="datum of files that do not say it")
-    make.add_argument("--surface", metavar="NAME", help="what the elevation is called (default: the files' names)")
-    make.add_argument("--date", metavar="YYYY-MM-DD", help="of its survey (default: of the airfield's)")
+    make.add_argument("--surface", metavar="NAME", help="what the ground is called (default: the files)")
+    make.add_argument(
+        "--date", metavar="YYYY-MM-DD", help="of its survey (default: the airfield's, or the last recording's)"
+    )
     make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
     make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="default: ra4500")
     make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
@@ -99,25 +106,13 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
-    from fti.hil.approaches import MODELS, TerrainGround
-    from fti.hil.calibration import Plan, make_reference
+    from fti.hil.approaches import MODELS
     from fti.nav.integrity.approach import ApproachPath, load_airfield
-    from fti.study.workers import run_all
 
-    airfield = load_airfield(_read(args.airfield), str(args.airfield))
-    path, altimeter = ApproachPath(airfield), MODELS[args.altimeter]
-    plan = Plan(
-        surface=args.surface or " ".join(Path(name).name for name in args.terrain),
-        date=args.date or airfield.survey_date,
-        s_max=args.s_max,
-        draws=args.draws,
-        runs=args.runs,
-        beside_runs=args.beside_runs,
-        seed=args.seed,
-    )
+    path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
     with _Bars() as bars:
-        ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
-        reference = make_reference(ground, plan, bars.update, run_all)
+        make = _from_recordings if args.recorded else _from_terrain
+        reference = make(args, path, MODELS[args.altimeter], bars)
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         args.out.write_text(reference.to_text(), encoding="utf-8")
@@ -129,6 +124,46 @@ def _make(args: argparse.Namespace) -> int:
         f"{limits.verified_runs} others, hash {reference.hash}"
     )
     return 0
+
+
+def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
+    from fti.hil.approaches import TerrainGround
+    from fti.hil.calibration import Plan, make_reference
+    from fti.study.workers import run_all
+
+    plan = Plan(
+        surface=args.surface or " ".join(Path(name).name for name in args.terrain),
+        date=args.date or path.airfield.survey_date,
+        s_max=args.s_max,
+        draws=args.draws,
+        runs=args.runs,
+        beside_runs=args.beside_runs,
+        seed=args.seed,
+    )
+    ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
+    return make_reference(ground, plan, bars.update, run_all)
+
+
+def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
+    from fti.hil.calibration import Plan
+    from fti.hil.recordings import date_of, profiles_of, read_passes, reference_from_recordings
+    from fti.study.workers import run_all
+
+    passes = []
+    for number, folder in enumerate(args.recorded, start=1):
+        passes += read_passes(folder, args.sensor, path, args.s_max)
+        bars.update("recordings", number / len(args.recorded))
+    profiles = profiles_of(passes, args.s_max)
+    plan = Plan(
+        surface=args.surface or args.sensor,
+        date=args.date or date_of(passes),
+        made_from="recordings",
+        s_max=args.s_max,
+        draws=len(profiles),
+        runs=args.runs,
+        seed=args.seed,
+    )
+    return reference_from_recordings(path, altimeter, profiles, plan, bars.update, run_all=run_all)
 
 
 def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:

@@ -180,7 +180,7 @@ def simulate(
     spread: Spread = NOMINAL,
     offset: Callable[[Array], Array] | None = None,
 ) -> Flown:
-    """One nominal approach from s_max down to s_end, the intercept point; ``offset(s)`` [m] to the right makes it another one.
+    """One nominal approach from s_max down to s_end; ``offset(s)`` [m] to the right makes it another one.
 
     The altimeter sits at P and is traced with the attitude of the moment every few metres, straight lines between;
     samples without a return are left out.

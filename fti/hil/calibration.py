@@ -221,7 +221,11 @@ def correlation_length(covariance: Array) -> float:
 def _covariance(ground: Ground, plan: Plan, surface: Surface, run: int) -> Array:
     """Of the normalised residuals of an approach, by lag in bins up to a window."""
     residual = _binned_residual(surface, simulate(ground, plan.s_max, plan.rng(2, run)))
-    residual = residual[np.isfinite(residual)]
+    return lagged_products(residual[np.isfinite(residual)])
+
+
+def lagged_products(residual: Array) -> Array:
+    """Mean product of residuals with those so many bins farther on, for lags up to a window."""
     lags = range(round(WINDOW_M / DS_M))
     return np.array([float(np.mean(residual[lag:] * residual[: len(residual) - lag])) for lag in lags])
 

@@ -1,0 +1,172 @@
+"""A reference from recorded approaches: what the altimeter itself has seen, at least five times.
+
+Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
+ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
+approach is a way down the track without a gap of more than 20 m; samples are used as the monitor uses them.  Mean and
+sigma are over the approaches (``fti.hil.calibration.surface_of``).  Limits come from approaches that are drawn with
+this mean, this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
+seen cannot be said, since nobody flew there.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import Approach
+from fti.errors import ConfigError, MissingError
+from fti.hil.approaches import AltimeterModel
+from fti.hil.calibration import (
+    DS_M,
+    Plan,
+    Progress,
+    RunAll,
+    Surface,
+    binned,
+    calibrate,
+    correlation_length,
+    lagged_products,
+    one_by_one,
+    surface_of,
+)
+from fti.hil.sensors.errors import slow
+from fti.logger.reading.recording import Recording
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import MARGIN_M, Reference, grid
+from fti.nav.integrity.window import BACKWARD_M
+
+Array = NDArray[np.float64]
+
+LEAST_APPROACHES = 5
+#: Heights of an approach may be so far apart [m]: twice that of a slow altimeter, and less than any footprint.
+GAP_M = 20.0
+HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
+#: Navigation is joined between solutions no farther apart [ns].
+APART_NS = 500_000_000
+#: A metre of the way for the processes of ``fti.hil.sensors.errors``, which are drawn once a second [s].
+SECOND_PER_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Samples of a recorded flight, shape (n,): time [ns], place on the track, terrain altitude z = alt - agl [m]."""
+
+    t_ns: NDArray[np.int64]
+    s: Array
+    z: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedGround:
+    """Ground as it was recorded, with as much scatter; the scatter is correlated over ``correlation`` [m]."""
+
+    path: ApproachPath
+    altimeter: AltimeterModel
+    surface: Surface
+    correlation: float
+
+    def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
+        """Heights above it [m] along poses with descending s; the scatter is that of one approach."""
+        s, alt = pose[0], pose[2]
+        way = (s[0] - s) * SECOND_PER_M
+        scatter = slow(np.maximum.accumulate(way), 1.0, self.correlation * SECOND_PER_M, rng)
+        z, sd = (np.interp(s, self.surface.s, column) for column in (self.surface.z_ref, self.surface.s_ref))
+        return np.asarray(alt - z - sd * scatter)
+
+
+def reference_from_recordings(
+    path: ApproachPath, altimeter: AltimeterModel, profiles: Array, plan: Plan, progress: Progress,
+    *, run_all: RunAll = one_by_one,
+) -> Reference:  # fmt: skip
+    """The reference of recorded profiles, shape (n, len(grid)), n >= 5, as ``profiles_of`` gives them."""
+    bare = RecordedGround(path, altimeter, Surface(*(np.zeros(0) for _ in range(4))), 0.0)
+    surface = surface_of(bare, grid(DS_M, plan.s_max), profiles)
+    residuals = (profiles - surface.z_ref) / surface.s_ref
+    residuals -= residuals.mean(axis=1, keepdims=True)
+    correlation = correlation_length(np.sum([lagged_products(residual) for residual in residuals], axis=0))
+    return calibrate(RecordedGround(path, altimeter, surface, correlation), surface, plan, progress, run_all)
+
+
+def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
+    """The terrain that each approach saw [m], shape (n, len(grid)); what lies beyond both ends is as at the ends.
+
+    Raises ConfigError for fewer than five approaches.
+    """
+    s = grid(DS_M, s_max)
+    inside = (s >= 0.0) & (s <= s_max)
+    found = []
+    for one in passes:
+        z = binned(s, one.s, one.z)
+        known = inside & np.isfinite(z)
+        if np.diff(np.concatenate(([0.0], s[known], [s_max]))).max() <= GAP_M:
+            found.append(np.interp(s, s[known], z[known]))
+    if len(found) < LEAST_APPROACHES:
+        raise ConfigError(
+            f"{len(found)} of {len(passes)} recorded ways down the track have a height every {GAP_M:g} m from "
+            f"{s_max:g} m to the intercept point; a reference needs {LEAST_APPROACHES}"
+        )
+    return np.array(found)
+
+
+def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> list[Pass]:
+    """The ways down the track in a session.  Raises MissingError when it has no outputs of that altimeter."""
+    recording = Recording.open(folder)
+    heights, solutions = list[tuple[float, ...]](), list[tuple[float, ...]]()
+    for topic, _, _, _, data in recording.messages("/nav/"):
+        if topic == HEIGHT + sensor:
+            heights += _numbers(json.loads(data), ("t_valid_ns", "height_agl"))
+        elif topic == SOLUTION:
+            solutions += _numbers(json.loads(data), ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"))
+    if not heights or not solutions:
+        raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
+    return list(split(_joined(np.array(heights), np.array(solutions), path), s_max))
+
+
+def _numbers(output: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[float, ...]]:
+    if output["valid"] and all(output[name] is not None for name in names):
+        yield tuple(float(output[name]) for name in names)
+
+
+def _joined(heights: Array, solutions: Array, path: ApproachPath) -> Pass:
+    """Samples that the monitor would use, at the times of the heights."""
+    settings = Approach(profile="")
+    heights, solutions = heights[np.argsort(heights[:, 0])], solutions[np.argsort(solutions[:, 0])]
+    t, t_nav = heights[:, 0], solutions[:, 0]
+    lat, lon, alt, roll, pitch = (np.interp(t, t_nav, column) for column in solutions.T[1:])
+    after = np.clip(np.searchsorted(t_nav, t), 1, len(t_nav) - 1)
+    near = (t_nav[after] - t_nav[after - 1] <= APART_NS) & (t >= t_nav[0]) & (t <= t_nav[-1])
+    s, y = path.along(lat, lon)
+    used = (
+        near
+        & (np.abs(y) <= settings.y_max_m)
+        & (np.abs(roll) <= np.radians(settings.max_roll_deg))
+        & (np.abs(pitch) <= np.radians(settings.max_pitch_deg))
+    )
+    return Pass(t[used].astype(np.int64), s[used], (alt - heights[:, 1])[used])
+
+
+def date_of(passes: Sequence[Pass]) -> str:
+    """The day of the last of them, YYYY-MM-DD."""
+    last = max(int(one.t_ns[-1]) for one in passes)
+    return datetime.fromtimestamp(last // 10**9, UTC).strftime("%Y-%m-%d")
+
+
+def split(flown: Pass, s_max: float) -> Iterator[Pass]:
+    """The ways down the track of a flight: s never more than 20 m back out, between the ends of the reference."""
+    inside = (flown.s >= -MARGIN_M) & (flown.s <= s_max + MARGIN_M)
+    t_ns, s, z = flown.t_ns[inside], flown.s[inside], flown.z[inside]
+    begin, least = 0, np.inf
+    for k, here in enumerate(s.tolist()):
+        if here > least + BACKWARD_M:
+            yield Pass(t_ns[begin:k], s[begin:k], z[begin:k])
+            begin, least = k, here
+        least = min(least, here)
+    if len(s):
+        yield Pass(t_ns[begin:], s[begin:], z[begin:])

@@ -1,0 +1,131 @@
+"""References from recorded approaches: ways down the track, profiles, limits."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.errors import ConfigError, MissingError
+from fti.hil.approaches import RA4500, Flown, fly, simulate
+from fti.hil.calibration import Plan, Surface, make_monitor
+from fti.hil.recordings import Pass, RecordedGround, profiles_of, read_passes, reference_from_recordings, split
+from fti.nav.integrity.approach import ApproachPath, load_airfield
+from fti.nav.integrity.reference import Reference, grid
+from fti.terrain.scenes import DEMO_AIRFIELD
+from fti.types import IntegrityState
+
+S_MAX = 2000.0
+SCATTER_M = 0.8
+
+
+@pytest.fixture(scope="module")
+def path() -> ApproachPath:
+    return ApproachPath(load_airfield(DEMO_AIRFIELD.read_text(), str(DEMO_AIRFIELD)))
+
+
+@pytest.fixture(scope="module")
+def ground(path: ApproachPath) -> RecordedGround:
+    """Hills in closed form, and a scatter of 0.8 m over 30 m."""
+    s = grid(5.0, S_MAX)
+    z = 340.0 + 6.0 * np.sin(s / 37.0) + 8.0 * np.sin(s / 90.0)
+    return RecordedGround(path, RA4500, Surface(s, z, np.full_like(s, SCATTER_M), np.full_like(s, 0.5)), 30.0)
+
+
+@pytest.fixture(scope="module")
+def flights(ground: RecordedGround) -> list[Flown]:
+    return [simulate(ground, S_MAX, np.random.default_rng([8, run])) for run in range(8)]
+
+
+def as_pass(flown: Flown) -> Pass:
+    return Pass(np.rint(flown.t * 1e9).astype(np.int64), flown.nav_s, flown.nav_alt - flown.agl)
+
+
+@pytest.fixture(scope="module")
+def reference(path: ApproachPath, flights: list[Flown]) -> Reference:
+    profiles = profiles_of([as_pass(flown) for flown in flights], S_MAX)
+    plan = Plan("radar", "2024-05-01", made_from="recordings", s_max=S_MAX, draws=len(profiles), runs=60)
+    return reference_from_recordings(path, RA4500, profiles, plan, lambda *step: None)
+
+
+def test_the_profile_is_the_ground(reference: Reference, ground: RecordedGround) -> None:
+    """Eight approaches that err by 1.5 m in height each: their mean within 2 m everywhere, 1.2 m RMS."""
+    inside = (reference.s > 0.0) & (reference.s < S_MAX)
+    error = (reference.z_ref - ground.surface.z_ref)[inside]
+    assert np.abs(error).max() < 3.0
+    assert np.sqrt(np.mean(error**2)) < 1.2
+    header = reference.header
+    assert (header.profile.made_from, header.profile.draws, header.detection) == ("recordings", 8, None)
+
+
+def test_other_flights_over_the_same_ground_are_nominal(reference: Reference, ground: RecordedGround) -> None:
+    alarms = 0
+    for run in range(10):
+        outputs = fly(make_monitor(reference), simulate(ground, S_MAX, np.random.default_rng([9, run])))
+        alarms += any(o.state is IntegrityState.ALERT for o in outputs)
+    assert alarms <= 1  # 1 % each: two or more have p = 0.004
+    assert Reference.parse(reference.to_text(), "r.csv").header == reference.header
+
+
+def test_the_scatter_that_was_recorded_is_flown(ground: RecordedGround) -> None:
+    s = np.arange(S_MAX, 0.0, -5.0)
+    pose = np.zeros((6, len(s)))
+    pose[0], pose[2] = s, 500.0
+    drawn = np.array([500.0 - ground.ranges(pose, np.random.default_rng(k)) for k in range(60)])
+    scatter = drawn - np.interp(s, ground.surface.s, ground.surface.z_ref)
+    assert scatter.std() == pytest.approx(SCATTER_M, rel=0.1)
+    beside = np.mean(scatter[:, 6:] * scatter[:, :-6]) / scatter.var()
+    assert 0.2 < beside < 0.65  # exp(-1) at 30 m, drawn every 10 m
+
+
+def test_fewer_than_five_are_no_reference(flights: list[Flown]) -> None:
+    passes = [as_pass(flown) for flown in flights[:6]]
+    gap = passes[0].s > 900.0
+    gap |= passes[0].s < 870.0
+    passes[0] = Pass(passes[0].t_ns[gap], passes[0].s[gap], passes[0].z[gap])
+    assert len(profiles_of(passes, S_MAX)) == 5
+    with pytest.raises(ConfigError, match="4 of 5 recorded ways down the track have a height every 20 m"):
+        profiles_of(passes[:5], S_MAX)
+
+
+def test_a_flight_with_two_approaches_and_a_circuit_is_two_ways_down() -> None:
+    out = np.arange(0.0, 2500.0, 3.0)
+    s = np.concatenate((out[::-1], out, out[::-1]))
+    found = list(split(Pass(np.arange(len(s)), s, np.zeros(len(s))), S_MAX))
+    long = [one for one in found if len(one.s) > 100]
+    assert len(long) == 2
+    assert all(np.all(np.diff(one.s) <= 20.0) for one in long)
+
+
+@dataclass
+class FakeRecording:
+    """Outputs as a session has them."""
+
+    outputs: list[tuple[str, dict[str, object]]] = field(default_factory=list)
+
+    def messages(self, prefix: str) -> list[tuple[str, int, int, int, bytes]]:
+        return [(topic, 0, 0, 0, json.dumps(data).encode()) for topic, data in self.outputs if topic.startswith(prefix)]
+
+
+def test_sessions_are_read_at_the_times_of_the_heights(
+    path: ApproachPath, flights: list[Flown], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown, outputs = flights[0], list[tuple[str, dict[str, object]]]()
+    lat, lon = path.geodetic(flown.nav_s, flown.nav_y)
+    for k in range(0, len(flown.t), 5):
+        place = {"lat": lat[k], "lon": lon[k], "alt": flown.nav_alt[k], "roll": 0.01, "pitch": 0.02}
+        outputs.append(("/nav/nav_solution", {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "valid": True, **place}))
+    for k in range(len(flown.t)):
+        stamp = {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "height_agl": flown.agl[k], "valid": k % 50 != 0}
+        outputs.append(("/nav/height_above_ground/radar", stamp))
+    fake = FakeRecording(outputs)
+    open_fake: Callable[[Path], FakeRecording] = lambda folder: fake  # noqa: E731
+    monkeypatch.setattr("fti.hil.recordings.Recording.open", open_fake)
+    (found,) = read_passes(Path("x"), "radar", path, S_MAX)
+    assert len(found.s) == pytest.approx(len(flown.t) * 0.98, abs=6)
+    wanted = np.interp(found.s[::-1], flown.nav_s[::-1], (flown.nav_alt - flown.agl)[::-1])[::-1]
+    assert np.median(np.abs(found.z - wanted)) < 0.2
+    with pytest.raises(MissingError, match="no heights of 'laser'"):
+        read_passes(Path("x"), "laser", path, S_MAX)
