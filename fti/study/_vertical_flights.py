@@ -1,9 +1,9 @@
 """Flights for the live form of the vertical channel: satellites for two minutes, then an altimeter alone.
 
-Ten minutes at 60 m/s in 48 deg north, climbing and sinking by up to 100 m, banking by up to 20 deg.  50 Hz of specific
-force; satellites' height and climb at 5 Hz, 0.2 s late; an altimeter at 10 Hz, 0.1 s late, of which ``WILD`` returns
+Ten minutes at 60 m/s in 48 deg north, climbing and sinking by up to 100 m, banking by up to 20 deg.  25 Hz of specific
+force; satellites' height and climb at 1 Hz, 0.2 s late; an altimeter at 5 Hz, 0.12 s late, of which ``WILD`` returns
 are anything from 0 to 600 m; the ground is known.  Truth is drawn from what the filter believes (``VerticalModel``),
-or richer: accelerometers off by a constant milli-g, attitude by 0.2 deg, vibration of 2 m/s^2 at 17 Hz, an elevation
+or richer: accelerometers off by a constant milli-g, attitude by 0.2 deg, vibration of 2 m/s^2 at 7 Hz, an elevation
 model that is 1.5 m off as a whole and 1.5 m over 30 m and over 300 m each, and 1 % of it 10 m.
 """
 
@@ -26,15 +26,15 @@ from fti.study.workers import run_all
 Array = NDArray[np.float64]
 
 SECONDS, LOST_S = 600, 120.0
-IMU_HZ, SATELLITE_HZ, ALTIMETER_HZ = 50, 5, 10
-SATELLITE_DELAY_S, ALTIMETER_DELAY_S = 0.2, 0.1
+IMU_HZ, SATELLITE_HZ, ALTIMETER_HZ = 25, 1, 5
+SATELLITE_DELAY_S, ALTIMETER_DELAY_S = 0.2, 0.12
 SATELLITE_SD, SATELLITE_TAU_S, CLIMB_SD, CLIMB_TAU_S = 3.0, 150.0, 0.1, 5.0
 ALTIMETER_NOISE, WILD, WILD_M = 0.5, 0.05, 600.0
 SPEED, LAT = 60.0, math.radians(48.0)
 #: When the height is judged [s].
 INSTANTS_S = tuple(range(180, SECONDS + 1, 60))
 #: How much richer truth is: bias [m/s^2], tilt [rad], vibration [m/s^2] and [Hz], elevation [m].
-BIAS, TILT, SHAKE, SHAKE_HZ = 9.81e-3, math.radians(0.2), 2.0, 17.0
+BIAS, TILT, SHAKE, SHAKE_HZ = 9.81e-3, math.radians(0.2), 2.0, 7.0
 DEM_BIAS, DEM_SD, DEM_LENGTHS_M, DEM_OUTLIER_M, DEM_OUTLIERS = 1.5, 1.5, (30.0, 300.0), 10.0, 0.01
 MOST_RICH = 1.5
 #: So many times fewer flights with the richer truth, and without an altimeter.
@@ -53,7 +53,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """Every tenth of a second: time [s], true and estimated height with its sigma, error of climb with its; valid."""
+    """Every fifth of a second: time [s], true and estimated height with its sigma, error of climb with its; valid."""
 
     t: Array
     alt: Array

@@ -102,7 +102,7 @@ def test_faults_stand_where_the_source_has_them() -> None:
         simulate(PHYSICAL, 200, np.random.default_rng(4), drawn=False, faulted=faulted) for faulted in (False, True)
     )
     differs = np.any(calm.z != faulted.z, axis=1)
-    assert tuple(np.flatnonzero(differs)) == FAULTED
+    assert tuple(np.flatnonzero(differs).tolist()) == FAULTED
 
 
 def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -115,8 +115,9 @@ class ErrorFilter:
         return np.asarray(noise + np.where(opened, scatter**2, 0.0))
 
     def _remember(self, nu: Array, refused: Mask, taken: Mask) -> None:
-        shifted = np.concatenate([self._refused[..., 1:], np.where(refused, nu, 0.0)[..., None]], axis=-1)
-        self._refused = np.where(refused[..., None], shifted, self._refused)
+        if refused.any():
+            shifted = np.concatenate([self._refused[..., 1:], np.where(refused, nu, 0.0)[..., None]], axis=-1)
+            self._refused = np.where(refused[..., None], shifted, self._refused)
         self._count = np.where(taken, 0, self._count + refused)
         self._alone_s = np.where(taken, 0.0, self._alone_s)
         self._in_row = np.where(taken, self._in_row + 1, np.where(refused & ~self.trusted, 0, self._in_row))

@@ -19,6 +19,7 @@ tests/nav/test_vertical_model.py.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,17 +72,25 @@ class VerticalModel:
         W holds the spectral densities of w: 2 sigma^2 / tau for a state that forgets, accel_noise^2 for dW.  Q by
         Simpson's rule: each variance within 3e-4 of itself for a step of 1 s, 3e-6 for one of 0.1 s.
         """
-        rates = 1.0 / self.accel_tau_s, 1.0 / self.gravity_tau_s, 1.0 / self.altimeter_tau_s
-        F = system_matrix(FREE_AIR, *rates)
-        sds = np.array([self.accel_sd, self.gravity_sd, self.altimeter_sd])
-        W = np.diag([0.0, self.accel_noise**2, *(2.0 * sds**2 * rates)])
-        half = _exponential(F, 0.5 * dt)
-        phi = half @ half
-        return phi, dt / 6.0 * (W + 4.0 * half @ W @ half.T + phi @ W @ phi.T)
+        return _step(self, dt)
 
     def start(self, height_sd: float, climb_sd: float) -> Array:
         """P, shape (5, 5), when height [m] and climb [m/s] have just been taken from elsewhere."""
         return np.diag([height_sd, climb_sd, self.accel_sd, self.gravity_sd, self.altimeter_sd]) ** 2
+
+
+@lru_cache(maxsize=64)
+def _step(model: VerticalModel, dt: float) -> tuple[Array, Array]:
+    """``VerticalModel.step``: the same few times between two measurements come again and again."""
+    rates = 1.0 / model.accel_tau_s, 1.0 / model.gravity_tau_s, 1.0 / model.altimeter_tau_s
+    F = system_matrix(FREE_AIR, *rates)
+    sds = np.array([model.accel_sd, model.gravity_sd, model.altimeter_sd])
+    W = np.diag([0.0, model.accel_noise**2, *(2.0 * sds**2 * rates)])
+    half = _exponential(F, 0.5 * dt)
+    phi = half @ half
+    Q = dt / 6.0 * (W + 4.0 * half @ W @ half.T + phi @ W @ phi.T)
+    phi.flags.writeable = Q.flags.writeable = False
+    return phi, Q
 
 
 def _exponential(F: Array, dt: float) -> Array:

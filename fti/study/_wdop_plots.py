@@ -1,0 +1,79 @@
+"""Pictures of the study of weighted dilution of precision (source 004, fig. 3 to 8)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fti.figures import BLACK, BLUE, GREEN, GREY, ORANGE, SKY, VERMILION, label, legend_above, sheet
+from fti.study._radio_flight import DME_SD, EPOCH_S, HOUR_S, STATIONS, Geometry, Heights
+from fti.study.wdop import WORDS, flown, rms
+
+Array = NDArray[np.float64]
+
+#: Runs of the pictures.
+RUNS = 200
+COLOURS = {"ranges": BLUE, "altimeter": ORANGE, "fused": VERMILION}
+MINUTES = np.arange(0.0, HOUR_S + EPOCH_S, EPOCH_S) / 60.0
+
+
+@lru_cache(maxsize=1)
+def _flown(seed: int) -> list[Heights]:
+    return flown(RUNS, seed, lambda share: None)
+
+
+def satellites() -> Figure:
+    """Fig. 2 to 4: height, stations and track, satellites."""
+    epochs = Geometry().epochs()
+    figure = sheet(
+        "The flight of the study",
+        f"Five invented DME stations (sigma {DME_SD:.0f} m); 24 GPS satellites, high ones only.",
+        height=7.0,
+    )
+    plan, height, number = figure.subplots(3, 1, height_ratios=(2.0, 1.0, 1.0))
+    bearing, distance, _ = np.array(STATIONS).T
+    east, north = (distance / 1e3 * f(np.radians(bearing)) for f in (np.sin, np.cos))
+    plan.plot(east, north, "^", color=BLACK, label="DME")
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    plan.plot(15.0 * np.sin(turn), 15.0 * np.cos(turn), color=BLUE, label="track")
+    plan.set_aspect("equal")
+    minutes = [epoch.t / 60.0 for epoch in epochs]
+    height.plot(minutes, [epoch.agl for epoch in epochs], color=GREEN)
+    number.step(minutes, [len(epoch.satellites_e) for epoch in epochs], color=BLACK, where="post")
+    number.set_ylim(0.0, 6.0)
+    label(plan, x="east [km]", y="north [km]")
+    label(height, y="[m]", title="Height above ground")
+    label(number, x="time [min]", y="", title="Satellites used")
+    legend_above(plan)
+    return figure
+
+
+def predicted(seed: int) -> Figure:
+    """Fig. 5 and 6: RMS of both heights and what was predicted."""
+    found = _flown(seed)
+    figure = sheet("Height: RMS error and what was predicted", f"{RUNS} runs.", height=6.5)
+    for axes, name in zip(figure.subplots(2, 1, sharex=True), ("ranges", "altimeter"), strict=True):
+        axes.semilogy(MINUTES, rms(found, name), color=COLOURS[name], lw=1.0, label="RMS error")
+        axes.semilogy(MINUTES, rms(found, f"{name}_sd"), "--", color=BLACK, lw=1.0, label="predicted sigma")
+        label(axes, y="[m]", title=WORDS[name].capitalize())
+        legend_above(axes)
+    figure.axes[-1].set_xlabel("time [min]")
+    return figure
+
+
+def choice(seed: int) -> Figure:
+    """Fig. 7 and 8: what was chosen, and how good that is."""
+    found = _flown(seed)
+    figure = sheet("Which height is taken, and its error", f"{RUNS} runs.", height=6.5)
+    errors, chosen = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
+    for name, colour in COLOURS.items():
+        errors.semilogy(MINUTES, rms(found, name), color=colour, lw=2.2 if name == "fused" else 1.0, label=WORDS[name])
+    errors.semilogy(MINUTES, rms(found, "joined"), ":", color=GREY, lw=1.2, label="all in one least squares")
+    chosen.fill_between(MINUTES, [h.from_altimeter.mean() for h in found], color=SKY, step="post", lw=0.0)
+    label(errors, y="RMS error [m]")
+    label(chosen, x="time [min]", y="share", title="Runs that take the altimeter's")
+    legend_above(errors)
+    return figure
