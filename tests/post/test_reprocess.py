@@ -11,13 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.config import TerrainFiles
 from fti.drivers import freeflight_ra4500 as ra
 from fti.errors import RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
+from fti.logger.schemas import TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import Segment, flown_segments, recorded_setup, reprocess
+from fti.service.ground import load_ground
 
 CONFIG = """
 [session]
@@ -115,6 +118,42 @@ def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
     missed = [f.t_rx_ns for f in Recording.open(session.path).frames() if 99 < f.seq < 200]
     assert not [t for _, t, _ in flown if missed[0] <= t <= missed[-1]]
     assert [t for _, t, _ in healed if missed[0] <= t <= missed[-1]]
+
+
+def _with_terrain(text: str) -> str:
+    return text + 'terrain = { scene = "demo" }\n'
+
+
+def test_the_terrain_is_there_from_the_frame_on_from_which_it_was_in_flight(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
+    sha256 = load_ground(TerrainFiles(scene="demo")).digest()
+    _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": sha256})
+    said = [json.loads(data)["unchecked"] for topic, _, data in _outputs(_again(session, tmp_path / "again"))
+            if topic.endswith("/altimeter")]  # fmt: skip
+    loading = said.index(["no_position"])
+    assert said[:loading] == [["terrain_loading"]] * loading
+    assert 30 < loading < 40  # of 100 frames every third is a sample
+    assert ["terrain_loading"] not in said[loading:]
+
+
+def test_a_terrain_that_could_not_be_read_in_flight_is_not_there_again(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
+    _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "fault": "the files were not there"})
+    rows = [json.loads(data) for topic, _, data in _outputs(_again(session, tmp_path / "again"))]
+    assert {reason for row in rows for reason in row.get("unchecked", ())} == {"terrain_loading", "no_terrain"}
+
+
+def test_another_terrain_than_that_of_the_flight_is_refused(tmp_path: Path) -> None:
+    session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
+    _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": "0" * 64})
+    with pytest.raises(RecordingError, match="is not the terrain of the flight"):
+        _again(session, tmp_path / "again")
+
+
+def _note_terrain(session: SessionFolder, note: dict[str, Any]) -> None:
+    log = DerivedLog(session, split_s=60, split_mb=10)
+    log.note(TERRAIN_TOPIC, START_NS, note)
+    log.close()
 
 
 @given(st.lists(st.integers(1, 30), max_size=12), st.integers(0, 20), st.none() | st.integers(0, 300))

@@ -12,9 +12,10 @@ from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.duties import May
 from fti.hil.expected.flags import told
 from fti.hil.expected.of_flight import of_flight
-from fti.hil.tables.kinds import Obstacle
+from fti.hil.tables.kinds import Obstacle, Stuck
 from fti.service.binding import bind_devices
 
+OF_GROUND = ("dispersion", "incidence")
 T = np.arange(0.0, 60.0, 0.1)
 LEVEL = Truth(T, 0 * T + 200.0, 4000.0 - 50.0 * T, *[0 * T] * 4)
 #: The middle twenty seconds.
@@ -30,7 +31,27 @@ def craft() -> Aircraft:
 
 
 def at(place: str, found: tuple[May, ...]) -> list[May]:
-    return [may for may in found if may.place == place]
+    """What is not said of the ground itself, which is uneven in any flight."""
+    return [may for may in found if may.place == place and may.words != OF_GROUND]
+
+
+def test_uneven_ground_explains_itself_and_nothing_else(craft: Aircraft) -> None:
+    (may,) = [may for may in of_flight(craft, LEVEL) if may.place == ALTIMETER]
+    assert may.words == OF_GROUND
+    assert may.explains(ALTIMETER, "incidence")
+    assert not may.explains(ALTIMETER, "deviation")
+
+
+def test_a_height_that_stands_still_is_due_as_soon_as_the_ground_tells(craft: Aircraft) -> None:
+    climbing = replace(LEVEL, height_agl=200.0 + 2.0 * T)
+    fault = Stuck(kind="stuck", devices=("altimeter",), from_s=10.0, to_s=50.0)
+    (one,) = told(fault, craft, climbing)
+    (duty,) = [duty for duty in one.duties if duty.place == ALTIMETER]
+    assert duty.from_s == pytest.approx(25.0, abs=0.2)  # 30 m later
+    assert "deviation" in duty.words
+    (level,) = told(fault, craft, LEVEL)
+    assert level.duties == ()
+    assert level.unknown
 
 
 def test_a_level_approach_explains_nothing_of_the_altimeter_and_of_integrity(craft: Aircraft) -> None:
@@ -72,7 +93,8 @@ def test_an_obstacle_that_only_the_beam_has_reached_is_explained_and_not_due(cra
     ahead = LEVEL.before_threshold[-1] - 45.0
     (one,) = told(Obstacle(kind="obstacle", before_threshold_m=ahead, height_m=60.0, length_m=40.0), craft, LEVEL)
     assert (one.duties, one.unknown) == ((), "")
-    (may,) = one.may
+    may, *heights = one.may
+    assert {may.place for may in heights} == {ALTIMETER, "/nav/height_above_ground/autopilot"}
     assert may.explains(INTEGRITY, "obstacle")
     assert may.from_s > 50.0
 
