@@ -167,6 +167,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
     first = next(iter(recording.frames()), None)
     if first is None:
         raise MissingError("the recording holds no frames")
+    ground = setup.load_ground()
     session = setup.config.session
     texts = {"config.toml": setup.config.text, **setup.texts}
     folder = SessionFolder.create(out, session.name, first.t_rx_ns)
@@ -178,7 +179,6 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
     )
     done = 0
-    ground = setup.load_ground()
     for segment in segments:
         chain = _Grounded(setup.make_chain(), ground, setup.ground_in(segment))
         for frame in _feed(recording.frames(), segment, chain, log):
