@@ -37,6 +37,7 @@ from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
 from fti.ranging.sensor import Poses, RangingSensor
+from fti.ranging.weather import Cloud, fog_extinction
 from fti.study._flights import Leg, track, turn
 from fti.terrain.dem_error import DemError
 from fti.terrain.landscape import Cover, Landscape
@@ -54,9 +55,12 @@ RELIEF_M, HOUSES_PER_KM2 = 10.0, 60.0
 #: Poses lie within so much of the middle [m]; the country goes on as far as a radar looks.
 REACH_M, EXTENT_M, CELL_M = 800.0, 3200.0, 5.0
 LASER_NOISE_M, RADAR_NOISE_M, FARTHEST_M = 0.1, 0.5, 1000.0
+LASER = Laser(max_range=FARTHEST_M, error=RangeError(noise_sd=LASER_NOISE_M))
 MODEL_ORDER, TRUTH_ORDER = 20, 40
 HORIZONTAL_SD, VERTICAL_SD = 10.0, 2.0
 DEM_NOISE_M, DEM_SHIFT_M = 1.5, 10.0
+#: A cloud between 50 m and 150 m over the mean ground, 100 m of visibility, and the pulse of the laser in it [s].
+CLOUD, PULSE_S = Cloud(50.0, 150.0, fog_extinction(100.0), variation=1.0), 10e-9
 #: The flight to look at: banks of its turns, speed [m/s], between them [s], how long a command takes [s], step [s].
 BANKS_DEG = (20.0, 35.0, 50.0, 28.0)
 SPEED, STRAIGHT_S, ANSWER_S, EVERY_S = 45.0, 14.0, 4.0, 0.5
@@ -150,6 +154,17 @@ def _measured(country: Landscape, points_l: Array, attitude: tuple[Array, Array,
     return Mix(country, points_l, *attitude[:2], mats_nb, nadir, measured)
 
 
+def in_cloud(mix: Mix, seed: int) -> Mix:
+    """The mix with ``laser_in_cloud``: a laser that a layer of cloud answers, by pulses, and through which it sees the
+    ground by others, as on the recorded approach of section 7.5.1.3.
+    """
+    rng = np.random.default_rng([seed, 205])
+    laser = dataclasses.replace(LASER, reflectance=0.3, pulse_length=PULSE_S, weather=(CLOUD,))
+    at = Poses.still(mix.points_l, MAT_ENU_NED @ mix.mats_nb)
+    told = laser.measure(mix.country.surface, at, rng).slant_range
+    return dataclasses.replace(mix, measured={**mix.measured, "laser_in_cloud": told})
+
+
 def rolls(poses: int, rng: Rng) -> Array:
     """Roll [rad] of the mix, the shares exact but for rounding, in random order."""
     steep = round(STEEP_SHARE * poses)
@@ -159,15 +174,10 @@ def rolls(poses: int, rng: Rng) -> Array:
 
 def instruments(rng: Rng) -> dict[str, RangingSensor]:
     """The sensors as they are: with noise, the radar with a beam of its own."""
-    laser, radar = models()["laser"], models()["radar"]
-    assert isinstance(laser, Laser)
+    radar = models()["radar"]
     assert isinstance(radar, RadarAltimeter)
-    return {
-        "laser": dataclasses.replace(laser, error=RangeError(noise_sd=LASER_NOISE_M)),
-        "radar": dataclasses.replace(
-            radar, order=TRUTH_ORDER, turn=random_turn(rng), error=RangeError(noise_sd=RADAR_NOISE_M)
-        ),
-    }
+    error = RangeError(noise_sd=RADAR_NOISE_M)
+    return {"laser": LASER, "radar": dataclasses.replace(radar, order=TRUTH_ORDER, turn=random_turn(rng), error=error)}
 
 
 @dataclass(frozen=True, eq=False)

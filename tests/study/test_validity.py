@@ -12,7 +12,19 @@ import pytest
 from fti.figures import write
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.study import REPORTED, _low_level, validity
-from fti.study._low_level import Known, Mix, believed, fly, instruments, make_country, models, orbit, predict, rolls
+from fti.study._low_level import (
+    Known,
+    Mix,
+    believed,
+    fly,
+    in_cloud,
+    instruments,
+    make_country,
+    models,
+    orbit,
+    predict,
+    rolls,
+)
 from fti.study._statistics import mean_interval
 from fti.study.validity import Assessed, against, assessed, judged
 from fti.terrain.landscape import Cover
@@ -93,6 +105,20 @@ def test_the_plain_gate_lets_more_through_where_the_place_is_not_known(mix: Mix)
     reasons = against(mix, Known.PLACE_ERROR, SEED)
     narrowed, plain = (assessed(mix.nadir, reasons[name]).excluded for name in ("radar", "radar_plain_gate"))
     assert plain < narrowed
+
+
+def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
+    clouded = in_cloud(mix, SEED)
+    error = clouded.measured["laser_in_cloud"] - mix.nadir
+    reasons = against(clouded, Known.ALL, SEED)["laser_in_cloud"]
+    answered = error < -20.0  # no tree is so high above its neighbours here
+    silent = np.isnan(error)
+    assert min(np.count_nonzero(answered), np.count_nonzero(silent)) > 0
+    assert all(Reason.DEVIATION in reasons[k] for k in np.flatnonzero(answered))
+    assert all(reasons[k][0] == Reason.NO_RETURN for k in np.flatnonzero(silent))
+    found = assessed(error, reasons)
+    assert found.raw > 50.0**2
+    assert found.residual < 0.2**2 * found.raw
 
 
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
