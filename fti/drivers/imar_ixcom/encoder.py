@@ -118,11 +118,12 @@ class Encoder:
         ]
 
     def _completed(self, m: Measurement) -> tuple[tuple[str, Make], ...]:
-        if isinstance(m, Reading):
+        kind = type(m)
+        if type(m) is Reading:
             return (BY_READING[m.name],) if m.name in BY_READING else ()
-        if isinstance(m, Position | Velocity) and self._latest.of(Satellites, m.stamp):
-            return (("GNSSSOL", satellites.encode_gnsssol),) if isinstance(m, Position) else ()
-        return BY_MEASUREMENT.get(type(m), ())
+        if (kind is Position or kind is Velocity) and self._latest.of(Satellites, m.stamp):
+            return (("GNSSSOL", satellites.encode_gnsssol),) if kind is Position else ()
+        return BY_MEASUREMENT.get(kind, ())
 
     def _is_due(self, name: str) -> bool:
         divider = self._logs.get(name)

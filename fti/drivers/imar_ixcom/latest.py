@@ -25,9 +25,9 @@ class Latest:
 
     def keep(self, measurement: Measurement) -> None:
         """Take a measurement."""
-        if isinstance(measurement, DeviceStatus):
+        if type(measurement) is DeviceStatus:
             self.flags = measurement.flags
-        elif isinstance(measurement, Reading):
+        elif type(measurement) is Reading:
             self.readings[measurement.name] = measurement.value if measurement.valid else None
         else:
             self._newest[type(measurement)] = measurement

@@ -21,7 +21,7 @@ from fti.drivers._quick import quick_class
 from fti.drivers._units import wrap_heading
 from fti.drivers.imar_ixcom.deviations import Deviations
 from fti.drivers.imar_ixcom.heard import Heard
-from fti.drivers.imar_ixcom.inertial import decode_imu, encode_imu
+from fti.drivers.imar_ixcom.inertial import LOST, decode_imu
 from fti.drivers.imar_ixcom.readings import finite, or_nan
 from fti.drivers.imar_ixcom.selection import (
     ALT_BARO,
@@ -44,7 +44,6 @@ THREE = struct.Struct("<3f")
 POSITION = struct.Struct("<ddf")
 new_attitude, new_velocity, new_position = quick_class(Attitude), quick_class(Velocity), quick_class(Position)
 Place = tuple[float | None, float | None, float | None]  # lat, lon, alt
-LOST = THREE.pack(math.nan, math.nan, math.nan)
 
 
 # ------------------------------------------------------------------------------------------------------ decoding
@@ -178,23 +177,29 @@ def encode_inssol(
     by_msl = position.alt is None and position.alt_msl is not None
     selection = USUAL & ~ALT_WGS84 | ALT_MSL if by_msl else USUAL
     undulation = max(-32768, min(32767, round((position.undulation or 0.0) * 100)))
-    return b"".join((
-        encode_imu(imu) if imu else LOST * 2,
-        encode_rpy(attitude) if attitude else LOST,
-        encode_ned(velocity) if velocity else LOST,
-        POSITION.pack(or_nan(position.lon), or_nan(position.lat), or_nan(altitude)),
-        struct.pack("<hH", undulation, selection),
-    ))  # fmt: skip
+    accel, gyro = (imu.accel_b or LOST, imu.gyro_b or LOST) if imu else (LOST, LOST)
+    return INSSOL.pack(
+        *accel, *gyro, *_rpy(attitude), *_ned(velocity),
+        or_nan(position.lon), or_nan(position.lat), or_nan(altitude), undulation, selection,
+    )  # fmt: skip
 
 
 def encode_rpy(attitude: Attitude) -> bytes:
     """Payload of INSRPY."""
-    return THREE.pack(or_nan(attitude.roll), or_nan(attitude.pitch), or_nan(attitude.heading))
+    return THREE.pack(*_rpy(attitude))
 
 
 def encode_ned(velocity: Velocity) -> bytes:
     """Payload of INSVELNED."""
-    return THREE.pack(or_nan(velocity.north), or_nan(velocity.east), or_nan(velocity.down))
+    return THREE.pack(*_ned(velocity))
+
+
+def _rpy(attitude: Attitude | None) -> Triple:
+    return (or_nan(attitude.roll), or_nan(attitude.pitch), or_nan(attitude.heading)) if attitude else LOST
+
+
+def _ned(velocity: Velocity | None) -> Triple:
+    return (or_nan(velocity.north), or_nan(velocity.east), or_nan(velocity.down)) if velocity else LOST
 
 
 def encode_enu(velocity: Velocity) -> bytes:
