@@ -1,0 +1,95 @@
+"""Pictures of approaches under the integrity monitor (source 003, figures 7.12, 7.13 and 7.16)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from fti.figures import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, label, legend_above, sheet
+from fti.hil.approaches import Flown, fly, simulate
+from fti.nav.integrity.monitor import ClearanceMonitor
+from fti.study import _clearance as cases
+from fti.types import ClearanceIntegrity, IntegrityState
+
+Array = NDArray[np.float64]
+
+#: What a state looks like.
+COLOURS = {
+    IntegrityState.OK: GREEN,
+    IntegrityState.MONITOR: SKY,
+    IntegrityState.CAUTION: ORANGE,
+    IntegrityState.ALERT: VERMILION,
+    IntegrityState.ACQUIRE: GREY,
+    IntegrityState.UNAVAILABLE: BLACK,
+}
+RATIOS = (("t1_ratio", "T1 match", BLUE), ("t2_ratio", "T2 shift", SKY), ("t3_ratio", "T3 height", GREY),
+          ("t4_ratio", "T4 obstacle", VERMILION))  # fmt: skip
+
+
+def nominal(seed: int) -> Figure:
+    """An approach as it should be."""
+    flown = simulate(cases.traced(), 5000.0, np.random.default_rng([seed, 0]))
+    return _picture(flown, "A nominal approach", "5 m off track and path, vegetation 15 % off its survey")
+
+
+def joined_late(seed: int) -> Figure:
+    """An approach that joins the published track 2200 m before the threshold."""
+    return _picture(cases.late_flight(seed, 0), "The track is joined 2200 m before the threshold", "At 30 deg")
+
+
+def obstacle(seed: int) -> Figure:
+    """150 m high, 3000 m before the threshold, and not in the reference."""
+    flown, _ = cases.flown_with("obstacle_150", seed, 4)
+    return _picture(flown, "An unexpected obstacle of 150 m", "3000 m before the threshold")
+
+
+def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
+    outputs = fly(ClearanceMonitor(cases.reference(), cases.SETTINGS), flown)
+    figure = sheet(title, subtitle, width=9.0, height=6.5)
+    heights, ratios, states = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 0.25))
+    _heights(heights, flown)
+    _ratios(ratios, outputs)
+    _states(states, outputs)
+    states.invert_xaxis()
+    return figure
+
+
+def _heights(axes: Axes, flown: Flown) -> None:
+    reference, path = cases.reference(), cases.path()
+    expected = path.alt_path(reference.s) - reference.z_ref
+    axes.plot(_before(reference.s), expected, color=GROUND, lw=2.5, label="height above ground as published")
+    axes.plot(_before(flown.nav_s), flown.agl, color=BLUE, lw=1.0, label="altimeter")
+    axes.set(xlim=(float(_before(flown.s[-1])), float(_before(flown.s[0]))))
+    label(axes, y="height above ground [m]")
+    legend_above(axes)
+
+
+def _ratios(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
+    judged = [output for output in outputs if output.t1_ratio is not None]
+    s = _before([output.s_end or 0.0 for output in judged])
+    for name, text, colour in RATIOS:
+        values = [getattr(output, name) for output in judged]
+        axes.plot(s, [np.nan if value is None else max(value, 1e-2) for value in values], color=colour, label=text)
+    axes.axhline(1.0, color=BLACK, lw=0.8, ls="--")
+    axes.set(yscale="log")
+    label(axes, y="statistic / limit")
+    legend_above(axes)
+
+
+def _states(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
+    """The state at each output that tells where it is."""
+    for state, colour in COLOURS.items():
+        s = _before([o.s_end for o in outputs if o.state is state and o.s_end is not None])
+        axes.plot(s, np.zeros(len(s)), "|", color=colour, ms=16, mew=2.0, label=state.value)
+    axes.set(yticks=[])
+    label(axes, x="distance to the threshold [m]")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -1.2), ncols=len(COLOURS), frameon=False)
+
+
+def _before(s: ArrayLike) -> Array:
+    """Distance before the threshold [m]."""
+    return np.asarray(s, dtype=np.float64) - cases.path().x_gpi
