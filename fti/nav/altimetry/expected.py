@@ -9,35 +9,44 @@ Where the ground cannot be asked the reason is said; a height is then what it is
 
 from __future__ import annotations
 
-import functools
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.altimetry import at_once
 from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
-from fti.nav.altimetry.nadir import ground_sd
-from fti.nav.altimetry.predicted import Prediction, Predictor
-from fti.nav.altimetry.variance import ErrorModel, height_variance, pose_cov, range_variance
+from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.sources import AttitudeState, PositionState
-from fti.ranging.laser import Laser
-from fti.ranging.nearest import NearestReturn
+from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
-from fti.ranging.sensor import RangingSensor, Validity
+from fti.ranging.sensor import Poses, Validity
+from fti.terrain.pyramid import Pyramid
+from fti.terrain.terrain import Terrain
 from fti.types import Compensation, Reason
+
+Array = NDArray[np.float64]
 
 #: One sigma of a position whose source states none, each axis [m], and of a heading [rad].
 POSITION_SD_UNKNOWN = 5.0
 HEADING_SD = math.radians(1.0)
 #: One sigma of an altimeter for which neither device nor configuration states one [m].
 RANGE_SD_UNKNOWN = 1.0
+#: Nobody flies higher [m].
+HIGHEST = 1e5
+#: No sigma is larger: squares of larger ones are no numbers [m, rad].
+LARGEST_SD = 1e6
 #: So much farther than the altimeter may range is looked for what it should say: a share.
 BEYOND = 1.5
+#: Rings of rays of a nearest return: 217 rays.
+RINGS = 8
 
 REASONS = {
     Validity.NO_RETURN: Reason.NO_PREDICTION,
@@ -52,54 +61,98 @@ REASONS = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Expected:
     """What is expected of one sample.
 
-    nearest : the sensor tells the nearest return in its beam; ground_sd : see ``nadir.ground_sd`` [m]
+    slant_range, range_sd : what the altimeter should say [m], and one sigma of measured minus predicted [m]
+    height, height_sd     : of P over the ground straight below, by navigation alone; sigma of the compensated one [m]
+    ground_sd             : see ``nadir.ground_sd`` [m]
+    dispersion, incidence : of the ranges across the beam [m], of the ray on the ground [rad]
+    cosine                : of the angle between the ray and the plumb line
+    compensation          : how a range becomes a height
     """
 
-    prediction: Prediction
-    errors: ErrorModel
-    nearest: bool
+    slant_range: float
+    range_sd: float
+    height: float
+    height_sd: float
     ground_sd: float
-
-    @property
-    def slant_range(self) -> float:
-        """What the altimeter should say [m]."""
-        return float(self.prediction.slant_range[0])
-
-    @property
-    def incidence(self) -> float:
-        """At the footprint [rad]."""
-        return float(self.prediction.incidence[0])
-
-    @property
-    def dispersion(self) -> float:
-        """Standard deviation of the ranges across the beam [m]."""
-        return float(self.prediction.dispersion[0])
-
-    @property
-    def height(self) -> float:
-        """Of P over the ground straight below, by navigation alone [m]."""
-        return float(self.prediction.height_p[0])
-
-    @functools.cached_property
-    def range_sd(self) -> float:
-        """One sigma of measured minus predicted [m]."""
-        return math.sqrt(float(range_variance(self.prediction, self.errors, nearest=self.nearest)[0]))
+    dispersion: float
+    incidence: float
+    cosine: float
+    compensation: Compensation
 
     def compensated(self, slant_range: float) -> tuple[float, float, Compensation] | None:
         """Height of P over the ground straight below it [m], one sigma, and how; None where that ground is unknown.
 
         h = h(P) - h(N) + (d_measured - d_predicted) cos(theta): eq. 3.33, corrected.
         """
-        seen = self.prediction
-        height = float(seen.height_p[0] + (slant_range - seen.slant_range[0]) * seen.cosine[0])
-        if not math.isfinite(height):
-            return None
-        sd = math.sqrt(float(height_variance(seen, self.errors, nearest=self.nearest)[0]))
-        return height, sd, Compensation.BEAM if self.nearest else Compensation.RANGE
+        height = self.height + (slant_range - self.slant_range) * self.cosine
+        return (height, self.height_sd, self.compensation) if math.isfinite(height + self.height_sd) else None
+
+
+class Seeing(ABC):
+    """One kind of altimeter over one terrain."""
+
+    @abstractmethod
+    def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+        """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
+
+
+class Pencil(Seeing):
+    """A laser."""
+
+    def __init__(self, pyramid: Pyramid, max_range: float) -> None:
+        self._pyramid, self._max_range = pyramid, max_range
+        self._boresight = np.array([0.0, 0.0, 1.0])
+
+    def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+        """Along the boresight."""
+        found, what = at_once.pencil(self._pyramid, origin_l, mat_ls, self._max_range)
+        return found, self._boresight, 0.0, Validity(what)
+
+
+class NearestReturn(Seeing):
+    """A radar whose beam's edge is the threshold."""
+
+    def __init__(self, pyramid: Pyramid, beam_width: float, max_range: float) -> None:
+        self._pyramid, self._half, self._max_range = pyramid, 0.5 * beam_width, max_range
+        self._angles = ring_angles(beam_width, RINGS)
+        self._rays = directions(self._angles)
+
+    def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+        """The nearest return."""
+        found, x, y, spread, what = at_once.nearest(
+            self._pyramid, origin_l, mat_ls, self._angles, self._rays, self._half, self._max_range
+        )
+        off = math.hypot(x, y)
+        scale = math.sin(off) / off if off > 0.0 else 1.0
+        return found, np.array([x * scale, y * scale, math.cos(off)]), spread, Validity(what)
+
+
+class WholeBeam(Seeing):
+    """A radar with its antenna and its receiver."""
+
+    def __init__(self, terrain: Terrain, sensor: RadarAltimeter) -> None:
+        self._terrain, self._sensor = terrain, sensor
+
+    def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
+        """The leading edge."""
+        poses = Poses(origin_l[None], mat_ls[None], vel_l[None])
+        told = self._sensor.measure(self._terrain, poses)
+        return float(told.slant_range[0]), told.direction_s[0], float(told.dispersion[0]), Validity(told.validity[0])
+
+
+def seeing_of(altimeter: Altimeter, terrain: Terrain) -> Seeing:
+    """The instrument that a configuration describes."""
+    farthest, width = BEYOND * altimeter.range_m[1], math.radians(altimeter.beam_deg)
+    if altimeter.kind == "laser":
+        return Pencil(terrain.pyramid, farthest)
+    if altimeter.model == "beam":
+        sensor = RadarAltimeter(antenna=cosine_antenna(width, width), max_range=altimeter.range_m[1])
+        return WholeBeam(terrain, sensor)
+    return NearestReturn(terrain.pyramid, width, farthest)
 
 
 class Expectation:
@@ -108,9 +161,10 @@ class Expectation:
     def __init__(self, device: Device, ground: Ground) -> None:
         if device.altimeter is None:
             raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
-        sensor = sensor_of(device.altimeter)
-        roll, pitch, yaw = (math.radians(a) for a in device.rpy_bs_deg)
-        self._predictor = Predictor(ground.terrain, sensor, device.lever_arm_b, mat_from_rpy(roll, pitch, yaw))
+        self._seeing = seeing_of(device.altimeter, ground.terrain)
+        self._pyramid, self._frame = ground.terrain.pyramid, ground.terrain.frame
+        self._lever_b = np.array(device.lever_arm_b, dtype=np.float64)
+        self._mat_bs = mat_from_rpy(*(math.radians(a) for a in device.rpy_bs_deg))
         self._ground_sd = ground.sd
         self._nearest = device.altimeter.kind == "radar"
 
@@ -121,40 +175,48 @@ class Expectation:
             return Reason.NO_POSITION if position is None else Reason.NO_ATTITUDE
         if position.alt is None or attitude.heading is None:
             return Reason.NO_ALTITUDE if position.alt is None else Reason.NO_HEADING
-        vel_n = [v if v is not None else 0.0 for v in (position.north, position.east, position.down)]
+        if not abs(position.alt) <= HIGHEST:
+            return Reason.NO_ALTITUDE
+        mat_nb = at_once.rotation(attitude.roll, attitude.pitch, attitude.heading)
         place = (position.lat, position.lon, position.alt)
-        seen = self._predictor.at(*place, attitude.roll, attitude.pitch, attitude.heading, vel_n)
-        validity = Validity(int(seen.validity[0]))
+        frame = self._frame
+        at_l, mat_ln, mat_ls, lever_n = at_once.placed(
+            frame.origin_e, frame.mat_le, *place, mat_nb, self._lever_b, self._mat_bs
+        )
+        vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
+        found, ray_s, spread, validity = self._seeing.look(at_l + mat_ln @ lever_n, mat_ls, mat_ln @ vel_n)
         if validity is not Validity.VALID:
             return REASONS[validity]
-        flat = POSITION_SD_UNKNOWN if position.horizontal_sd is None else position.horizontal_sd
-        around = ground_sd(self._predictor.terrain, self._predictor.terrain.frame.to_local(*place), flat)
-        return Expected(seen, self._errors(nav, range_sd), self._nearest, float(around[0]))
+        sds = self._sds(position, attitude, range_sd)
+        told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, self._nearest)
+        return self._expected(found, spread, told)
 
-    def _errors(self, nav: NavState, range_sd: float | None) -> ErrorModel:
-        position, attitude = nav.position, nav.attitude
-        assert position is not None and attitude is not None
-        flat, high = (
-            POSITION_SD_UNKNOWN if sd is None else sd for sd in (position.horizontal_sd, position.vertical_sd)
+    def _expected(self, found: float, spread: float, told: Array) -> Expected:
+        height, cosine, incidence, range_sd, height_sd, ground_sd = told.tolist()
+        return Expected(
+            slant_range=found,
+            range_sd=range_sd,
+            height=height,
+            height_sd=height_sd,
+            ground_sd=ground_sd,
+            dispersion=spread,
+            incidence=incidence,
+            cosine=cosine,
+            compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
-        tilts = [ATTITUDE_SD_UNKNOWN if sd is None else sd for sd in (attitude.roll_sd, attitude.pitch_sd)]
-        tilt = max(tilts)
-        return ErrorModel(
-            pose_cov=pose_cov((flat, flat, high), (tilt, tilt, HEADING_SD)),
-            range_sd=RANGE_SD_UNKNOWN if range_sd is None else range_sd,
-            dem_sd=self._ground_sd,
-        )
+
+    def _sds(self, position: PositionState, attitude: AttitudeState, range_sd: float | None) -> Array:
+        """As ``at_once.told`` takes them."""
+        level = _sigma(position.horizontal_sd, POSITION_SD_UNKNOWN)
+        high = _sigma(position.vertical_sd, POSITION_SD_UNKNOWN)
+        tilt = max(_sigma(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
+        instrument = _sigma(range_sd, RANGE_SD_UNKNOWN)
+        dem_length = ErrorModel.dem_length
+        return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, self._ground_sd, dem_length])
 
 
-def sensor_of(altimeter: Altimeter) -> RangingSensor:
-    """The model of the instrument that a configuration describes."""
-    farthest = BEYOND * altimeter.range_m[1]
-    if altimeter.kind == "laser":
-        return Laser(max_range=farthest)
-    width = math.radians(altimeter.beam_deg)
-    if altimeter.model == "beam":
-        return RadarAltimeter(antenna=cosine_antenna(width, width), max_range=altimeter.range_m[1])
-    return NearestReturn(beam_width=width, max_range=farthest)
+def _sigma(told: float | None, otherwise: float) -> float:
+    return otherwise if told is None or not math.isfinite(told) else min(abs(told), LARGEST_SD)
 
 
 def warm_up(device: Device, ground: Ground) -> None:
@@ -163,6 +225,4 @@ def warm_up(device: Device, ground: Ground) -> None:
     above = float(np.nan_to_num(ground.terrain.height(frame.lat0, frame.lon0))) + 100.0
     position = PositionState(frame.lat0, frame.lon0, above, None, None, 0.0, 0.0, 0.0, 0)
     nav = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None)
-    expected = Expectation(device, ground).at(nav, None)
-    if isinstance(expected, Expected):
-        expected.compensated(100.0)
+    Expectation(device, ground).at(nav, None)

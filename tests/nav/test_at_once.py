@@ -1,0 +1,132 @@
+"""The compiled form for one pose says what the arrays of poses say; and the channel says why it cannot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from fti.config import Altimeter, Device
+from fti.geodesy.rotations import mat_from_rpy
+from fti.nav.altimetry.expected import HEADING_SD, Expectation, Expected
+from fti.nav.altimetry.nadir import ground_sd
+from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.altimetry.variance import ErrorModel, height_variance, pose_cov, range_variance
+from fti.nav.ground import Ground
+from fti.nav.navigation import NavState
+from fti.nav.sources import AttitudeState, PositionState
+from fti.ranging.laser import Laser
+from fti.ranging.nearest import NearestReturn
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.ranging.radar.antenna import cosine_antenna
+from fti.ranging.sensor import RangingSensor
+from fti.terrain.terrain import Terrain
+from fti.types import Reason
+
+LAT, LON = 0.84, 0.19
+LEVER, MOUNTED_DEG = (-1.2, 0.3, 0.6), (2.0, -3.0, 10.0)
+FLAT_SD, HIGH_SD, TILT_SD, RANGE_SD, DEM_SD = 3.0, 2.0, 0.008, 0.3, 1.5
+
+
+@pytest.fixture(scope="module")
+def ground() -> Ground:
+    """Hills of 60 m, 12 km wide, with a wall; its frame lies at LAT, LON."""
+    posts = np.arange(-600, 601) * 10.0
+    east, north = np.meshgrid(posts, posts)
+    hills = 300.0 + 30.0 * np.sin(east / 90.0) + 30.0 * np.cos(north / 70.0 + east / 400.0)
+    hills[(np.abs(east - 100.0) < 40.0)] += 25.0
+    terrain = Terrain.from_array(hills, 10.0, lat0=LAT, lon0=LON, east0=-6000.0, north0=-6000.0)
+    return Ground(terrain, DEM_SD, "hills")
+
+
+def device(kind: str, model: str = "nearest") -> Device:
+    altimeter = Altimeter.model_validate({"kind": kind, "range_m": (0.5, 700.0), "model": model})
+    return Device(name="a", link="l", driver="d", altimeter=altimeter, lever_arm_b=LEVER, rpy_bs_deg=MOUNTED_DEG)
+
+
+SENSORS: dict[tuple[str, str], RangingSensor] = {
+    ("laser", "nearest"): Laser(max_range=1050.0),
+    ("radar", "nearest"): NearestReturn(max_range=1050.0),
+    ("radar", "beam"): RadarAltimeter(antenna=cosine_antenna(*[math.radians(40.0)] * 2), max_range=700.0),
+}
+
+
+def poses(n: int) -> list[NavState]:
+    rng = np.random.default_rng(7)
+    found = []
+    for north, east, up in rng.uniform((-3000, -3000, 420), (3000, 3000, 650), (n, 3)):
+        lat, lon = LAT + north / 6.37e6, LON + east / (6.37e6 * math.cos(LAT))
+        roll, pitch, heading = rng.uniform((-0.5, -0.3, 0.0), (0.5, 0.3, 6.28))
+        attitude = AttitudeState(roll, pitch, heading, TILT_SD, TILT_SD / 2)
+        found.append(
+            NavState(0, attitude, PositionState(lat, lon, up, FLAT_SD, HIGH_SD, 40.0, -30.0, 2.0, 0), "a", "a")
+        )
+    return found
+
+
+def by_arrays(sensor: RangingSensor, ground: Ground, nav: NavState) -> Prediction:
+    p, a = nav.position, nav.attitude
+    assert p is not None
+    assert a is not None
+    assert p.alt is not None
+    mat_bs = mat_from_rpy(*np.radians(MOUNTED_DEG))
+    return Predictor(ground.terrain, sensor, LEVER, mat_bs).at(
+        p.lat, p.lon, p.alt, a.roll, a.pitch, a.heading or 0.0, (p.north or 0.0, p.east or 0.0, p.down or 0.0)
+    )
+
+
+@pytest.mark.parametrize(("kind", "model"), list(SENSORS))
+def test_one_pose_at_once_is_what_the_arrays_say(ground: Ground, kind: str, model: str) -> None:
+    expectation = Expectation(device(kind, model), ground)
+    errors = ErrorModel(pose_cov((FLAT_SD, FLAT_SD, HIGH_SD), (TILT_SD, TILT_SD, HEADING_SD)), RANGE_SD, DEM_SD)
+    seen = 0
+    for nav in poses(12):
+        there, here = by_arrays(SENSORS[kind, model], ground, nav), expectation.at(nav, RANGE_SD)
+        assert isinstance(here, Expected) == bool(there.valid[0])
+        if not isinstance(here, Expected):
+            continue
+        seen += 1
+        assert nav.position is not None
+        place = ground.terrain.frame.to_local(nav.position.lat, nav.position.lon, nav.position.alt or 0.0)
+        nearest = kind == "radar"
+        pairs = [
+            (here.slant_range, there.slant_range, 1e-6),
+            (here.height, there.height_p, 1e-6),
+            (here.cosine, there.cosine, 1e-9),
+            (here.incidence, there.incidence, 1e-6),
+            (here.dispersion, there.dispersion, 1e-6),
+            (here.range_sd, np.sqrt(range_variance(there, errors, nearest=nearest)), 1e-6),
+            (here.height_sd, np.sqrt(height_variance(there, errors, nearest=nearest)), 1e-6),
+            (here.ground_sd, ground_sd(ground.terrain, place, FLAT_SD), 1e-6),
+        ]
+        for mine, theirs, within in pairs:
+            assert mine == pytest.approx(float(theirs[0]), abs=within)
+    assert seen >= 8
+
+
+def test_why_the_ground_cannot_be_asked_is_said(ground: Ground) -> None:
+    expectation = Expectation(device("laser"), ground)
+    level = AttitudeState(0.0, 0.0, 0.0, None, None)
+
+    def told(
+        attitude: AttitudeState | None, lat: float | None = None, lon: float = 0.0, alt: float | None = None
+    ) -> Expected | Reason:
+        position = None if lat is None else PositionState(lat, lon, alt, None, None, None, None, None, 0)
+        return expectation.at(NavState(0, attitude, position, None, None), None)
+
+    assert isinstance(told(level, LAT, LON, 500.0), Expected)
+    assert told(level) is Reason.NO_POSITION
+    assert told(None, LAT, LON, 500.0) is Reason.NO_ATTITUDE
+    assert told(level, LAT, LON, None) is Reason.NO_ALTITUDE
+    assert told(AttitudeState(0.0, 0.0, None, None, None), LAT, LON, 500.0) is Reason.NO_HEADING
+    assert told(level, LAT + 0.01, LON, 500.0) is Reason.TERRAIN_EDGE
+    assert told(level, LAT, LON, 100.0) is Reason.HEIGHT_ERROR  # below the ground
+    assert told(level, LAT, LON, 9000.0) is Reason.NO_PREDICTION
+    for nothing in (math.nan, math.inf, 1e300):
+        assert told(level, LAT, LON, nothing) is Reason.NO_ALTITUDE
+        assert isinstance(told(level, nothing, LON, 500.0), Reason)
+    for lat in (math.pi / 2, -math.pi / 2):
+        assert isinstance(told(level, lat, math.pi, 500.0), Reason)
+    straight_up = told(AttitudeState(0.0, math.pi / 2, 1.0, None, None), LAT, LON, 500.0)
+    assert isinstance(straight_up, Reason) or math.isfinite(straight_up.slant_range)
