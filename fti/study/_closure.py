@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,12 +20,16 @@ from fti.nav.integrity.approach import EARTH_RADIUS
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
+#: Of samples: start, accel_b, gyro_b, step [s], of how many one is returned.
+Integrator = Callable[[Motion, Array, Array, float, int], Motion]
 
 BANK = np.deg2rad(25.0)
 #: Of the routes: length of a leg [m], change of course [rad], height [m], speed [m/s], wind [m/s], latitude [deg].
 LEG_M, TURN, HEIGHT_M, SPEED, WIND_SD, LAT_DEG = (3000.0, 6000.0), 1.5, (800.0, 1000.0), (50.0, 70.0), 5.0, 60.0
 #: Of the S-turns: from one side to the other [m along, m to each side], how often.
 S_ALONG_M, S_ASIDE_M, S_TURNS = 3000.0, 1200.0, 12
+#: Of the calm track: legs [m], change of course and bank [rad], speed [m/s].
+CALM_LEG_M, CALM_TURN, CALM_BANK, CALM_SPEED = (15_000.0, 30_000.0), 0.3, np.deg2rad(10.0), 60.0
 STEP_S = 0.01
 
 
@@ -69,6 +74,18 @@ def wandering(rng: Rng, duration: float) -> SplineFlight:
     return waypoint_flight(waypoints, BANK, (float(north), float(east))).during(0.0, duration)
 
 
+def calm(rng: Rng, duration: float) -> SplineFlight:
+    """Long legs that bend a little, level but for slow climbs, in still air; banks of 10 deg."""
+    place = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
+    course, waypoints, way = rng.uniform(0.0, 2.0 * np.pi), [], 0.0
+    while way < duration * CALM_SPEED + CALM_LEG_M[1]:
+        waypoints.append(_waypoint(place, rng.uniform(*HEIGHT_M), CALM_SPEED))
+        length, course = rng.uniform(*CALM_LEG_M), course + rng.uniform(-CALM_TURN, CALM_TURN)
+        place = _moved(place, length * np.cos(course), length * np.sin(course))
+        way += length
+    return waypoint_flight(waypoints, CALM_BANK, (0.0, 0.0)).during(0.0, duration)
+
+
 def s_turns(rng: Rng) -> SplineFlight:
     """To one side and to the other, at one height, for ten minutes."""
     start = np.array([np.deg2rad(rng.uniform(-LAT_DEG, LAT_DEG)), rng.uniform(-np.pi, np.pi)])
@@ -84,14 +101,14 @@ def _moved(place: Array, north: float, east: float) -> Array:
     return place + np.array([north, east / np.cos(place[0])]) / EARTH_RADIUS
 
 
-def close(flight: SplineFlight, step: float, duration: float) -> Closure:
+def close(flight: SplineFlight, step: float, duration: float, by: Integrator = integrate) -> Closure:
     """Integrate what ideal sensors feel on a flight, sampled every so often [s], and compare about once a second."""
     t = step * np.arange(round(duration / step) + 1, dtype=np.float64)
     every = max(1, round(1.0 / step))
     state = flight.state(t)
     true = _motion(flight.state(t[::every]))
     start = Motion(true.pos_e[0], true.vel_e[0], true.quat_eb[0])
-    found = integrate(start, specific_force_b(state), angular_rate_b(state), step, every)
+    found = by(start, specific_force_b(state), angular_rate_b(state), step, every)
     mat_ne = np.swapaxes(mat_en(state.lat[::every], state.lon[::every]), 1, 2)
     return Closure(
         t[::every],

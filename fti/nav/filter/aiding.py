@@ -136,11 +136,13 @@ class BaroAltitude:
 class TerrainAltitude:
     """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
 
-    sd : white part [m]; what is correlated belongs to the extras ALTIMETER and DEM
+    sd         : white part [m]; what is correlated belongs to the extras ALTIMETER, ALTIMETER_SCALE and DEM
+    height_agl : what the altimeter's scale counts from [m]
     """
 
     alt: float
     sd: float
+    height_agl: float = 0.0
     name: str = "altimeter.altitude"
 
     @property
@@ -150,7 +152,8 @@ class TerrainAltitude:
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = h_agl + h_dem - alt - drifts."""
-        return _altitude(here, self.alt, self.sd, (Extra.ALTIMETER, Extra.DEM))
+        z, H, R = _altitude(here, self.alt, self.sd, (Extra.ALTIMETER, Extra.DEM))
+        return z - _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.height_agl), H, R
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +200,7 @@ class SlantRange:
         moved_e = here.y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
         z = np.array([self.slant_range - self.predicted - H[0, POS : POS + 3] @ moved_e])
         z[0] -= _drifting(here, Extra.ALTIMETER, H[0], 1.0) + _drifting(here, Extra.DEM, H[0], float(n[2]) / along)
+        z[0] -= _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
         return z, H, np.array([[self.sd**2]])
 
 

@@ -21,13 +21,14 @@ Array = NDArray[np.float64]
 
 
 class Extra(StrEnum):
-    """A slow error of something that aids: what it says minus what is."""
+    """A slow error of something that aids: what it says minus what is [m]; of the scale its share of the height."""
 
     GNSS_NORTH = "gnss_north"
     GNSS_EAST = "gnss_east"
     GNSS_DOWN = "gnss_down"
     BARO = "baro"
     ALTIMETER = "altimeter"
+    ALTIMETER_SCALE = "altimeter_scale"
     DEM = "dem"
 
 
@@ -35,7 +36,7 @@ class Extra(StrEnum):
 class Drift:
     """A first-order Gauss-Markov error, correlated over time, or over the way flown, or both.
 
-    sd [m]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
+    sd [m, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
     Raises ValueError where one is not positive.
     """
 
@@ -48,14 +49,15 @@ class Drift:
             raise ValueError(f"{self}: each must be > 0")
 
 
-#: Errors as SEEDS of them are given nowhere else: GNSS without augmentation, correlated over some minutes.
+#: GNSS without augmentation: correlated over some minutes.
 GNSS_DRIFTS: dict[Extra, Drift] = {
     Extra.GNSS_NORTH: Drift(1.5, period_s=200.0),
     Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
     Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
 }
-#: An altimeter's bias, that of an elevation model, and of the pressure field between stations.
+#: An altimeter's bias and scale, the error of an elevation model, and that of the pressure field between stations.
 ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
+SCALE_DRIFT = Drift(0.01, period_s=3600.0)
 DEM_DRIFT = Drift(1.5, length_m=300.0)
 BARO_DRIFT = Drift(30.0, period_s=1800.0)
 

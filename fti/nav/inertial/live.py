@@ -80,7 +80,8 @@ def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
     ex, ey = ex + lean * ey, ey - lean * ex
     gx, gy, gz = gravity_e(y[0] + 0.5 * step * y[3], y[1] + 0.5 * step * y[4], y[2] + 0.5 * step * y[5])
     coriolis = 2.0 * EARTH_RATE
-    mx, my = y[3] + 0.5 * (ex + step * gx), y[4] + 0.5 * (ey + step * gy)
+    mx = y[3] + 0.5 * (ex + step * (gx + coriolis * y[4]))
+    my = y[4] + 0.5 * (ey + step * (gy - coriolis * y[3]))
     dx, dy, dz = ex + step * (gx + coriolis * my), ey + step * (gy - coriolis * mx), ez + step * gz
     y[0] += step * (y[3] + 0.5 * dx)
     y[1] += step * (y[4] + 0.5 * dy)

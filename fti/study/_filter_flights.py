@@ -1,0 +1,284 @@
+"""Flights for the study of the filter, and what sensors say on them: drawn from the filter's own model, or rich.
+
+A flight: 250 s along waypoints of random legs, climbs and wind, anywhere between 60 deg south and north.  Inertial
+samples at 25 Hz, GNSS position and velocity and pressure altitude once a second, altitude by altimeter and elevation
+model at 2 Hz, none of them at the time of an inertial sample.
+
+    matched   start, biases, drifts and white noise are drawn from P0, Q and R of the filter that is to judge itself
+    rich      the inertial unit is that of ``fti.hil.sensors.imu`` (in-run flicker, scale, misalignment, steps of the
+              output) on a vibrating airframe; GNSS errors are sums of processes of 30 s and 300 s, its velocity errors
+              last 5 s; the elevation model errs over 30 m and 300 m; 1 % of the altitudes are outliers.  The filter is
+              told as much as one knows: sigma of the velocity for errors that last, altitudes only once a second
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.wgs84 import radii
+from fti.hil.flight.trajectory import SplineFlight, State
+from fti.hil.sensors.errors import recursion, slow
+from fti.hil.sensors.imu import Imu
+from fti.hil.sensors.imu_grades import GRADES
+from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
+from fti.nav.filter.estimate import Start
+from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, Model
+from fti.nav.inertial.errors import UNITS, Triad, Unit
+from fti.study._closure import wandering
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+SECONDS, INERTIAL_S = 250.0, 0.04
+GNSS_S, BARO_S, ALTIMETER_S = 1.0, 1.0, 0.5
+#: White parts, one sigma: GNSS on the level and in height [m], its velocity [m/s], baro, altimeter with elevation [m].
+LEVEL_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD, ALTIMETER_SD = 1.0, 1.5, 0.1, 1.0, 1.0
+#: P0: position [m], velocity [m/s], tilt and heading [rad].
+POS_SD, VEL_SD, TILT_SD, HEADING_SD = (3.0, 3.0, 5.0), (0.3, 0.3, 0.3), np.deg2rad(0.3), np.deg2rad(1.0)
+#: Without satellites, as the source has it (table 7.5) [s].
+OUTAGES_S = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0))
+#: Vibration of the airframe as the sensors feel it between two samples [m/s^2, rad/s].
+SHAKE, SHAKE_TURN = 0.05, 0.002
+#: Height over the ground that the altimeter's error of scale counts from, 1 % [m].
+AGL_M = 150.0
+OUTLIER_SHARE, OUTLIER_M = 0.01, 15.0
+#: In the rich case velocity errors last so long [s], the altimeter is used so seldom [s], and what the elevation model
+#: errs by over so short a way [m] is white from one time to the next.
+LASTING_S, SELDOM_S, SHORT_M = 5.0, 1.0, 30.0
+SECOND_NS = 1_000_000_000
+
+
+#: The filter of the matched flights: no scale errors, for none are drawn.
+PURE = Unit(*(dataclasses.replace(triad, scale=0.0) for triad in (UNITS["tactical"].accel, UNITS["tactical"].gyro)))
+#: That of the rich flights knows of scale and vibration.
+SHAKEN = Unit(
+    dataclasses.replace(UNITS["tactical"].accel, white=SHAKE * np.sqrt(INERTIAL_S)),
+    dataclasses.replace(UNITS["tactical"].gyro, white=SHAKE_TURN * np.sqrt(INERTIAL_S)),
+)
+AIDED = {**GNSS_DRIFTS, Extra.BARO: BARO_DRIFT, Extra.ALTIMETER: ALTIMETER_DRIFT, Extra.DEM: DEM_DRIFT}
+AIDED |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is flown.  aided : baro and altimeter, too;  outages : GNSS is gone now and then;  rich : truth."""
+
+    name: str
+    model: Model
+    aided: bool
+    outages: bool
+    rich: bool = False
+
+
+NINE = Model(Unit(dataclasses.replace(PURE.accel, bias_sd=1e-4), dataclasses.replace(PURE.gyro, bias_sd=1e-7)), False)
+CASES = (
+    Case("nine", dataclasses.replace(NINE, extras=GNSS_DRIFTS), aided=False, outages=False),
+    Case("gnss", Model(PURE, extras=GNSS_DRIFTS), aided=False, outages=False),
+    Case("altimeter", Model(PURE, extras=AIDED), aided=True, outages=False),
+    Case("outages", Model(PURE, extras=AIDED), aided=True, outages=True),
+    Case("rich", Model(SHAKEN, extras=AIDED), aided=True, outages=True, rich=True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """A flight as its sensors tell it.
+
+    t, accel_b, gyro_b : inertial samples (n,) [s], (n, 3);   start : P0 and where the filter begins
+    biases_b           : what is wrong with them (n, 6) beside white noise; NaN where it is not one number (rich)
+    aids               : what aids, in order of time [s]
+    drifts             : of what aids, by name, (n,) at t [m]; none where they are not one (rich)
+    """
+
+    flight: SplineFlight
+    t: Array
+    accel_b: Array
+    gyro_b: Array
+    biases_b: Array
+    start: Start
+    aids: list[tuple[float, Aiding]]
+    drifts: dict[Extra, Array]
+
+
+def flown(case: Case, rng: Rng) -> Flown:
+    """One flight of a case."""
+    flight = wandering(rng, SECONDS + 1.0)
+    t = np.arange(0.0, SECONDS + INERTIAL_S / 2, INERTIAL_S)
+    state = flight.state(t)
+    accel_b, gyro_b, biases = (_rich_unit if case.rich else matched_unit)(case, state, rng)
+    way = np.concatenate(([0.0], np.cumsum(np.linalg.norm(state.vel_n, axis=1)[1:] * INERTIAL_S)))
+    drifts = {
+        extra: (_rich_drift(extra, t, way, rng) if case.rich else gauss_markov(drift, t, way, rng))
+        for extra, drift in case.model.extras.items()
+    }
+    start = drawn_start(flight.state(np.zeros(1)), rng)
+    aids = _aids(case, flight, Slow(t, drifts), rng)
+    return Flown(flight, t, accel_b, gyro_b, biases, start, aids, {} if case.rich else drifts)
+
+
+def drawn_start(state: State, rng: Rng) -> Start:
+    """A start that lies beside the truth as P0 says."""
+    turn_sd = (TILT_SD, TILT_SD, HEADING_SD)
+    pos, vel, turn = (rng.normal(0.0, sd) for sd in (POS_SD, VEL_SD, turn_sd))
+    lat, lon, alt = moved(state, pos[None])
+    north, east, down = (state.vel_n[0] + vel).tolist()
+    roll, pitch, heading = _turned(state, turn)
+    return Start(
+        float(lat[0]), float(lon[0]), float(alt[0]), (north, east, down), roll, pitch, heading, POS_SD, VEL_SD, turn_sd
+    )
+
+
+def _turned(state: State, turn_n: Array) -> tuple[float, float, float]:
+    """The attitude, turned by a small angle about north, east, down."""
+    from fti.geodesy.rotations import mat_from_rpy, rpy_from_mat  # noqa: PLC0415
+
+    angle = float(np.linalg.norm(turn_n))
+    x, y, z = turn_n / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    by = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    roll, pitch, heading = rpy_from_mat(by @ mat_from_rpy(state.roll, state.pitch, state.heading)[0])
+    return float(roll), float(pitch), float(heading)
+
+
+def moved(state: State, by_n: Array) -> tuple[Array, Array, Array]:
+    """lat, lon [rad], alt [m] of the flight, moved by north, east, down (n, 3) [m]."""
+    meridian, normal = radii(state.lat)
+    lat = state.lat + by_n[:, 0] / (meridian + state.alt)
+    lon = state.lon + by_n[:, 1] / ((normal + state.alt) * np.cos(state.lat))
+    return lat, lon, state.alt - by_n[:, 2]
+
+
+# ------------------------------------------------------------------------------------------------------- sensors
+
+
+def matched_unit(case: Case, state: State, rng: Rng) -> tuple[Array, Array, Array]:
+    """What is felt, with biases that wander and white noise as Q has it; of nine states the biases are white, too."""
+    n, unit, found, biases = len(state.t), case.model.unit, [], []
+    for triad, true in ((unit.accel, specific_force_b(state)), (unit.gyro, angular_rate_b(state))):
+        slow_b = np.stack([_bias(triad, n, rng) for _ in range(3)], axis=1) if case.model.biased else np.zeros((n, 3))
+        white = np.hypot(triad.white, 0.0 if case.model.biased else triad.bias_sd * np.sqrt(20.0))
+        found.append(true + slow_b + rng.normal(0.0, white / np.sqrt(INERTIAL_S), (n, 3)))
+        biases.append(slow_b)
+    return found[0], found[1], np.concatenate(biases, axis=1)
+
+
+def _bias(triad: Triad, n: int, rng: Rng) -> Array:
+    return gauss_markov(
+        Drift(triad.bias_sd, triad.period_s), INERTIAL_S * np.arange(n, dtype=np.float64), np.zeros(n), rng
+    )
+
+
+def _rich_unit(case: Case, state: State, rng: Rng) -> tuple[Array, Array, Array]:
+    del case
+    accel_b, gyro_b = Imu(GRADES["tactical"], rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
+    shape = accel_b.shape
+    nothing = np.full((shape[0], 6), np.nan)
+    return accel_b + rng.normal(0.0, SHAKE, shape), gyro_b + rng.normal(0.0, SHAKE_TURN, shape), nothing
+
+
+def gauss_markov(drift: Drift, t: Array, way: Array, rng: Rng) -> Array:
+    """A first-order Gauss-Markov process over time and way flown, stationary from the start, shape (n,)."""
+    spent = np.diff(t) / drift.period_s + np.diff(way) / drift.length_m
+    keep = np.exp(-spent)
+    found = np.empty(len(t))
+    found[0] = rng.normal(0.0, drift.sd)
+    kicks = rng.normal(0.0, drift.sd * np.sqrt(1.0 - keep**2))
+    for k in range(len(keep)):
+        found[k + 1] = keep[k] * found[k] + kicks[k]
+    return found
+
+
+def _rich_drift(extra: Extra, t: Array, way: Array, rng: Rng) -> Array:
+    if extra in GNSS_DRIFTS:
+        sd = GNSS_DRIFTS[extra].sd
+        return slow(t, 0.5 * sd, 30.0, rng) + slow(t, 0.87 * sd, 300.0, rng)
+    if extra is Extra.BARO:
+        return slow(t, BARO_DRIFT.sd, BARO_DRIFT.period_s, rng)
+    if extra is Extra.ALTIMETER:
+        return slow(t, ALTIMETER_DRIFT.sd, 300.0, rng)
+    if extra is Extra.ALTIMETER_SCALE:
+        return np.full(len(t), rng.normal(0.0, SCALE_DRIFT.sd))
+    parts = [Drift(float(DEM_DRIFT.sd * np.sqrt(0.5)), length_m=length) for length in (SHORT_M, 300.0)]
+    return np.asarray(sum(gauss_markov(part, t, way, rng) for part in parts))
+
+
+# -------------------------------------------------------------------------------------------------------- aiding
+
+
+@dataclass(frozen=True)
+class Slow:
+    """Drifts of what aids, by name, at t."""
+
+    t: Array
+    drifts: dict[Extra, Array]
+
+    def at(self, t: Array, *extras: Extra) -> Array:
+        """Their sum at other times."""
+        return np.asarray(sum(np.interp(t, self.t, self.drifts[e]) for e in extras if e in self.drifts) + 0.0 * t)
+
+
+def _aids(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
+    aids = _gnss(case, flight, drifting, rng)
+    if case.aided:
+        aids += _altitudes(case, flight, drifting, rng)
+    return sorted(aids, key=lambda aid: aid[0])
+
+
+def times(every: float, phase: float) -> Array:
+    """Every so many seconds, never with an inertial sample."""
+    return np.asarray(np.arange(every + phase, SECONDS - INERTIAL_S, every))
+
+
+def seen(t: Array, outages: bool) -> NDArray[np.bool_]:
+    """Where there are satellites."""
+    hidden = [(t >= begin) & (t < end) for begin, end in OUTAGES_S] if outages else [np.zeros(len(t), dtype=bool)]
+    return np.asarray(~np.any(hidden, axis=0))
+
+
+def _gnss(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
+    t = times(GNSS_S, 0.013)
+    t = t[seen(t, case.outages)]
+    state, shape = flight.state(t), (len(t), 3)
+    slow_n = [drifting.at(t, e) for e in (Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)]
+    offset = np.stack(slow_n, axis=1) + rng.normal(0.0, (LEVEL_SD, LEVEL_SD, HEIGHT_SD), shape)
+    lat, lon, alt = (x.tolist() for x in moved(state, offset))
+    vel = (state.vel_n + _velocity_errors(case, t, rng)).tolist()
+    said = _counted(VELOCITY_SD, LASTING_S / GNSS_S) if case.rich else VELOCITY_SD
+    found: list[tuple[float, Aiding]] = []
+    for k, at in enumerate(t.tolist()):
+        found.append((at, GnssPosition(lat[k], lon[k], alt[k], LEVEL_SD, HEIGHT_SD)))
+        found.append((at, GnssVelocity(vel[k][0], vel[k][1], vel[k][2], said)))
+    return found
+
+
+def _velocity_errors(case: Case, t: Array, rng: Rng) -> Array:
+    white = rng.normal(0.0, VELOCITY_SD, (len(t), 3))
+    if not case.rich:
+        return white
+    keep = float(np.exp(-GNSS_S / LASTING_S))
+    return np.stack([recursion(axis * np.sqrt(1.0 - keep**2), keep) for axis in white.T], axis=1)
+
+
+def _counted(sd: float, lasting: float) -> float:
+    """Sigma of white errors that tell as much, of those that are correlated over so many samples."""
+    keep = float(np.exp(-1.0 / lasting))
+    return float(sd * np.sqrt((1.0 + keep) / (1.0 - keep)))
+
+
+def _altitudes(case: Case, flight: SplineFlight, drifting: Slow, rng: Rng) -> list[tuple[float, Aiding]]:
+    t, found = times(BARO_S, 0.007), list[tuple[float, Aiding]]()
+    alt = flight.state(t).alt + drifting.at(t, Extra.BARO) + rng.normal(0.0, BARO_SD, len(t))
+    found += [(at, BaroAltitude(a, BARO_SD)) for at, a in zip(t.tolist(), alt.tolist(), strict=True)]
+    t = times(SELDOM_S if case.rich else ALTIMETER_S, 0.021)
+    slow_m = drifting.at(t, Extra.ALTIMETER, Extra.DEM) + AGL_M * drifting.at(t, Extra.ALTIMETER_SCALE)
+    alt = flight.state(t).alt + slow_m + rng.normal(0.0, ALTIMETER_SD, len(t))
+    sd = float(np.hypot(ALTIMETER_SD, DEM_DRIFT.sd * np.sqrt(0.5))) if case.rich else ALTIMETER_SD
+    if case.rich:
+        alt += OUTLIER_M * rng.standard_normal(len(t)) * (rng.random(len(t)) < OUTLIER_SHARE)
+    found += [(at, TerrainAltitude(a, sd, AGL_M)) for at, a in zip(t.tolist(), alt.tolist(), strict=True)]
+    return found

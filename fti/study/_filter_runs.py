@@ -1,0 +1,139 @@
+"""One flight through the filter: what it was wrong by, beside what it said of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.quaternions import mat_from_quat
+from fti.geodesy.rotations import mat_en, mat_from_rpy
+from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.hil.flight.trajectory import State
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, QUAT
+from fti.nav.filter.navigator import Navigator
+from fti.nav.inertial.errors import ACCEL
+from fti.study._filter_flights import CASES, INERTIAL_S, SECOND_NS, SECONDS, Flown, flown
+
+Array = NDArray[np.float64]
+
+#: The fixed instants [s].
+INSTANTS_S = tuple(np.linspace(25.0, SECONDS, 10))
+#: The history for the pictures and the outages, every so often [s].
+HISTORY_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """Of one flight.
+
+    ratios  : error over sigma at the instants, in n (10, n); the errors of navigation, then biases and drifts
+    nees    : normalised error squared over its n at the instants (10,)
+    nis     : mean of the normalised innovations squared over their degrees of freedom;  refused : share of them
+    errors  : north, east, down, truth minus estimate, every second (s, 3) [m];  sds : and its sigma
+    spread  : sigma at the end over that of the start, by state (n,)
+    """
+
+    ratios: Array
+    nees: Array
+    nis: float
+    refused: float
+    errors: Array
+    sds: Array
+    spread: Array
+
+
+def run(task: tuple[int, int, int]) -> Run:
+    """Flight ``number`` of case ``which`` of a seed."""
+    seed, which, number = task
+    case = CASES[which]
+    return through(flown(case, np.random.default_rng([seed, which, number])), Navigator(case.model))
+
+
+def through(flight: Flown, navigator: Navigator) -> Run:
+    """Fly it."""
+    rows, history, verdicts = list[tuple[Array, Array, float]](), list[tuple[Array, Array]](), []
+    first, waiting = Estimate(0, *_start(flight, navigator), np.zeros(6), navigator.model), list(reversed(flight.aids))
+    instants = {round(t / INERTIAL_S) for t in INSTANTS_S}
+    every = round(HISTORY_S / INERTIAL_S)
+    truth = flight.flight.state(flight.t)
+    for k, t in enumerate(flight.t.tolist()):
+        t_ns = round(t * SECOND_NS)
+        if k == 0:
+            navigator.begin(t_ns, flight.start, flight.accel_b[0], flight.gyro_b[0])
+        else:
+            navigator.take_inertial(t_ns, flight.accel_b[k], flight.gyro_b[k])
+        while waiting and waiting[-1][0] < t + INERTIAL_S:
+            at, aiding = waiting.pop()
+            navigator.take(round(at * SECOND_NS), aiding)
+        if k in instants or k % every == 0:
+            here = navigator.at(t_ns)
+            assert here is not None
+            if k in instants:
+                rows.append(judged(here, truth, k, flight))
+            error_n = (here.mat_en.T @ (_pos_e(truth, k) - here.y[:3]), here.sd_n[:3])
+            history.append(error_n)
+        verdicts += navigator.drain()
+    end = navigator.at(round(flight.t[-1] * SECOND_NS))
+    assert end is not None
+    return Run(
+        ratios=np.array([row[0] for row in rows]),
+        nees=np.array([row[2] for row in rows]),
+        nis=float(np.sum([v.nis for v in verdicts]) / np.sum([v.dof for v in verdicts])),
+        refused=float(np.mean([v.judgement.value == "refused" for v in verdicts])),
+        errors=np.array([h[0] for h in history]),
+        sds=np.array([h[1] for h in history]),
+        spread=_sds(end) / _sds(first),
+    )
+
+
+def _start(flight: Flown, navigator: Navigator) -> tuple[Array, Array]:
+    estimate = flight.start.estimate(0, np.zeros(6), navigator.model)
+    return estimate.y, estimate.P
+
+
+def _pos_e(truth: State, k: int) -> Array:
+    return ecef_from_geodetic(truth.lat[k], truth.lon[k], truth.alt[k])
+
+
+def judged(here: Estimate, truth: State, k: int, flight: Flown) -> tuple[Array, Array, float]:
+    """Errors over sigma in n, sigma, and NEES over n, at inertial sample k.
+
+    Where biases and drifts are not one number (rich) the errors of navigation alone are judged.
+    """
+    error = errors(here, truth, k, flight)
+    known = np.isfinite(error)
+    P = here.P[np.ix_(known, known)]
+    nees = float(error[known] @ np.linalg.solve(P, error[known])) / int(known.sum())
+    in_n = error.copy()
+    for at in (0, 3, 6):
+        in_n[at : at + 3] = here.mat_en.T @ error[at : at + 3]
+    return in_n / _sds(here), _sds(here), nees
+
+
+def errors(here: Estimate, truth: State, k: int, flight: Flown) -> Array:
+    """Truth minus estimate (n,), as the filter has its states; NaN where the truth is not one number."""
+    model, found = here.model, np.full(here.model.size, np.nan)
+    at = slice(k, k + 1)
+    found[0:3] = _pos_e(truth, k) - here.y[0:3]
+    found[3:6] = _vel_e(truth, at) - here.y[3:6]
+    mat_eb = mat_en(truth.lat[k], truth.lon[k]) @ mat_from_rpy(truth.roll[k], truth.pitch[k], truth.heading[k])
+    turn = mat_eb @ mat_from_quat(here.y[QUAT:ACCEL_BIAS]).T
+    found[6:9] = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    if model.biased:
+        found[ACCEL : model.base] = flight.biases_b[k] - here.y[ACCEL_BIAS:EXTRAS]
+    for extra, drift in flight.drifts.items():
+        column = model.column(extra)
+        assert column is not None
+        found[column] = drift[k] - here.drift(extra)
+    return found
+
+
+def _vel_e(truth: State, at: slice) -> Array:
+    return np.asarray(np.einsum("ij,j->i", mat_en(truth.lat[at], truth.lon[at])[0], truth.vel_n[at][0]))
+
+
+def _sds(here: Estimate) -> Array:
+    return np.concatenate((here.sd_n, np.sqrt(np.diag(here.P)[9:])))

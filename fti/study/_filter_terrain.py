@@ -1,0 +1,215 @@
+"""T16, its vertical part: the height of GNSS and inertial navigation, with and without a laser altimeter over terrain.
+
+    country    broken and bare: fractal relief of 40 m; ten of them in a hundred runs.  What stands on
+               the ground is the matter of T20 and T21
+    model      elevation with a bias drawn from 1 m, 1.5 m of noise (half of its variance over 30 m, half over 300 m)
+    flight     250 s round the middle of it at 55 m/s, 150 m over the highest point, turns of 25 deg
+    altimeter  a ray along the boresight, 0.3 m of noise, once a second: what the elevation model errs by over 30 m is
+               another then.  The filter predicts it at its own estimate, and compensates it inside H
+    GNSS       2 m / 3 m, of which 1.5 m / 2.5 m are slow; in three spells 4 m / 6 m, 5 m / 7 m and 6 m / 8 m
+               (``degraded``), or none at all (``outage``).  The altimeter is on from 30 s
+
+Both filters have the same sensors: what one has the other has too, to the bit, but for the altimeter.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.flight.trajectory import SplineFlight
+from fti.hil.flight.waypoints import Waypoint, waypoint_flight
+from fti.nav.altimetry.predicted import Prediction, Predictor
+from fti.nav.filter.aiding import Aiding, GnssPosition, GnssVelocity, SlantRange
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.states import GNSS_DRIFTS, Drift, Extra, Model
+from fti.ranging.laser import Laser
+from fti.study._filter_flights import (
+    INERTIAL_S,
+    PURE,
+    SECOND_NS,
+    SECONDS,
+    VELOCITY_SD,
+    Case,
+    drawn_start,
+    gauss_markov,
+    matched_unit,
+    moved,
+    times,
+)
+from fti.terrain.country import synthetic_terrain
+from fti.terrain.dem_error import DemError
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+COUNTRIES = 10
+#: Spells, and GNSS on the level and in height then [s, m]; else [m].
+SPELLS_S, SPELLS_SD = ((30.0, 40.0), (80.0, 100.0), (170.0, 200.0)), ((4.0, 6.0), (5.0, 7.0), (6.0, 8.0))
+GNSS_SD, SLOW_SD = (2.0, 3.0), (1.5, 2.5)
+ON_S = 30.0
+DEM_BIAS_M, DEM_NOISE_M, NOISE_M, FARTHEST_M = 1.0, 1.5, 0.3, 2000.0
+CORNER_M, JITTER_M, CLEARANCE_M, SPEED, BANK = 1500.0, 250.0, 150.0, 55.0, np.deg2rad(25.0)
+CORNERS = 8
+SHORT_SD = DEM_NOISE_M / np.sqrt(2.0)
+MODEL = Model(
+    PURE,
+    extras={
+        **GNSS_DRIFTS,
+        Extra.ALTIMETER: Drift(DEM_BIAS_M, period_s=3000.0),
+        Extra.DEM: Drift(SHORT_SD, length_m=300.0),
+    },
+)
+
+
+class Height(NamedTuple):
+    """Truth minus estimate of the height, up, and its sigma, every second (s,) [m]."""
+
+    error: Array
+    sd: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """One run: without and with the altimeter."""
+
+    without: Height
+    aided: Height
+
+
+#: What one run comes to: with bad satellites in the spells, and with none.
+SCENARIOS = ("degraded", "outage")
+
+
+@functools.lru_cache(maxsize=1)
+def _country(seed: int, number: int) -> tuple[Terrain, Terrain]:
+    """What is there, and the elevation model of it."""
+    rng = np.random.default_rng([seed, 161, number])
+    terrain = synthetic_terrain("rough", int(rng.integers(2**31)))
+    error = DemError(bias=float(rng.normal(0.0, DEM_BIAS_M)), noise_sd=DEM_NOISE_M)
+    return terrain, error.applied(terrain, rng)
+
+
+def pairs(task: tuple[int, int, int]) -> dict[str, Pair]:
+    """Run ``number`` of a seed over its country, in both scenarios.  task : seed, country, number."""
+    seed, country, number = task
+    terrain, dem = _country(seed, country)
+    rng = np.random.default_rng([seed, 162, number])
+    flight = round_the_middle(terrain, rng)
+    return {name: _pair(flight, terrain, dem, name == "outage", rng) for name in SCENARIOS}
+
+
+def _pair(flight: SplineFlight, terrain: Terrain, dem: Terrain, outage: bool, rng: Rng) -> Pair:
+    state = flight.state(np.arange(0.0, SECONDS + INERTIAL_S / 2, INERTIAL_S))
+    case = Case("terrain", MODEL, aided=True, outages=outage)
+    felt = np.concatenate(matched_unit(case, state, rng)[:2], axis=1)
+    start = drawn_start(flight.state(np.zeros(1)), rng)
+    gnss = _gnss(flight, outage, rng)
+    ranges = _ranges(Predictor(terrain, Laser(max_range=FARTHEST_M)), flight, rng)
+    truth = state.alt[:: round(1.0 / INERTIAL_S)]
+
+    def flown(predictor: Predictor | None) -> Height:
+        navigator = Navigator(MODEL)
+        navigator.begin(0, start, felt[0, :3], felt[0, 3:])
+        return _through(navigator, felt, gnss, ranges if predictor else [], predictor, truth)
+
+    return Pair(flown(None), flown(Predictor(dem, Laser(max_range=FARTHEST_M))))
+
+
+def round_the_middle(terrain: Terrain, rng: Rng) -> SplineFlight:
+    """Corner by corner round the origin of the terrain's frame, level."""
+    height = CLEARANCE_M + float(np.nanmax(terrain.finest.heights))
+    turned = rng.uniform(0.0, 2.0 * np.pi) + 0.5 * np.pi * np.arange(CORNERS)
+    places = np.sqrt(2.0) * CORNER_M * np.stack((np.cos(turned), np.sin(turned), np.zeros(CORNERS)), axis=1)
+    places[:, :2] += rng.uniform(-JITTER_M, JITTER_M, (CORNERS, 2))
+    lat, lon, _ = terrain.frame.to_geodetic(places)
+    alt = terrain.frame.alt0 + height
+    waypoints = [Waypoint(float(a), float(b), alt, SPEED) for a, b in zip(lat, lon, strict=True)]
+    return waypoint_flight(waypoints, BANK, (0.0, 0.0)).during(0.0, SECONDS + 1.0)
+
+
+def _gnss(flight: SplineFlight, outage: bool, rng: Rng) -> list[tuple[float, Aiding]]:
+    t = times(1.0, 0.013)
+    sd = np.broadcast_to(GNSS_SD, (len(t), 2)).copy()
+    hidden = np.zeros(len(t), dtype=bool)
+    for (begin, end), worse in zip(SPELLS_S, SPELLS_SD, strict=True):
+        within = (t >= begin) & (t < end)
+        sd[within] = worse
+        hidden |= within & outage
+    white = np.sqrt(sd**2 - np.square(SLOW_SD))
+    slow = [gauss_markov(GNSS_DRIFTS[e], t, 0.0 * t, rng) for e in (Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)]
+    state = flight.state(t)
+    offset = np.stack(slow, axis=1) + white[:, [0, 0, 1]] * rng.standard_normal((len(t), 3))
+    lat, lon, alt = (x.tolist() for x in moved(state, offset))
+    vel = (state.vel_n + rng.normal(0.0, VELOCITY_SD, (len(t), 3))).tolist()
+    found: list[tuple[float, Aiding]] = []
+    for k in np.flatnonzero(~hidden).tolist():
+        level, high = white[k].tolist()
+        found.append((float(t[k]), GnssPosition(lat[k], lon[k], alt[k], level, high)))
+        found.append((float(t[k]), GnssVelocity(vel[k][0], vel[k][1], vel[k][2], VELOCITY_SD)))
+    return found
+
+
+def _ranges(truth: Predictor, flight: SplineFlight, rng: Rng) -> list[tuple[float, float]]:
+    """When, and what the altimeter says [s, m]."""
+    t = times(1.0, 0.021)
+    t = t[t >= ON_S]
+    state = flight.state(t)
+    exact = truth.at(state.lat, state.lon, state.alt, state.roll, state.pitch, state.heading).slant_range
+    said = exact + rng.normal(0.0, NOISE_M, len(t))
+    return [(at, d) for at, d in zip(t.tolist(), said.tolist(), strict=True) if np.isfinite(d)]
+
+
+def _through(  # noqa: PLR0917
+    navigator: Navigator,
+    felt: Array,
+    gnss: list[tuple[float, Aiding]],
+    ranges: list[tuple[float, float]],
+    predictor: Predictor | None,
+    truth: Array,
+) -> Height:
+    fixes, echoes, errors, sds = list(reversed(gnss)), list(reversed(ranges)), list[float](), list[float]()
+    every = round(1.0 / INERTIAL_S)
+    for k in range(len(felt)):
+        t = k * INERTIAL_S
+        if k:
+            navigator.take_inertial(round(t * SECOND_NS), felt[k, :3], felt[k, 3:])
+        while fixes and fixes[-1][0] < t:
+            at, aiding = fixes.pop()
+            navigator.take(round(at * SECOND_NS), aiding)
+        while predictor and echoes and echoes[-1][0] < t:
+            _take_range(navigator, predictor, *echoes.pop())
+        if k % every == 0:
+            here = navigator.at(round(t * SECOND_NS))
+            assert here is not None
+            errors.append(float(truth[k // every]) - here.place[2])
+            sds.append(float(here.sd_n[2]))
+    return Height(np.array(errors), np.array(sds))
+
+
+def _take_range(navigator: Navigator, predictor: Predictor, at: float, measured: float) -> None:
+    here = navigator.at(round(at * SECOND_NS))
+    assert here is not None
+    expected = predictor.at(*here.place, *here.rpy)
+    if expected.valid[0]:
+        navigator.take(round(at * SECOND_NS), slant_range_aiding(here, expected, measured))
+
+
+def slant_range_aiding(here: Estimate, expected: Prediction, measured: float) -> SlantRange:
+    """What a range means, predicted at an estimate; the short part of the elevation's error counts as white."""
+    u, n = expected.direction_n[0], expected.normal_n[0]
+    white = float(np.hypot(NOISE_M, SHORT_SD * n[2] / (n @ u)))
+    ray, normal = (tuple(v.tolist()) for v in (u, n))
+    return SlantRange(measured, white, float(expected.slant_range[0]), *here.place, ray, normal)
+
+
+def spell_rms(heights: list[Height], spell: tuple[float, float]) -> Array:
+    """Root mean square of the height's error in a spell, by run [m]."""
+    rows = slice(round(spell[0]), round(spell[1]) + 1)
+    return np.array([np.sqrt(np.mean(h.error[rows] ** 2)) for h in heights])

@@ -1,0 +1,111 @@
+"""Free inertial navigation by the two strapdowns: the high-order one, and the fast form that is used live.
+
+Flights are splines, what ideal sensors would feel on them is made by ``fti.hil``, and neither strapdown has a part in
+that.  T12: the high-order one closes an hour of legs, turns and climbs at 100 Hz to a millimetre; the fast form stays
+within 0.1 m on the level and 1 m in height through an hour of a calm track, and its error after S-turns falls at least
+3.5 times whenever the step is halved.  How it does on the lively hour is told beside.
+
+Source: Spiegel 2018, section 7.1, fig. 7.4.  The source's micrometre in an hour needs increments that are the exact
+inverse of the strapdown; samples of rate and force are what a sensor gives.  ``fti study trajectory`` shows the same
+flights' fits; ``benchmarks/strapdown.py`` sets pyins beside.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.inertial.live import integrate_live
+from fti.nav.inertial.strapdown import integrate
+from fti.study import REPORTED, Draw, Progress, Result
+from fti.study._closure import STEP_S, Closure, Integrator, calm, close, s_turns, wandering
+from fti.study.trajectory import FACTOR, HOUR_S, STEPS_S, TURNS_S, judge_closures
+from fti.study.workers import run_all
+
+Array = NDArray[np.float64]
+
+RUNS = 3
+SEED = 12
+
+#: Targets of the fast form on a calm track [m].
+CALM_M, CALM_VERTICAL_M = 0.1, 1.0
+FORMS: dict[str, Integrator] = {"high order": integrate, "live": integrate_live}
+
+#: Of one run: the high-order one, the fast form on a calm and on a lively hour; errors after S-turns by form and step.
+Found = tuple[Closure, Closure, Closure, dict[str, Array]]
+
+
+def study(runs: int, seed: int, progress: Progress) -> list[Result]:
+    """``runs`` flights of each kind."""
+    found = run_all(functools.partial(flown, HOUR_S), [(seed, run) for run in range(runs)], progress)
+    high, still, lively = ([one[k] for one in found] for k in range(3))
+    return [
+        *judge_closures(high),  # type: ignore[arg-type]
+        *judge_live(still, lively),  # type: ignore[arg-type]
+        *judge_turns([one[3] for one in found]),
+    ]
+
+
+def flown(duration: float, task: tuple[int, int]) -> Found:
+    """Run ``task[1]`` of a seed, flights so long [s]."""
+    seed, run = task
+    lively = wandering(np.random.default_rng([seed, run, 2]), duration)
+    still = calm(np.random.default_rng([seed, run, 4]), duration)
+    return (
+        close(lively, STEP_S, duration),
+        close(still, STEP_S, duration, integrate_live),
+        close(lively, STEP_S, duration, integrate_live),
+        turned(seed, run),
+    )
+
+
+def turned(seed: int, run: int) -> dict[str, Array]:
+    """Greatest horizontal error after S-turns [m], by form, for each step."""
+    flight = s_turns(np.random.default_rng([seed, run, 3]))
+    return {
+        form: np.array([close(flight, step, TURNS_S, by).horizontal for step in STEPS_S]) for form, by in FORMS.items()
+    }
+
+
+def judge_live(still: list[Closure], lively: list[Closure]) -> list[Result]:
+    """The fast form: greatest errors of all flights within the hour."""
+    words = f"of the fast form at {1 / STEP_S:.0f} Hz, greatest of {len(still)} flights"
+    figures = (
+        ("T12.calm_horizontal", "position", "a calm track", max(c.horizontal for c in still), CALM_M),
+        ("T12.calm_vertical", "height", "a calm track", max(c.vertical for c in still), CALM_VERTICAL_M),
+        ("T12.lively_horizontal", "position", "lively flight", max(c.horizontal for c in lively), None),
+        ("T12.lively_vertical", "height", "lively flight", max(c.vertical for c in lively), None),
+    )
+    return [
+        Result(
+            name,
+            f"error of the {what} {words}, {track} [m]",
+            value,
+            REPORTED if most is None else f"<= {most:g}",
+            most is None or value <= most,
+        )
+        for name, what, track, value, most in figures
+    ]
+
+
+def judge_turns(found: list[dict[str, Array]]) -> list[Result]:
+    """By how much the error after S-turns falls at least when the step is halved."""
+    results = []
+    for form in FORMS:
+        least = min(float(np.min(errors[form][:-1] / errors[form][1:])) for errors in found)
+        words = f"times that the error after S-turns falls when the step is halved, least of {len(found)} flights"
+        name = f"T12.turns_{form.replace(' ', '_')}"
+        results.append(Result(name, f"{words}, {form}", least, f">= {FACTOR:g}", least >= FACTOR))
+    return results
+
+
+def drawings(seed: int) -> dict[str, Draw]:
+    """The error over the step after S-turns; the hour of the fast form as fig. 7.4 of the source has the other."""
+    from fti.study import _strapdown_plots as plots  # noqa: PLC0415 - matplotlib is slow to load
+
+    return {
+        "steps": lambda: plots.steps(turned(seed, 0)),
+        "live": lambda: plots.hour(flown(HOUR_S, (seed, 0))[2]),
+    }
