@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
@@ -143,7 +145,7 @@ def test_what_is_missing_is_named() -> None:
     assert alone.valid and alone.used == ("satellites",)
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, -1e4])
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300, -1e4])
 def test_what_is_no_measurement_changes_nothing(wrong: float) -> None:
     radio = RadioNavigation(STATIONS)
     before = feed(radio)
@@ -151,7 +153,7 @@ def test_what_is_no_measurement_changes_nothing(wrong: float) -> None:
     radio.take_dme(T + 1, "nowhere", 5000.0)
     radio.take_dme(T + 1, "a", None)
     radio.take_fix(T + 1, Station(wrong, 0.2, 1500.0), 3.0, 5.0)
-    if not math.isfinite(wrong):
+    if wrong != -1e4:  # which is no range, and a height and a speed that can be
         radio.take_velocity(T + 1, wrong, 0.0, 0.0)
         radio.take_height(T + 1, wrong, None, GROUND, 2.0)
         radio.take_height(T + 1, 900.0, wrong, GROUND, 2.0)
@@ -197,3 +199,30 @@ def test_poles_and_the_date_line() -> None:
         state = radio.at(T)
         assert state.valid and state.lat is not None and state.lon is not None and state.alt is not None
         assert np.linalg.norm(ecef_from_geodetic(state.lat, state.lon, state.alt) - here_e) < 1.0
+
+
+NUMBER = st.floats(width=64) | st.floats(-1000.0, 1000.0)
+SIGMA = st.none() | NUMBER
+STEP_NS = st.integers(-3 * S, 3 * S) | st.integers(0, S // 5)
+
+
+@given(st.lists(st.tuples(st.integers(0, 4), STEP_NS, NUMBER, NUMBER, SIGMA), min_size=1, max_size=15))
+def test_nothing_that_comes_breaks_it(inputs: list[tuple[int, int, float, float, float | None]]) -> None:
+    radio, t_ns = RadioNavigation(STATIONS), T
+    feed(radio)
+    for what, step_ns, a, b, sd in inputs:
+        t_ns += step_ns
+        if what == 0:
+            radio.take_satellites(np.array([a, b, 1.0, 2.0, 3.0]), np.array([b, a, 0.3, 0.6, 0.9]))
+        elif what == 1:
+            radio.take_fix(t_ns, Station(a, b, a), sd, sd)
+        elif what == 2:
+            radio.take_velocity(t_ns, a, b, a)
+        elif what == 3:
+            radio.take_dme(t_ns, "abcd"[int(abs(b)) % 4] if math.isfinite(b) else "?", a)
+        else:
+            radio.take_height(t_ns, a, sd, b, 1.0 if sd is None else sd)
+        found = radio.at(t_ns)
+        numbers = (found.lat, found.lon, found.alt, found.horizontal_sd, found.vertical_sd)
+        assert all(number is not None and math.isfinite(number) for number in numbers) or not found.valid
+        assert found.valid == (not found.reasons)

@@ -6,6 +6,8 @@ import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fti.geodesy.gravity import normal_gravity
 from fti.nav.altimetry.compensation import down_row
@@ -205,14 +207,16 @@ def test_measurements_twice_and_too_late_count_once_and_not_at_all() -> None:
     assert flight.channel.at(flight.t_ns) == before
 
 
-@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf, 1e300])
 def test_what_is_no_number_changes_nothing(wrong: float) -> None:
     flight = Flight()
     before = flight.go(30.0)
     channel, later = flight.channel, flight.t_ns + S // 100
     channel.take_imu(later, (wrong, 0.0, -9.8), 0.0, 0.0, HERE)
-    channel.take_imu(later, felt(0.0), wrong, 0.0, HERE)
-    channel.take_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, lat=wrong))
+    channel.take_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, east=wrong))
+    if not math.isfinite(wrong):  # an angle may be any number
+        channel.take_imu(later, felt(0.0), wrong, 0.0, HERE)
+        channel.take_imu(later, felt(0.0), 0.0, 0.0, replace(HERE, lat=wrong))
     channel.take_satellites(later, wrong, 3.0, wrong, wrong)
     channel.take_height(later, wrong, 0.5, GROUND, 1.0)
     channel.take_height(later, 100.0, 0.5, wrong, 1.0)
@@ -230,3 +234,27 @@ def test_attitude_through_ninety_degrees_and_the_poles() -> None:
             if k % 10 == 0:
                 channel.take_satellites(t_ns, ALT, 3.0, 0.0, 0.1)
         assert channel.at(t_ns).alt == pytest.approx(ALT, abs=0.01)
+
+
+NUMBER = st.floats(width=64) | st.floats(-1000.0, 1000.0)
+SIGMA = st.none() | NUMBER
+STEP_NS = st.integers(-3 * S, 3 * S) | st.integers(0, S // 5)
+
+
+@given(st.lists(st.tuples(st.integers(0, 2), STEP_NS, NUMBER, NUMBER, SIGMA), min_size=1, max_size=30))
+def test_nothing_that_comes_breaks_it(inputs: list[tuple[int, int, float, float, float | None]]) -> None:
+    flight = Flight()
+    flight.go(1.0)
+    channel, t_ns = flight.channel, flight.t_ns
+    for what, step_ns, a, b, sd in inputs:
+        t_ns += step_ns
+        if what == 0:
+            channel.take_imu(t_ns, (a, b, -9.81), a, b, Place(a, b, a))
+        elif what == 1:
+            channel.take_satellites(t_ns, a, sd, b, sd)
+        else:
+            channel.take_height(t_ns, a, sd, b, 1.0 if sd is None else sd)
+        found = channel.at(t_ns)
+        numbers = (found.alt, found.alt_sd, found.climb, found.climb_sd)
+        assert all(number is not None and math.isfinite(number) for number in numbers) or not found.valid
+        assert found.valid == (not found.reasons)

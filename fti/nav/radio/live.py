@@ -34,6 +34,10 @@ from fti.types import Reason
 TEST = 4.0
 #: Equations more than unknowns, so that tests tell which one is wrong.
 TO_ISOLATE = 2
+#: No height, range or sigma [m] is larger, nor a speed [m/s].
+MOST_M, MOST_SPEED = 1e6, 1e4
+#: A sigma that is smaller [m] is none.
+LEAST_SD = 1e-3
 #: With fewer stations and no earlier position there is more than one solution.
 UNAMBIGUOUS = 3
 FIX, HEIGHT = "satellites", "altimeter"
@@ -125,22 +129,24 @@ class RadioNavigation:
         """A receiver's position, true at t_ns, and its sigmas, which count where its satellites are not known."""
         stated = horizontal_sd, horizontal_sd, vertical_sd
         cov_n = self._sky
-        if cov_n is None and all(sd is not None and 0.0 < sd < math.inf for sd in stated):
+        if cov_n is None and all(sd is not None and LEAST_SD <= sd < MOST_M for sd in stated):
             cov_n = np.diag(np.square(np.array(stated, dtype=np.float64)))
         newer = self._fix is None or t_ns > self._fix.t_ns
-        if newer and cov_n is not None and all(map(math.isfinite, place)) and abs(place.lat) <= math.pi / 2:
+        somewhere = abs(place.lat) <= math.pi / 2 and abs(place.lon) <= 2.0 * math.pi and abs(place.alt) < MOST_M
+        if newer and cov_n is not None and somewhere:
             self._fix = _Fix(t_ns, ecef_from_geodetic(*place), cov_n)
 
     def take_velocity(self, t_ns: int, north: float, east: float, down: float) -> None:
         """Velocity [m/s], true at t_ns."""
-        if all(map(math.isfinite, (north, east, down))) and (self._velocity is None or t_ns > self._velocity[0]):
+        newer = self._velocity is None or t_ns > self._velocity[0]
+        if newer and all(abs(component) < MOST_SPEED for component in (north, east, down)):
             self._velocity = t_ns, np.array([north, east, down])
 
     def take_dme(self, t_ns: int, station: str, slant_range: float | None) -> None:
         """A range [m] to a station, true at t_ns; of a station that is not known, or without a range, nothing."""
         last = self._ranges.get(station)
-        known = station in self._stations_e and slant_range is not None and math.isfinite(slant_range)
-        if known and slant_range is not None and slant_range >= 0.0 and (last is None or t_ns > last.t_ns):
+        newer = station in self._stations_e and (last is None or t_ns > last.t_ns)
+        if newer and slant_range is not None and 0.0 <= slant_range < MOST_M:
             self._ranges[station] = _Range(t_ns, slant_range)
 
     def take_height(self, t_ns: int, height_agl: float, sd: float | None, ground: float, ground_sd: float) -> None:
@@ -151,7 +157,7 @@ class RadioNavigation:
         own = float(altimeter_sd(height_agl)) if sd is None else sd
         entry = _Height(t_ns, height_agl + ground, math.hypot(own, ground_sd))
         newer = self._height is None or t_ns > self._height.t_ns
-        if newer and math.isfinite(entry.alt) and 0.0 < entry.sd < math.inf:
+        if newer and abs(entry.alt) < MOST_M and LEAST_SD <= entry.sd < MOST_M:
             self._height = entry
 
     # ------------------------------------------------------------------------------------------------------ telling

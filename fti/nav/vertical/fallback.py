@@ -39,6 +39,10 @@ GAP_S = 0.5
 LATE_S = 1.0
 #: One sigma of a climb that nobody told [m/s], of a sigma that nobody told [m].
 CLIMB_SD_UNKNOWN, SD_UNKNOWN = 10.0, 10.0
+#: No height or sigma [m], climb or speed [m/s], specific force [m/s^2] of a flight is larger.
+MOST_M, MOST_SPEED, MOST_FORCE = 1e6, 1e4, 1e3
+#: A sigma that is smaller [m, m/s] is none.
+LEAST_SD = 1e-3
 #: So long after its last measurement an aiding is still named [s].
 NAMED_S = 2.0
 
@@ -100,7 +104,8 @@ class VerticalFallback:
 
         One that is not newer than the last, or has no number somewhere, is passed over; after a gap the channel ends.
         """
-        if not all(map(math.isfinite, (*accel_b, roll, pitch, place.lat, place.north, place.east))):
+        within = max(map(abs, accel_b)) < MOST_FORCE and max(abs(place.north), abs(place.east)) < MOST_SPEED
+        if not within or not all(map(math.isfinite, (*accel_b, roll, pitch, place.lat, place.north, place.east))):
             return
         if self._imu_ns is not None and t_ns <= self._imu_ns:
             if self._imu_ns - t_ns > LATE_S * SECOND_NS:  # another time base
@@ -117,8 +122,10 @@ class VerticalFallback:
         self, t_ns: int, alt: float, sd: float | None, climb: float | None, climb_sd: float | None
     ) -> None:
         """Height above the ellipsoid [m] and climb [m/s] of P by satellites, true at t_ns, and their sigmas."""
+        if not abs(alt) < MOST_M:
+            return
         sd = _usable(sd, SD_UNKNOWN)
-        told = climb is not None and math.isfinite(climb)
+        told = climb is not None and abs(climb) < MOST_SPEED
         if self._channel is None:
             self._begin(t_ns, alt, sd, climb if told else None, climb_sd)
             return
@@ -130,6 +137,8 @@ class VerticalFallback:
 
     def take_height(self, t_ns: int, height_agl: float, sd: float | None, ground: float, ground_sd: float) -> None:
         """Height of P above ground [m] by an altimeter, true at t_ns, and the ground's above the ellipsoid [m]."""
+        if not abs(height_agl) + abs(ground) + abs(ground_sd) < MOST_M:
+            return
         noise = math.hypot(_usable(sd, SD_UNKNOWN), ground_sd)
         alt = height_agl + ground
         if self._channel is None:
@@ -181,7 +190,7 @@ class VerticalFallback:
 
     def _begin(self, t_ns: int, alt: float, sd: float, climb: float | None, climb_sd: float | None) -> None:
         """Begin the channel with a height, if an inertial sample is near."""
-        if self._imu_ns is None or not math.isfinite(alt + sd) or abs(t_ns - self._imu_ns) > GAP_S * SECOND_NS:
+        if self._imu_ns is None or abs(t_ns - self._imu_ns) > GAP_S * SECOND_NS:
             return
         ahead_s = (self._imu_ns - t_ns) / SECOND_NS
         rate_sd = CLIMB_SD_UNKNOWN if climb is None else _usable(climb_sd, CLIMB_SD_UNKNOWN)
@@ -207,7 +216,7 @@ class VerticalFallback:
         assert self._channel is not None and self._filter is not None
         last = self._last_ns.get(aiding)
         delay_s = (self._channel.t_ns - t_ns) / SECOND_NS
-        if not math.isfinite(value + variance) or abs(delay_s) > LATE_S or (last is not None and t_ns <= last):
+        if abs(delay_s) > LATE_S or (last is not None and t_ns <= last):
             return
         self._last_ns[aiding] = t_ns
         self._propagate()
@@ -244,4 +253,4 @@ def _row(*states: int) -> np.ndarray:
 
 
 def _usable(sd: float | None, otherwise: float) -> float:
-    return sd if sd is not None and math.isfinite(sd) and sd > 0.0 else otherwise
+    return sd if sd is not None and LEAST_SD <= sd < MOST_M else otherwise
