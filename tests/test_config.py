@@ -156,6 +156,10 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed(', vertical = "egm96"', ""), ["nav.terrain.vertical", "missing", "egm2008"]),
         (changed('vertical = "egm96"', 'vertical = "egm96", radius_m = 9'), ["nav.terrain", "centre_deg", "both"]),
         (changed('files = ["dem/a.npz"]', 'scene = "demo"'), ["nav.terrain.vertical", "belongs to files"]),
+        (GOOD + '[nav.filter]\nimu = "imu"', ["nav.filter.imu", "'imu'", "radar, ins"]),
+        (GOOD + '[nav.filter]\nimu = "ins"\naltimeters = ["ins"]', ["nav.filter.altimeters", "'ins'", "radar"]),
+        (GOOD + '[nav.radio]\nreceiver = "gps"', ["nav.radio.receiver", "'gps'", "radar, ins"]),
+        (GOOD + '[nav.radio]\naltimeter = "ins"', ["nav.radio.altimeter", "'ins'", "radar"]),
         (
             changed("[nav]", "[navigation]"),
             ["navigation", "no such key", "bus, device, display, link, nav, recorder, session, snapshot"],

@@ -26,6 +26,8 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "## `[nav]`": (tables.Nav, ()),
     "### `[nav.terrain]`": (tables.TerrainFiles, ()),
     "### `[nav.filter]`": (tables.Filter, ()),
+    "### `[nav.radio]`": (tables.Radio, ()),
+    "### `[nav.radio.station.NAME]`": (tables.Station, ()),
     "### `[nav.approach]`": (tables.Approach, ()),
     "| key of `[display]`": (tables.Display, ()),
     "| key of `[bus]`": (tables.Bus, ()),

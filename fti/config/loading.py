@@ -66,9 +66,21 @@ def _check_references(config: Config, file: str) -> None:
                 raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
     _check_terrain(config.nav.terrain, file)
     _check_filter(config.nav, devices, file)
+    _check_radio(config.nav, devices, file)
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+
+
+def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
+    if nav.radio is None:
+        return
+    if nav.radio.receiver is not None and nav.radio.receiver not in devices:
+        said = f"nav.radio.receiver: {nav.radio.receiver!r} is no device; there are {_listed(devices)}"
+        raise ConfigError(f"{file}: {said}")
+    if nav.radio.altimeter is not None and nav.radio.altimeter not in nav.altimeters:
+        said = f"nav.radio.altimeter: {nav.radio.altimeter!r} is not in nav.altimeters"
+        raise ConfigError(f"{file}: {said}; there are {_listed(nav.altimeters)}")
 
 
 def _check_filter(nav: Nav, devices: list[str], file: str) -> None:

@@ -221,6 +221,28 @@ class Filter(StrictModel):
     states: Literal[9, 15] = 15
 
 
+class Station(StrictModel):
+    """``[nav.radio.station.NAME]``: where a DME station stands; the altitude is above the ellipsoid."""
+
+    lat_deg: Annotated[float, Field(ge=-90, le=90)]
+    lon_deg: Annotated[float, Field(ge=-180, le=180)]
+    alt_m: float
+
+
+class Radio(StrictModel):
+    """``[nav.radio]``: position by satellites and DME.
+
+    receiver  : the device whose satellites and fixes count;  station : DME stations by the names that devices tell
+    altimeter : the device whose heights over known terrain count where satellites are few
+    dme_sd_m  : one sigma of a DME range
+    """
+
+    receiver: Name | None = None
+    station: dict[str, Station] = Field(default_factory=dict)
+    altimeter: Name | None = None
+    dme_sd_m: Positive = 222.0
+
+
 class Nav(StrictModel):
     """``[nav]``: roles, each a list of devices in order of preference."""
 
@@ -229,6 +251,7 @@ class Nav(StrictModel):
     altimeters: tuple[Name, ...] = ()
     terrain: TerrainFiles | None = None
     filter: Filter | None = None
+    radio: Radio | None = None
     approach: Approach | None = None
 
 

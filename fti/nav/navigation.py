@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 #: After a gap in what arrives, so long is waited before a source is said to be another one or gone [ns].
 SETTLE_NS = 300_000_000
 #: Sources that are no device.
-FILTER, VERTICAL = "filter", "vertical"
+FILTER, VERTICAL, RADIO = "filter", "vertical", "radio"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class NavState:
 class Fallback(Protocol):
     """What takes the place of devices."""
 
-    def position(self, t_ns: int) -> PositionState | None:
-        """Position with altitude."""
+    def position(self, t_ns: int) -> tuple[PositionState, str] | None:
+        """Position with altitude, and the name of what gives it."""
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
         """Attitude."""
@@ -46,7 +46,7 @@ class Fallback(Protocol):
 class Navigation:
     """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer.
 
-    fallback : asked where no device has; it is named FILTER, and VERTICAL for an altitude alone
+    fallback : asked where no device has; sources are then FILTER or RADIO, and VERTICAL for an altitude alone
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class Navigation:
             if found and flat[0] is None:
                 flat = found, source.name
         if self._fallback and (whole := self._fallback.position(t_ns)):
-            return whole, FILTER
+            return whole
         return flat
 
     def changes(self, state: NavState) -> list[Event]:

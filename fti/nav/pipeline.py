@@ -5,9 +5,9 @@ of different links may be out of order by milliseconds; every history is ordered
 
     t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
 
-Rates: HeightAboveGround per sample; NavSolution and FilterSolution every second tick (25 Hz), moved on to the time of
-the tick; VerticalSolution every tenth; ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing
-new to say is repeated at 2 Hz.
+Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick; what takes
+the place of devices as ``fti.nav.fallbacks`` says; ClearanceIntegrity and GlideSlope per update of the monitor.  What
+has nothing new to say is repeated at 2 Hz.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from fti.nav.sources import Source
 from fti.types import Attitude, Event, ImuSample, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
 
 if TYPE_CHECKING:
-    from fti.nav.aided import AidedNavigation
+    from fti.nav.fallbacks import Fallbacks
 
-SOLUTION_TICKS, VERTICAL_TICKS = 2, 10
+SOLUTION_TICKS = 2
 
 
 class Pipeline:
@@ -39,11 +39,11 @@ class Pipeline:
         self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
         unchecked = Reason.TERRAIN_LOADING if roles.terrain else Reason.NO_TERRAIN
         self._altimeters = {name: AltimeterChannel(devices[name], unchecked) for name in roles.altimeters}
-        self._aided = _aided(config)
+        self._fallbacks = _fallbacks(config)
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude],
             [self._sources[name] for name in roles.position],
-            self._aided,
+            self._fallbacks,
         )
         self._approach = make_channel(config, reference)
         self._ticks = 0
@@ -52,8 +52,8 @@ class Pipeline:
         """The known ground is there from now on; None: there will be none."""
         for channel in self._altimeters.values():
             channel.give_ground(ground)
-        if self._aided:
-            self._aided.give_ground(ground)
+        if self._fallbacks:
+            self._fallbacks.give_ground(ground)
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
         """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
@@ -62,9 +62,9 @@ class Pipeline:
             t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
         if isinstance(m, (RadioHeight, Range)):
             return self._feed_altimeter(device, m, t_valid_ns)
-        if self._aided:
+        if self._fallbacks:
             nav = self._navigation.at(t_valid_ns) if isinstance(m, ImuSample) else None
-            self._aided.feed(device, m, t_valid_ns, nav)
+            self._fallbacks.feed(device, m, t_valid_ns, nav)
         source = self._sources.get(device)
         if source and isinstance(m, Attitude):
             source.push_attitude(m, t_valid_ns)
@@ -80,8 +80,8 @@ class Pipeline:
             return []
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
-        if self._aided:
-            self._aided.take_height(height, nav)
+        if self._fallbacks:
+            self._fallbacks.take_height(height, nav)
         return [height, *self._approach.take(height, nav)]
 
     def pass_gap(self) -> None:
@@ -99,16 +99,14 @@ class Pipeline:
         self._ticks += 1
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav))
-        if self._aided and self._ticks % SOLUTION_TICKS == 0:
-            out.append(self._aided.solution(t_ns))
-        if self._aided and self._ticks % VERTICAL_TICKS == 0:
-            out.append(self._aided.vertical_solution(t_ns))
+        if self._fallbacks:
+            out += self._fallbacks.tick(t_ns)
         return out
 
 
-def _aided(config: Config) -> AidedNavigation | None:
-    if config.nav.filter is None:
+def _fallbacks(config: Config) -> Fallbacks | None:
+    if config.nav.filter is None and config.nav.radio is None:
         return None
-    from fti.nav.aided import AidedNavigation  # noqa: PLC0415 - numba: not needed without a filter
+    from fti.nav.fallbacks import Fallbacks  # noqa: PLC0415 - numba: not needed without them
 
-    return AidedNavigation(config.nav.filter, {device.name: device for device in config.device})
+    return Fallbacks(config)

@@ -11,12 +11,13 @@ import pytest
 
 from fti.config import Config, parse
 from fti.geodesy.local import LocalFrame
-from fti.geodesy.wgs84 import EARTH_RATE
+from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.nav.ground import Ground
 from fti.nav.pipeline import Pipeline
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
+    DmeRange,
     Event,
     FilterMode,
     FilterSolution,
@@ -25,6 +26,7 @@ from fti.types import (
     NavSolution,
     Output,
     Position,
+    PositionFix,
     Range,
     Reason,
     Stamp,
@@ -173,6 +175,45 @@ def test_without_a_filter_in_the_configuration_there_is_none() -> None:
     out = fly(Pipeline(config(filter=None), None), 0, 100, gnss=True)
     assert not [o for o in out if isinstance(o, FilterSolution | VerticalSolution)]
     assert [o for o in out if isinstance(o, NavSolution)][-1].valid
+
+
+STATIONS = {"AAA": (0.79, 0.19), "BBB": (0.80, 0.22), "CCC": (0.815, 0.195)}
+
+
+def radio_config() -> Config:
+    station = {name: {"lat_deg": math.degrees(lat), "lon_deg": math.degrees(lon), "alt_m": 400.0}
+               for name, (lat, lon) in STATIONS.items()}  # fmt: skip
+    return config(filter=None, radio={"receiver": "gnss", "station": station, "altimeter": "laser"})
+
+
+def ranges(k: int) -> list[tuple[str, Measurement]]:
+    here = ecef_from_geodetic(flown(0.01 * k), 0.2, ALT)
+    return [
+        ("dme", DmeRange(stamp=Stamp(T0 + k * 10 * MS), station=name, slant_range=math.dist(here, there)))
+        for name, place in STATIONS.items()
+        for there in [ecef_from_geodetic(*place, 400.0)]
+    ]
+
+
+def test_dme_and_an_altimeter_over_known_ground_give_a_position_when_satellites_are_gone() -> None:
+    pipeline = Pipeline(radio_config(), None)
+    pipeline.give_ground(level())
+    out = fly(pipeline, 0, 100, gnss=True)
+    assert {o.altitude_source for o in out if isinstance(o, PositionFix) and o.valid} == {"altimeter"}
+    for k in range(100, 600):
+        for device, m in [*measurements(k, gnss=False), *(ranges(k) if k % 50 == 0 else [])]:
+            out += pipeline.feed(device, m)
+        if k % 2 == 0:
+            out += pipeline.tick(T0 + k * 10 * MS)
+    fix = [o for o in out if isinstance(o, PositionFix)][-1]
+    assert (fix.valid, fix.reasons) == (True, ())
+    assert fix.lat is not None
+    assert abs(fix.lat - flown(5.98)) * RADIUS < 50.0
+    assert fix.horizontal_sd is not None
+    assert 50.0 < fix.horizontal_sd < 500.0
+    last = [o for o in out if isinstance(o, NavSolution)][-1]
+    assert last.position_source == "radio"
+    assert "position: from radio instead of gnss" in [o.text for o in out if isinstance(o, Event)]
 
 
 def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_told() -> None:

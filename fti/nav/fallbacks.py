@@ -1,0 +1,76 @@
+"""What takes the place of devices, in order: the filter, the fix by radio; for an altitude alone the vertical channel.
+
+Each is there when it is configured (``[nav.filter]``, ``[nav.radio]``), sees every measurement, and says at its own
+rate what it has found, needed or not.
+"""
+
+from __future__ import annotations
+
+from fti.config import Config
+from fti.nav.aided import AidedNavigation
+from fti.nav.ground import Ground
+from fti.nav.navigation import FILTER, RADIO, NavState
+from fti.nav.radioed import RadioPosition
+from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.vertical.fallback import VerticalState
+from fti.types import HeightAboveGround, Measurement, Output
+
+#: Ticks of 20 ms between outputs.
+FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 2, 10, 25
+
+
+class Fallbacks:
+    """All that are configured."""
+
+    def __init__(self, config: Config) -> None:
+        nav, devices = config.nav, {device.name: device for device in config.device}
+        self._aided = AidedNavigation(nav.filter, devices) if nav.filter else None
+        self._radio = RadioPosition(nav.radio) if nav.radio else None
+        self._ticks = 0
+
+    def give_ground(self, ground: Ground | None) -> None:
+        """The known ground is there from now on."""
+        for part in (self._aided, self._radio):
+            if part:
+                part.give_ground(ground)
+
+    def feed(self, device: str, m: Measurement, t_ns: int, nav: NavState | None) -> None:
+        """Take a measurement that was true at t_ns.  nav : the state at that time, for inertial samples"""
+        if self._aided:
+            self._aided.feed(device, m, t_ns, nav)
+        if self._radio:
+            self._radio.feed(device, m, t_ns)
+
+    def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """Take an output of an altimeter."""
+        for part in (self._aided, self._radio):
+            if part:
+                part.take_height(height, nav)
+
+    def tick(self, t_ns: int) -> list[Output]:
+        """What is due."""
+        self._ticks += 1
+        out: list[Output] = []
+        if self._aided and self._ticks % FILTER_TICKS == 0:
+            out.append(self._aided.solution(t_ns))
+        if self._aided and self._ticks % VERTICAL_TICKS == 0:
+            out.append(self._aided.vertical_solution(t_ns))
+        if self._radio and self._ticks % FIX_TICKS == 0:
+            out.append(self._radio.solution(t_ns))
+        return out
+
+    def position(self, t_ns: int) -> tuple[PositionState, str] | None:
+        """A position and whose it is."""
+        if self._aided and (found := self._aided.position(t_ns)):
+            return found, FILTER
+        if self._radio and (found := self._radio.position(t_ns)):
+            return found, RADIO
+        return None
+
+    def attitude(self, t_ns: int) -> AttitudeState | None:
+        """Of the filter."""
+        return self._aided.attitude(t_ns) if self._aided else None
+
+    def altitude(self, t_ns: int) -> VerticalState | None:
+        """Of the vertical channel."""
+        return self._aided.altitude(t_ns) if self._aided else None

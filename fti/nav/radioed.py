@@ -1,0 +1,86 @@
+"""Position by satellites and DME, live: which devices feed it is configured by ``[nav.radio]``."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fti.config import Radio
+from fti.nav.ground import Ground
+from fti.nav.navigation import NavState
+from fti.nav.radio.live import RadioNavigation, RadioSettings, Station
+from fti.nav.sources import PositionState, ellipsoidal, level_velocity
+from fti.types import DmeRange, HeightAboveGround, Measurement, Position, PositionFix, Satellites, Velocity
+
+
+class RadioPosition:
+    """Satellites of one receiver, DME ranges to known stations, and an altimeter over known ground."""
+
+    def __init__(self, settings: Radio) -> None:
+        self._settings = settings
+        stations = {
+            name: Station(math.radians(s.lat_deg), math.radians(s.lon_deg), s.alt_m)
+            for name, s in settings.station.items()
+        }
+        self._radio = RadioNavigation(stations, RadioSettings(dme_sd=settings.dme_sd_m))
+        self._ground: Ground | None = None
+
+    def give_ground(self, ground: Ground | None) -> None:
+        """Heights above this ground count from now on."""
+        self._ground = ground
+
+    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
+        """Take a measurement that was true at t_ns."""
+        if isinstance(m, DmeRange) and m.valid:
+            self._radio.take_dme(t_ns, m.station, m.slant_range)
+        if device != self._settings.receiver:
+            return
+        if isinstance(m, Satellites):
+            seen = [s for s in m.satellites if s.used and s.azimuth is not None and s.elevation is not None]
+            self._radio.take_satellites(np.array([s.azimuth for s in seen]), np.array([s.elevation for s in seen]))
+        elif isinstance(m, Position) and m.valid:
+            self._take_position(m, t_ns)
+        elif isinstance(m, Velocity) and m.valid:
+            north, east = level_velocity(m)
+            if north is not None and east is not None:
+                self._radio.take_velocity(t_ns, north, east, m.down or 0.0)
+
+    def _take_position(self, m: Position, t_ns: int) -> None:
+        alt = ellipsoidal(m)
+        if m.lat is not None and m.lon is not None and alt is not None:
+            self._radio.take_fix(t_ns, Station(m.lat, m.lon, alt), m.horizontal_sd, m.vertical_sd)
+
+    def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
+        """A height of the configured altimeter, judged valid."""
+        if height.sensor != self._settings.altimeter or not height.valid or height.t_valid_ns is None:
+            return
+        if self._ground is None or nav.position is None or height.height_agl is None:
+            return
+        ground = float(self._ground.terrain.height(nav.position.lat, nav.position.lon))
+        if math.isfinite(ground):
+            self._radio.take_height(height.t_valid_ns, height.height_agl, height.sd, ground, self._ground.sd)
+
+    def solution(self, t_ns: int) -> PositionFix:
+        """The fix at t_ns."""
+        found = self._radio.at(t_ns)
+        return PositionFix(
+            t_ns=t_ns,
+            t_valid_ns=t_ns if found.lat is not None else None,
+            valid=found.valid,
+            reasons=found.reasons,
+            lat=found.lat,
+            lon=found.lon,
+            alt=found.alt,
+            horizontal_sd=found.horizontal_sd,
+            vertical_sd=found.vertical_sd,
+            altitude_source=found.source.value if found.source else None,
+        )
+
+    def position(self, t_ns: int) -> PositionState | None:
+        """For who has no other position."""
+        found = self._radio.at(t_ns)
+        if not found.valid or found.lat is None or found.lon is None:
+            return None
+        sds = found.horizontal_sd, found.vertical_sd
+        return PositionState(found.lat, found.lon, found.alt, *sds, None, None, None, t_ns)
