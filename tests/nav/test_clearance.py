@@ -358,3 +358,49 @@ def test_silence_is_repeated_and_one_lost_sample_says_nothing(monitor: Clearance
 def test_same_samples_same_outputs(reference: Reference, flight: Flight, path: ApproachPath) -> None:
     first, second = (run(ClearanceMonitor(reference, SETTINGS), flight(seed=3)) for _ in range(2))
     assert repr(first) == repr(second)
+
+
+HOSTILE = {
+    "s": Reason.NO_POSITION,
+    "alt": Reason.NO_POSITION,
+    "agl": Reason.NO_RETURN,
+    "y": Reason.OFF_TRACK,
+    "roll": Reason.ROLL,
+    "pitch": Reason.PITCH,
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_no_number_is_refused_and_forgotten(
+    monitor: ClearanceMonitor, flight: Flight, name: str, value: float
+) -> None:
+    """For 0.4 s; afterwards the window is judged as if nothing had been."""
+    outputs = []
+    for k, x in enumerate(flight(begin=2990.0, end=1500.0)):
+        output = monitor.step(dataclasses.replace(x, **{name: value}) if 300 <= k < 310 else x)  # type: ignore[arg-type]
+        outputs += [output] if output else []
+    refused = [o for o in outputs if o.state is IntegrityState.UNAVAILABLE]
+    expected = {HOSTILE[name], Reason.OUTSIDE_PROFILE} if (name, value) == ("s", math.inf) else {HOSTILE[name]}
+    assert {o.reasons[0] for o in refused} <= expected
+    assert refused
+    assert outputs[-1].valid
+    assert all(math.isfinite(o.t1_ratio) for o in outputs if o.t1_ratio is not None)
+
+
+@pytest.mark.parametrize("sd", [math.nan, -1.0, 0.0, math.inf])
+def test_a_sigma_that_is_none_counts_as_unknown(reference: Reference, sd: float) -> None:
+    """No number would keep T3 below its limit for ever."""
+    matcher = Matcher(reference, 50.0)
+    assert (
+        matcher.evaluate(bins_of(reference, offset=12.0), sd).t3
+        == matcher.evaluate(bins_of(reference, offset=12.0), None).t3
+    )
+
+
+def test_late_duplicated_and_backward_samples_do_not_upset_it(monitor: ClearanceMonitor, flight: Flight) -> None:
+    samples = list(flight(begin=2990.0, end=1500.0))
+    mixed = [x for k in range(0, len(samples) - 5, 5) for x in (samples[k + 3], *samples[k : k + 3], samples[k + 1])]
+    outputs = run(monitor, mixed)
+    assert {o.state for o in outputs if o.valid} <= {IntegrityState.OK, IntegrityState.MONITOR}
+    assert outputs[-1].valid

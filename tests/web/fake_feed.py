@@ -95,6 +95,8 @@ class Approach:
             s_end=s,
             alert_limit_v=max(5.0, math.tan(0.35 * DEG) * s),
             alert_limit_s=50.0,
+            protection_level_v=9.4,
+            protection_level_s=31.0,
             reference="5e4f0a1b77c2",
         )
 

@@ -70,11 +70,13 @@ NOTHING: Mapping[str, float | None] = MappingProxyType({})
 
 Rule = Callable[[ClearanceSample, Approach], bool]
 
-#: Why a sample is not used.  A rule is True when the sample breaks it.
+#: Why a sample is not used.  A rule is True when the sample breaks it, and what is no number keeps none.
 RULES: tuple[tuple[Reason, Rule], ...] = (
-    (Reason.OFF_TRACK, lambda x, a: abs(x.y) > a.y_max_m),
-    (Reason.ROLL, lambda x, a: abs(x.roll) > math.radians(a.max_roll_deg)),
-    (Reason.PITCH, lambda x, a: abs(x.pitch) > math.radians(a.max_pitch_deg)),
+    (Reason.NO_POSITION, lambda x, _: not math.isfinite(x.s + x.alt)),
+    (Reason.NO_RETURN, lambda x, _: not math.isfinite(x.agl)),
+    (Reason.OFF_TRACK, lambda x, a: not abs(x.y) <= a.y_max_m),
+    (Reason.ROLL, lambda x, a: not abs(x.roll) <= math.radians(a.max_roll_deg)),
+    (Reason.PITCH, lambda x, a: not abs(x.pitch) <= math.radians(a.max_pitch_deg)),
 )
 
 
@@ -146,8 +148,9 @@ class ClearanceMonitor:
         if outside:
             self.restart()
             return self._say(self._unavailable(x.t_ns, x.t_valid_ns, (outside,)))
-        self.follow(x.s)
         reasons = tuple(reason for reason, broken in RULES if broken(x, self._settings))
+        if Reason.NO_POSITION not in reasons:
+            self.follow(x.s)
         if reasons:
             return self.refuse(x.t_ns, x.t_valid_ns, reasons)
         self._used_ns = x.t_ns

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 SHIFT_MAX_M = 200.0
 OBSTACLE_M = 50.0
-#: One sigma of the navigated height when the source states none [m].
+#: One sigma of the navigated height when the source states none, or one that is no sigma [m].
 VERTICAL_SD_UNKNOWN = 5.0
 
 
@@ -122,7 +122,9 @@ class Matcher:
         return (i - self._span + 0.5 * (left - right) / bend) * self._ds, self._ds * math.sqrt(2 / bend)
 
     def _height_error_sd(self, total: float, count: int, vertical_sd: float | None) -> float:
-        nav = VERTICAL_SD_UNKNOWN if vertical_sd is None else vertical_sd
+        nav = VERTICAL_SD_UNKNOWN
+        if vertical_sd is not None and 0.0 < vertical_sd < math.inf:
+            nav = vertical_sd
         return math.hypot(nav, self._datum_sd, math.sqrt(count / self._k_eff / total))
 
 

@@ -8,6 +8,7 @@ first of the window.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,7 +153,8 @@ def take(
     s0, ds, least = place
     for k in range(begin, len(t_ns)):
         s = ss[k]
-        usable = 0.0 <= s <= bounds[0] and abs(ys[k]) <= bounds[1] and abs(rolls[k]) <= bounds[2]
+        usable = 0.0 <= s <= bounds[0] and abs(ys[k]) <= bounds[1] and math.isfinite(alts[k] - agls[k])
+        usable = usable and abs(rolls[k]) <= bounds[2]
         if not (usable and abs(pitches[k]) <= bounds[3] and s <= least + BACKWARD_M) or climbs[k] > bounds[4]:
             return k, least
         if abs(updated[1] - s) >= bounds[5] and t_ns[k] - updated[0] >= bounds[6]:

@@ -91,8 +91,8 @@ function makeEstimates() {
     new Estimate("height error", "height-error", "m", (o) => withSd(o.height_error, o.height_error_sd, 1)),
     new Estimate("observability", "observability", "", (o) => fixed(o.observability, 1)),
     new Estimate("window", "window", "m", (o) => interval(o.s_begin, o.s_end)),
-    new Estimate("alert limit, along", "alert-s", "m", (o) => limit(o.alert_limit_s, 0)),
-    new Estimate("alert limit, vertical", "alert-v", "m", (o) => limit(o.alert_limit_v, 1)),
+    new Estimate("protection / alert, along", "alert-s", "m", (o) => levels(o.protection_level_s, o.alert_limit_s, 0)),
+    new Estimate("same, vertical", "alert-v", "m", (o) => levels(o.protection_level_v, o.alert_limit_v, 1)),
   ];
 }
 
@@ -104,6 +104,6 @@ function interval(begin, end) {
   return isNumber(begin) && isNumber(end) ? `${begin.toFixed(0)} … ${end.toFixed(0)}` : UNKNOWN;
 }
 
-function limit(value, digits) {
-  return isNumber(value) ? `± ${value.toFixed(digits)}` : UNKNOWN;
+function levels(protection, alert, digits) {
+  return isNumber(alert) ? `${isNumber(protection) ? protection.toFixed(digits) : UNKNOWN} / ${alert.toFixed(digits)}` : UNKNOWN;
 }
