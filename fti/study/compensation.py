@@ -15,6 +15,11 @@ T21 is judged with the surface as it is; a place with errors of 10 m / 2 m, and 
 most configurations, since a leading edge is short already: ``bank`` lists, for beams of 10 to 70 deg, from which bank
 on its RMS error falls at all (91: not up to 60 deg), and what the excess makes of it.
 
+``sigma`` is error over predicted sigma of compensated heights, RMS over all poses, with the sigma of the planes
+through N and M (``height_variance``) and with that of the ground around them (``height_variance_over``), where the
+place is known to 10 m / 2 m.  Of a radar, what the model of its beam leaves with exact knowledge, ``BEAM_SD``, counts
+as noise of the instrument.  The edges of woods and roofs are no Gaussian, and the planes do not know them.
+
 T2 is the octocopter's level run (3.8 m raw, 1.7 m compensated) over the countries of study ``ranging``, T1, with an
 elevation model of 1.5 m: the same quantity, so reported.
 """
@@ -30,6 +35,7 @@ from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.compensation import height_over_ground
 from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.variance import ErrorModel, height_variance, height_variance_over, pose_cov
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.sensor import Poses
@@ -45,6 +51,8 @@ SEED = 21
 
 #: Half the beam of the mix's radar across the aircraft, where its roll turns it [rad].
 HALF_BEAM = np.radians(35.0)
+#: What the model of a beam leaves of a compensated height over this country [m]: radar.all.beam.
+BEAM_SD = 2.3
 #: Full widths of beams and banks [deg] of the table, and poses at each.
 WIDTHS_DEG = (10, 20, 30, 45, 60, 70)
 BANKS_DEG = tuple(range(0, 61, 10))
@@ -66,12 +74,14 @@ ORDERINGS = (
 class Found(NamedTuple):
     """Of a country: mean squares [m^2].
 
-    mix  : by (what was known, sensor, way)
-    bank : (width, bank, way), the ways raw, attitude, excess
-    run  : raw and compensated of the level run
+    mix   : by (what was known, sensor, way)
+    sigma : of error over sigma [1], by (sensor, which sigma)
+    bank  : (width, bank, way), the ways raw, attitude, excess
+    run   : raw and compensated of the level run
     """
 
     mix: dict[tuple[Known, str, str], float]
+    sigma: dict[tuple[str, str], float]
     bank: Array
     run: tuple[float, float]
 
@@ -79,18 +89,39 @@ class Found(NamedTuple):
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """``runs`` countries."""
     found = run_all(fly, range(seed, seed + runs), progress)
-    return [*(_ordered(found, *names) for names in ORDERINGS), *_mixed(found), *_banked(found), _level(found)]
+    return [
+        *(_ordered(found, *names) for names in ORDERINGS),
+        *_mixed(found),
+        *_sigmas(found),
+        *_banked(found),
+        _level(found),
+    ]
 
 
 def fly(seed: int) -> Found:
     """The country of that seed."""
     mix = _low_level.fly(seed)
+    seen = {known: _low_level.predict(mix, known, seed) for known in Known}
     squares = {
         (known, sensor, way): _mean_square(height - mix.nadir)
         for known in Known
-        for (sensor, way), height in compensated(mix, _low_level.predict(mix, known, seed)).items()
+        for (sensor, way), height in compensated(mix, seen[known]).items()
     }
-    return Found(squares, _banks(mix, seed), _run(seed))
+    return Found(squares, _over_sigma(mix, seen[Known.PLACE_ERROR]), _banks(mix, seed), _run(seed))
+
+
+def _over_sigma(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], float]:
+    """Mean squares of error over sigma by (sensor, which sigma), predicted with errors of the place."""
+    flat, high = _low_level.HORIZONTAL_SD, _low_level.VERTICAL_SD
+    noise = {"laser": _low_level.LASER_NOISE_M, "radar": np.hypot(_low_level.RADAR_NOISE_M, BEAM_SD)}
+    found: dict[tuple[str, str], float] = {}
+    for sensor, said in mix.measured.items():
+        nearest, errors = sensor == "radar", ErrorModel(pose_cov((flat, flat, high), 0.0), noise[sensor])
+        error = height_over_ground(said, seen[sensor]) - mix.nadir
+        plane = height_variance(seen[sensor], errors, nearest=nearest)
+        around = height_variance_over(mix.country.surface, seen[sensor], errors, nearest=nearest)
+        found[sensor, "plane"], found[sensor, "around"] = (float(np.nanmean(error**2 / v)) for v in (plane, around))
+    return found
 
 
 def compensated(mix: Mix, seen: dict[str, Prediction]) -> dict[tuple[str, str], Array]:
@@ -165,6 +196,15 @@ def _mixed(found: list[Found]) -> list[Result]:
         rms = _rms([one.mix[known, sensor, way] for one in found])
         name = f"{sensor}.{known.name.lower()}.{way}"
         results.append(Result(name, f"{sensor}, {known.value}: RMS error by {way} [m]", rms, REPORTED, holds=True))
+    return results
+
+
+def _sigmas(found: list[Found]) -> list[Result]:
+    results = []
+    for sensor, which in found[0].sigma:
+        ratio = float(np.sqrt(np.mean([one.sigma[sensor, which] for one in found])))
+        text = f"{sensor}, {Known.PLACE_ERROR.value}: RMS of error / sigma, sigma of the {which}"
+        results.append(Result(f"sigma.{sensor}.{which}", text, ratio, REPORTED, holds=True))
     return results
 
 

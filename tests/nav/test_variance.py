@@ -14,6 +14,7 @@ from fti.nav.altimetry.variance import (
     footprint_covariance,
     height_row,
     height_variance,
+    height_variance_over,
     pose_cov,
     range_row,
     range_variance,
@@ -96,6 +97,36 @@ def test_a_nearest_return_has_no_attitude_but_its_lever_arm(slope_deg: float, lo
     assert told < 0.5 * ABOVE * ATTITUDE_SD + 2.5
 
 
+@pytest.mark.parametrize("slope_deg", [0.0, 15.0, 30.0])
+@pytest.mark.parametrize("look_deg", [0.0, 15.0, 30.0])
+@pytest.mark.parametrize("heading_deg", [0.0, 120.0, 180.0])
+@pytest.mark.parametrize("nearest", [False, True])
+def test_over_a_plane_the_ground_around_says_what_the_plane_says(
+    slope_deg: float, look_deg: float, heading_deg: float, nearest: bool
+) -> None:
+    slope, pitch, heading = np.radians((slope_deg, look_deg, heading_deg))
+    sensor = NearestReturn(beam_width=math.radians(140.0), rings=10) if nearest else LASER
+    predictor, mat_nb = look(pitch, heading, sensor, slope)
+    seen = predictor.along([0.0, 0.0, ABOVE], mat_nb)
+    errors = ErrorModel(COV, RANGE_SD)
+    around = height_variance_over(predictor.terrain, seen, errors, nearest=nearest)[0]
+    assert math.sqrt(around) == pytest.approx(math.sqrt(height_variance(seen, errors, nearest=nearest)[0]), rel=WITHIN)
+
+
+def test_beside_a_wall_the_sigma_knows_the_wall() -> None:
+    """Level ground 8 m from a step of 20 m, the place known to 10 m.  Straight down, N is M."""
+    heights = np.where(np.arange(401)[None, :] * 2.0 - 400.0 > 8.0, 20.0, 0.0) * np.ones((401, 1))
+    ground = Terrain.from_array(heights, 2.0, east0=-400.0, north0=-400.0)
+    errors = ErrorModel(pose_cov((10.0, 10.0, 2.0), 0.0), 0.1)
+    down, aslant = (
+        Predictor(ground, LASER).along([0.0, 0.0, 100.0], mat_from_rpy(roll, 0.0, 0.0)) for roll in (0.0, 0.17)
+    )
+    assert math.sqrt(height_variance_over(ground, down, errors, nearest=False)[0]) == pytest.approx(0.1, abs=1e-6)
+    assert math.sqrt(height_variance(aslant, errors, nearest=False)[0]) < 0.2
+    told = math.sqrt(height_variance_over(ground, aslant, errors, nearest=False)[0])
+    assert told == pytest.approx(20.0 * math.sqrt(0.2119), rel=0.2)  # N beyond 0.8 sigma; M, 17 m west, beyond 2.5
+
+
 def test_correlated_pose_errors_count() -> None:
     """An error of pitch that goes with one along the track: 3.20 has no term for it."""
     predictor, mat_nb = look(math.radians(-30.0), 0.0, slope=math.radians(20.0))
@@ -166,6 +197,8 @@ def test_errors_of_the_elevation_far_apart_do_not_cancel() -> None:
 
 def test_what_is_not_predicted_has_no_variance() -> None:
     seen = Predictor(sloping(0.0), LASER).along([[0.0, 0.0, ABOVE], [math.nan, 0.0, 1.0]], np.eye(3))
-    variance = range_variance(seen, ErrorModel(COV, 0.1), nearest=False)
-    assert np.isfinite(variance[0])
-    assert np.isnan(variance[1])
+    errors = ErrorModel(COV, 0.1)
+    around = height_variance_over(sloping(0.0), seen, errors, nearest=False)
+    for variance in (range_variance(seen, errors, nearest=False), around):
+        assert np.isfinite(variance[0])
+        assert np.isnan(variance[1])

@@ -37,6 +37,9 @@ def test_one_country_holds_and_repeats_itself() -> None:
     assert by_id["radar.all.beam"] < by_id["radar.place_error.beam"] < by_id["radar.all.attitude"]
     assert (by_id["bank.10"], by_id["bank.60"]) == (30, NEVER_DEG)
     assert by_id["T2"] < 0.7
+    for sensor in ("laser", "radar"):  # the ground around knows the edges of the forest
+        assert 0.5 < by_id[f"sigma.{sensor}.around"] < 2.5
+        assert by_id[f"sigma.{sensor}.around"] < by_id[f"sigma.{sensor}.plane"]
     assert [result.value for result in compensation.study(1, 21, shares.append)] == [r.value for r in results]
 
 
@@ -52,7 +55,7 @@ def test_all_ways_have_the_same_poses() -> None:
 def found(beam: float, raw: float) -> Found:
     mix = {(known, sensor, way): 4.0 for known in Known for sensor in ("laser", "radar") for way in WAYS}
     mix[Known.ALL, "radar", "beam"], mix[Known.ALL, "radar", "raw"] = beam, raw
-    return Found(mix, np.ones((6, 7, 3)), (4.0, 1.0))
+    return Found(mix, {}, np.ones((6, 7, 3)), (4.0, 1.0))
 
 
 def test_the_judge_can_say_no() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.wgs84 import ECC_SQ, SEMI_MAJOR
+from fti.nav.altimetry.around import TRIALS, mean_square_around
 from fti.nav.altimetry.nadir import AROUND
 from fti.ranging.nearest import REFINE_STEPS
 from fti.terrain.bundle import cast_bundle_min
@@ -170,23 +171,21 @@ def told(
         point[k] = at[k] + mat_ln[k, 0] * way[0] + mat_ln[k, 1] * way[1] + mat_ln[k, 2] * way[2]
     facing = _normal(p, mat_ln, point[0], point[1])
     height = _over_nadir(p, at, mat_ln)
-    nadir = _normal(p, mat_ln, at[0] + height * mat_ln[0, 2], at[1] + height * mat_ln[1, 2])
     normal = u if is_nearest else facing
     along = normal[0] * u[0] + normal[1] * u[1] + normal[2] * u[2]
-    row, lever = np.empty(6), np.zeros(6)
+    row = np.empty(6)
     for k in range(3):
         row[k] = -normal[k] / along
-        lever[k] = -nadir[k] / nadir[2]
     row[3] = -(way[1] * normal[2] - way[2] * normal[1]) / along
     row[4] = -(way[2] * normal[0] - way[0] * normal[2]) / along
     row[5] = -(way[0] * normal[1] - way[1] * normal[0]) / along
-    of_range, of_height = 0.0, 0.0
+    of_range = 0.0
     for k in range(6):
         of_range += (row[k] * sds[k]) ** 2
-        of_height += ((lever[k] - u[2] * row[k]) * sds[k]) ** 2
+    of_height = mean_square_around(p, at, mat_ln, lever_n, u, slant_range, TRIALS * sds[:6], is_nearest)
     dem = -normal[2] / along
     together = math.exp(-math.hypot(way[0], way[1]) / sds[8])
-    a = -u[2] * dem
+    a = u[2] * u[2] if is_nearest else 1.0
     out[HEIGHT_P], out[COSINE] = height, u[2]
     out[INCIDENCE] = math.acos(min(1.0, max(-1.0, facing[0] * u[0] + facing[1] * u[1] + facing[2] * u[2])))
     out[RANGE_SD] = math.sqrt(of_range + (dem * sds[7]) ** 2 + sds[6] ** 2)

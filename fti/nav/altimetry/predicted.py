@@ -51,7 +51,8 @@ class Prediction:
     incidence   : angle between u and n (n,) [rad]
     dispersion  : standard deviation of the ranges across the beam (n,) [m]; 0 of a pencil.  Weighted by power where the
                   model knows it
-    point_l     : M (n, 3), east, north, up of the terrain's frame [m]
+    place_l     : P (n, 3), east, north, up of the terrain's frame [m];  point_l : M in the same frame
+    mats_ln     : (n, 3, 3), north, east, down at P to that frame
     validity    : numbers of ``fti.ranging.sensor.Validity`` (n,)
     """
 
@@ -63,7 +64,9 @@ class Prediction:
     nadir_n: Array
     incidence: Array
     dispersion: Array
+    place_l: Array
     point_l: Array
+    mats_ln: Array
     validity: Codes
 
     def __len__(self) -> int:
@@ -156,7 +159,9 @@ class Predictor:
             nadir_n=nadir_n,
             incidence=np.arccos(np.clip(cosine, -1.0, 1.0)),
             dispersion=_dispersion(self.terrain, self.sensor, poses, returns),
+            place_l=points,
             point_l=point_l,
+            mats_ln=mats_ln,
             validity=returns.validity,
         )
 

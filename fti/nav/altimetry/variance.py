@@ -27,7 +27,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.nav.altimetry.around import TRIALS, mean_squares_around
 from fti.nav.altimetry.predicted import Prediction
+from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
@@ -66,7 +68,7 @@ def range_row(seen: Prediction, *, nearest: bool) -> Array:
     Level ground, roll 45 deg, pencil: dd/dP_D = -1.414; the projected form of eq. 3.44 gives -0.707.
     """
     normal, along = _normal_along(seen, nearest=nearest)
-    way = seen.slant_range[:, None] * seen.direction_n + seen.lever_n
+    way = _way(seen)
     return np.asarray(-np.concatenate((normal, np.cross(way, normal)), axis=-1) / along[:, None])
 
 
@@ -103,11 +105,37 @@ def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> A
     elevation model drops out as well.
     """
     a = -seen.cosine * dem_factor(seen, nearest=nearest)
-    way = seen.lever_n + seen.slant_range[:, None] * seen.direction_n
-    together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
-    dem = errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a)
     by_pose = _quadratic(height_row(seen, nearest=nearest), errors.pose_cov)
-    return by_pose + dem + (np.asarray(errors.range_sd) * seen.cosine) ** 2
+    return by_pose + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2
+
+
+def _dem_variance(seen: Prediction, errors: ErrorModel, a: Array) -> Array:
+    """Of the difference of the elevation's errors at N and, a times, at M."""
+    way = _way(seen)
+    together = np.exp(-np.hypot(way[:, 0], way[:, 1]) / errors.dem_length)
+    return np.asarray(errors.dem_sd**2 * (1.0 + a**2 - 2.0 * together * a))
+
+
+def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """The same from the ground around N and M, instead of planes through them: (n,) [m^2].
+
+        Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2
+
+    with xi the errors of the pose: 64 of them, whose mean is 0 and whose covariance is ``pose_cov``.  On a plane it is
+    ``height_variance``.  A few metres from the edge of a forest it is not: the plane below is level there and says
+    decimetres, where 10 m of error of the place put the trees below the aircraft (``fti study compensation``).
+
+    The formulas of h(xi) are in ``fti.nav.altimetry.around``; a = 1, of a nearest return
+    cos(theta)^2.
+    """
+    n = len(seen)
+    trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
+    at, mats, levers, rays, trials = (
+        np.ascontiguousarray(x) for x in (seen.place_l, seen.mats_ln, seen.lever_n, seen.direction_n, trials)
+    )
+    spread = mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, nearest)
+    a = seen.cosine**2 if nearest else np.ones(n)
+    return np.asarray(spread + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2)
 
 
 def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
@@ -118,12 +146,22 @@ def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
     The same dd as in the range, so M moves in the plane of the ground, raised by the error of its height.  The
     instrument is not asked: M is where the elevation model is looked up.  Eq. 3.29, corrected.
     """
-    way = seen.slant_range[:, None] * seen.direction_n + seen.lever_n
-    jacobian = np.concatenate((np.broadcast_to(np.eye(3), (len(seen), 3, 3)), -_skew(way)), axis=-1)
+    jacobian = np.concatenate((np.broadcast_to(np.eye(3), (len(seen), 3, 3)), -_skew(_way(seen))), axis=-1)
     jacobian = jacobian + seen.direction_n[:, :, None] * range_row(seen, nearest=False)[:, None, :]
     raised = dem_factor(seen, nearest=False)[:, None] * seen.direction_n * errors.dem_sd
     by_pose = jacobian @ errors.pose_cov @ np.swapaxes(jacobian, -1, -2)
     return np.asarray(by_pose + raised[:, :, None] * raised[:, None, :])
+
+
+def _way(seen: Prediction) -> Array:
+    """w, from P to M (n, 3), north, east, down [m]."""
+    return np.asarray(seen.lever_n + seen.slant_range[:, None] * seen.direction_n)
+
+
+def _root(cov: Array) -> Array:
+    """The symmetric B with B B = cov, for covariances that need not be definite."""
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ np.swapaxes(vectors, -1, -2))
 
 
 def _normal_along(seen: Prediction, *, nearest: bool) -> tuple[Array, Array]:
