@@ -76,7 +76,7 @@ UNITS: dict[str, Unit] = {
     ),
     "tactical": Unit(
         accel=Triad(white=0.065 * 0.3048 * _ROOT_H, bias_sd=1.2 * _MILLI_G, scale=0.6e-3),
-        gyro=Triad(white=0.125 * _DEG * _ROOT_H, bias_sd=1.1 * _DEG_H, scale=0.54e-3),
+        gyro=Triad(white=0.125 * _DEG * _ROOT_H, bias_sd=1.2 * _DEG_H, scale=0.54e-3),
     ),
     "mems": Unit(
         accel=Triad(white=0.09 * _ROOT_H, bias_sd=25.0 * _MILLI_G, scale=0.02),

@@ -1,0 +1,340 @@
+"""The filter as a pipeline has it: aligns, converges, says its mode; late is in time; hostile inputs do no harm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fti.geodesy.rotations import mat_en, mat_from_rpy
+from fti.geodesy.wgs84 import radii
+from fti.hil.flight.trajectory import State
+from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
+from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, PositionFix, SlantRange, Standstill
+from fti.nav.filter.estimate import Start
+from fti.nav.filter.gate import Judgement
+from fti.nav.filter.navigator import Navigator, warm_up
+from fti.nav.filter.states import BARO_DRIFT, GNSS_DRIFTS, Extra, Model
+from fti.study._closure import wandering
+from fti.types import FilterMode, Reason
+
+Array = NDArray[np.float64]
+
+SECOND = 1_000_000_000
+STEP = 0.04
+T0 = 1_700_000_000 * SECOND
+
+
+@pytest.fixture(scope="module")
+def flight() -> State:
+    return wandering(np.random.default_rng(5), 62.0).state(np.arange(0.0, 60.0, STEP))
+
+
+def ns(t: float) -> int:
+    return T0 + round(t * SECOND)
+
+
+def gnss(state: State, k: int, east: float = 0.0) -> tuple[GnssPosition, GnssVelocity]:
+    _, normal = radii(state.lat[k])
+    lon = float(state.lon[k]) + east / float((normal + state.alt[k]) * np.cos(state.lat[k]))
+    north, east_ms, down = state.vel_n[k].tolist()
+    position = GnssPosition(float(state.lat[k]), lon, float(state.alt[k]), 1.5, 2.0)
+    return position, GnssVelocity(north, east_ms, down, 0.1)
+
+
+def fly(
+    navigator: Navigator,
+    state: State,
+    seen: Callable[[float], bool] = lambda t: True,
+    east: Callable[[float], float] = lambda t: 0.0,
+    delay: int = 0,
+    every: int = 10,
+) -> list[FilterMode]:
+    """Noise-free sensors; a fix every so many samples, so many samples late."""
+    felt, turned, modes = specific_force_b(state), angular_rate_b(state), []
+    for k, t in enumerate(state.t.tolist()):
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+        j = k - delay
+        if j >= 0 and j % every == 0 and seen(float(state.t[j])):
+            for aiding in gnss(state, j, east(float(state.t[j]))):
+                navigator.take(ns(float(state.t[j])), aiding)
+        modes.append(navigator.mode(ns(t))[0])
+    return modes
+
+
+def metres_off(navigator: Navigator, state: State, k: int = -1) -> float:
+    here = navigator.at(ns(float(state.t[k])))
+    assert here is not None
+    meridian, normal = (float(r) for r in radii(state.lat[k]))
+    lat, lon, alt = here.place
+    east = (lon - float(state.lon[k])) * (normal + alt) * math.cos(lat)
+    return math.hypot((lat - float(state.lat[k])) * (meridian + alt), east, alt - float(state.alt[k]))
+
+
+def begun(state: State, model: Model | None = None) -> Navigator:
+    navigator = Navigator(model or Model())
+    north, east, down = state.vel_n[0].tolist()
+    start = Start(
+        float(state.lat[0]), float(state.lon[0]), float(state.alt[0]), (north, east, down), float(state.roll[0]),
+        float(state.pitch[0]), float(state.heading[0]), (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02),
+    )  # fmt: skip
+    navigator.begin(ns(0.0) - 1, start, specific_force_b(state)[0], angular_rate_b(state)[0])
+    return navigator
+
+
+def test_it_aligns_in_flight_without_an_attitude_and_converges(flight: State) -> None:
+    navigator = Navigator(Model(extras=GNSS_DRIFTS))
+    assert navigator.output(ns(0.0)).reasons == (Reason.NO_IMU,)
+    modes = fly(navigator, flight)
+    assert {FilterMode.WAITING, FilterMode.ALIGNING} >= set(modes[:20])
+    assert modes[-1] is FilterMode.AIDED
+    told = navigator.output(ns(float(flight.t[-1])))
+    assert told.valid
+    assert told.reasons == ()
+    assert metres_off(navigator, flight) < 1.0
+    assert told.roll == pytest.approx(float(flight.roll[-1]), abs=math.radians(0.5))
+    assert told.horizontal_sd is not None
+    assert told.horizontal_sd < 2.0
+
+
+def test_a_devices_attitude_aligns_it_at_once(flight: State) -> None:
+    navigator = Navigator(Model())
+    for aiding in gnss(flight, 0):
+        navigator.take(ns(0.0), aiding)
+    navigator.take_attitude(ns(0.0), float(flight.roll[0]), float(flight.pitch[0]), float(flight.heading[0]))
+    navigator.take_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
+    assert navigator.mode(ns(0.04))[0] is FilterMode.COASTING
+    assert metres_off(navigator, flight, 1) < 0.5
+
+
+def test_what_is_missing_is_named(flight: State) -> None:
+    navigator = Navigator(Model())
+    navigator.take_inertial(ns(0.0), specific_force_b(flight)[0], angular_rate_b(flight)[0])
+    assert navigator.mode(ns(0.0)) == (FilterMode.WAITING, (Reason.ALIGNING, Reason.NO_GNSS))
+    navigator.take(ns(0.0), gnss(flight, 0)[0])
+    navigator.take_inertial(ns(0.04), specific_force_b(flight)[1], angular_rate_b(flight)[1])
+    assert navigator.mode(ns(0.04)) == (FilterMode.ALIGNING, (Reason.ALIGNING, Reason.NO_VELOCITY))
+    assert not navigator.output(ns(0.04)).valid
+    assert navigator.mode(ns(1.0)) == (FilterMode.WAITING, (Reason.NO_IMU,))
+
+
+def test_an_outage_is_coasted_and_said(flight: State) -> None:
+    navigator = begun(flight)
+    modes = fly(navigator, flight, seen=lambda t: not 20.0 <= t < 40.0)
+    assert modes[round(21.0 / STEP)] is FilterMode.AIDED
+    assert modes[round(25.0 / STEP)] is FilterMode.COASTING
+    assert modes[-1] is FilterMode.AIDED
+
+
+def test_late_is_in_time_to_the_last_bit(flight: State) -> None:
+    """Fixes of 0.4 s ago, and the same fixes at once: one answer."""
+    late, soon = begun(flight), begun(flight)
+    fly(late, flight, delay=10)
+    fly(soon, flight, delay=0)
+    for aiding in gnss(flight, len(flight.t) - 10):
+        soon.take(ns(float(flight.t[-10])), aiding)
+    one, two = late.at(ns(float(flight.t[-11]))), soon.at(ns(float(flight.t[-11])))
+    assert one is not None
+    assert two is not None
+    np.testing.assert_array_equal(one.y, two.y)
+    np.testing.assert_array_equal(one.P, two.P)
+
+
+def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: State) -> None:
+    """At 60 m/s 0.4 s are 24 m: taken as new, they would be in the answer."""
+    navigator = begun(flight)
+    fly(navigator, flight, delay=10)
+    assert metres_off(navigator, flight) < 1.0
+
+
+def test_what_lies_between_two_inertial_samples_is_met_there(flight: State) -> None:
+    """A second of samples away from every fix: an estimate between samples is that of the flight, to millimetres."""
+    navigator = begun(flight)
+    fly(navigator, flight, seen=lambda t: False)
+    half = wandering(np.random.default_rng(5), 62.0).state(np.array([59.5]))
+    here = navigator.at(ns(59.5))
+    assert here is not None
+    mat_nb = mat_from_rpy(half.roll[0], half.pitch[0], half.heading[0])
+    np.testing.assert_allclose(here.mat_nb, mat_nb, atol=1e-5)
+
+
+def test_a_jump_of_the_satellites_is_refused_and_bounded(flight: State) -> None:
+    """500 m to the east for good: refused, named, and after the lock-out believed, for nothing else speaks."""
+    navigator = begun(flight)
+    fly(navigator, flight, east=lambda t: 500.0 if t > 30.0 else 0.0)
+    verdicts = [v for v in navigator.drain() if v.name == "gnss.position" and v.t_ns > ns(30.0)]
+    refused = [v for v in verdicts if v.judgement is Judgement.REFUSED]
+    let_in = [v for v in verdicts if v.judgement is Judgement.LET_IN]
+    assert 12 <= len(refused) <= 14  # five seconds of fixes
+    assert len(let_in) == 1
+    assert metres_off(navigator, flight) == pytest.approx(500.0, abs=20.0)
+
+
+def test_an_outlier_does_no_harm(flight: State) -> None:
+    navigator = begun(flight)
+    fly(navigator, flight, east=lambda t: 500.0 if 30.0 < t < 30.5 else 0.0)
+    assert metres_off(navigator, flight) < 1.0
+    assert navigator.mode(ns(float(flight.t[-1]))) == (FilterMode.AIDED, ())
+
+
+def test_while_it_is_refused_it_is_named(flight: State) -> None:
+    navigator = begun(flight)
+    fly(navigator, flight, east=lambda t: 500.0 if t > 58.0 else 0.0)
+    told = navigator.output(ns(float(flight.t[-1])))
+    assert told.rejected == ("gnss.position",)
+    assert Reason.REJECTED in told.reasons
+
+
+def test_a_slow_offset_of_the_barometer_is_found(flight: State) -> None:
+    navigator = begun(flight, Model(extras={Extra.BARO: BARO_DRIFT}))
+    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    for k, t in enumerate(flight.t.tolist()):
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+        if k % 10 == 0:
+            navigator.take(ns(t), gnss(flight, k)[0])
+            navigator.take(ns(t), BaroAltitude(float(flight.alt[k]) + 42.0, 1.0))
+    here = navigator.at(ns(float(flight.t[-1])))
+    assert here is not None
+    assert here.drift(Extra.BARO) == pytest.approx(42.0, abs=1.5)
+    assert (here.drift_sd(Extra.BARO) or 0.0) < 2.0
+
+
+# ------------------------------------------------------------------------------------------------- hostile inputs
+
+
+def test_numbers_that_are_none_are_refused(flight: State) -> None:
+    navigator = begun(flight)
+    before = navigator.at(ns(0.0))
+    nan, level = float("nan"), (0.0, 0.0, 1.0)
+    for aiding in (
+        GnssPosition(nan, 0.2, 700.0, 2.0, 3.0), GnssPosition(0.8, 0.2, 700.0, 0.0, 3.0),
+        GnssVelocity(1.0, math.inf, 0.0, 0.1), BaroAltitude(700.0, -1.0),
+        PositionFix(0.8, 0.2, 700.0, np.diag([1.0, 1.0, -1.0])), PositionFix(0.8, 0.2, 700.0, np.full((3, 3), nan)),
+        SlantRange(1.0, 1.0, 1.0, 0.8, 0.2, 700.0, (1.0, 0.0, 0.0), level), Standstill(nan),
+    ):  # fmt: skip
+        navigator.take(ns(0.5), aiding)
+    assert navigator.refused[Reason.DEVICE_FLAG] == 8
+    navigator.take_inertial(ns(0.1), [nan, 0.0, -9.8], [0.0, 0.0, 0.0])
+    navigator.take_inertial(ns(0.1), [0.0, 0.0, -1e9], [0.0, 0.0, 0.0])
+    navigator.take_attitude(ns(0.1), nan, 0.0, 0.0)
+    assert navigator.refused[Reason.DEVICE_FLAG] == 11
+    after = navigator.at(ns(0.0))
+    assert before is not None
+    assert after is not None
+    np.testing.assert_array_equal(after.y, before.y)
+
+
+def test_twice_the_same_counts_once(flight: State) -> None:
+    one, two = begun(flight), begun(flight)
+    for navigator, times in ((one, 1), (two, 3)):
+        fly(navigator, flight, seen=lambda t: False)
+        for _ in range(times):
+            navigator.take(ns(59.5), gnss(flight, round(59.5 / STEP))[0])
+    a, b = (n.at(ns(59.9)) for n in (one, two))
+    assert a is not None
+    assert b is not None
+    np.testing.assert_array_equal(a.P, b.P)
+    assert two.refused[Reason.STALE] == 2
+
+
+def test_what_is_too_old_is_refused(flight: State) -> None:
+    navigator = begun(flight)
+    fly(navigator, flight)
+    navigator.take(ns(50.0), gnss(flight, round(50.0 / STEP), east=900.0)[0])
+    assert navigator.refused[Reason.STALE] == 1
+    assert metres_off(navigator, flight) < 1.0
+
+
+def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew(flight: State) -> None:
+    navigator = begun(flight)
+    fly(navigator, flight)
+    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    for k in range(20):
+        navigator.take_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+    assert metres_off(navigator, flight) < 1.0
+    for k in range(20, 30):
+        navigator.take_inertial(ns(10.0 + k * STEP), felt[k], turned[k])
+    mode, reasons = navigator.mode(ns(10.0 + 29 * STEP))
+    assert mode in {FilterMode.ALIGNING, FilterMode.WAITING}
+    assert Reason.RESET in reasons
+
+
+def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: State) -> None:
+    navigator = begun(flight)
+    felt, turned = specific_force_b(flight), angular_rate_b(flight)
+    for k, t in enumerate(flight.t.tolist()):
+        if 20.0 <= t < 21.0:
+            assert navigator.mode(ns(t))[0] is (FilterMode.INVALID if t > 20.3 else navigator.mode(ns(t))[0])
+            continue
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+        if k % 10 == 0:
+            for aiding in gnss(flight, k):
+                navigator.take(ns(t), aiding)
+    assert navigator.mode(ns(float(flight.t[-1])))[0] is FilterMode.AIDED
+    assert metres_off(navigator, flight) < 2.0
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "pitch"),
+    [
+        (np.pi / 2, 0.0, 0.1),
+        (-np.pi / 2, 1.0, 0.0),
+        (0.8, np.pi, 0.0),
+        (0.8, 0.2, np.pi / 2),
+        (0.0, -np.pi, -np.pi / 2),
+    ],
+    ids=["north pole", "south pole", "date line", "straight up", "straight down"],
+)
+def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: float) -> None:
+    """Ten seconds of standing there, with fixes and a standstill: it stands, and says so."""
+    from fti.geodesy.gravity import normal_gravity
+    from fti.geodesy.wgs84 import EARTH_RATE
+
+    navigator = Navigator(Model(extras=GNSS_DRIFTS))
+    mat_nb = mat_from_rpy(0.0, pitch, 0.3)
+    force_b = mat_nb.T @ [0.0, 0.0, -float(normal_gravity(lat, 100.0))]
+    rate_b = mat_nb.T @ mat_en(lat, lon).T @ [0.0, 0.0, EARTH_RATE]
+    start = Start(lat, lon, 100.0, (0.0,) * 3, 0.0, pitch, 0.3, (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02))
+    navigator.begin(ns(0.0), start, force_b, rate_b)
+    for k in range(1, 250):
+        navigator.take_inertial(ns(k * STEP), force_b, rate_b)
+        if k % 25 == 0:
+            navigator.take(ns(k * STEP), GnssPosition(lat, -lon if k % 50 else lon, 100.0, 1.5, 2.0))
+            navigator.take(ns(k * STEP), Standstill())
+    told = navigator.output(ns(249 * STEP))
+    assert told.mode is FilterMode.AIDED
+    assert told.alt == pytest.approx(100.0, abs=0.1)
+    assert told.vel_north == pytest.approx(0.0, abs=0.01)
+    assert told.pitch == pytest.approx(pitch, abs=1e-3)
+    assert all(math.isfinite(x) for x in (told.horizontal_sd or 0.0, told.heading_sd or 0.0, told.lat or 0.0))
+
+
+def test_random_rubbish_raises_nothing(flight: State) -> None:
+    """A thousand calls with times and values from anywhere."""
+    rng = np.random.default_rng(8)
+    navigator = begun(flight)
+
+    def value() -> float:
+        return float(rng.choice([0.0, 1.0, -1e3, 1e12, math.nan, math.inf, rng.normal()]))
+
+    for _ in range(1000):
+        t = ns(float(rng.choice([0.0, rng.uniform(-5.0, 5.0), rng.uniform(0.0, 0.5), 1e6])))
+        what = rng.integers(6)
+        if what == 0:
+            navigator.take_inertial(t, [value() for _ in range(3)], [value() for _ in range(3)])
+        elif what == 1:
+            navigator.take(t, GnssPosition(value(), value(), value(), abs(value()), abs(value())))
+        elif what == 2:
+            navigator.take(t, GnssVelocity(value(), value(), value(), abs(value())))
+        elif what == 3:
+            navigator.take_attitude(t, value(), value(), value())
+        else:
+            told = navigator.output(t)
+            assert not told.valid or all(math.isfinite(x) for x in (told.lat or 0.0, told.vertical_sd or 0.0))
+
+
+def test_kernels_warm_up() -> None:
+    warm_up()
