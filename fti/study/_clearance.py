@@ -12,7 +12,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ OBSTACLES = {"obstacle_30": (30.0, 20.0), "obstacle_75": (75.0, 60.0), "obstacle
 RAMP_MS = 1.0
 #: Where the late approach joins the track, before the threshold [m].
 JOINED_M = 2200.0
+NOMINAL, JOINED = "nominal", "joined_late"
 TRUSTED = (IntegrityState.OK, IntegrityState.MONITOR)
 
 
@@ -109,7 +110,9 @@ def with_obstacle(kind: str, place: int) -> TerrainGround:
     height, width = OBSTACLES[kind]
     before = PLACES_M[place] - path().x_gpi
     box = Obstacle(kind="obstacle", before_threshold_m=before, height_m=height, length_m=width, width_m=width)
-    return TerrainGround(path(), RA4500, (with_obstacles(_terrain(VEGETATION[place % 2]), path(), [box]),))
+    return TerrainGround(
+        path(), RA4500, (with_obstacles(_terrain(VEGETATION[place % len(VEGETATION)]), path(), [box]),)
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ nominal
@@ -297,3 +300,11 @@ def joined_late(argument: tuple[int, int]) -> tuple[bool, float]:
     outputs = fly(ClearanceMonitor(reference(), SETTINGS), late_flight(*argument))
     trusted = [o.s_end for o in outputs if o.state in TRUSTED and o.s_end is not None]
     return any(s > join for s in trusted), join - max(trusted, default=math.nan)
+
+
+def fly_one(argument: tuple[str, int, int]) -> Any:
+    """One approach: its kind, seed and number."""
+    kind, seed, run = argument
+    if kind == NOMINAL:
+        return nominal((seed, run))
+    return joined_late((seed, run)) if kind == JOINED else faulty(argument)

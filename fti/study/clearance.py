@@ -14,12 +14,13 @@ not judged: what cannot be seen depends on the ground.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._clearance import FAULTS, OBSTACLES, Faulty, Nominal, faulty, joined_late, nominal, reference
+from fti.study._clearance import FAULTS, JOINED, NOMINAL, OBSTACLES, Faulty, Nominal, fly_one, reference
 from fti.study._proportions import most_by_chance, wilson
 from fti.study.workers import run_all
 
@@ -36,28 +37,15 @@ GROWING = ("gnss_ramp",)
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
-    """``runs`` nominal approaches and what belongs to them."""
-    each = max(runs // NOMINAL_PER_FAULT, 2)
-    late = max(runs // NOMINAL_PER_JOINED, 2)
-    parts = _Parts(progress, runs + each * len(FAULTS) * 4 + late * 4)
-    normal = run_all(nominal, [(seed, run) for run in range(runs)], parts.of(runs))
-    results = _nominal(normal)
-    for name in FAULTS:
-        arguments = [(name, seed, run) for run in range(each)]
-        results += _detected(name, run_all(faulty, arguments, parts.of(4 * each)))
-    return results + _joined(run_all(joined_late, [(seed, run) for run in range(late)], parts.of(4 * late)))
-
-
-class _Parts:
-    """One bar for parts of different weight, one after the other."""
-
-    def __init__(self, progress: Progress, total: float) -> None:
-        self._progress, self._total, self._done = progress, total, 0.0
-
-    def of(self, weight: float) -> Progress:
-        """For the next part."""
-        before, self._done = self._done, self._done + weight
-        return lambda share: self._progress((before + share * weight) / self._total)
+    """``runs`` nominal approaches and what belongs to them; in one go, for what a process prepares takes a while."""
+    each, late = max(runs // NOMINAL_PER_FAULT, 2), max(runs // NOMINAL_PER_JOINED, 2)
+    counts = {NOMINAL: runs, **dict.fromkeys(FAULTS, each), JOINED: late}
+    found = iter(run_all(fly_one, [(kind, seed, run) for kind, n in counts.items() for run in range(n)], progress))
+    flown = {kind: list(itertools.islice(found, n)) for kind, n in counts.items()}
+    results = _nominal(flown[NOMINAL])
+    for kind in FAULTS:
+        results += _detected(kind, flown[kind])
+    return results + _joined(flown[JOINED])
 
 
 def _nominal(flown: Sequence[Nominal]) -> list[Result]:

@@ -38,7 +38,7 @@ def test_a_small_reference_is_made_and_reads_back(ground: TerrainGround) -> None
     limits = reference.header.limits
     assert all(1.0 < limit < 200.0 for limit in (limits.t1, limits.t3, limits.t4))
     assert (limits.runs, limits.verified_runs) == (20, 5)
-    stages = ["profile", "correlation", "nominal approaches", "verification", "beside the track"]
+    stages = ["profile", "range map", "correlation", "nominal approaches", "verification", "beside the track"]
     assert list(dict.fromkeys(what for what, _ in done)) == stages
     assert done[-1] == ("beside the track", 1.0)
 

@@ -55,12 +55,17 @@ def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
     assert not by_id(clearance._joined([(False, math.nan)]))["T14.behind"].holds
 
 
-def test_few_runs_over_the_demonstration_hold() -> None:
-    """30 nominal approaches and two with each fault; the same seed gives the same."""
+def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
+    """10 nominal approaches and two with some of the faults; the same seed gives the same."""
+    some = ("obstacle_150", "along_60", "wrong_reference")
+    monkeypatch.setattr(clearance, "FAULTS", {name: _clearance.FAULTS[name] for name in some})
+    monkeypatch.setattr(_clearance, "VEGETATION", (0.85,))
     told: list[float] = []
-    results = by_id(clearance.study(30, 5, told.append))
-    assert all(result.holds for result in results.values()), [r for r in results.values() if not r.holds]
-    assert {f"{name}.pd" for name in _clearance.FAULTS} <= set(results)
-    assert results["obstacle_150.pd"].value == results["wrong_reference.pd"].value == 1.0
+    results = by_id(clearance.study(10, 5, told.append))
+    assert results["nominal.alarms"].holds
+    assert all(results[f"{name}.pd"].value == 1.0 for name in some)
+    assert all(results[f"{name}.time_p95"].holds for name in some)
+    assert results["T14.before"].holds
+    assert results["T14.behind"].holds
     assert told[-1] == pytest.approx(1.0)
     assert _clearance.nominal((5, 3)) == _clearance.nominal((5, 3))

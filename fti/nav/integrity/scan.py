@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fti.config import Approach
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
-from fti.nav.integrity.statistics import OBSTACLE_M, SHIFT_MAX_M, match
+from fti.nav.integrity.statistics import OBSTACLE_M, SHIFT_MAX_M, match, sharp_shifts
 from fti.nav.integrity.window import FILLED_SHARE, Track, means, take
 from fti.terrain.kernel import kernel
 
@@ -54,6 +54,7 @@ class Scanner:
         self._sd = np.hypot(reference.s_ref, reference.s_alt)
         self._z_ref = np.ascontiguousarray(reference.z_ref)
         ds = profile.ds_m
+        self._sharp = sharp_shifts(settings.alert_s_m, ds)
         self._numbers = np.array(
             [
                 float(reference.s[0]),
@@ -62,7 +63,6 @@ class Scanner:
                 profile.window_m / profile.correlation_m,
                 profile.datum_sd_m,
                 round(SHIFT_MAX_M / ds),
-                round(settings.alert_s_m / ds),
                 round(OBSTACLE_M / ds) + 1,
             ]
         )
@@ -74,7 +74,15 @@ class Scanner:
         every = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
         columns = tuple(column[begin:] for column in every)
         table, plain = _scan(
-            track.t_ns[begin:], columns, self._bounds, self._agl_ref, self._z_ref, self._sd, self._numbers, vertical_sd
+            track.t_ns[begin:],
+            columns,
+            self._bounds,
+            self._agl_ref,
+            self._z_ref,
+            self._sd,
+            self._numbers,
+            self._sharp,
+            vertical_sd,
         )
         return Scan(*np.ascontiguousarray(table.T)) if plain else None
 
@@ -88,14 +96,15 @@ def _scan(
     z_ref: Array,
     sd: Array,
     numbers: Array,
+    sharp: NDArray[np.int64],
     vertical_sd: float,
 ) -> tuple[Array, bool]:
     """A row for each judged window, and whether all samples up to the intercept point went into it plainly."""
     s0, ds, length, k_eff, datum_sd = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    span, alert, obstacle = int(numbers[5]), int(numbers[6]), int(numbers[7])
+    span, obstacle = int(numbers[5]), int(numbers[6])
     size = round(length / ds) + 1
     count, z, dh = np.zeros(len(z_ref)), np.zeros(len(z_ref)), np.zeros(len(z_ref))
-    found, table = np.empty((4, 2 * span + 1)), np.empty((len(t_ns), COLUMNS))
+    found, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
     ss, rows, first_s, least, begin = columns[0], 0, columns[0][0], columns[0][0], 0
     updated = (t_ns[0] - np.int64(10**12), first_s + 1e9)  # the first sample is due
     while begin < len(t_ns):
@@ -116,15 +125,15 @@ def _scan(
         number = np.count_nonzero(filled)
         if number < FILLED_SHARE * size:
             return table[:rows], False
-        total, excess = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, found)
+        total, excess = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, found, peak)
         height_error_sd = math.sqrt(vertical_sd**2 + datum_sd**2 + number / k_eff / total)
-        bend = found[3, span - 1] + found[3, span + 1]
+        bend = peak[1, 2] + peak[1, 3]
         table[rows, 0] = ss[due]
         table[rows, 1] = found[1, span]
         table[rows, 2] = found[1, span] - found[1].min()
         table[rows, 3] = abs(found[0, span]) / height_error_sd
         table[rows, 4] = excess.max()
-        table[rows, 5] = min(found[3, span - alert], found[3, span + alert])
+        table[rows, 5] = min(peak[1, 0], peak[1, 1])
         table[rows, 6] = ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf
         table[rows, 7] = height_error_sd
         rows += 1

@@ -75,7 +75,7 @@ class Matcher:
         profile = reference.header.profile
         self._ds = profile.ds_m
         self._span = round(SHIFT_MAX_M / self._ds)
-        self._alert = round(alert_s / self._ds)
+        self._sharp = sharp_shifts(alert_s, self._ds)
         self._obstacle = round(OBSTACLE_M / self._ds) + 1
         self._k_eff = profile.window_m / profile.correlation_m
         self._datum_sd = profile.datum_sd_m
@@ -86,21 +86,22 @@ class Matcher:
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
-        span, found = self._span, np.empty((4, 2 * self._span + 1))
+        span, found, peak = self._span, np.empty((2, 2 * self._span + 1)), np.empty((2, 4))
         total, obstacle = match(
-            bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, found
+            bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, self._sharp,
+            found, peak,
         )  # fmt: skip
-        offset, mismatch, _, peak = found
+        offset, mismatch = found
         shift, shift_sd = self._best_shift(mismatch)
         here, height_error = float(mismatch[span]), float(offset[span])
         height_error_sd = self._height_error_sd(float(total), int(np.count_nonzero(bins.filled)), vertical_sd)
-        bend = float(peak[span - 1] + peak[span + 1])
+        bend = float(peak[1, 2] + peak[1, 3])
         return Statistics(
             t1=here,
             t2=here - float(mismatch.min()),
             t3=abs(height_error) / height_error_sd,
             t4=float(obstacle.max()),
-            observability=float(min(peak[span - self._alert], peak[span + self._alert])),
+            observability=float(min(peak[1, 0], peak[1, 1])),
             shift_resolution=self._ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
             shift=shift,
             shift_sd=shift_sd,
@@ -128,6 +129,12 @@ class Matcher:
         return math.hypot(nav, self._datum_sd, math.sqrt(count / self._k_eff / total))
 
 
+def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
+    """Shifts at which the sharpness of the peak is looked at, in bins: those of AL_s, and the next ones to zero."""
+    alert = round(alert_s / ds)
+    return np.array([-alert, alert, -1, 1])
+
+
 @kernel
 def match(
     z: Array,
@@ -138,16 +145,18 @@ def match(
     span: int,
     k_eff: float,
     obstacle: int,
+    sharp: NDArray[np.int64],
     found: Array,
+    peak: Array,
 ) -> tuple[float, Array]:
-    """Match a window, and the reference in its place, with the reference at all shifts.
+    """Match a window with the reference at all shifts, and the reference in its place at those of ``sharp_shifts``.
 
-    found   : shape (4, 2 span + 1), written: b and J of the window, b and J of the reference
+    found   : shape (2, 2 span + 1), written: b and J of the window      peak : shape (2, 4), written: of the reference
     Returns : sum of the weights, and (e(0) - median e(0)) / s of the newest ``obstacle`` bins, -inf where not filled
 
     Shifts are the inner loop: they are next to each other in memory, and no sum is reordered.
     """
-    found[:] = 0.0
+    found[:], peak[:] = 0.0, 0.0
     total, count = 0.0, 0
     for j in range(len(z)):
         if not filled[j]:
@@ -157,15 +166,16 @@ def match(
         total += weight
         count += 1
         for k in range(2 * span + 1):
-            shifted = z_ref[at - span + k]
-            e, own = z[j] - shifted, z_ref[at] - shifted
+            e = z[j] - z_ref[at - span + k]
             found[0, k] += weight * e
             found[1, k] += weight * e * e
-            found[2, k] += weight * own
-            found[3, k] += weight * own * own
-    for row in (0, 2):
-        found[row] /= total
-        found[row + 1] = np.maximum(k_eff / count * (found[row + 1] - total * found[row] ** 2), 0.0)
+        for k in range(len(sharp)):
+            e = z_ref[at] - z_ref[at + sharp[k]]
+            peak[0, k] += weight * e
+            peak[1, k] += weight * e * e
+    for sums in (found, peak):
+        sums[0] /= total
+        sums[1] = np.maximum(k_eff / count * (sums[1] - total * sums[0] ** 2), 0.0)
     residual = z - z_ref[first : first + len(z)]
     ordered = np.sort(residual[filled])
     median = 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
