@@ -51,11 +51,13 @@ class AidedNavigation:
 
     def __init__(self, settings: Filter, devices: dict[str, Device]) -> None:
         self._settings = settings
+        self._fed_by = {settings.imu, *settings.gnss, settings.baro}
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
         self._navigator = Navigator(_model(settings))
         self._vertical = VerticalFallback()
         self._ground: Ground | None = None
         self._place: Place | None = None
+        self._tilt: tuple[float, float] | None = None
         self._alts = {name: Series() for name in settings.gnss}
         self._used_ns: dict[str, int] = {}
         self._climb: tuple[float | None, float | None] = (None, None)
@@ -67,15 +69,27 @@ class AidedNavigation:
 
     # ---------------------------------------------------------------------------------------------------- taking
 
-    def feed(self, device: str, m: Measurement, t_ns: int, nav: NavState | None) -> None:
-        """Take a measurement that was true at t_ns.  nav : the state at that time, for inertial samples"""
+    def note(self, nav: NavState) -> None:
+        """What is known at a tick: place and attitude of the inertial samples until the next one.
+
+        The last place will do when there is none any more: gravity hardly changes with it.  An attitude that is 20 ms
+        old is 0.4 deg off at 20 deg/s, and as far to the other side when the turn ends.
+        """
+        self._tilt = (nav.attitude.roll, nav.attitude.pitch) if nav.attitude else None
+        if nav.position and _conceivable(nav.position):
+            self._place = Place(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
+
+    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
+        """Take a measurement that was true at t_ns."""
         settings = self._settings
-        if not _conceivable(m):
+        if device not in self._fed_by and not isinstance(m, Attitude):
             return
         if isinstance(m, ImuSample) and device == settings.imu:
-            self._take_imu(m, t_ns, nav)
+            self._take_imu(m, t_ns)
         elif isinstance(m, Attitude) and m.valid and m.roll is not None and m.pitch is not None:
             self._navigator.take_attitude(t_ns, m.roll, m.pitch, m.heading)
+        elif not _conceivable(m):
+            return
         elif device in settings.gnss and isinstance(m, Velocity) and m.valid:
             self._take_velocity(device, m, t_ns)
         elif device in settings.gnss and isinstance(m, Position) and m.valid:
@@ -83,14 +97,12 @@ class AidedNavigation:
         elif device == settings.baro and isinstance(m, PressureAltitude) and m.valid:
             self._navigator.take(t_ns, BaroAltitude(m.alt_press, BARO_SD, name=f"{device}.altitude"))
 
-    def _take_imu(self, m: ImuSample, t_ns: int, nav: NavState | None) -> None:
+    def _take_imu(self, m: ImuSample, t_ns: int) -> None:
         if m.accel_b is None or m.gyro_b is None:
             return
         self._navigator.take_inertial(t_ns, m.accel_b, m.gyro_b)
-        if nav and nav.position and _conceivable(nav.position):
-            self._place = Place(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
-        if nav and nav.attitude and self._place:  # the last place will do: gravity hardly changes with it
-            self._vertical.take_imu(t_ns, m.accel_b, nav.attitude.roll, nav.attitude.pitch, self._place)
+        if self._tilt and self._place:
+            self._vertical.take_imu(t_ns, m.accel_b, *self._tilt, self._place)
 
     def _take_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
         north, east = level_velocity(m)

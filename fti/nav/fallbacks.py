@@ -16,7 +16,7 @@ from fti.nav.vertical.fallback import VerticalState
 from fti.types import HeightAboveGround, Measurement, Output
 
 #: Ticks of 20 ms between outputs.
-FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 2, 10, 25
+FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25
 
 
 class Fallbacks:
@@ -34,10 +34,10 @@ class Fallbacks:
             if part:
                 part.give_ground(ground)
 
-    def feed(self, device: str, m: Measurement, t_ns: int, nav: NavState | None) -> None:
-        """Take a measurement that was true at t_ns.  nav : the state at that time, for inertial samples"""
+    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
+        """Take a measurement that was true at t_ns."""
         if self._aided:
-            self._aided.feed(device, m, t_ns, nav)
+            self._aided.feed(device, m, t_ns)
         if self._radio:
             self._radio.feed(device, m, t_ns)
 
@@ -47,9 +47,11 @@ class Fallbacks:
             if part:
                 part.take_height(height, nav)
 
-    def tick(self, t_ns: int) -> list[Output]:
-        """What is due."""
+    def tick(self, t_ns: int, nav: NavState) -> list[Output]:
+        """What is due at a tick.  nav : what is known then"""
         self._ticks += 1
+        if self._aided:
+            self._aided.note(nav)
         out: list[Output] = []
         if self._aided and self._ticks % FILTER_TICKS == 0:
             out.append(self._aided.solution(t_ns))

@@ -21,7 +21,7 @@ from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
 from fti.nav.sources import Source
-from fti.types import Attitude, Event, ImuSample, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
+from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
@@ -63,8 +63,7 @@ class Pipeline:
         if isinstance(m, (RadioHeight, Range)):
             return self._feed_altimeter(device, m, t_valid_ns)
         if self._fallbacks:
-            nav = self._navigation.at(t_valid_ns) if isinstance(m, ImuSample) else None
-            self._fallbacks.feed(device, m, t_valid_ns, nav)
+            self._fallbacks.feed(device, m, t_valid_ns)
         source = self._sources.get(device)
         if source and isinstance(m, Attitude):
             source.push_attitude(m, t_valid_ns)
@@ -100,7 +99,7 @@ class Pipeline:
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav))
         if self._fallbacks:
-            out += self._fallbacks.tick(t_ns)
+            out += self._fallbacks.tick(t_ns, nav)
         return out
 
 

@@ -43,6 +43,10 @@ class Series:
 
     def push(self, t_ns: int, value: float | None, sd: float | None = None) -> None:
         """Add an entry; one of the same time is replaced."""
+        if not self._entries or t_ns > self._entries[-1].t_ns:  # nearly always: no search
+            self._entries.append(Entry(t_ns, value, sd))
+            del self._entries[:-KEEP]
+            return
         at = bisect_right(self._entries, t_ns, key=_time)
         if at and self._entries[at - 1].t_ns == t_ns:
             self._entries[at - 1] = Entry(t_ns, value, sd)
@@ -60,6 +64,8 @@ class Series:
 
         None when there is no entry within max_age_ns, or when the entry that counts was declared invalid.
         """
+        if self._entries and t_ns >= self._entries[-1].t_ns:  # nearly always: no search
+            return self._moved(self._entries[-1], t_ns, max_age_ns, rate)
         i = bisect_right(self._entries, t_ns, key=_time)
         if i == 0:
             return self._moved(self._entries[0], t_ns, max_age_ns, rate) if self._entries else None
