@@ -80,6 +80,17 @@ def test_outliers_gaps_and_disorder_do_not_matter() -> None:
     assert estimate.count < len(t) - 450
 
 
+def test_clocks_that_jump_and_gaps_in_what_is_predicted_do_not_matter() -> None:
+    t, said, t_known, known = flight(3, 0.1, 0.2)
+    clean = found(t, said, t_known, known)
+    there = (t_known < 60.0) | (t_known > 75.0)
+    jumped = np.concatenate((t, [-1e12, 1e12, 1e300])), np.concatenate((said, [1.0, 2.0, 3.0]))
+    known_jumped = np.concatenate((t_known[there], [1e12])), np.concatenate((known[there], [50.0]))
+    estimate = found(*jumped, *known_jumped)
+    assert estimate.latency == pytest.approx(clean.latency, abs=2.0 * clean.latency_sd)
+    assert estimate.count < clean.count - 250
+
+
 def test_a_predicted_radar_over_forest() -> None:
     """The whole way: a flight 60 m/s fast, predictions with 10 m of error in the place, measured 120 ms late."""
     ground = synthetic_landscape("forest", 2, extent_m=9000.0, cell_m=10.0).surface

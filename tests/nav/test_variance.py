@@ -202,3 +202,12 @@ def test_what_is_not_predicted_has_no_variance() -> None:
     for variance in (range_variance(seen, errors, nearest=False), around):
         assert np.isfinite(variance[0])
         assert np.isnan(variance[1])
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_covariance_that_is_no_number_gives_none(bad: float) -> None:
+    seen = Predictor(sloping(0.0), LASER).along([0.0, 0.0, ABOVE], np.eye(3))
+    errors = ErrorModel(np.where(COV > 0.0, bad, 0.0), 0.1)
+    assert not np.isfinite(height_variance_over(sloping(0.0), seen, errors, nearest=False)[0])
+    with np.errstate(invalid="ignore"):
+        assert not np.isfinite(range_variance(seen, errors, nearest=False)[0])

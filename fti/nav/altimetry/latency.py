@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 BLOCK_S, LEAST_BLOCKS = 15.0, 8
 #: Steps of the search for the lag, and of Gauss-Newton; distance of the samples of r.
 LAG_STEP_S, STEPS, FINE_S = 0.02, 12, 0.01
+#: Longer without a prediction is a gap [s]: what was measured there is left out.
+GAP_S = 1.0
 #: Robust sigma beyond which a range is left out; 1.4826 times the median of the sizes is one sigma of a Gaussian.
 OUTLIER, ROBUST = 5.0, 1.4826
 #: Shorter averaging is taken as none [s]: a difference of integrals would be rounding.
@@ -73,7 +75,7 @@ def estimate_latency(
     times, ranges = _paired(t, measured)
     if reference is None or not max_lag > 0.0:
         return None
-    known = (times - max_lag - BLOCK_S / 10.0 >= reference.t[0]) & (times + max_lag + BLOCK_S / 10.0 <= reference.t[-1])
+    known = reference.surrounds(times, 2.0 * max_lag)
     times, ranges = times[known], ranges[known]
     if not _enough(times):
         return None
@@ -102,10 +104,17 @@ class _Reference:
         times, first = np.unique(times, return_index=True)
         if len(times) < 3:
             return None
-        fine = np.arange(times[0], times[-1], FINE_S)
+        fine = _between(times)
         smooth = _joined(fine, times, kept[first] - np.mean(kept[first]))
         steps = 0.5 * (smooth[1:] + smooth[:-1]) * np.diff(fine)
         return cls(fine, smooth, np.concatenate(([0.0], np.cumsum(steps))))
+
+    def surrounds(self, t: Array, reach: float) -> NDArray[np.bool_]:
+        """Whether the series goes on without a gap from ``reach`` before each time to as long behind it."""
+        gaps = np.concatenate(([0], np.cumsum(np.diff(self.t) > GAP_S)))
+        first, last = (np.searchsorted(self.t, at) for at in (t - reach, t + reach))
+        inside = (first > 0) & (last < len(self.t))
+        return np.asarray(inside & (gaps[first - 1] == gaps[np.minimum(last, len(self.t) - 1)]))
 
     def at(self, t: Array) -> Array:
         return np.interp(t, self.t, self.values)
@@ -123,6 +132,14 @@ class _Reference:
         since = t - self.t[k]
         slope = (self.values[k + 1] - self.values[k]) / (self.t[k + 1] - self.t[k])
         return np.asarray(self.integral[k] + since * (self.values[k] + 0.5 * slope * since))
+
+
+def _between(t: Array) -> Array:
+    """Times ``FINE_S`` apart or less from t[0] to t[-1], none in a gap."""
+    steps = np.diff(t)
+    parts = np.where(steps > GAP_S, 1, np.ceil(steps / FINE_S)).astype(np.int64)
+    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.append(np.repeat(t[:-1], parts) + within * np.repeat(steps / parts, parts), t[-1])
 
 
 def _joined(at: Array, t: Array, values: Array) -> Array:
@@ -218,8 +235,8 @@ def _robust_cov(jacobian: Array, rest: Array, blocks: NDArray[np.int64]) -> Arra
     normal = jacobian.T @ jacobian
     if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)) + 1e-300)) > 1e12:
         return None
-    scores = np.zeros((blocks[-1] + 1, jacobian.shape[1]))
-    np.add.at(scores, blocks, jacobian * rest[:, None])
-    scores = scores[np.unique(blocks)]
+    _, block = np.unique(blocks, return_inverse=True)
+    scores = np.zeros((block[-1] + 1, jacobian.shape[1]))
+    np.add.at(scores, block, jacobian * rest[:, None])
     inverse, count = np.linalg.inv(normal), len(scores)
     return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / (count - jacobian.shape[1]))

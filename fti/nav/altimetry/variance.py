@@ -159,9 +159,11 @@ def _way(seen: Prediction) -> Array:
 
 
 def _root(cov: Array) -> Array:
-    """The symmetric B with B B = cov, for covariances that need not be definite."""
-    values, vectors = np.linalg.eigh(cov)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ np.swapaxes(vectors, -1, -2))
+    """The symmetric B with B B = cov, for covariances that need not be definite; NaN of one that is no number."""
+    known = np.isfinite(cov).all(axis=(-2, -1), keepdims=True)
+    values, vectors = np.linalg.eigh(np.where(known, cov, 0.0))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :] @ np.swapaxes(vectors, -1, -2)
+    return np.where(known, root, np.nan)
 
 
 def _normal_along(seen: Prediction, *, nearest: bool) -> tuple[Array, Array]:
