@@ -109,7 +109,8 @@ def test_an_update_is_the_textbooks() -> None:
     here = made()
     cov = np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 3.0]])
     z, H, R = PositionFix(0.8 + 1e-7, 0.2, 702.0, cov).compute_matrices(here)
-    after = updated(here, here.P.copy(), z, H, R)
+    after, nis = updated(here, here.P.copy(), z, H, R)
+    assert nis == pytest.approx(z @ np.linalg.solve(H @ here.P @ H.T + R, z), rel=1e-9)
     K = here.P @ H.T @ np.linalg.inv(H @ here.P @ H.T + R)
     left = np.eye(MODEL.size) - K @ H
     np.testing.assert_allclose(after.P, left @ here.P @ left.T + K @ R @ K.T, rtol=1e-9, atol=1e-9)

@@ -81,7 +81,7 @@ class GnssPosition:
             z[row] -= _drifting(here, extra, H[row], 1.0)
         R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
         rows = 2 if self.alt is None else 3
-        return z[:rows], H[:rows], R[:rows, :rows]
+        return z[:rows], H[:rows], np.ascontiguousarray(R[:rows, :rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,7 +224,7 @@ class PositionFix:
         H = np.zeros((3, here.model.size))
         H[:, POS : POS + 3] = here.mat_en.T
         z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, self.alt) - here.y[:3])
-        return z, H, np.asarray(self.cov_n)
+        return z, H, np.ascontiguousarray(self.cov_n, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

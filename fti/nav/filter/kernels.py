@@ -117,8 +117,37 @@ def _wander(y: Array, at: int, P: Array, row: int, sd: float, rate: float, secon
 
 
 @kernel
-def update(x: Array, P: Array, z: float, h: Array, r: float) -> None:
-    """One scalar z = h x + noise of variance r, in place.
+def fuse(x: Array, P: Array, z: Array, H: Array, R: Array) -> float:
+    """A measurement z = H x + noise, one scalar after the other, in place.
+
+    Correlated noise is whitened: with R = L L^T, L^-1 z and L^-1 H have the covariance 1.
+
+    x : ndarray, shape (n,), zeros; becomes the error found;  P : (n, n)
+    z : (m,);  H : (m, n);  R : (m, m), positive definite
+    Returns the NIS, z^T (H P H^T + R)^-1 z: the sum of those of the scalars, each after the ones before it.
+    """
+    m, n = H.shape
+    lower, white, rows, nis = np.zeros((m, m)), z.copy(), H.copy(), 0.0
+    for i in range(m):
+        for j in range(i + 1):
+            total = R[i, j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            lower[i, j] = np.sqrt(total) if i == j else total / lower[j, j]
+        for j in range(i):
+            white[i] -= lower[i, j] * white[j]
+            for k in range(n):
+                rows[i, k] -= lower[i, j] * rows[j, k]
+        white[i] /= lower[i, i]
+        for k in range(n):
+            rows[i, k] /= lower[i, i]
+        nis += update(x, P, white[i], rows[i], 1.0)
+    return nis
+
+
+@kernel
+def update(x: Array, P: Array, z: float, h: Array, r: float) -> float:
+    """One scalar z = h x + noise of variance r, in place; returns its innovation squared over the variance of that.
 
     x : ndarray, shape (n,)   error found so far in this update;  P : (n, n);  h : (n,)
     """
@@ -136,6 +165,7 @@ def update(x: Array, P: Array, z: float, h: Array, r: float) -> None:
         x[i] += k[i] * (z - expected)
         for j in range(i, n):
             P[i, j] = P[j, i] = P[i, j] - k[i] * g[j] - g[i] * k[j] + s * k[i] * k[j]
+    return (z - expected) ** 2 / s
 
 
 @kernel

@@ -202,7 +202,7 @@ def warm_up() -> None:
     kernels.step(y, P, np.zeros((3, 6)), Model().unit.table, Model().drifts, 0.01)
     kernels.bent(np.zeros((3, 6)), 0.01, 0.01, np.zeros(6))
     x = np.zeros(len(P))
-    kernels.update(x, P, 0.0, np.eye(len(P))[0], 1.0)
+    kernels.fuse(x, P, np.zeros(1), np.zeros((1, len(P))), np.eye(1))
     kernels.correct(y, x, 0)
 
 

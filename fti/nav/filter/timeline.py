@@ -147,7 +147,7 @@ class Timeline:
 
     def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
         z, H, R = entry.aiding.compute_matrices(here)
-        nis = float(z @ np.linalg.solve(H @ here.P @ H.T + R, z))
+        after, nis = updated(here, here.P.copy(), z, H, R)
         judgement = judge(standings, entry.aiding, entry.t_ns, nis, len(z))
         if not entry.told:
             entry.told = True
@@ -155,21 +155,17 @@ class Timeline:
         standings = noted(standings, entry.aiding, entry.t_ns, judgement)
         if judgement is Judgement.REFUSED:
             return here, standings
-        P = opened(here, entry.aiding, z) if judgement is Judgement.LET_IN else here.P.copy()
-        return updated(here, P, z, H, R), standings
+        if judgement is Judgement.LET_IN:
+            after, _ = updated(here, opened(here, entry.aiding, z), z, H, R)
+        return after, standings
 
 
-def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> Estimate:
-    """The estimate after a measurement, one scalar after the other; P, its covariance before, becomes that after.
-
-    Correlated noise is whitened: with R = L L^T, L^-1 z and L^-1 H have the covariance 1.
-    """
-    lower = np.linalg.cholesky(R)
+def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
+    """The estimate after a measurement, and its NIS; P, the covariance before, becomes that after."""
     y, x = here.y.copy(), np.zeros(here.model.size)
-    for value, row in zip(np.linalg.solve(lower, z), np.linalg.solve(lower, H), strict=True):
-        kernels.update(x, P, float(value), row, 1.0)
+    nis = kernels.fuse(x, P, z, H, R)
     kernels.correct(y, x, len(here.model.extras))
-    return Estimate(here.t_ns, y, P, here.felt, here.model)
+    return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
 
 
 def _moment_ns(moment: Moment) -> int:
