@@ -53,6 +53,7 @@ SEED = 21
 HALF_BEAM = np.radians(35.0)
 #: What the model of a beam leaves of a compensated height over this country [m]: radar.all.beam.
 BEAM_SD = 2.3
+SIGMAS = {"plane": "the planes through N and M", "around": "the ground around them"}
 #: Full widths of beams and banks [deg] of the table, and poses at each.
 WIDTHS_DEG = (10, 20, 30, 45, 60, 70)
 BANKS_DEG = tuple(range(0, 61, 10))
@@ -203,7 +204,7 @@ def _sigmas(found: list[Found]) -> list[Result]:
     results = []
     for sensor, which in found[0].sigma:
         ratio = float(np.sqrt(np.mean([one.sigma[sensor, which] for one in found])))
-        text = f"{sensor}, {Known.PLACE_ERROR.value}: RMS of error / sigma, sigma of the {which}"
+        text = f"{sensor}, {Known.PLACE_ERROR.value}: RMS of error / sigma, sigma of {SIGMAS[which]}"
         results.append(Result(f"sigma.{sensor}.{which}", text, ratio, REPORTED, holds=True))
     return results
 
