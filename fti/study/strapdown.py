@@ -6,8 +6,8 @@ within 0.1 m on the level and 1 m in height through an hour of a calm track, and
 3.5 times whenever the step is halved.  How it does on the lively hour is told beside.
 
 Source: Spiegel 2018, section 7.1, fig. 7.4.  The source's micrometre in an hour needs increments that are the exact
-inverse of the strapdown; samples of rate and force are what a sensor gives.  ``fti study trajectory`` shows the same
-flights' fits; ``benchmarks/strapdown.py`` sets pyins beside.
+inverse of the strapdown; samples of rate and force are what a sensor gives.  The limits of the calm track are those
+that increments of pyins reach.  ``fti study trajectory`` shows how recorded flights become splines.
 """
 
 from __future__ import annotations
