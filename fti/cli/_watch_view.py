@@ -18,6 +18,12 @@ Fields = Mapping[str, Any]
 HEIGHT = "/nav/height_above_ground/"
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"
+#: What takes the place of devices; its altitude is shown.
+FALLBACKS = {
+    "/nav/filter_solution": "filter",
+    "/nav/vertical_solution": "vertical channel",
+    "/nav/position_fix": "satellites and DME",
+}
 STRUCK = "strike bright_black"
 UNKNOWN = "–"
 ALARM_STYLES = {"red": "bold white on red", "amber": "bold black on yellow"}
@@ -91,13 +97,29 @@ def _outputs(outputs: Fields) -> Table:
         if topic.startswith(HEIGHT):
             values = (_metres(output["height_agl"], 1), _sigma(output["sd"], "m"), f"raw {_metres(output['raw'], 1)}")
             _add(table, topic.removeprefix(HEIGHT), output, values)
+            if ground := _over_ground(output):
+                table.add_row(Text("  over terrain", "dim"), *ground)
     if integrity := outputs.get(INTEGRITY):
         _add_integrity(table, integrity)
     if glide := outputs.get(GLIDE):
         deviation = f"{_number(_degrees(glide['deviation']), 2, '+')}°, {_metres(glide['dh'], 1, '+')}"
         values = (deviation, _sigma(_degrees(glide["sd"]), "°"), f"{_metres(glide['s'], 0)} to go")
         _add(table, "glide slope", glide, values)
+    for topic, name in FALLBACKS.items():
+        if found := outputs.get(topic):
+            sigma = _sigma(found.get("vertical_sd"), "m")
+            told = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
+            _add(table, name, found, (_metres(found["alt"], 1), sigma, told))
     return table
+
+
+def _over_ground(output: Fields) -> tuple[str | Text, ...]:
+    """What the known terrain adds to a height, or why it cannot be asked; nothing of a daemon that does not say."""
+    if output.get("predicted") is None:
+        words = ", ".join(output.get("unchecked_text", ()))
+        return (UNKNOWN, "", "", Text(words, "dim")) if words else ()
+    below = _metres(output["compensated"], 1), _sigma(output["compensated_sd"], "m")
+    return *below, f"predicts {_metres(output['predicted'], 1)}", Text(str(output["compensation"] or ""), "dim")
 
 
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:

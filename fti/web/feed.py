@@ -146,6 +146,7 @@ def _shown(received: Received, now_ns: int, stopped: bool) -> dict[str, Any]:
     fields["late"] = late = fields["late"] or stopped
     fields["valid"] = bool(fields.get("valid")) and not late
     fields["reasons_text"] = describe_reasons(fields.get("reasons"))
+    fields["unchecked_text"] = describe_reasons(fields.get("unchecked"))
     if "state" in fields:
         fields["state_text"] = STATES.get(str(fields["state"]), "")
     return fields

@@ -120,6 +120,26 @@ def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
     assert "/dev/ttyUSB3 does not exist; there are ttyUSB0, ttyUSB1  uart_overrun 3" in text
 
 
+def test_what_the_terrain_says_of_a_height_is_shown_or_why_it_cannot_be_asked() -> None:
+    known = {"predicted": 122.4, "compensated": 118.26, "compensated_sd": 0.8, "compensation": "beam", "unchecked": []}
+    text = rendered(make_feed(**known), 0)
+    for words in ("over terrain", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
+        assert words in text
+    unknown = {**dict.fromkeys(known), "unchecked": ["terrain_edge"]}
+    text = rendered(make_feed(**unknown), 0)
+    assert "beyond the terrain" in text
+    assert "predicts" not in text
+
+
+def test_what_takes_the_place_of_devices_is_shown_with_its_mode() -> None:
+    feed = make_feed()
+    fields = {"t_ns": 0, "valid": True, "reasons": ["coasting"], "mode": "coasting", "alt": 431.2, "vertical_sd": 2.5}
+    feed.take("/nav/filter_solution", fields, 0)
+    text = rendered(feed, 0)
+    for words in ("filter", "431.2 m", "± 2.50 m", "coasting", "inertial alone"):
+        assert words in text
+
+
 STRUCK = "\x1b[9;90m120.0 m"
 
 

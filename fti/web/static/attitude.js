@@ -5,6 +5,7 @@ import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
 import { showValidity } from "./validity.js";
 
 const TOPIC = "/nav/nav_solution";
+const FILTER = "/nav/filter_solution";
 const PER_DEGREE = 5.2; // drawing units
 const HEADING_STEP = 4.2;
 const TOP = -135; // of the drawing
@@ -29,8 +30,9 @@ export class Attitude {
     showValidity(output, this.values, this.verdict);
     this.horizon.show(output);
     for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
-    const sources = [output?.attitude_source, output?.position_source].filter(Boolean);
-    setText(this.sources, [...new Set(sources)].join(", "));
+    const sources = [output?.attitude_source, output?.position_source, output?.altitude_source].filter(Boolean);
+    const mode = outputs[FILTER]?.mode;
+    setText(this.sources, [...new Set(sources)].join(", ") + (mode ? ` · filter ${mode}` : ""));
   }
 }
 

@@ -1,6 +1,6 @@
 // Heights above ground: compensated (large) and raw, for each altimeter, with their history.
 
-import { fixed, plusMinus, title } from "./format.js";
+import { fixed, isNumber, plusMinus, title } from "./format.js";
 import { h, Keyed, panelTitle, setText } from "./dom.js";
 import { marksOf } from "./marks.js";
 import { HistoryPlot } from "./plot.js";
@@ -62,6 +62,13 @@ function plotted(output) {
   return [output.late ? null : output.raw, output.valid ? output.height_agl : null];
 }
 
+// What the known terrain adds: the height straight below and what the sensor should say, or why it cannot be asked.
+function overGround(output) {
+  if (!isNumber(output.predicted)) return (output.unchecked_text ?? []).join(", ");
+  const below = isNumber(output.compensated) ? `below ${fixed(output.compensated, 1)} ${plusMinus(output.compensated_sd, 1)}, ` : "";
+  return `${below}terrain predicts ${fixed(output.predicted, 1)}`;
+}
+
 class Sensor {
   constructor(topic) {
     const name = topic.slice(PREFIX.length);
@@ -70,13 +77,14 @@ class Sensor {
     this.value = h("b", { "data-testid": `${id}-agl` }, "–");
     this.sd = h("span", { class: "sd" });
     this.raw = h("b", { "data-testid": `${id}-raw` }, "–");
+    this.ground = h("span", { class: "ground", "data-testid": `${id}-ground` });
     this.verdict = h("span", { class: "verdict", "data-testid": `${id}-verdict` });
     this.root = h(
       "div",
       { class: "sensor", "data-testid": id },
       h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.verdict),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
-      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
+      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m"), this.ground),
     );
   }
 
@@ -85,6 +93,7 @@ class Sensor {
     setText(this.value, fixed(output.height_agl, 1));
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.raw, fixed(output.raw, 1));
+    setText(this.ground, overGround(output));
     showValidity(output, [this.value, this.sd, this.raw], this.verdict);
   }
 }
