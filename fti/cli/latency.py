@@ -1,6 +1,6 @@
 """How late the altimeters of a session spoke, and over how long they averaged.
 
-What they said is laid beside what the known ground says they should have said, over the whole flight: two minutes or
+What they said is laid beside what the known ground says they should have said, over the whole flight: 80 s or
 more, over ground with relief, with [nav] terrain in the configuration.  100 ms are 6 m along the track at 60 m/s.
 
   fti latency data/da42_20261121T101500Z_0

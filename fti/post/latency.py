@@ -47,7 +47,7 @@ def _of(rows: list[tuple[int, float, float]]) -> Latency | None:
 def as_line(sensor: str, found: Latency | None) -> str:
     """What was found of an altimeter, for a person."""
     if found is None:
-        return f"{sensor}: cannot be told: two minutes over ground with relief are needed, and a latency below a second"
+        return f"{sensor}: cannot be told: 80 s over ground with relief are needed, and a latency below a second"
     late, sd = 1e3 * found.latency, 1e3 * found.latency_sd
     mean, mean_sd = 1e3 * found.averaging, 1e3 * found.averaging_sd
     return (

@@ -110,7 +110,7 @@ def test_what_tells_nothing_is_none() -> None:
     level = np.full_like(known, 200.0)
     noise = np.random.default_rng(6).standard_normal(len(said))
     assert estimate_latency(t, said, t_known, level) is None
-    assert estimate_latency(t[:1500], said[:1500], t_known, known) is None  # 75 s
+    assert estimate_latency(t[:1200], said[:1200], t_known, known) is None  # 60 s
     assert estimate_latency(t, said, [], []) is None
     assert estimate_latency([], [], t_known, known) is None
     assert estimate_latency(t, np.full_like(said, np.nan), t_known, known) is None

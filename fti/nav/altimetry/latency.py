@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 #: Blocks that the residuals are independent between [s], and how many there must be.
-BLOCK_S, LEAST_BLOCKS = 15.0, 8
+BLOCK_S, LEAST_BLOCKS = 10.0, 8
 #: Steps of the search for the lag, and of Gauss-Newton; distance of the samples of r.
 LAG_STEP_S, STEPS, FINE_S = 0.02, 12, 0.01
 #: Longer without a prediction is a gap [s]: what was measured there is left out.
@@ -68,7 +68,7 @@ def estimate_latency(
     t, measured            : (n,) [s], [m]; in any order, NaN where there is nothing
     t_predicted, predicted : (m,) [s], [m]; 10 Hz or more; between, a cubic joins them
     max_lag                : the latency lies within +- this [s]
-    Returns                : None where it cannot be told: fewer than 8 blocks of 15 s with ranges, ground without
+    Returns                : None where it cannot be told: fewer than 8 blocks of 10 s with ranges, ground without
                              relief, or a lag at the end of what was looked at
     """
     reference = _Reference.of(t_predicted, predicted)
