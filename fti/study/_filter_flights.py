@@ -27,7 +27,7 @@ from fti.hil.sensors.imu_grades import GRADES
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
 from fti.nav.filter.estimate import Start
-from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, Model
+from fti.nav.filter.states import ALTIMETER_DRIFT, DEM_DRIFT, GNSS_DRIFTS, SCALE_DRIFT, Drift, Extra, Model
 from fti.nav.inertial.errors import UNITS, Triad, Unit
 from fti.study._closure import wandering
 
@@ -60,6 +60,8 @@ SHAKEN = Unit(
     dataclasses.replace(UNITS["tactical"].accel, white=SHAKE * np.sqrt(INERTIAL_S)),
     dataclasses.replace(UNITS["tactical"].gyro, white=SHAKE_TURN * np.sqrt(INERTIAL_S)),
 )
+#: A pressure altitude that was set to the field's pressure.
+BARO_DRIFT = Drift(30.0, period_s=1800.0)
 AIDED = {**GNSS_DRIFTS, Extra.BARO: BARO_DRIFT, Extra.ALTIMETER: ALTIMETER_DRIFT, Extra.DEM: DEM_DRIFT}
 AIDED |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
 

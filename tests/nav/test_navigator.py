@@ -318,7 +318,7 @@ def test_random_rubbish_raises_nothing(flight: State) -> None:
     navigator = begun(flight)
 
     def value() -> float:
-        return float(rng.choice([0.0, 1.0, -1e3, 1e12, math.nan, math.inf, rng.normal()]))
+        return float(rng.choice([0.0, 1.0, -1e3, 1e12, 1e300, math.nan, math.inf, rng.normal()]))
 
     for _ in range(1000):
         t = ns(float(rng.choice([0.0, rng.uniform(-5.0, 5.0), rng.uniform(0.0, 0.5), 1e6])))

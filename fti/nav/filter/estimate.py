@@ -144,6 +144,6 @@ class Start:
         for at, sd in ((POS, self.pos_sd), (VEL, self.vel_sd), (TURN, self.turn_sd)):
             found[at : at + 3, at : at + 3] = to_e @ np.diag(np.square(sd)) @ to_e.T
         slow = [model.unit.accel.bias_sd] * 3 + [model.unit.gyro.bias_sd] * 3 if model.biased else []
-        slow += [drift.sd for drift in model.extras.values()]
+        slow += [drift.first for drift in model.extras.values()]
         np.fill_diagonal(found[ACCEL:, ACCEL:], np.square(slow))
         return found

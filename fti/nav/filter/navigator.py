@@ -46,6 +46,8 @@ MOST_SD = 2000.0
 #: What no inertial unit on an aircraft feels [m/s^2, rad/s], and where none flies [m beside a sphere, m/s].
 MOST_FELT = np.array([500.0] * 3 + [50.0] * 3)
 MOST_ALT, MOST_SPEED = 1e5, 2000.0
+#: No number of a measurement in SI units is larger.
+LARGEST = 1e9
 #: Sigma of a device's attitude that states none [rad].
 ATTITUDE_SD = (math.radians(0.5), math.radians(0.5), math.radians(2.0))
 
@@ -207,7 +209,7 @@ def warm_up() -> None:
 
 
 def _known(aiding: Aiding) -> bool:
-    """Every number of it is one, every sigma is positive, and what it says can be solved for."""
+    """Every number of it is one and conceivable, every sigma is positive, and what it says can be solved for."""
     if isinstance(aiding, SlantRange) and not aiding.meets:
         return False
     for name in aiding.__dataclass_fields__:  # type: ignore[attr-defined]
@@ -215,7 +217,7 @@ def _known(aiding: Aiding) -> bool:
         if isinstance(value, str) or value is None:
             continue
         numbers = np.asarray(value, dtype=np.float64)
-        if not np.all(np.isfinite(numbers)) or (name.endswith("sd") and not np.all(numbers > 0.0)):
+        if not np.all(np.abs(numbers) < LARGEST) or (name.endswith("sd") and not np.all(numbers > 0.0)):
             return False
     return not isinstance(aiding, PositionFix) or bool(np.all(np.linalg.eigvalsh(aiding.cov_n) > 0.0))
 

@@ -37,16 +37,23 @@ class Drift:
     """A first-order Gauss-Markov error, correlated over time, or over the way flown, or both.
 
     sd [m, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
+    first_sd : sigma at the start, None: sd.  An offset that is not known at all at first, and hardly changes then
     Raises ValueError where one is not positive.
     """
 
     sd: float
     period_s: float = math.inf
     length_m: float = math.inf
+    first_sd: float | None = None
 
     def __post_init__(self) -> None:
-        if not (self.sd > 0.0 and self.period_s > 0.0 and self.length_m > 0.0):
+        if not min(self.sd, self.period_s, self.length_m, self.first) > 0.0:
             raise ValueError(f"{self}: each must be > 0")
+
+    @property
+    def first(self) -> float:
+        """Sigma at the start."""
+        return self.sd if self.first_sd is None else self.first_sd
 
 
 #: GNSS without augmentation: correlated over some minutes.
@@ -55,11 +62,13 @@ GNSS_DRIFTS: dict[Extra, Drift] = {
     Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
     Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
 }
-#: An altimeter's bias and scale, the error of an elevation model, and that of the pressure field between stations.
+#: An altimeter's bias and scale, and the error of an elevation model.
 ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
 SCALE_DRIFT = Drift(0.01, period_s=3600.0)
 DEM_DRIFT = Drift(1.5, length_m=300.0)
-BARO_DRIFT = Drift(30.0, period_s=1800.0)
+#: A pressure altitude as a height above the ellipsoid: 10 hPa are 83 m, the undulation is up to 100 m; it changes by
+#: metres in minutes.
+BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
 
 
 @dataclass(frozen=True)
