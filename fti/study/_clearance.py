@@ -37,8 +37,10 @@ Array = NDArray[np.float64]
 
 #: The reference that the demonstration flies with.
 REFERENCE = FOLDER.parent / "profiles" / "demo.csv"
-#: Elevation and height are known to 1 m each: the protection level is 11 m.
-SETTINGS = Approach(profile="", alert_v_m=12.0)
+#: As the demonstration is configured.
+SETTINGS = Approach(profile="", alert_v_m=50.0)
+#: The alert limits by themselves: what an error is large against.
+ALERT_LIMITS = Approach(profile="")
 #: Vegetation that no approach of the calibration has met.
 VEGETATION = (0.85, 1.15)
 #: How long before and behind the onset a faulty approach is flown [m], and over which way a fault grows.
@@ -203,7 +205,7 @@ def _ramp(flown: Flown, onset: float, side: float) -> Flown:
 def _over_alert_limit(flown: Flown, onset: float) -> float:
     """When the ramp has passed the vertical alert limit [s]."""
     error = RAMP_MS * (flown.t - flown.t[int(np.argmax(flown.s <= onset))])
-    limit = np.maximum(SETTINGS.alert_v_m, np.radians(SETTINGS.alert_v_deg) * flown.s)
+    limit = np.maximum(ALERT_LIMITS.alert_v_m, np.radians(ALERT_LIMITS.alert_v_deg) * flown.s)
     return float(flown.t[int(np.argmax(error > limit))])
 
 
