@@ -119,6 +119,28 @@ def test_a_late_measurement_counts_when_it_was_true() -> None:
     assert channel.at(t_ns + S // 10).alt == pytest.approx(alt + 0.5, abs=0.02)
 
 
+def test_a_late_measurement_counts_for_a_climb_that_is_wrong() -> None:
+    """The channel begins level and climbs at 5 m/s: its error 0.3 s ago was 1.5 m less."""
+    channel, alt, t_ns = VerticalFallback(), ALT, S
+    for k in range(60 * RATE_HZ):
+        t_ns += S // RATE_HZ
+        alt += 5.0 / RATE_HZ
+        channel.take_imu(t_ns, felt(0.0, alt=alt), 0.0, 0.0, HERE)
+        if k % 5 == 0:
+            channel.take_height(t_ns - 3 * S // 10, alt - 1.5 - GROUND, 0.5, GROUND, 1.0)
+    assert channel.at(t_ns).alt == pytest.approx(alt, abs=0.1)
+    assert channel.at(t_ns).climb == pytest.approx(5.0, abs=0.01)
+
+
+def test_what_is_taken_out_of_the_channel_is_taken_out_of_its_past() -> None:
+    channel = InertialHeight(0, 100.0, 0.0)
+    for k in range(1, 11):
+        channel.advance(k * S // 10, 0.0)
+    channel.shift(30.0, 2.0)
+    assert channel.at(S) == pytest.approx((70.0, -2.0))
+    assert channel.at(S // 2) == pytest.approx((71.0, -2.0))  # half a second before, the error was 1 m less
+
+
 def test_taking_a_large_error_out_of_the_channel_changes_no_output(monkeypatch: pytest.MonkeyPatch) -> None:
     def flown() -> VerticalState:
         flight = Flight()
@@ -168,13 +190,23 @@ def test_without_satellites_it_begins_with_the_altimeter() -> None:
     assert state.alt_sd > 1.0  # the altimeter's slow error stays: nothing else says the height
 
 
+def test_a_wild_first_return_is_no_beginning() -> None:
+    flight = Flight()
+    flight.go(1 / RATE_HZ, satellites=False, altimeter=None)
+    flight.channel.take_height(flight.t_ns, 5.0, 0.5, GROUND, 1.0)
+    told = [flight.go(0.1) for _ in range(100)]
+    assert told[-1].valid
+    assert all(state.alt == pytest.approx(ALT, abs=1.0) for state in told if state.valid)
+
+
 def test_what_is_missing_is_named() -> None:
     channel = VerticalFallback()
     assert channel.at(S).reasons == (Reason.NO_IMU,)
     channel.take_imu(S, felt(0.0), 0.0, 0.0, HERE)
     assert channel.at(S).reasons == (Reason.ALIGNING,)
     channel.take_satellites(S, ALT, 3.0, None, None)
-    assert channel.at(S).valid
+    assert channel.at(S).alt == ALT
+    assert channel.at(S).reasons == (Reason.ALIGNING,)  # one height is none
     assert channel.at(3 * S).reasons == (Reason.STALE,)
 
 

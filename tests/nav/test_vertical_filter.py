@@ -112,6 +112,25 @@ def test_a_source_that_scatters_is_not_trusted() -> None:
     assert np.mean(wrong) < 0.02
 
 
+def test_what_scatters_leaves_the_height_as_uncertain_as_it_scatters() -> None:
+    channel = make(3.0, lockout_s=1.95)
+    for _ in range(50):
+        go_on(channel, 0.0)
+    for k in range(100):
+        if go_on(channel, 3000.0 * (-1.0) ** k * (1.0 + k / 100)):
+            break
+    assert channel.P[HEIGHT, HEIGHT] > 200.0**2  # by the last one alone it would be 2 m
+
+
+def test_trust_wants_them_in_a_row() -> None:
+    channel = make(3.0, lockout_s=1.95)
+    for _ in range(50):
+        go_on(channel, 0.0)
+    taken = [go_on(channel, 300.0 if k < 20 or k % 4 else 900.0) for k in range(60)]
+    assert sum(taken) > 2 * CONFIRM
+    assert not channel.trusted
+
+
 def test_few_refusals_do_not_open_the_region() -> None:
     channel = make(3.0, lockout_s=0.0)
     for _ in range(20):

@@ -14,7 +14,9 @@ the channel, which changes no output, because everything is linear.
 
 Fallbacks: no aiding: the channel alone, with the sigma that it has then; not valid beyond ``most_sd``.  No inertial
 samples for ``GAP_S``, or another time base: the channel ends, and begins anew with the next height of satellites (or
-where there are none, of the altimeter over known ground).  The altimeter refused for ``lockout_s`` with nothing else
+where there are none, of the altimeter over known ground).  A beginning is confirmed by the next ``BEGIN``
+measurements; the first that is refused before, and the channel begins again: the one it began with was wrong, or this
+one.  The altimeter refused for ``lockout_s`` with nothing else
 taken: see ``filter``; not valid until it is trusted again.
 """
 
@@ -37,6 +39,8 @@ FOLD_M = 100.0
 #: Longest time between two inertial samples [s]; a measurement that is older, or ahead, is not used.
 GAP_S = 0.5
 LATE_S = 1.0
+#: So many measurements after the first confirm a beginning.
+BEGIN = 2
 #: One sigma of a climb that nobody told [m/s], of a sigma that nobody told [m].
 CLIMB_SD_UNKNOWN, SD_UNKNOWN = 10.0, 10.0
 #: No height or sigma [m], climb or speed [m/s], specific force [m/s^2] of a flight is larger.
@@ -96,6 +100,7 @@ class VerticalFallback:
         self._filter_ns = 0
         self._imu_ns: int | None = None
         self._last_ns: dict[str, int] = {}
+        self._confirmations = 0
 
     # ----------------------------------------------------------------------------------------------------- taking
 
@@ -131,7 +136,7 @@ class VerticalFallback:
             return
         weight = self._weight("satellites", t_ns, self._settings.satellite_tau_s)
         self._take("satellites", t_ns, alt, sd**2 * weight, _row(HEIGHT))
-        if told and climb is not None:
+        if told and climb is not None and self._channel is not None:
             weight = self._weight("climb", t_ns, self._settings.climb_tau_s)
             self._take("climb", t_ns, climb, _usable(climb_sd, CLIMB_SD_UNKNOWN) ** 2 * weight, _row(CLIMB))
 
@@ -176,7 +181,11 @@ class VerticalFallback:
 
     def _reasons(self, sd: float) -> tuple[Reason, ...]:
         assert self._filter is not None
-        table = ((Reason.REJECTED, not self._filter.trusted), (Reason.COASTING, not sd <= self._settings.most_sd))
+        table = (
+            (Reason.ALIGNING, self._confirmations < BEGIN),
+            (Reason.REJECTED, not self._filter.trusted),
+            (Reason.COASTING, not sd <= self._settings.most_sd),
+        )
         return tuple(reason for reason, so in table if so)
 
     def _aiding(self, t_ns: int) -> Aiding:
@@ -198,6 +207,7 @@ class VerticalFallback:
         P = self._settings.model.start(math.hypot(sd, rate_sd * ahead_s), rate_sd)
         self._filter = ErrorFilter(np.zeros(STATES), P, self._settings.gate, self._settings.lockout_s)
         self._filter_ns = self._imu_ns
+        self._confirmations = 0
 
     def _end(self, t_ns: int) -> None:
         self._channel = self._filter = None
@@ -230,6 +240,10 @@ class VerticalFallback:
         assert self._channel is not None and self._filter is not None
         if bool(found.taken):
             self._last_ns[f"taken {aiding}"] = t_ns
+            self._confirmations += 1
+        elif self._confirmations < BEGIN:
+            self._channel = self._filter = None
+            return
         if abs(self._filter.x[HEIGHT]) > FOLD_M:
             self._channel.shift(*map(float, self._filter.x[[HEIGHT, CLIMB]]))
             self._filter.x[[HEIGHT, CLIMB]] = 0.0

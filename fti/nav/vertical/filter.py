@@ -9,9 +9,10 @@ hundred times too large 2.4 % pass, being by chance too small to tell.
 
 Refusing for ever would leave the filter alone with its own error, once that is larger than its sigma says.  So refusal
 is bounded: when nothing has been taken for ``lockout_s``, the height's sigma grows by the median m of the last
-``RECENT`` refused innovations, and the scatter s of these is added to the noise of the measurement,
+``RECENT`` refused innovations, that of the climb as if m had come in the time T alone, and the scatter s of these is
+added to the noise of the measurement,
 
-    P_HH + m^2,    R + s^2
+    P_HH + m^2,    P_WW + (m / T)^2,    R + s^2
 
 and it is tried again.  Whether the inertial channel was wrong or the altimeter, no innovation can tell; the channel is
 held to be, because it is the one that drifts.  Until ``CONFIRM`` measurements in a row have been taken after that, the
@@ -28,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.nav.vertical.model import HEIGHT, STATES
+from fti.nav.vertical.model import CLIMB, HEIGHT, STATES
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -106,10 +107,11 @@ class ErrorFilter:
         return np.asarray(np.isfinite(nu) & (np.abs(nu) <= self._gate * np.sqrt(self._variance(h) + noise)))
 
     def _open(self, opened: Mask, noise: Array) -> Array:
-        """Let the height be as wrong as what was refused says; the noise with the scatter of it."""
+        """Let height and climb be as wrong as what was refused says; the noise with the scatter of it."""
         middle = np.median(self._refused, axis=-1)
         scatter = MAD_TO_SD * np.median(np.abs(self._refused - middle[..., None]), axis=-1)
         self.P[..., HEIGHT, HEIGHT] += np.where(opened, middle**2, 0.0)
+        self.P[..., CLIMB, CLIMB] += np.where(opened, (middle / np.maximum(self._alone_s, 1.0)) ** 2, 0.0)
         self._in_row = np.where(opened, 0, self._in_row)
         self._alone_s = np.where(opened, 0.0, self._alone_s)
         return np.asarray(noise + np.where(opened, scatter**2, 0.0))
