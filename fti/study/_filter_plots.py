@@ -20,7 +20,7 @@ COLOURS = (GREEN, SKY, BLUE, PURPLE, VERMILION)
 def heights(found: dict[str, Pair]) -> Figure:
     """Error of the height with and without altimeter, and three sigma, for bad satellites and for none."""
     figure = sheet(
-        "Height of inertial navigation and GNSS, with and without a laser altimeter over an elevation model",
+        "Height with and without a laser altimeter over an elevation model, GNSS bad or gone",
         "One run. Shaded: GNSS of 4 m / 6 m, 5 m / 7 m, 6 m / 8 m (above), none at all (below). Thin: 3 sigma.",
         height=7.0,
     )
