@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.hil.approaches import AltimeterModel
+    from fti.hil.references.approaches import AltimeterModel
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import Detection, Reference
     from fti.terrain.terrain import Terrain
@@ -106,7 +106,7 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
-    from fti.hil.approaches import MODELS
+    from fti.hil.references.approaches import MODELS
     from fti.nav.integrity.approach import ApproachPath, load_airfield
 
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
@@ -127,8 +127,8 @@ def _make(args: argparse.Namespace) -> int:
 
 
 def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
-    from fti.hil.approaches import TerrainGround
-    from fti.hil.calibration import Plan, make_reference
+    from fti.hil.references.approaches import TerrainGround
+    from fti.hil.references.calibration import Plan, make_reference
     from fti.study.workers import run_all
 
     plan = Plan(
@@ -145,8 +145,8 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
 
 
 def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
-    from fti.hil.calibration import Plan
-    from fti.hil.recordings import date_of, profiles_of, read_passes, reference_from_recordings
+    from fti.hil.references.calibration import Plan
+    from fti.hil.references.recordings import date_of, profiles_of, read_passes, reference_from_recordings
     from fti.study.workers import run_all
 
     passes = []

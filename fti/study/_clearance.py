@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Approach
-from fti.hil.approaches import RA4500, START_NS, Flown, Ground, TerrainGround, fly, simulate, track_of
-from fti.hil.calibration import may_alarm
-from fti.hil.range_map import MappedGround, map_ground
+from fti.hil.references.approaches import RA4500, START_NS, Flown, Ground, TerrainGround, fly, simulate, track_of
+from fti.hil.references.calibration import may_alarm
+from fti.hil.references.range_map import MappedGround, map_ground
 from fti.hil.scenario.loading import FOLDER
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles

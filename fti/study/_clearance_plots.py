@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from fti.figures import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, label, legend_above, sheet
-from fti.hil.approaches import Flown, fly, simulate
+from fti.hil.references.approaches import Flown, fly, simulate
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.study import _clearance as cases
 from fti.types import ClearanceIntegrity, IntegrityState

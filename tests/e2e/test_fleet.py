@@ -24,7 +24,7 @@ QUICK_S, FULL_S = 5.0, 60.0
 def test_every_device_is_heard_at_a_multiple_of_its_rate(factor: int, tmp_path: Path, scale: int) -> None:
     seconds, config = QUICK_S if scale == 1 else FULL_S, write_config(tmp_path, factor)
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
-    report, session = play(tmp_path, arguments, configuration.load(config).link)
+    report, session, _ = play(tmp_path, arguments, configuration.load(config).link)
     assert report["devices"].keys() == DEVICES.keys()
     for name, device in report["devices"].items():
         assert device["asked_hz"] == factor * DEVICES[name].rate_hz

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fti.hil.approaches import RA4500, TerrainGround, simulate
-from fti.hil.range_map import map_ground
+from fti.hil.references.approaches import RA4500, TerrainGround, simulate
+from fti.hil.references.range_map import map_ground
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fti.config import Approach
-from fti.hil.approaches import RA4500, TerrainGround, draw_profile, fly, samples, simulate
+from fti.hil.references.approaches import RA4500, TerrainGround, draw_profile, fly, samples, simulate
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
 from fti.nav.integrity.approach import ApproachPath, load_airfield
@@ -147,7 +147,7 @@ def test_the_short_way_says_what_sample_by_sample_says(reference: Reference, gro
 def test_the_ground_is_traced_often_enough(ground: TerrainGround, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between traces 5 m apart straight lines: in bins within 0.5 m RMS of every sample traced; noise as it is."""
     some = simulate(ground, START, np.random.default_rng([FRESH, 50]))
-    monkeypatch.setattr("fti.hil.approaches.TRACE_M", 0.1)
+    monkeypatch.setattr("fti.hil.references.approaches.TRACE_M", 0.1)
     every = simulate(ground, START, np.random.default_rng([FRESH, 50]))
     assert np.sqrt(np.mean((some.agl - every.agl) ** 2)) < 0.5
 

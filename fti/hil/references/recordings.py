@@ -3,8 +3,8 @@
 Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
 ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
 approach is a way down the track without a gap of more than 20 m; samples are used as the monitor uses them.  Mean and
-sigma are over the approaches (``fti.hil.calibration.surface_of``).  Limits come from approaches that are drawn with
-this mean, this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
+sigma are over the approaches (``calibration.surface_of``).  Limits come from approaches that are drawn with this mean,
+this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
 seen cannot be said, since nobody flew there.
 """
 
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from fti.config import Approach
 from fti.errors import ConfigError, MissingError
-from fti.hil.approaches import AltimeterModel
-from fti.hil.calibration import (
+from fti.hil.references.approaches import AltimeterModel
+from fti.hil.references.calibration import (
     DS_M,
     Plan,
     Progress,

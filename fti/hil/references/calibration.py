@@ -1,11 +1,11 @@
 """Making a reference: the profile of an approach, and the limits of the monitor's tests from simulated approaches.
 
     profile   z_ref, s_ref = mean and sigma over draws of track (15 m), height (5 m), attitude and elevation error, or
-              over recorded approaches (``fti.hil.recordings``); sigma not below 0.5 m and multiplied by
+              over recorded approaches (``fti.hil.references.recordings``); sigma not below 0.5 m and multiplied by
               sqrt((n - 1) / chi2_0.05(n - 1)), so that few draws are not taken for certainty
     l_c       integral scale of the residuals of nominal approaches, between ds and L / 8
     limits    t_i = quantile 1 - Pfa / 4 of the maxima of T_i over whole nominal approaches, all windows, dependence
-              included (``fti.hil.tails``), with a 95 % bootstrap interval
+              included (``fti.hil.references.tails``), with a 95 % bootstrap interval
     verified  other nominal approaches through the whole logic, states included: how many had an ALERT
     Pd        share of windows in ALERT when the aircraft flies 50, 100, 200 m beside the track and navigation says on
               it, by the part of the way in which they end
@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from fti.config import Approach
 from fti.errors import ConfigError
-from fti.hil.approaches import NOMINAL, Flown, Ground, TerrainGround, draw_profile, fly, simulate, track_of
-from fti.hil.range_map import map_ground
-from fti.hil.tails import bootstrap_interval, upper_quantile
+from fti.hil.references.approaches import NOMINAL, Flown, Ground, TerrainGround, draw_profile, fly, simulate, track_of
+from fti.hil.references.range_map import map_ground
+from fti.hil.references.tails import bootstrap_interval, upper_quantile
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.reference import LEAST_CORRELATIONS, Detection, Header, Limits, Profile, Reference, grid
 from fti.nav.integrity.scan import Scan, Scanner

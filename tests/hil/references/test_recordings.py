@@ -9,9 +9,16 @@ import numpy as np
 import pytest
 
 from fti.errors import ConfigError, MissingError
-from fti.hil.approaches import RA4500, Flown, fly, simulate
-from fti.hil.calibration import Plan, Surface, make_monitor
-from fti.hil.recordings import Pass, RecordedGround, profiles_of, read_passes, reference_from_recordings, split
+from fti.hil.references.approaches import RA4500, Flown, fly, simulate
+from fti.hil.references.calibration import Plan, Surface, make_monitor
+from fti.hil.references.recordings import (
+    Pass,
+    RecordedGround,
+    profiles_of,
+    read_passes,
+    reference_from_recordings,
+    split,
+)
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import Reference, grid
 from fti.terrain.scenes import DEMO_AIRFIELD
@@ -122,7 +129,7 @@ def test_sessions_are_read_at_the_times_of_the_heights(
         outputs.append(("/nav/height_above_ground/radar", stamp))
     fake = FakeRecording(outputs)
     open_fake: Callable[[Path], FakeRecording] = lambda folder: fake  # noqa: E731
-    monkeypatch.setattr("fti.hil.recordings.Recording.open", open_fake)
+    monkeypatch.setattr("fti.hil.references.recordings.Recording.open", open_fake)
     (found,) = read_passes(Path("x"), "radar", path, S_MAX)
     assert len(found.s) == pytest.approx(len(flown.t) * 0.98, abs=6)
     wanted = np.interp(found.s[::-1], flown.nav_s[::-1], (flown.nav_alt - flown.agl)[::-1])[::-1]

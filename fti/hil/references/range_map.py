@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.approaches import NOMINAL, AltimeterModel, TerrainGround, flown_altitude
+from fti.hil.references.approaches import NOMINAL, AltimeterModel, TerrainGround, flown_altitude
 from fti.nav.integrity.approach import ApproachPath
 from fti.terrain.kernel import kernel
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import genpareto, norm
 
-from fti.hil.tails import bootstrap_interval, pareto_tail, upper_quantile
+from fti.hil.references.tails import bootstrap_interval, pareto_tail, upper_quantile
 
 BEYOND = 0.0025
 
