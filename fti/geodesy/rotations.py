@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -29,6 +31,12 @@ def mat_from_rpy(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> Array
         (cp * sh, sr * sp * sh + cr * ch, cr * sp * sh - sr * ch),
         (-sp, sr * cp, cr * cp),
     )
+
+
+def down_row(roll: float, pitch: float) -> tuple[float, float, float]:
+    """(0 0 1) mat_nb: what takes a body vector to its downward component.  roll, pitch : [rad]."""
+    cp = math.cos(pitch)
+    return (-math.sin(pitch), math.sin(roll) * cp, math.cos(roll) * cp)
 
 
 def rpy_from_mat(mat_nb: ArrayLike) -> tuple[Array, Array, Array]:

@@ -16,7 +16,7 @@ from typing import ClassVar
 
 from fti.config import Device
 from fti.geodesy import wgs84
-from fti.nav.altimetry.compensation import down_row
+from fti.geodesy.rotations import down_row
 from fti.nav.series import SECOND_NS, Series, Value, wrap
 from fti.types import Attitude, Position, Velocity
 

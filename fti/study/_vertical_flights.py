@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.altimetry.compensation import down_row
+from fti.geodesy.rotations import down_row
 from fti.nav.series import SECOND_NS
 from fti.nav.vertical.fallback import VerticalFallback
 from fti.nav.vertical.inertial import Place, vertical_acceleration

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.geodesy.gravity import normal_gravity
-from fti.nav.altimetry.compensation import down_row
+from fti.geodesy.rotations import down_row
 from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalSettings, VerticalState
 from fti.nav.vertical.inertial import InertialHeight, Place, vertical_acceleration
 from fti.types import Reason

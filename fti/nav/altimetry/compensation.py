@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
-from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.rotations import down_row, mat_from_rpy
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.predicted import Prediction
@@ -68,12 +68,6 @@ def boresight(rpy_bs_deg: Vector) -> Vector:
     """The beam axis in the body frame: mat_bs (0 0 1)^T for the mounting angles roll, pitch, yaw [deg]."""
     forward, right, down = mat_from_rpy(*(math.radians(a) for a in rpy_bs_deg))[:, 2].tolist()
     return forward, right, down
-
-
-def down_row(roll: float, pitch: float) -> Vector:
-    """(0 0 1) mat_nb: what takes a body vector to its downward component.  roll, pitch : [rad]."""
-    cp = math.cos(pitch)
-    return (-math.sin(pitch), math.sin(roll) * cp, math.cos(roll) * cp)
 
 
 def _dot(a: Vector, b: Vector) -> float:

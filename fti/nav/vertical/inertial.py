@@ -7,8 +7,8 @@ from bisect import bisect_right
 from dataclasses import dataclass
 
 from fti.geodesy.gravity import FREE_AIR, GRAVITY_EQUATOR, SOMIGLIANA
+from fti.geodesy.rotations import down_row
 from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR
-from fti.nav.altimetry.compensation import down_row
 from fti.nav.series import SECOND_NS
 
 Vector = tuple[float, float, float]
