@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 #: It wakes so often, and so late it is of no account [s].
 PERIOD_S, LATE_S = 0.001, 0.0005
-#: What has piled up in a standstill is worked off in this part of its length.
-AFTER = 0.5
+#: What has piled up in a standstill is worked off in so many times its length by who needs half a core.
+AFTER = 1.0
 
 
 class Standstill:
