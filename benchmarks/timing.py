@@ -56,6 +56,8 @@ LATE_LOG = [sys.executable, "-m", "benchmarks.parts.late_log"]
 START_NS = 1_700_000_000_000_000_000
 RATE_HZ, P99_MS = 2100.0, 2.0
 FACTORS = (1, 4)
+#: Where less than this can be judged it is played again, so often at most.
+CALM, ATTEMPTS = 0.9, 4
 KINDS = {"line": "serial", "eth": "udp", "adapter": "can", "bus": "can"}
 
 
@@ -96,7 +98,7 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
     """One session through fti replay and the recorder."""
     config, original = write_links(folder), make_session(folder, seconds)
     arguments = ("replay", original, "--config", config, "--wait", 3)
-    _, session, late = play(folder, arguments, configuration.load(config).link)
+    _, session, late = play_in_calm(folder, arguments, configuration.load(config).link)
     print(f"replay: {RATE_HZ:.0f} messages/s on {', '.join(KINDS)}; {seconds:.0f} s at 1x; late by, in ms")
     show("fti replay", late)
     for name in KINDS:
@@ -122,9 +124,26 @@ class Late:
         return Late(self.late[mine], self.sender[mine], self.excused[mine])
 
     @property
+    def judged(self) -> float:
+        """The part that is judged."""
+        return float(np.mean(~self.excused))
+
+    @property
     def p99_ms(self) -> float:
         """Of those that are judged."""
         return 1e3 * float(np.percentile(self.late[~self.excused], 99))
+
+
+def play_in_calm(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, Late]:
+    """``play``, and again where the machine stood still for most of it."""
+    for attempt in range(ATTEMPTS):
+        there = folder / str(attempt)
+        there.mkdir()
+        played = play(there, arguments, links)
+        if (judged := played[2].judged) >= CALM:
+            break
+        print(f"  the machine stood still: {100 * judged:.0f} % of the messages can be judged", flush=True)
+    return played
 
 
 def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tuple[dict[str, Any], Path, Late]:
@@ -158,7 +177,7 @@ def show(what: str, late: Late) -> None:
     p50, p99, most = (1e3 * float(x) for x in (*np.percentile(late.late, (50, 99)), late.late.max()))
     print(
         f"  {what:28} all: p50 {p50:7.3f}  p99 {p99:7.3f}  max {most:7.1f}"
-        f"   judged {100 * float(np.mean(~late.excused)):5.1f} %: p99 {late.p99_ms:7.3f}",
+        f"   judged {100 * late.judged:5.1f} %: p99 {late.p99_ms:7.3f}",
         flush=True,
     )
 
@@ -205,7 +224,7 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     """23 devices at a multiple of their rates."""
     config = write_config(folder, factor)
     arguments = ("hil", "nominal", "--config", config, "--wait", "--duration", seconds)
-    report, session, late = play(folder, arguments, configuration.load(config).link)
+    report, session, late = play_in_calm(folder, arguments, configuration.load(config).link)
     found = report["devices"]
     asked = sum(device["asked_hz"] for device in found.values())
     print(f"devices: {len(found)} at {factor:g} x table 6.1, {asked:.0f} cycles/s asked for, {seconds:.0f} s")

@@ -426,6 +426,7 @@ class Reason(StrEnum):
     OUTSIDE_PROFILE = "outside_profile"
     OFF_TRACK = "off_track"
     GAPS = "gaps"
+    NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
     PROTECTION_LEVEL = "protection_level"
     END = "end"  # past the glide path intercept
     GO_AROUND = "go_around"

@@ -128,7 +128,8 @@ def _make(args: argparse.Namespace) -> int:
 
 def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
     from fti.hil.references.approaches import TerrainGround
-    from fti.hil.references.calibration import Plan, make_reference
+    from fti.hil.references.calibration import make_reference
+    from fti.hil.references.plan import Plan
     from fti.study.workers import run_all
 
     plan = Plan(
@@ -145,7 +146,7 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
 
 
 def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
-    from fti.hil.references.calibration import Plan
+    from fti.hil.references.plan import Plan
     from fti.hil.references.recordings import date_of, profiles_of, read_passes, reference_from_recordings
     from fti.study.workers import run_all
 

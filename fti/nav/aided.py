@@ -3,7 +3,9 @@
 Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude and altimeters over known
 ground, and takes the place of devices that give no position, altitude or attitude any more; the vertical channel gives
 the altitude when the filter gives none either.  Heights of altimeters count once a second: samples that follow see the
-same ground.  Configured by ``[nav.filter]``; without it nothing of this runs.
+same ground.  What a receiver states of its position, and what is known of the ground, is for the most part one error
+that lasts: it sizes the slow state, or many fixes would average away what they have in common; a velocity every dt
+counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of this runs.
 """
 
 from __future__ import annotations
@@ -11,13 +13,14 @@ from __future__ import annotations
 import math
 
 from fti.config import Device, Filter
-from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude
+from fti.geodesy.rotations import down_row
+from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
 from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
-from fti.nav.series import Series
+from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
 from fti.nav.vertical.fallback import VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
@@ -37,11 +40,15 @@ from fti.types import (
 POSITION_SD, HEIGHT_SD, VELOCITY_SD, BARO_SD = 3.0, 5.0, 0.1, 1.0
 #: Sigma of a climb that is the slope of positions [m/s].
 CLIMB_SD = 0.5
+#: Errors of a receiver's velocity hang together for so long [s].
+VELOCITY_TAU_S = 5.0
 #: No altitude, speed or sigma in SI units is larger.
 LARGEST = 1e6
 BOUNDED = (
     "alt", "alt_msl", "alt_press", "north", "east", "down", "ground_speed", "sd", "horizontal_sd", "vertical_sd"
 )  # fmt: skip
+#: A climb belongs to the height of a receiver that is true within so long of it [ns].
+CLIMB_NS = 500_000_000
 #: So often a height of one altimeter aids [ns].
 HEIGHT_NS = 1_000_000_000
 
@@ -60,7 +67,8 @@ class AidedNavigation:
         self._tilt: tuple[float, float] | None = None
         self._alts = {name: Series() for name in settings.gnss}
         self._used_ns: dict[str, int] = {}
-        self._climb: tuple[float | None, float | None] = (None, None)
+        self._velocity_ns: dict[str, int] = {}
+        self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
         self._carrier: str | None = None
 
     def give_ground(self, ground: Ground | None) -> None:
@@ -106,14 +114,22 @@ class AidedNavigation:
 
     def _take_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
         north, east = level_velocity(m)
-        self._climb = (-m.down if m.down is not None else None, m.sd)
+        self._climbs[device] = t_ns, -m.down if m.down is not None else None, m.sd
         if north is None or east is None:
             return
         down, sd = m.down, VELOCITY_SD if m.sd is None else m.sd
         if down is None and self._navigator.at(t_ns) is None:  # it begins with a climb, if only that of the positions
             climb = self._alts[device].slope(t_ns)
             down, sd = None if climb is None else -climb, max(sd, CLIMB_SD)
+        sd *= self._lasting(device, t_ns)
         self._navigator.take(t_ns, GnssVelocity(north, east, down, sd, self._arms[device], name=f"{device}.velocity"))
+
+    def _lasting(self, device: str, t_ns: int) -> float:
+        """How many times its sigma a velocity counts, whose error hangs together with the last one's."""
+        last = self._velocity_ns.get(device)
+        self._velocity_ns[device] = t_ns
+        apart_s = (t_ns - last) / SECOND_NS if last is not None and t_ns > last else 1.0
+        return math.sqrt(max(1.0, 2.0 * VELOCITY_TAU_S / apart_s))
 
     def _take_position(self, device: str, m: Position, t_ns: int) -> None:
         alt = ellipsoidal(m)
@@ -122,10 +138,23 @@ class AidedNavigation:
         level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
         high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
         arm = self._arms[device]
-        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, name=f"{device}.position"))
+        slow = (
+            _at_least_once(level, GNSS_DRIFTS[Extra.GNSS_NORTH]), _at_least_once(high, GNSS_DRIFTS[Extra.GNSS_DOWN])
+        )  # fmt: skip
+        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, f"{device}.position", slow))
         if alt is not None:
             self._alts[device].push(t_ns, alt)
-            self._vertical.take_satellites(t_ns, alt + arm[2], high, *self._climb)
+            self._vertical.take_satellites(t_ns, alt + self._below(arm), high, *self._climb_at(device, t_ns))
+
+    def _below(self, arm: Vector) -> float:
+        """How far below P the antenna is [m], as the aircraft lies now."""
+        row = down_row(*self._tilt) if self._tilt else (0.0, 0.0, 1.0)
+        return row[0] * arm[0] + row[1] * arm[1] + row[2] * arm[2]
+
+    def _climb_at(self, device: str, t_ns: int) -> tuple[float | None, float | None]:
+        """Climb and its sigma that a receiver told with a height; an old one says nothing of now."""
+        told_ns, climb, sd = self._climbs.get(device, (t_ns, None, None))
+        return (climb, sd) if abs(t_ns - told_ns) <= CLIMB_NS else (None, None)
 
     def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """An altimeter over known ground, judged valid; the ground is that below the position of its time."""
@@ -140,8 +169,9 @@ class AidedNavigation:
             return
         self._used_ns[height.sensor], self._carrier = height.t_valid_ns, height.sensor
         self._vertical.take_height(height.t_valid_ns, known, sd, ground, self._ground.sd)
-        aiding = TerrainAltitude(known + ground, sd or self._ground.sd, name=f"{height.sensor}.altitude")
-        self._navigator.take(height.t_valid_ns, aiding)
+        slow = _at_least_once(self._ground.sd, DEM_DRIFT)
+        told = TerrainAltitude(known + ground, sd or self._ground.sd, known, f"{height.sensor}.altitude", slow)
+        self._navigator.take(height.t_valid_ns, told)
 
     def _counts(self, height: HeightAboveGround) -> bool:
         last = self._used_ns.get(height.sensor)
@@ -168,6 +198,7 @@ class AidedNavigation:
             vel_down=-found.climb if found.climb is not None else None,
             vel_down_sd=found.climb_sd,
             altimeter=self._carrier,
+            rejected=self._vertical.altimeter_refused,
         )
 
     def position(self, t_ns: int) -> PositionState | None:
@@ -197,6 +228,11 @@ def _conceivable(m: Measurement | PositionState) -> bool:
     """No number that no aircraft has: squares of the largest ones are no numbers any more."""
     told = [value for name in BOUNDED if (value := getattr(m, name, None)) is not None]
     return all(abs(value) <= LARGEST for value in told)
+
+
+def _at_least_once(sd: float, drift: Drift) -> float:
+    """How many times a slow error counts where a source states a sigma."""
+    return max(1.0, sd / drift.sd)
 
 
 def _model(settings: Filter) -> Model:

@@ -23,6 +23,7 @@ REASONS: dict[str, str] = {
     Reason.OUTSIDE_PROFILE: "outside the profile",
     Reason.OFF_TRACK: "off track",
     Reason.GAPS: "gaps in the window",
+    Reason.NOT_INDEPENDENT: "altitude rests on this altimeter",
     Reason.PROTECTION_LEVEL: "protection level above alert limit",
     Reason.END: "past the glide path intercept",
     Reason.GO_AROUND: "go-around",

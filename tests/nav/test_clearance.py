@@ -10,7 +10,8 @@ import pytest
 
 from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample, GoAround
+from fti.nav.integrity.go_around import GoAround
+from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins

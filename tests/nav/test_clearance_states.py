@@ -1,5 +1,7 @@
 """The alarm logic as a table: a row is a sequence of updates and the states that must follow."""
 
+import math
+
 import pytest
 
 from fti.nav.integrity.states import AlarmLogic, Ratios
@@ -12,6 +14,7 @@ T3 = Ratios(0.5, 0.5, 1.1, 0.5)
 T4 = Ratios(0.5, 0.5, 0.5, 1.1)
 WARM = Ratios(0.9, 0.5, 0.5, 0.5)
 BLIND = Ratios(0.5, None, 0.5, 0.5)
+NO_NUMBER = Ratios(math.nan, 0.5, 0.5, 0.5)
 BLIND_T1 = Ratios(1.1, None, 0.5, 0.5)
 
 TABLE = {
@@ -28,6 +31,8 @@ TABLE = {
     "different tests do not add up": ([T1, T2, T3], "ok caution caution"),
     "three calm updates end an alert": ([T1, T1, GOOD, GOOD, GOOD], "ok alert alert alert ok"),
     "above 0.8 is not calm": ([T1, T1, GOOD, GOOD, WARM, GOOD, GOOD, GOOD], "ok" + " alert" * 6 + " ok"),
+    "what is no number keeps no limit": ([NO_NUMBER, NO_NUMBER], "ok alert"),
+    "what is no number is not calm": ([T1, T1, GOOD, GOOD, NO_NUMBER, GOOD], "ok" + " alert" * 5),
     "not observable is monitor": ([BLIND, GOOD], "monitor ok"),
     "monitor alerts too": ([BLIND_T1, BLIND_T1], "monitor alert"),
     "a shift that is no longer seen has not gone": (

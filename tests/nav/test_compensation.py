@@ -1,6 +1,7 @@
 """Compensation: closed forms, lever arm, sigma against Monte Carlo; over known ground, and inside the filter."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -9,15 +10,12 @@ from numpy.typing import NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.compensation import (
-    Aiding,
     Mounting,
-    aid_by_height,
-    aid_by_range,
     boresight,
     height_at_p,
     height_over_ground,
 )
-from fti.nav.altimetry.predicted import Predictor
+from fti.nav.altimetry.predicted import Prediction, Predictor
 from fti.nav.altimetry.variance import pose_cov, range_row
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -139,6 +137,25 @@ def test_an_error_of_navigation_drops_out_over_level_ground() -> None:
     assert height_over_ground(300.0 / (math.cos(R20) * math.cos(P5)), believed)[0] == pytest.approx(300.0, abs=1e-9)
 
 
+class Aiding(NamedTuple):
+    """z = H x + noise of the variance R; x = (dP, psi), by which the true pose differs from the believed one."""
+
+    z: Array
+    H: Array
+    R: Array
+
+
+def by_range(told: float | Array, sd: float, seen: Prediction, row: Array) -> Aiding:
+    """The range itself, compensated inside H.  Section 3.3.3.2, corrected."""
+    return Aiding(told - seen.slant_range, row, np.full(len(seen), sd**2))
+
+
+def by_height(told: float | Array, sd: float, seen: Prediction, row: Array) -> Aiding:
+    """The height, compensated outside the filter."""
+    z = height_over_ground(told, seen) - seen.height_p
+    return Aiding(z, row * seen.cosine[:, None], (sd * seen.cosine) ** 2)
+
+
 def updated(P: Array, aiding: Aiding, k: int) -> tuple[Array, Array]:
     H = aiding.H[k]
     K = P @ H / (H @ P @ H + aiding.R[k])
@@ -154,7 +171,7 @@ def test_outside_the_filter_is_inside_h(nearest: bool) -> None:
     seen = Predictor(ground, sensor, (3.0, 1.0, 2.0)).along(points, mats)
     row = range_row(seen, nearest=nearest)
     told = seen.slant_range + np.random.default_rng(5).normal(0.0, 2.0, len(seen))
-    inside, outside = (aid(told, 0.5, seen, row) for aid in (aid_by_range, aid_by_height))
+    inside, outside = (aid(told, 0.5, seen, row) for aid in (by_range, by_height))
     P = pose_cov((5.0, 5.0, 3.0), math.radians(0.3))
     for k in np.flatnonzero(seen.valid).tolist():
         (x_in, P_in), (x_out, P_out) = updated(P, inside, k), updated(P, outside, k)
@@ -167,7 +184,7 @@ def test_over_level_ground_height_aiding_is_the_plain_one() -> None:
     """Eq. 3.39: 1 for the height of P (here down, so -1), nothing else of the position."""
     level = Terrain.from_array(np.zeros((3, 3)), 2000.0, east0=-2000.0, north0=-2000.0)
     seen = Predictor(level, Laser(max_range=800.0)).along([0.0, 0.0, 300.0], mat_from_rpy(R20, P5, 0.3))
-    H = aid_by_height(310.0, 0.5, seen, range_row(seen, nearest=False)).H
+    H = by_height(310.0, 0.5, seen, range_row(seen, nearest=False)).H
     np.testing.assert_allclose(H[0, :3], [0.0, 0.0, -1.0], atol=1e-12)
 
 

@@ -70,6 +70,26 @@ def test_the_window_holds_8_correlation_lengths(reference: Reference) -> None:
         Reference.parse(long.to_text(), "r.csv")
 
 
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"window_m": 3005.0}, r"r\.csv: profile\.window_m = 3005\.0: must be at most s_max_m = 3000\.0"),
+        ({"ds_m": 7.0}, r"r\.csv: profile\.ds_m = 7\.0: must divide the margin, 200\.0"),
+        ({"window_m": 402.0}, r"r\.csv: profile\.ds_m = 5\.0: must divide window_m, 402\.0"),
+        ({"ds_m": 1e-9}, r"r\.csv:\d+: profile\.ds_m = 1e-09"),
+        ({"s_max_m": 1e12}, r"r\.csv:\d+: profile\.s_max_m = "),
+    ],
+)
+def test_a_window_lies_on_the_grid_with_all_its_shifts(
+    reference: Reference, changed: dict[str, float], said: str
+) -> None:
+    """What lies beyond is read by compiled code, from whatever memory is there."""
+    profile = reference.header.profile.model_copy(update=changed)
+    broken = dataclasses.replace(reference, header=reference.header.model_copy(update={"profile": profile}))
+    with pytest.raises(ConfigError, match=said):
+        Reference.parse(broken.to_text(), "r.csv")
+
+
 def test_missing_rows_are_counted(reference: Reference) -> None:
     with pytest.raises(ConfigError, match="680 rows"):
         Reference.parse("\n".join(reference.to_text().splitlines()[:-1]), "r.csv")

@@ -12,7 +12,7 @@ import numpy as np
 
 from fti.hil.expected.aircraft import Aircraft, Mask, Truth
 from fti.hil.expected.duties import CONFIRM_S, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
-from fti.nav.integrity.monitor import GO_AROUND_CLIMB
+from fti.nav.integrity.go_around import GO_AROUND_CLIMB
 
 MARGIN = 0.85
 #: From a cause to the flag that a device itself raises, and until it takes it back [s].

@@ -3,7 +3,7 @@
 Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
 ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
 approach is a way down the track without a gap of more than 20 m; samples are used as the monitor uses them.  Mean and
-sigma are over the approaches (``calibration.surface_of``).  Limits come from approaches that are drawn with this mean,
+sigma are over the approaches (``profile.surface_of``).  Limits come from approaches that are drawn with this mean,
 this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
 seen cannot be said, since nobody flew there.
 """
@@ -23,24 +23,15 @@ from numpy.typing import NDArray
 from fti.config import Approach
 from fti.errors import ConfigError, MissingError
 from fti.hil.references.approaches import AltimeterModel
-from fti.hil.references.calibration import (
-    DS_M,
-    Plan,
-    Progress,
-    RunAll,
-    Surface,
-    binned,
-    calibrate,
-    correlation_length,
-    lagged_products,
-    one_by_one,
-    surface_of,
-)
+from fti.hil.references.calibration import calibrate
+from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
+from fti.hil.references.profile import DS_M, Surface, binned, correlation_length, lagged_products, surface_of
 from fti.hil.sensors.errors import slow
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import MARGIN_M, Reference, grid
 from fti.nav.integrity.window import BACKWARD_M
+from fti.nav.navigation import FILTER, RADIO, VERTICAL
 
 Array = NDArray[np.float64]
 
@@ -50,6 +41,8 @@ GAP_M = 20.0
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
 #: Navigation is joined between solutions no farther apart [ns].
 APART_NS = 500_000_000
+#: Altitudes that an altimeter over known ground may hold: what it measures below them is that ground.
+NOT_DEVICES = (FILTER, VERTICAL, RADIO)
 #: A metre of the way for the processes of ``fti.hil.sensors.errors``, which are drawn once a second [s].
 SECOND_PER_M = 0.1
 
@@ -122,8 +115,8 @@ def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> 
     for topic, _, _, _, data in recording.messages("/nav/"):
         if topic == HEIGHT + sensor:
             heights += _numbers(json.loads(data), ("t_valid_ns", "height_agl"))
-        elif topic == SOLUTION:
-            solutions += _numbers(json.loads(data), ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"))
+        elif topic == SOLUTION and (solution := json.loads(data)).get("altitude_source") not in NOT_DEVICES:
+            solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"))
     if not heights or not solutions:
         raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
     return list(split(_joined(np.array(heights), np.array(solutions), path), s_max))

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,34 +147,3 @@ def height_over_ground(slant_range: ArrayLike, seen: Prediction) -> Array:
                   and the very beam it leaves metres, this one leaves the noise.
     """
     return np.asarray(seen.height_p + (np.asarray(slant_range) - seen.slant_range) * seen.cosine)
-
-
-class Aiding(NamedTuple):
-    """z = H x + noise of the variance R; x = (dP, psi), by which the true pose differs from the believed one.
-
-    z (n,) [m], H (n, 6), R (n,) [m^2].  dP north, east, down [m]; psi as in ``fti.nav.altimetry.variance``
-    """
-
-    z: Array
-    H: Array
-    R: Array
-
-
-def aid_by_range(slant_range: ArrayLike, range_sd: ArrayLike, seen: Prediction, row: Array) -> Aiding:
-    """The range itself, compensated inside H.  row : ``variance.range_row`` of the sensor.  Section 3.3.3.2, corrected.
-
-    z = d - d_predicted,   H = row,   R = s_range^2
-    """
-    z = np.asarray(slant_range) - seen.slant_range
-    return Aiding(z, row, np.broadcast_to(np.square(range_sd), z.shape))
-
-
-def aid_by_height(slant_range: ArrayLike, range_sd: ArrayLike, seen: Prediction, row: Array) -> Aiding:
-    """The same information as a height, compensated outside the filter; the update is the same to rounding.
-
-        z = h_agl(P) - (h(P) - h(N)),   H = row cos(theta),   R = (s_range cos(theta))^2
-
-    Over level ground and without errors of attitude this H is the plain one of eq. 3.39: 1 for the height of P.
-    """
-    z = height_over_ground(slant_range, seen) - seen.height_p
-    return Aiding(z, row * seen.cosine[:, None], np.square(np.asarray(range_sd) * seen.cosine))

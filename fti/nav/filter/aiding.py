@@ -8,7 +8,7 @@ part where it is a state.  ``name`` is what the gate keeps books by: one name fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -52,7 +52,8 @@ BOTH, NOTHING = HORIZONTAL | VERTICAL, frozenset[str]()
 class GnssPosition:
     """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m], or None of it; one sigma of each axis [m].
 
-    lever_arm_b : P to the antenna [m].  The extras GNSS_NORTH, GNSS_EAST, GNSS_DOWN take part
+    lever_arm_b   : P to the antenna [m]
+    drift_factors : the extras GNSS_NORTH and GNSS_EAST, and GNSS_DOWN, count so many times
     """
 
     lat: float
@@ -62,6 +63,7 @@ class GnssPosition:
     vertical_sd: float
     lever_arm_b: Vector = AT_P
     name: str = "gnss.position"
+    drift_factors: tuple[float, float] = (1.0, 1.0)
 
     @property
     def bounds(self) -> frozenset[str]:
@@ -69,7 +71,7 @@ class GnssPosition:
         return HORIZONTAL if self.alt is None else BOTH
 
     def compute_matrices(self, here: Estimate) -> Matrices:
-        """z = mat_ne (x_measured - x - mat_eb arm) - drift, in north, east, down."""
+        """z = mat_ne (x_measured - x - mat_eb arm) - factor drift, in north, east, down."""
         arm_e = here.mat_eb @ self.lever_arm_b
         alt = here.place[2] if self.alt is None else self.alt
         expected_e = here.y[:3] + arm_e
@@ -78,10 +80,36 @@ class GnssPosition:
         H[:, POS : POS + 3] = here.mat_en.T
         H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
         for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)):
-            z[row] -= _drifting(here, extra, H[row], 1.0)
+            z[row] -= _drifting(here, extra, H[row], self.drift_factors[row // 2])
         R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
         rows = 2 if self.alt is None else 3
         return z[:rows], H[:rows], np.ascontiguousarray(R[:rows, :rows])
+
+    def apart(self) -> tuple[Aiding, ...]:
+        """Level and height: a barometer may vouch against the one, and says nothing of the other."""
+        return (self,) if self.alt is None else (replace(self, alt=None), GnssHeight(self))
+
+
+@dataclass(frozen=True, slots=True)
+class GnssHeight:
+    """The height of a position that has one."""
+
+    position: GnssPosition
+
+    @property
+    def name(self) -> str:
+        """``gnss.height`` of ``gnss.position``."""
+        return f"{self.position.name.removesuffix('.position')}.height"
+
+    @property
+    def bounds(self) -> frozenset[str]:
+        """The height."""
+        return VERTICAL
+
+    def compute_matrices(self, here: Estimate) -> Matrices:
+        """Its last row."""
+        z, H, R = self.position.compute_matrices(here)
+        return z[2:], H[2:], np.ascontiguousarray(R[2:, 2:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +157,7 @@ class BaroAltitude:
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = alt_measured - alt - drift."""
-        return _altitude(here, self.alt, self.sd, (Extra.BARO,))
+        return _altitude(here, self.alt, self.sd, Extra.BARO)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,13 +165,14 @@ class TerrainAltitude:
     """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
 
     sd         : white part [m]; what is correlated belongs to the extras ALTIMETER, ALTIMETER_SCALE and DEM
-    height_agl : what the altimeter's scale counts from [m]
+    height_agl : what the altimeter's scale counts from [m];  dem_factor : the extra DEM counts so many times
     """
 
     alt: float
     sd: float
     height_agl: float = 0.0
     name: str = "altimeter.altitude"
+    dem_factor: float = 1.0
 
     @property
     def bounds(self) -> frozenset[str]:
@@ -152,7 +181,8 @@ class TerrainAltitude:
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = h_agl + h_dem - alt - drifts."""
-        z, H, R = _altitude(here, self.alt, self.sd, (Extra.ALTIMETER, Extra.DEM))
+        z, H, R = _altitude(here, self.alt, self.sd, Extra.ALTIMETER)
+        z -= _drifting(here, Extra.DEM, H[0], self.dem_factor)
         return z - _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.height_agl), H, R
 
 
@@ -252,10 +282,10 @@ def skew(v: Array | Vector) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _altitude(here: Estimate, alt: float, sd: float, extras: tuple[Extra, ...]) -> Matrices:
+def _altitude(here: Estimate, alt: float, sd: float, extra: Extra) -> Matrices:
     H = np.zeros((1, here.model.size))
     H[0, POS : POS + 3] = here.mat_en @ _UP_N
-    z = alt - here.place[2] - sum(_drifting(here, extra, H[0], 1.0) for extra in extras)
+    z = alt - here.place[2] - _drifting(here, extra, H[0], 1.0)
     return np.array([z]), H, np.array([[sd**2]])
 
 

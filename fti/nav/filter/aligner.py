@@ -25,6 +25,9 @@ FRESH_NS = 1_000_000_000
 ATTITUDE_NS = 100_000_000
 #: Above this rate the mean of a second is no attitude [rad/s].
 STRAIGHT = 0.03
+#: The first position is held to be so many times as uncertain as a fix: its slow error is that of the fixes to come,
+#: which would otherwise count as if there were two, one for the position and one for the fixes.
+FIRST = 5.0
 SECOND_NS = 1_000_000_000
 
 Attitude = tuple[float, float, float | None]
@@ -109,7 +112,7 @@ class Aligner:
         parallel = max((float(r_normal) + alt) * float(np.cos(place.lat)), 1.0)
         arm, aged = float(np.linalg.norm(place.lever_arm_b)), abs(seconds)
         lat = float(np.clip(place.lat + seconds * velocity.north / (float(r_meridian) + alt), -np.pi / 2, np.pi / 2))
-        level, high = (float(np.hypot(sd, arm + aged)) for sd in (place.horizontal_sd, place.vertical_sd))
+        level, high = (FIRST * float(np.hypot(sd, arm + aged)) for sd in (place.horizontal_sd, place.vertical_sd))
         turn = max(attitude_sd[:2])
         return Start(
             lat=lat,

@@ -3,9 +3,9 @@
     NIS = z^T (H P H^T + R)^-1 z   is chi-square with m degrees of freedom when filter and measurement are what they say
 
 Above the 1e-4 quantile a measurement is refused.  Refusing alone can lock out the truth for ever: a filter that went
-wrong refuses what would put it right.  So a source that has been refused for ``LOCKOUT_NS`` is let in again when
-nothing else that bounds the same axes was believed meanwhile; the covariance is opened by what the innovation says
-first (``opened``).  Where others are believed it stays out, and ``rejected`` names it, until it agrees.
+wrong refuses what would put it right.  So a source that has been refused for ``LOCKOUT_NS`` is let in again unless
+others that were believed within that time bound every axis that it bounds; the covariance is opened by what the
+innovation says first (``opened``).  Where others vouch it stays out, and ``rejected`` names it, until it agrees.
 
 Source: Bar-Shalom, Li, Kirubarajan 2001, section 5.4 (NIS).  Checked against: tests/nav/test_filter_gate.py.
 """
@@ -59,9 +59,9 @@ def judge(standings: Standings, aiding: Aiding, t_ns: int, nis: float, dof: int)
     since = standing.refused_since_ns if standing else None
     if since is None or t_ns - since < LOCKOUT_NS or not aiding.bounds:
         return Judgement.REFUSED
-    others = (s for name, s in standings.items() if name != aiding.name and s.bounds & aiding.bounds)
-    vouched = any(s.believed_ns is not None and s.believed_ns > since for s in others)
-    return Judgement.REFUSED if vouched else Judgement.LET_IN
+    others = (s for name, s in standings.items() if name != aiding.name and s.believed_ns is not None)
+    vouched = frozenset[str]().union(*(s.bounds for s in others if t_ns - (s.believed_ns or 0) < LOCKOUT_NS))
+    return Judgement.REFUSED if aiding.bounds <= vouched else Judgement.LET_IN
 
 
 def noted(standings: Standings, aiding: Aiding, t_ns: int, judgement: Judgement) -> dict[str, Standing]:
@@ -79,10 +79,12 @@ def rejected(standings: Standings) -> tuple[str, ...]:
 
 
 def opened(here: Estimate, aiding: Aiding, z: Array) -> Array:
-    """P with room for a disagreement z that has grown for ``LOCKOUT_NS``: position, velocity, and for all axes tilt."""
+    """P with room for a disagreement z that has grown for ``LOCKOUT_NS``: position and velocity along the axes that it
+    bounds, and tilt where the level is among them."""
     P, size, seconds = here.P.copy(), float(np.max(np.abs(z))), LOCKOUT_NS * 1e-9
     down_e = here.mat_en[:, 2]
-    axes = np.outer(down_e, down_e) if aiding.bounds == {"vertical"} else np.eye(3)
+    high = np.outer(down_e, down_e)
+    axes = high * ("vertical" in aiding.bounds) + (np.eye(3) - high) * ("horizontal" in aiding.bounds)
     P[POS:VEL, POS:VEL] += size**2 * axes
     P[VEL:TURN, VEL:TURN] += (size / seconds) ** 2 * axes
     if "horizontal" in aiding.bounds:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.nav.filter import kernels
-from fti.nav.filter.aiding import Aiding, PositionFix, SlantRange
+from fti.nav.filter.aiding import Aiding, GnssPosition, PositionFix, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start
 from fti.nav.filter.gate import rejected
@@ -94,13 +94,13 @@ class Navigator:
             self._restart(Reason.DIVERGED)
 
     def take(self, t_ns: int, aiding: Aiding) -> None:
-        """What aids, true at t_ns."""
+        """What aids, true at t_ns; level and height of a position are judged each for itself."""
         if not _known(aiding):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
         if self._timeline is None:
             self._aligner.note(t_ns, aiding)
-        elif not self._timeline.take(t_ns, aiding):
+        elif not self._timeline.take(t_ns, *(aiding.apart() if isinstance(aiding, GnssPosition) else (aiding,))):
             self.refused[Reason.STALE] += 1
 
     def take_attitude(

@@ -87,13 +87,14 @@ class Timeline:
             del self._moments[:oldest]
             del self._entries[: bisect_right(self._entries, self.oldest_ns, key=_entry_ns)]
 
-    def take(self, t_ns: int, aiding: Aiding) -> bool:
-        """Take what aids; False when it is too old, there already, or there are too many."""
-        if t_ns <= self.oldest_ns or self._has(t_ns, aiding.name):
+    def take(self, t_ns: int, *parts: Aiding) -> bool:
+        """Take what aids, in parts of one time; False when it is too old, there already, or there are too many."""
+        if t_ns <= self.oldest_ns or any(self._has(t_ns, part.name) for part in parts):
             return False
         if len(self._entries) - bisect_right(self._entries, self.newest.estimate.t_ns, key=_entry_ns) >= MOST_WAITING:
             return False
-        insort(self._entries, Entry(t_ns, aiding), key=_entry_ns)
+        for part in parts:
+            insort(self._entries, Entry(t_ns, part), key=_entry_ns)
         for k in range(bisect_left(self._moments, t_ns, key=_moment_ns), len(self._moments)):
             done = self._moments[k].estimate
             self._moments[k] = self._after(k - 1, done.t_ns, done.felt)

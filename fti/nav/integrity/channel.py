@@ -11,7 +11,7 @@ from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference, Sensor
 from fti.nav.integrity.statistics import SHIFT_MAX_M
-from fti.nav.navigation import NavState
+from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
 #: How far the beam may differ from the reference's [deg].
@@ -44,25 +44,33 @@ class IdleChannel:
 
 
 class ApproachChannel:
-    """Feeds the monitor with the heights of one altimeter.  sensor : the name of that altimeter."""
+    """Feeds the monitor with the heights of one altimeter.
 
-    def __init__(self, reference: Reference, settings: Approach, sensor: str) -> None:
+    sensor : the name of that altimeter      held : sources of altitude that it holds itself, over known ground: what
+             it measures below such an altitude is that ground, whatever is there, so nothing is judged
+    """
+
+    def __init__(
+        self, reference: Reference, settings: Approach, sensor: str, held: frozenset[str] = frozenset()
+    ) -> None:
         self._monitor = ClearanceMonitor(reference, settings)
         self._sensor = sensor
-        self._vertical_source: str | None = None
+        self._held = held
+        self._sources: tuple[str, str] | None = None
         self._slope: GlideSlope | None = None
 
     def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
         """Take an output of an altimeter and the navigation at its time."""
         if height.sensor != self._sensor:
             return []
-        self._follow_source(nav.position_source)
+        self._follow_sources(nav)
         place = self._place(nav)
-        sample = _sample(height, nav, place)
+        held = nav.altitude_source in self._held
+        sample = None if held else _sample(height, nav, place)
         if sample is None:
             if place is not None:
                 self._monitor.follow(place.s)
-            reasons = height.reasons + _missing(nav)
+            reasons = height.reasons + _missing(nav) + ((Reason.NOT_INDEPENDENT,) if held else ())
             return self._with_slope(self._monitor.refuse(height.t_ns, height.t_valid_ns, reasons), place)
         return self._with_slope(self._monitor.step(sample), place)
 
@@ -75,11 +83,14 @@ class ApproachChannel:
             return self._with_slope(repeated, self._place(nav))
         return [repeated, dataclasses.replace(self._slope, t_ns=t_ns)]
 
-    def _follow_source(self, source: str | None) -> None:
-        """Another source of the height is another datum error: a new window."""
-        if source is not None and self._vertical_source not in (None, source):
+    def _follow_sources(self, nav: NavState) -> None:
+        """Another source of the place, or of the altitude alone, has other errors: a new window."""
+        if nav.position_source is None or nav.altitude_source is None:
+            return
+        sources = nav.position_source, nav.altitude_source
+        if self._sources not in (None, sources):
             self._monitor.restart()
-        self._vertical_source = source or self._vertical_source
+        self._sources = sources
 
     def _place(self, nav: NavState) -> Place | None:
         position = nav.position
@@ -120,9 +131,16 @@ def make_channel(config: Config, reference: Reference | None) -> ApproachChannel
     devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
     fitting = [device.name for device in devices if _fits(device, reference.header.sensor)]
     if fitting:
-        return ApproachChannel(reference, settings, fitting[0])
+        return ApproachChannel(reference, settings, fitting[0], _held_by(config, fitting[0]))
     reason = Reason.WRONG_SENSOR if devices else Reason.NO_ALTIMETER
     return IdleChannel(IntegrityState.UNAVAILABLE, reason, reference.hash)
+
+
+def _held_by(config: Config, altimeter: str) -> frozenset[str]:
+    """The sources of altitude that this altimeter may hold."""
+    own, radio = config.nav.filter, config.nav.radio
+    held = {FILTER, VERTICAL} if own and altimeter in own.altimeters else set[str]()
+    return frozenset(held | ({RADIO} if radio and radio.altimeter == altimeter else set()))
 
 
 def _fits(device: Device, sensor: Sensor) -> bool:

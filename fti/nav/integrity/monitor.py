@@ -26,6 +26,7 @@ import numpy as np
 
 from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.go_around import GO_AROUND_CLIMB, GoAround
 from fti.nav.integrity.protection import Protection, Protector
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.states import AlarmLogic, Ratios
@@ -39,8 +40,6 @@ REPEAT_NS = 500_000_000
 HOLD_NS = UPDATE_NS
 #: The oldest window that is vouched for: 10 m at 5 m/s.
 QUIET_NS = 2_000_000_000
-GO_AROUND_CLIMB = 2.0
-GO_AROUND_NS = 3_000_000_000
 #: The margin over sqrt(t2) that makes a shift of AL_s visible with 95 %: O >= (sqrt(t2) + 1.64)^2.
 OBSERVABLE_MARGIN = 1.64
 
@@ -78,25 +77,6 @@ RULES: tuple[tuple[Reason, Rule], ...] = (
     (Reason.ROLL, lambda x, a: not abs(x.roll) <= math.radians(a.max_roll_deg)),
     (Reason.PITCH, lambda x, a: not abs(x.pitch) <= math.radians(a.max_pitch_deg)),
 )
-
-
-class GoAround:
-    """Climbing at more than 2 m/s for 3 s begins it, 3 s without ends it."""
-
-    def __init__(self) -> None:
-        self.active = False
-        self._since_ns: int | None = None
-
-    def step(self, t_ns: int, climb: float | None) -> bool:
-        """Whether a go-around is being flown."""
-        climbing = climb is not None and climb > GO_AROUND_CLIMB
-        if climbing == self.active:
-            self._since_ns = None
-        elif self._since_ns is None:
-            self._since_ns = t_ns
-        elif t_ns - self._since_ns >= GO_AROUND_NS:
-            self.active, self._since_ns = climbing, None
-        return self.active
 
 
 class ClearanceMonitor:

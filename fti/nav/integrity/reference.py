@@ -52,8 +52,8 @@ class Profile(StrictModel):
     surface: str
     made_from: Literal["terrain", "recordings"]
     date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")]
-    ds_m: Positive
-    s_max_m: Positive
+    ds_m: Annotated[float, Field(ge=0.5, le=100.0)]
+    s_max_m: Annotated[float, Field(gt=0.0, le=1e5)]
     draws: int
     seed: int
     window_m: Positive
@@ -237,6 +237,14 @@ def _check_sigmas(rows: Array, file: str, first: int) -> None:
 
 
 def _check_window(profile: Profile, file: str) -> None:
+    """The compiled kernels look up to 200 m beyond a window, in whole steps, and ask nobody whether it is there."""
+    for name, length in (("the margin", MARGIN_M), ("window_m", profile.window_m)):
+        if abs(length / profile.ds_m - round(length / profile.ds_m)) > 1e-9:
+            raise ConfigError(f"{file}: profile.ds_m = {profile.ds_m}: must divide {name}, {length}")
+    if profile.window_m > profile.s_max_m:
+        raise ConfigError(
+            f"{file}: profile.window_m = {profile.window_m}: must be at most s_max_m = {profile.s_max_m}"
+        )
     if profile.correlation_m > profile.window_m / LEAST_CORRELATIONS:
         raise ConfigError(
             f"{file}: profile.correlation_m = {profile.correlation_m}: must be at most window_m / "

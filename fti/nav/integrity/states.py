@@ -33,9 +33,9 @@ class Ratios:
     t4: float
 
     def over(self, limit: float) -> frozenset[Reason]:
-        """The tests whose ratio is above ``limit``."""
+        """The tests whose ratio is not within ``limit``; what is no number is not."""
         values = (self.t1, self.t2, self.t3, self.t4)
-        return frozenset(test for test, v in zip(TESTS, values, strict=True) if v is not None and v > limit)
+        return frozenset(test for test, v in zip(TESTS, values, strict=True) if v is not None and not v <= limit)
 
 
 class AlarmLogic:

@@ -101,6 +101,7 @@ class VerticalFallback:
         self._imu_ns: int | None = None
         self._last_ns: dict[str, int] = {}
         self._confirmations = 0
+        self._altimeter_refused = False
 
     # ----------------------------------------------------------------------------------------------------- taking
 
@@ -155,6 +156,11 @@ class VerticalFallback:
         self._take("altimeter", t_ns, alt, noise**2, _row(HEIGHT, ALTIMETER))
 
     # ------------------------------------------------------------------------------------------------------ telling
+
+    @property
+    def altimeter_refused(self) -> bool:
+        """Whether the newest height of the altimeter was outside the confidence region."""
+        return self._altimeter_refused
 
     def at(self, t_ns: int) -> VerticalState:
         """Height and climb at t_ns."""
@@ -211,7 +217,7 @@ class VerticalFallback:
 
     def _end(self, t_ns: int) -> None:
         self._channel = self._filter = None
-        self._imu_ns = t_ns
+        self._imu_ns, self._altimeter_refused = t_ns, False
         self._last_ns.clear()
 
     def _weight(self, aiding: str, t_ns: int, tau_s: float) -> float:
@@ -238,6 +244,8 @@ class VerticalFallback:
 
     def _note(self, aiding: str, t_ns: int, found: Innovation) -> None:
         assert self._channel is not None and self._filter is not None
+        if aiding == Aiding.ALTIMETER:
+            self._altimeter_refused = not bool(found.taken)
         if bool(found.taken):
             self._last_ns[f"taken {aiding}"] = t_ns
             self._confirmations += 1

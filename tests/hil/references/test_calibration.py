@@ -6,7 +6,9 @@ from scipy.special import gammaincinv
 
 from fti.errors import ConfigError
 from fti.hil.references.approaches import RA4500, TerrainGround
-from fti.hil.references.calibration import Plan, few_draws_factor, make_reference
+from fti.hil.references.calibration import make_reference
+from fti.hil.references.plan import Plan
+from fti.hil.references.profile import few_draws_factor
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene

@@ -10,7 +10,9 @@ import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil.references.approaches import RA4500, Flown, fly, simulate
-from fti.hil.references.calibration import Plan, Surface, make_monitor
+from fti.hil.references.calibration import make_monitor
+from fti.hil.references.plan import Plan
+from fti.hil.references.profile import Surface
 from fti.hil.references.recordings import (
     Pass,
     RecordedGround,
@@ -134,5 +136,9 @@ def test_sessions_are_read_at_the_times_of_the_heights(
     assert len(found.s) == pytest.approx(len(flown.t) * 0.98, abs=6)
     wanted = np.interp(found.s[::-1], flown.nav_s[::-1], (flown.nav_alt - flown.agl)[::-1])[::-1]
     assert np.median(np.abs(found.z - wanted)) < 0.2
+    rest = [({**said, "altitude_source": "filter"} if "solution" in topic else said) for topic, said in outputs]
+    fake.outputs = [(topic, said) for (topic, _), said in zip(outputs, rest, strict=True)]
+    with pytest.raises(MissingError, match="no heights of 'radar' with a position"):
+        read_passes(Path("x"), "radar", path, S_MAX)
     with pytest.raises(MissingError, match="no heights of 'laser'"):
         read_passes(Path("x"), "laser", path, S_MAX)
