@@ -51,6 +51,7 @@ PART_M = 1000.0
 #: Alert limits do not matter where only alarms count: those of the protection levels are kept out of the way.
 ANY_LEVEL_M = 1e6
 
+
 def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_all: RunAll = one_by_one) -> Reference:
     """From terrain and sensor model: profile, limits, table of detection.
 

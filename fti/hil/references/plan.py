@@ -1,0 +1,60 @@
+"""What a reference is made with: the plan, and who does its many tasks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal, Protocol, TypeVar
+
+import numpy as np
+
+Argument = TypeVar("Argument")
+Found = TypeVar("Found")
+
+#: Told what is being done and the share of it that is done, 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+class RunAll(Protocol):
+    """Does a task for each argument, somewhere, and gives what it returns in their order."""
+
+    def __call__(
+        self, task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Callable[[float], None]
+    ) -> list[Found]:
+        """``progress`` is told the share that is done."""
+
+
+def one_by_one(
+    task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Callable[[float], None]
+) -> list[Found]:
+    """Here, one after the other."""
+    todo, found = list(arguments), list[Found]()
+    for argument in todo:
+        found.append(task(argument))
+        progress(len(found) / len(todo))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a reference is made with.
+
+    surface : name of the terrain or of the recordings, date : of their survey
+    runs : simulated approaches for the limits      beside_runs : for each offset of the table of detection
+    pfa : false alarms per approach, all tests together      pmd : missed detections
+    """
+
+    surface: str
+    date: str
+    made_from: Literal["terrain", "recordings"] = "terrain"
+    s_max: float = 7000.0
+    draws: int = 100
+    runs: int = 2000
+    beside_runs: int = 100
+    seed: int = 1
+    pfa: float = 0.01
+    pmd: float = 1e-3
+
+    def rng(self, *stream: int) -> np.random.Generator:
+        """Random numbers of one purpose, the same for the same numbers."""
+        return np.random.default_rng([self.seed, *stream])
