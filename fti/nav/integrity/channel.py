@@ -129,7 +129,7 @@ def make_channel(config: Config, reference: Reference | None) -> ApproachChannel
             f"{config.path}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {least} to {SHIFT_MAX_M}"
         )
     devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
-    fitting = [device.name for device in devices if _fits(device, reference.header.sensor)]
+    fitting = [device.name for device in devices if fits(device, reference.header.sensor)]
     if fitting:
         return ApproachChannel(reference, settings, fitting[0], _held_by(config, fitting[0]))
     reason = Reason.WRONG_SENSOR if devices else Reason.NO_ALTIMETER
@@ -143,7 +143,8 @@ def _held_by(config: Config, altimeter: str) -> frozenset[str]:
     return frozenset(held | ({RADIO} if radio and radio.altimeter == altimeter else set()))
 
 
-def _fits(device: Device, sensor: Sensor) -> bool:
+def fits(device: Device, sensor: Sensor) -> bool:
+    """Whether a device is the kind of altimeter that a reference is made for."""
     altimeter = device.altimeter
     if altimeter is None or altimeter.kind != sensor.kind:
         return False

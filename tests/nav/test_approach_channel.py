@@ -1,0 +1,67 @@
+"""The channel of the approach: whose altitude it is judged with."""
+
+import math
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from fti.config import Approach
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.channel import ApproachChannel
+from fti.nav.integrity.monitor import ClearanceSample
+from fti.nav.integrity.reference import Reference
+from fti.nav.navigation import NavState
+from fti.nav.sources import AttitudeState, PositionState
+from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
+
+Flight = Callable[..., Iterator[ClearanceSample]]
+Inputs = list[tuple[HeightAboveGround, NavState]]
+JUDGED = {IntegrityState.OK, IntegrityState.MONITOR}
+
+
+def inputs(path: ApproachPath, flight: Flight, altitude_source: Callable[[float], str]) -> Inputs:
+    """A nominal approach; altitude_source : of the path length."""
+    found: Inputs = []
+    for x in flight(begin=2900.0, end=1000.0):
+        lat, lon = (float(v) for v in path.geodetic(x.s, x.y))
+        place = PositionState(lat, lon, x.alt, 1.0, 1.0, 0.0, 0.0, 3.0, x.t_ns)
+        attitude = AttitudeState(x.roll, x.pitch, math.radians(path.airfield.course_deg), 1e-3, 1e-3)
+        height = HeightAboveGround(
+            t_ns=x.t_ns, t_valid_ns=x.t_valid_ns, sensor="radar", raw=x.agl, height_agl=x.agl, sd=0.5,
+            valid=True, reasons=(),
+        )  # fmt: skip
+        found.append((height, NavState(x.t_ns, attitude, place, "ins", "ins", altitude_source(x.s))))
+    return found
+
+
+def judged(channel: ApproachChannel, given: Inputs) -> tuple[list[ClearanceIntegrity], list[GlideSlope]]:
+    out = [o for height, nav in given for o in channel.take(height, nav)]
+    return [o for o in out if isinstance(o, ClearanceIntegrity)], [o for o in out if isinstance(o, GlideSlope)]
+
+
+@pytest.fixture
+def settings() -> Approach:
+    return Approach(profile="", alert_v_m=12.0)
+
+
+def test_an_altitude_that_the_altimeter_holds_itself_judges_nothing(
+    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+) -> None:
+    """Altitude minus height would be the ground that is known, wherever the aircraft is: a test of nothing."""
+    given = inputs(path, flight, lambda s: "ins" if s > 1800.0 else "filter")
+    integrity, slopes = judged(ApproachChannel(reference, settings, "radar", frozenset({"filter"})), given)
+    before = [o for o in integrity if o.s_end is not None and 1810.0 < o.s_end < 2400.0]
+    assert {o.state for o in before} <= JUDGED
+    assert (integrity[-1].state, integrity[-1].reasons) == (IntegrityState.UNAVAILABLE, (Reason.NOT_INDEPENDENT,))
+    assert min(o.s_end for o in integrity if o.valid and o.s_end is not None) > 1780.0
+    assert not slopes[-1].valid
+
+
+def test_another_source_of_the_altitude_alone_begins_a_new_window(
+    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+) -> None:
+    given = inputs(path, flight, lambda s: "ins" if s > 1800.0 else "vertical")
+    integrity, _ = judged(ApproachChannel(reference, settings, "radar"), given)
+    behind = [o.state for o in integrity if o.s_end is not None and o.s_end < 1795.0]
+    assert behind[0] is IntegrityState.ACQUIRE
+    assert behind[-1] in JUDGED
