@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--date", metavar="YYYY-MM-DD", help="of its survey (default: the airfield's, or the last recording's)"
     )
     make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
-    make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="default: ra4500")
+    make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="kind of altimeter (ra4500)")
     make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
     make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (2000)")
     make.add_argument(
@@ -147,11 +147,18 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
 
 def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
     from fti.hil.references.plan import Plan
-    from fti.hil.references.recordings import date_of, profiles_of, read_passes, reference_from_recordings
+    from fti.hil.references.recordings import (
+        check_sensor,
+        date_of,
+        profiles_of,
+        read_passes,
+        reference_from_recordings,
+    )
     from fti.study.workers import run_all
 
     passes = []
     for number, folder in enumerate(args.recorded, start=1):
+        check_sensor(folder, args.sensor, altimeter)
         passes += read_passes(folder, args.sensor, path, args.s_max)
         bars.update("recordings", number / len(args.recorded))
     profiles = profiles_of(passes, args.s_max)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from fti.config import Approach
 from fti.errors import ConfigError, MissingError
+from fti.hil.recorded import recorded_config
 from fti.hil.references.approaches import AltimeterModel
 from fti.hil.references.calibration import calibrate
 from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
@@ -29,6 +30,7 @@ from fti.hil.references.profile import DS_M, Surface, binned, correlation_length
 from fti.hil.sensors.errors import slow
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.channel import fits
 from fti.nav.integrity.reference import MARGIN_M, Reference, grid
 from fti.nav.integrity.window import BACKWARD_M
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
@@ -120,6 +122,20 @@ def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> 
     if not heights or not solutions:
         raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
     return list(split(_joined(np.array(heights), np.array(solutions), path), s_max))
+
+
+def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
+    """A reference of one kind of altimeter is not made of the heights of another.  Raises MissingError, ConfigError."""
+    device = recorded_config(Recording.open(folder), folder).find_device(name)
+    wanted = altimeter.sensor
+    if device is None or device.altimeter is None:
+        raise ConfigError(f"{folder}: has no altimeter {name!r}")
+    if not fits(device, wanted):
+        found = device.altimeter
+        raise ConfigError(
+            f"{folder}: {name!r} is a {found.kind} of {found.beam_deg:g} deg; the reference would be that of a "
+            f"{wanted.kind} of {wanted.beam_deg:g} deg"
+        )
 
 
 def _numbers(output: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[float, ...]]:

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from fti.errors import ConfigError, MissingError
-from fti.hil.references.approaches import RA4500, Flown, fly, simulate
+from fti.hil.references.approaches import LASER, RA4500, Flown, fly, simulate
 from fti.hil.references.calibration import make_monitor
 from fti.hil.references.plan import Plan
 from fti.hil.references.profile import Surface
 from fti.hil.references.recordings import (
     Pass,
     RecordedGround,
+    check_sensor,
     profiles_of,
     read_passes,
     reference_from_recordings,
@@ -113,6 +114,10 @@ class FakeRecording:
     """Outputs as a session has them."""
 
     outputs: list[tuple[str, dict[str, object]]] = field(default_factory=list)
+    config: str = ""
+
+    def attachments(self) -> dict[str, bytes]:
+        return {"config.toml": self.config.encode()}
 
     def messages(self, prefix: str) -> list[tuple[str, int, int, int, bytes]]:
         return [(topic, 0, 0, 0, json.dumps(data).encode()) for topic, data in self.outputs if topic.startswith(prefix)]
@@ -142,3 +147,32 @@ def test_sessions_are_read_at_the_times_of_the_heights(
         read_passes(Path("x"), "radar", path, S_MAX)
     with pytest.raises(MissingError, match="no heights of 'laser'"):
         read_passes(Path("x"), "laser", path, S_MAX)
+
+
+CONFIG = """
+[session]
+name = "t"
+[[link]]
+name = "line"
+kind = "serial"
+port = "/dev/null"
+[[device]]
+name = "radar"
+link = "line"
+driver = "lightware_ascii"
+altimeter = { kind = "radar", range_m = [1.0, 700.0], beam_deg = 40.0 }
+"""
+
+
+def test_a_reference_of_one_altimeter_is_not_made_of_the_heights_of_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = FakeRecording(config=CONFIG)
+    open_fake: Callable[[Path], FakeRecording] = lambda folder: fake  # noqa: E731
+    monkeypatch.setattr("fti.hil.references.recordings.Recording.open", open_fake)
+    check_sensor(Path("x"), "radar", RA4500)
+    with pytest.raises(ConfigError, match=r"x: 'radar' is a radar of 40 deg; .* laser"):
+        check_sensor(Path("x"), "radar", LASER)
+    with pytest.raises(ConfigError, match="x: has no altimeter 'laser'"):
+        check_sensor(Path("x"), "laser", LASER)
+    fake.config = CONFIG.replace("40.0", "25.0")
+    with pytest.raises(ConfigError, match="radar of 25 deg"):
+        check_sensor(Path("x"), "radar", RA4500)
