@@ -71,7 +71,19 @@ def test_a_hole_under_the_aircraft_says_nothing_against_a_beam_beside_it() -> No
     assert beside.predicted == pytest.approx(150.0)
     assert beside.reasons == ()
     assert beside.compensated is None
+    assert beside.unchecked == (Reason.TERRAIN_HOLE,), "its height was held against nothing"
     assert said(channel(holed), 150.0).unchecked == (Reason.TERRAIN_HOLE,)
+
+
+def test_an_island_of_known_ground_does_not_make_a_place_known() -> None:
+    """Of 10 m of error of the place those of a metre are left on it, and their heights differ by nothing."""
+    island = level()
+    beside = np.maximum.outer(np.abs(POSTS), np.abs(POSTS))
+    island[(beside > 7.0) & (beside < 200.0)] = np.nan
+    assert said(channel(level()), 150.0, place_sd=10.0).compensated_sd is not None
+    found = said(channel(island), 150.0, place_sd=10.0)
+    assert found.predicted == pytest.approx(150.0)
+    assert (found.compensated, found.unchecked) == (None, (Reason.TERRAIN_HOLE,))
 
 
 def test_a_height_that_is_used_as_it_is_is_held_against_the_navigated_one() -> None:

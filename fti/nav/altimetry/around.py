@@ -60,7 +60,9 @@ def _over_nadir(p: Pyramid, at: Array, mat_ln: Array, north: float, east: float,
 def mean_square_around(
     p: Pyramid, at: Array, mat_ln: Array, lever: Array, u: Array, slant_range: float, trials: Array, nearest: bool
 ) -> float:
-    """E[(h(xi) - h(0))^2] [m^2] over the trials that stay over known ground; NaN where none does.
+    """E[(h(xi) - h(0))^2] [m^2] over the trials that stay over known ground; NaN where fewer than half do.
+
+    The large errors are the first to leave it: of the few that stay on an island in it the spread is none of the pose.
 
     at     : P (3,) in the terrain's frame [m];  mat_ln : (3, 3);  lever, u : (3,), north, east, down
     trials : (k, 6) errors of the pose [m, rad]
@@ -88,7 +90,7 @@ def mean_square_around(
         if math.isfinite(change):
             total += change * change
             count += 1
-    return total / count if count else math.nan
+    return total / count if 2 * count >= len(trials) else math.nan
 
 
 @kernel

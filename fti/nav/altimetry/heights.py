@@ -169,8 +169,10 @@ def _told(expected: Expected | Reason | None, value: float | None) -> dict[str, 
     if isinstance(expected, Reason):
         return {"unchecked": (expected,)}
     found = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
-    if value is None or (by_ground := expected.compensated(value)) is None:
+    if value is None:
         return found
+    if (by_ground := expected.compensated(value)) is None:  # the beam meets known ground, and straight below is none
+        return {**found, "unchecked": (Reason.TERRAIN_HOLE,)}
     names = ("compensated", "compensated_sd", "compensation")
     return {**found, **dict(zip(names, by_ground, strict=True))}
 
