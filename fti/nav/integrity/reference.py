@@ -242,9 +242,7 @@ def _check_window(profile: Profile, file: str) -> None:
         if abs(length / profile.ds_m - round(length / profile.ds_m)) > 1e-9:
             raise ConfigError(f"{file}: profile.ds_m = {profile.ds_m}: must divide {name}, {length}")
     if profile.window_m > profile.s_max_m:
-        raise ConfigError(
-            f"{file}: profile.window_m = {profile.window_m}: must be at most s_max_m = {profile.s_max_m}"
-        )
+        raise ConfigError(f"{file}: profile.window_m = {profile.window_m}: must be at most s_max_m = {profile.s_max_m}")
     if profile.correlation_m > profile.window_m / LEAST_CORRELATIONS:
         raise ConfigError(
             f"{file}: profile.correlation_m = {profile.correlation_m}: must be at most window_m / "
