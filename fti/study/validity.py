@@ -5,10 +5,12 @@ Source 003, section 7.5.3, tables 7.16 to 7.23: of three recorded flights the la
 ``fti.study._low_level`` is drawn instead, and only ratios are judged (T20).
 
 Raw is the range that was told, taken as a height, against the true one straight below.  A sample is excluded by
-``fti.nav.altimetry.validity``, the same rules and limits that fly (``narrow``, ``wide``), gates not widened by known
-errors; what is left is held against raw, the mean squares of the countries summed.  N = runs: countries, 200 poses over
-each; the unit is the country, and it is the upper end of the 95 % interval (bootstrap over countries) that is judged,
-with the place and the elevation known, and again with 10 m of error in each horizontal axis and 2 m in height.
+``fti.nav.altimetry.validity``, the rules that fly, with the limits of the source's tables (``narrow``, ``wide``; those
+of a flight are its configuration's, whose defaults are wider: 30 deg, and no gate on the navigated height), gates not
+widened by known errors; what is left is held against raw, the mean squares of the countries summed.  N = runs:
+countries, 200 poses over each; the unit is the country, and it is the upper end of the 95 % interval (bootstrap over
+countries) that is judged, with the place and the elevation known, and again with 10 m of error in each horizontal axis
+and 2 m in height.
 
 Reported beside: elevation with 1.5 m of noise that lies 10 m beside the truth; a laser that a cloud answers more often
 than the ground does, and which does not tell (table 7.19); the radar with a gate of 10 m everywhere, not narrowed where
