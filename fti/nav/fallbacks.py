@@ -25,7 +25,7 @@ class Fallbacks:
     def __init__(self, config: Config) -> None:
         nav, devices = config.nav, {device.name: device for device in config.device}
         self._aided = AidedNavigation(nav.filter, devices) if nav.filter else None
-        self._radio = RadioPosition(nav.radio) if nav.radio else None
+        self._radio = RadioPosition(nav.radio, devices) if nav.radio else None
         self._ticks = 0
 
     def give_ground(self, ground: Ground | None) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
-from fti.config import Radio
+from fti.config import Device, Radio
+from fti.nav.altimetry.nadir import ground_below
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.radio.live import RadioNavigation, RadioSettings, Station
@@ -15,10 +17,15 @@ from fti.types import DmeRange, HeightAboveGround, Measurement, Position, Positi
 
 
 class RadioPosition:
-    """Satellites of one receiver, DME ranges to known stations, and an altimeter over known ground."""
+    """Satellites of one receiver, DME ranges to known stations, and an altimeter over known ground.
 
-    def __init__(self, settings: Radio) -> None:
+    devices : by name.  Of the antenna's place beside P the height counts, as in level flight
+    """
+
+    def __init__(self, settings: Radio, devices: Mapping[str, Device]) -> None:
         self._settings = settings
+        receiver = devices.get(settings.receiver or "")
+        self._arm_down = receiver.lever_arm_b[2] if receiver else 0.0
         stations = {
             name: Station(math.radians(s.lat_deg), math.radians(s.lon_deg), s.alt_m)
             for name, s in settings.station.items()
@@ -49,17 +56,20 @@ class RadioPosition:
     def _take_position(self, m: Position, t_ns: int) -> None:
         alt = ellipsoidal(m)
         if m.lat is not None and m.lon is not None and alt is not None:
-            self._radio.take_fix(t_ns, Station(m.lat, m.lon, alt), m.horizontal_sd, m.vertical_sd)
+            self._radio.take_fix(t_ns, Station(m.lat, m.lon, alt + self._arm_down), m.horizontal_sd, m.vertical_sd)
 
     def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
-        """A height of the configured altimeter, judged valid."""
+        """A height of the configured altimeter, judged valid; straight down where the ground tells that one."""
         if height.sensor != self._settings.altimeter or not height.valid or height.t_valid_ns is None:
             return
-        if self._ground is None or nav.position is None or height.height_agl is None:
+        known, sd = height.compensated, height.compensated_sd
+        if known is None or sd is None:
+            known, sd = height.height_agl, height.sd
+        if self._ground is None or nav.position is None or known is None:
             return
-        ground = float(self._ground.terrain.height(nav.position.lat, nav.position.lon))
-        if math.isfinite(ground):
-            self._radio.take_height(height.t_valid_ns, height.height_agl, height.sd, ground, self._ground.sd)
+        if below := ground_below(self._ground.terrain, nav.position):
+            ground, by_place = below
+            self._radio.take_height(height.t_valid_ns, known, sd, ground, math.hypot(self._ground.sd, by_place))
 
     def solution(self, t_ns: int) -> PositionFix:
         """The fix at t_ns."""

@@ -1,9 +1,12 @@
 """How well the ground below is known: closed forms on a slope and at a step, Monte Carlo over hills."""
 
+import math
+
 import numpy as np
 import pytest
 
-from fti.nav.altimetry.nadir import ground_sd
+from fti.nav.altimetry.nadir import ground_below, ground_sd
+from fti.nav.sources import PositionState
 from fti.terrain.synthetic import fractal_relief
 from fti.terrain.terrain import Terrain
 
@@ -43,3 +46,18 @@ def test_unknown_ground_gives_nan() -> None:
     places = [[0.0, 0.0, 9.0], [-499.0, 0.0, 9.0], [np.nan, 0.0, 9.0], [200.0, 0.0, 9.0]]
     found = ground_sd(_terrain(holed), places, 10.0)
     assert np.isnan(found).tolist() == [True, True, True, False]
+
+
+def test_the_ground_below_a_place_is_as_uncertain_as_the_place_on_its_slope() -> None:
+    """A slope of 0.2 and 100 m of doubt: an altitude made of it is 20 m off, one sigma."""
+    posts = 100.0 + 0.2 * np.arange(0.0, 4001.0, 20.0)[:, None] + np.zeros((1, 201))
+    terrain = Terrain.from_array(posts, 20.0, lat0=0.8, lon0=0.2, east0=-2000.0, north0=-2000.0)
+
+    def at(sd: float | None, lat: float = 0.8) -> tuple[float, float] | None:
+        return ground_below(terrain, PositionState(lat, 0.2, 900.0, sd, 1.0, None, None, None, 0))
+
+    assert at(100.0) == pytest.approx((500.0, 20.0), rel=1e-3)
+    assert at(None) == pytest.approx((500.0, 1.0), rel=1e-3)
+    assert at(math.nan) == at(None)
+    assert at(3000.0) is None  # beyond what is known
+    assert at(1.0, lat=0.9) is None

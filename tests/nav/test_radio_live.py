@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.geodesy.rotations import mat_en
-from fti.geodesy.wgs84 import ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.nav.radio.accuracy import AltitudeSource
 from fti.nav.radio.live import RadioNavigation, RadioState, Station, fix_covariance
 from fti.types import Reason
@@ -93,6 +93,56 @@ def test_two_stations_go_on_from_a_position_and_do_not_begin_with_none() -> None
     later = feed(radio, T + 5 * S, fix=False, stations="ab")
     assert later.valid
     assert off(later) < 1.0
+
+
+def test_two_stations_crossed_between_are_no_position_on_the_wrong_side() -> None:
+    """60 m/s across the line through both: what is on the other side of it fits as well."""
+    between = 0.5 * (ecef_from_geodetic(*STATIONS["a"]) + ecef_from_geodetic(*STATIONS["b"]))
+    lat, lon, _ = map(float, geodetic_from_ecef(between))
+    radius = 6.38e6
+    line = np.array([STATIONS["b"].lat - STATIONS["a"].lat, (STATIONS["b"].lon - STATIONS["a"].lon) * math.cos(lat)])
+    across = np.array([-line[1], line[0]]) / np.linalg.norm(line)
+    radio = RadioNavigation(STATIONS)
+    told = 0
+    for k in range(-300, 300, 2):
+        way = 60.0 * k * across / radius
+        here = Station(lat + way[0] + 1e-4, lon + way[1] / math.cos(lat), 1500.0)
+        if k == -300:
+            radio.take_fix(T + k * S, here, 3.0, 5.0)
+            radio.take_velocity(T + k * S, 60.0 * across[0], 60.0 * across[1], 0.0)
+        for name in "ab":
+            radio.take_dme(T + k * S, name, distance(name, here))
+        radio.take_height(T + k * S, 900.0, 1.0, GROUND, 2.0)
+        state = radio.at(T + k * S)
+        if state.valid and state.lat is not None and state.lon is not None and state.horizontal_sd is not None:
+            told += 1
+            off_m = math.hypot(state.lat - here.lat, (state.lon - here.lon) * math.cos(lat)) * radius
+            assert off_m < 3.0 * state.horizontal_sd, k
+    assert told > 50
+
+
+def test_a_last_position_of_long_ago_does_not_tell_the_side() -> None:
+    radio = RadioNavigation(STATIONS)
+    feed(radio)
+    assert feed(radio, T + 20 * S, fix=False, stations="ab").valid
+    assert feed(radio, T + 200 * S, fix=False, stations="ab").reasons == (Reason.NO_SATELLITES, Reason.GEOMETRY)
+
+
+def test_what_is_old_and_moved_is_less_certain() -> None:
+    """A fix of a second ago says nothing to 3 m when nobody knows how fast one flies, or one may have turned."""
+
+    def level_sd(velocity_age_s: float | None) -> float:
+        radio = RadioNavigation({})
+        radio.take_fix(T, HERE, 3.0, 5.0)
+        if velocity_age_s is not None:
+            radio.take_velocity(T + S - round(velocity_age_s * S), 60.0, 0.0, 0.0)
+        found = radio.at(T + S).horizontal_sd
+        assert found is not None
+        return found
+
+    assert level_sd(0.0) == pytest.approx(3.0, abs=0.01)
+    assert level_sd(8.0) == pytest.approx(math.hypot(3.0, 16.2), rel=1e-3)
+    assert level_sd(None) == pytest.approx(math.hypot(3.0, 60.0), rel=1e-3)
 
 
 def test_what_moves_is_moved_on() -> None:

@@ -20,6 +20,7 @@ from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
 from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
+from fti.nav.altimetry.nadir import POSITION_SD_UNKNOWN
 from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -34,8 +35,7 @@ from fti.types import Compensation, Reason
 
 Array = NDArray[np.float64]
 
-#: One sigma of a position whose source states none, each axis [m], and of a heading [rad].
-POSITION_SD_UNKNOWN = 5.0
+#: One sigma of a heading [rad].
 HEADING_SD = math.radians(1.0)
 #: One sigma of an altimeter for which neither device nor configuration states one [m].
 RANGE_SD_UNKNOWN = 1.0

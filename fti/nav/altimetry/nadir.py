@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
 #: Directions around N.
 AROUND = 8
+#: One sigma of a position whose source states none, each axis [m].
+POSITION_SD_UNKNOWN = 5.0
 
 
 def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:
@@ -30,3 +35,19 @@ def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Ar
     radius = np.sqrt(2.0) * horizontal_sd
     around = terrain.up(east + radius * np.sin(turn), north + radius * np.cos(turn))
     return np.asarray(np.sqrt(np.mean((around - terrain.up(east, north)) ** 2, axis=0)))
+
+
+def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, float] | None:
+    """Height of the ground above the ellipsoid [m] at a position, and one sigma of it by the error of the place [m].
+
+    A height of an altimeter plus that of the ground is an altitude: on a slope it is wrong by as much as the ground is
+    that was looked up elsewhere.  None where the ground there, or around as far as the place may be wrong, is unknown.
+    """
+    ground = float(terrain.height(position.lat, position.lon))
+    if not math.isfinite(ground):
+        return None
+    told = position.horizontal_sd
+    level = POSITION_SD_UNKNOWN if told is None or not math.isfinite(told) else abs(told)
+    point_l = terrain.frame.to_local(position.lat, position.lon, ground)
+    sd = float(ground_sd(terrain, point_l, level)[0])
+    return (ground, sd) if math.isfinite(sd) else None

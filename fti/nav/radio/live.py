@@ -4,14 +4,16 @@ The receiver's fix stands for its satellites: with the covariance sigma_G^2 (H_G
 used it weighs as much as their pseudoranges would, of which no one tells the satellites' places.  A receiver with fewer
 than four satellites has no fix, and what it says of its sky counts for nothing here.
 
-Ranges of the last seconds are moved on with the velocity.  The sigma of the height is predicted with satellites and
-stations, and with the altimeter (over known ground); where the altimeter's is the smaller, its height becomes one more
-observation, else it is left out.  Without satellites it is nearly always taken: stations are on the ground, and ranges
-to them say little of the height.
+Ranges of the last seconds are moved on with the velocity, and their sigma grows with what that does not know: a
+manoeuvre of ``MANOEUVRE`` since it was true, any flight at all when there is none.  The sigma of the height is
+predicted with satellites and stations, and with the altimeter (over known ground); where the altimeter's is the
+smaller, its height becomes one more observation, else it is left out.  Without satellites it is nearly always taken:
+stations are on the ground, and ranges to them say little of the height.
 
 An observation whose test (what is left over its own sigma) is beyond ``TEST`` is refused, the worst first, as long as
-the others can tell which it is; where they cannot, the position is not valid.  With two stations and no earlier
-position there are two solutions: none is given.
+the others can tell which it is; where they cannot, the position is not valid.  With two stations there are two
+solutions, one on each side of the line through both: the one nearer to the last position is given, as long as that is
+not older than ``last_age_s`` and the other side is ``TEST`` sigmas away; else none.
 """
 
 from __future__ import annotations
@@ -41,6 +43,8 @@ LEAST_SD = 1e-3
 #: With fewer stations and no earlier position there is more than one solution.
 UNAMBIGUOUS = 3
 FIX, HEIGHT = "satellites", "altimeter"
+#: One sigma of a velocity [m/s], of what becomes of it [m/s^2], and of one that nobody knows [m/s].
+VELOCITY_SD, MANOEUVRE, SPEED_UNKNOWN = 0.2, 2.0, 60.0
 
 
 class Station(NamedTuple):
@@ -53,7 +57,10 @@ class Station(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RadioSettings:
-    """One sigma of a pseudorange and of a DME range [m]; how old a fix, a range, a height and a velocity may be [s]."""
+    """One sigma of a pseudorange and of a DME range [m].
+
+    ..._age_s : how old a fix, a range, a height, a velocity and a last position may be [s]
+    """
 
     satellite_sd: float = 3.0
     dme_sd: float = 222.0
@@ -61,6 +68,7 @@ class RadioSettings:
     dme_age_s: float = 3.0
     height_age_s: float = 0.5
     velocity_age_s: float = 10.0
+    last_age_s: float = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +187,9 @@ class RadioNavigation:
         if solution is None:
             reasons = *self._missing(observed), Reason.GEOMETRY
             return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=ranges_sd, altimeter_sd=height_sd)
+        if agreed and _has_a_twin(observed, solution):
+            reasons = *self._missing(observed), Reason.GEOMETRY
+            return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=ranges_sd, altimeter_sd=height_sd)
         if agreed:
             self._last = t_ns, solution.x[:3]
         lat, lon, alt = map(float, solution.geodetic())
@@ -206,13 +217,13 @@ class RadioNavigation:
         if self._fix and _fresh(self._fix, t_ns, s.fix_age_s):
             lat, lon, _ = geodetic_from_ecef(self._fix.pos_e)
             turn = mat_en(lat, lon)
-            observed[FIX] = Place(
-                self._fix.pos_e + self._moved(self._fix.t_ns, t_ns, turn), turn @ self._fix.cov_n @ turn.T
-            )
+            cov_n = self._fix.cov_n + self._growth(self._fix.t_ns, t_ns) ** 2 * np.eye(3)
+            observed[FIX] = Place(self._fix.pos_e + self._moved(self._fix.t_ns, t_ns, turn), turn @ cov_n @ turn.T)
         for name, entry in sorted(self._ranges.items()):
             if _fresh(entry, t_ns, s.dme_age_s):
                 moved = self._stations_e[name] + self._moved(entry.t_ns, t_ns, self._turn())
-                observed[name] = Slant(moved[None], np.array([entry.metres]), np.array([s.dme_sd]), clock=False)
+                sd = math.hypot(s.dme_sd, self._growth(entry.t_ns, t_ns))
+                observed[name] = Slant(moved[None], np.array([entry.metres]), np.array([sd]), clock=False)
         return observed
 
     def _start(self, t_ns: int, observed: Mapping[str, Observation]) -> Array | None:
@@ -222,7 +233,7 @@ class RadioNavigation:
             return place.pos_e
         if not observed:
             return None
-        if self._last:
+        if self._last and abs(t_ns - self._last[0]) <= self._settings.last_age_s * SECOND_NS:
             return self._last[1] + self._moved(self._last[0], t_ns, self._turn())
         points = [o.points_e[0] for o in observed.values() if isinstance(o, Slant)]
         return np.asarray(np.mean(points, axis=0)) if len(points) >= UNAMBIGUOUS else None
@@ -235,9 +246,20 @@ class RadioNavigation:
 
     def _moved(self, then_ns: int, t_ns: int, turn: Array) -> Array:
         """How far one has come since then [m], e frame; nothing when the velocity is unknown."""
-        if self._velocity is None or abs(t_ns - self._velocity[0]) > self._settings.velocity_age_s * SECOND_NS:
+        if self._velocity is None or not self._knows_velocity(t_ns):
             return np.zeros(3)
         return np.asarray(turn @ self._velocity[1] * ((t_ns - then_ns) / SECOND_NS))
+
+    def _growth(self, then_ns: int, t_ns: int) -> float:
+        """One sigma of what ``_moved`` does not know of the way since then [m]."""
+        speed = SPEED_UNKNOWN
+        if self._velocity and self._knows_velocity(t_ns):
+            speed = VELOCITY_SD + MANOEUVRE * abs(t_ns - self._velocity[0]) / SECOND_NS
+        return speed * abs(t_ns - then_ns) / SECOND_NS
+
+    def _knows_velocity(self, t_ns: int) -> bool:
+        age_ns = self._settings.velocity_age_s * SECOND_NS
+        return self._velocity is not None and abs(t_ns - self._velocity[0]) <= age_ns
 
     def _missing(self, observed: Mapping[str, Observation]) -> tuple[Reason, ...]:
         stations = any(isinstance(o, Slant) for o in observed.values())
@@ -271,6 +293,18 @@ def _height_sd(observed: Mapping[str, Observation], pos_e: Array) -> float | Non
     lat, lon, _ = geodetic_from_ecef(pos_e)
     down = mat_en(lat, lon)[:, 2]
     return math.sqrt(down @ cov[:3, :3] @ down)
+
+
+def _has_a_twin(observed: Mapping[str, Observation], solution: Solution) -> bool:
+    """Whether it may as well be on the other side of the only two stations: the vertical plane through them is near."""
+    points = [o.points_e[0] for o in observed.values() if isinstance(o, Slant)]
+    if FIX in observed or len(points) >= UNAMBIGUOUS:
+        return False
+    x = solution.x[:3]
+    lat, lon, _ = geodetic_from_ecef(x)
+    across = np.cross(points[-1] - points[0], mat_en(lat, lon)[:, 2])
+    sd = math.sqrt(across @ solution.cov[:3, :3] @ across)
+    return not abs(across @ (x - points[0])) > TEST * sd
 
 
 def _solve(observed: dict[str, Observation], start_e: Array) -> tuple[Solution | None, tuple[str, ...], bool]:
