@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -24,11 +25,12 @@ class Ground:
     name: str
     files: tuple[str, ...] = ()
 
+    @functools.cached_property
     def digest(self) -> str:
         """SHA-256 over the frame, the layers' places and their posts: equal for the same ground, hexadecimal."""
         frame = self.terrain.frame
         found = hashlib.sha256(repr((frame.lat0, frame.lon0, frame.alt0)).encode())
         for layer in self.terrain.layers:
             found.update(repr((layer.east0, layer.north0, layer.cell_m, layer.heights.shape)).encode())
-            found.update(np.ascontiguousarray(layer.heights).tobytes())
+            found.update(np.ascontiguousarray(layer.heights).ravel().data)
         return found.hexdigest()

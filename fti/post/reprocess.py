@@ -78,7 +78,7 @@ class Setup:
             return None
         ground = load_ground(settings)
         for note in self.grounds:
-            if note.sha256 not in (None, ground.digest()):
+            if note.sha256 not in (None, ground.digest):
                 raise RecordingError(
                     f"{ground.name}: is not the terrain of the flight (SHA-256 {note.sha256}); name a configuration "
                     "with the terrain that is to be taken"

@@ -81,7 +81,7 @@ class Chain:
         self._pipeline.give_ground(ground)
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
-            about = {"name": ground.name, "files": ground.files, "sha256": ground.digest()}
+            about = {"name": ground.name, "files": ground.files, "sha256": ground.digest}
         products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
         products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))

@@ -54,17 +54,17 @@ def _scene(name: str) -> Terrain:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """What became of the ground: it is there, none is configured, or a fault in words kept it away."""
+    """What became of the ground: it is there, or a fault in words kept it away."""
 
     ground: Ground | None
     fault: str | None = None
 
 
 class GroundLoading:
-    """Loads the ground of a configuration; ``take`` hands it over once."""
+    """Loads the ground of a configuration; ``take`` hands it over once.  without : why it is not to be loaded"""
 
-    def __init__(self, config: Config) -> None:
-        self._config = config
+    def __init__(self, config: Config, without: str | None = None) -> None:
+        self._config, self._without = config, without
         self._share = 0.0
         self._found: Loaded | None = None
         self._taken: Loaded | None = None
@@ -89,16 +89,24 @@ class GroundLoading:
             return f"being loaded, {100 * self._share:.0f} %"
         if self._taken.fault:
             return f"not there: {self._taken.fault}"
-        return self._taken.ground.name if self._taken.ground else "none configured"
+        assert self._taken.ground
+        return self._taken.ground.name
 
     def _run(self) -> None:
+        with guarded("terrain", self._fail):
+            if self._without:
+                self._found = Loaded(None, self._without)
+            elif settings := self._config.nav.terrain:
+                self._found = Loaded(self._load(settings))
+
+    def _load(self, settings: TerrainFiles) -> Ground:
+        """All that takes long is done here: navigation would be late by seconds with the sum of many posts."""
         from fti.nav.warm import warm_up  # noqa: PLC0415 - see above
 
-        with guarded("terrain", self._fail):
-            settings = self._config.nav.terrain
-            ground = load_ground(settings, self._hear) if settings else None
-            warm_up(self._config, ground)
-            self._found = Loaded(ground)
+        ground = load_ground(settings, self._hear)
+        warm_up(self._config, ground)
+        assert ground.digest
+        return ground
 
     def _hear(self, share: float) -> None:
         self._share = share

@@ -12,6 +12,7 @@ from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
+from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
 from fti.service.control import Channel
@@ -46,7 +47,7 @@ class Navigator:
         self._devices = bind_devices(config, order.texts)
         self._config = config
         self._chain = Chain(config, self._devices, parse_reference(config, order.texts))
-        self._loading = GroundLoading(config) if config.nav.terrain else None
+        self._loading = GroundLoading(config, order.without_terrain) if config.nav.terrain else None
         self._diagnosis = Diagnosis(config, self._chain)
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(order)
@@ -75,6 +76,7 @@ class Navigator:
         """Work until the ring has ended and is empty."""
         self._derived.start()
         if self._loading:
+            self._channel.send({"terrain": terrain_trial.LOADING})
             self._loading.start()
         if self._bus:
             self._bus.alive(PROCESS)
@@ -134,6 +136,7 @@ class Navigator:
     def _take_ground(self) -> None:
         """The ground is there, or will not be: from the next frame on."""
         if self._loading and (loaded := self._loading.take()):
+            self._channel.send({"terrain": terrain_trial.DONE})
             self._deliver(self._chain.give_ground(loaded.ground, loaded.fault, self._last_seq, self._last_ns))
 
     def _take(self, index: int, seq: int, t_rx_ns: int, data: bytes) -> None:

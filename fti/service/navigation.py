@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import signal
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.service.control import await_order
@@ -20,12 +22,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
         signal.signal(number, signal.SIG_IGN)
+    _end_before_recorder()
     told = await_order(args.control_fd)
     if told:
         channel, text, ring_fd = told
         order = NavigationOrder.model_validate_json(text)
         Navigator(order, SystemClock(order.epoch_ns), channel, ring_fd).run()
     return 0
+
+
+def _end_before_recorder() -> None:
+    """Where memory runs out, as a large terrain may have it, the kernel ends this process and not the recorder."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 
 
 if __name__ == "__main__":

@@ -51,11 +51,15 @@ class RecorderOrder(StorageOrder):
 
 
 class NavigationOrder(StorageOrder):
-    """All that the navigation process is told, once, by the supervisor."""
+    """All that the navigation process is told, once, by the supervisor.
+
+    without_terrain : why it is not to load the configured one; None : it is
+    """
 
     config: Config
     epoch_ns: int
     texts: dict[str, str]
     endpoint: str | None
+    without_terrain: str | None = None
     attachments: dict[str, str]
     metadata: dict[str, str]

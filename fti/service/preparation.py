@@ -48,14 +48,20 @@ class Preparation:
         )
         return order.model_dump_json().encode()
 
-    def navigation_order(self, places: Sequence[Place], endpoint: str | None) -> bytes:
-        """The order of navigation.  endpoint : of the bus; None when it is switched off."""
+    def navigation_order(
+        self, places: Sequence[Place], endpoint: str | None, without_terrain: str | None = None
+    ) -> bytes:
+        """The order of navigation.
+
+        endpoint : of the bus; None when it is switched off;  without_terrain : why it is not to load its terrain
+        """
         order = NavigationOrder(
             config=self._config,
             **_storage(places),
             epoch_ns=self._epoch_ns,
             texts=self._texts,
             endpoint=endpoint,
+            without_terrain=without_terrain,
             attachments=self._attachments(),
             metadata=self._metadata(),
         )

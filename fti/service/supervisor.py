@@ -31,6 +31,7 @@ from fti.service.health import HealthBoard
 from fti.service.keeping import Keeper, RecorderMail
 from fti.service.preparation import Preparation
 from fti.service.session_places import SessionPlaces
+from fti.service.terrain_trial import TerrainTrial
 
 HEALTH_PERIOD_S = 0.5
 NAVIGATION_END_S = 20.0
@@ -71,6 +72,7 @@ class Supervisor:
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._mail = RecorderMail(recorder)
+        self._trial = TerrainTrial()
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
         self._commander = self._make_commander()
         self._desk = Desk(
@@ -102,7 +104,7 @@ class Supervisor:
         )
 
     def _make_children(self, recorder: Child) -> list[Child]:
-        places, endpoint = self._places.all, self._hub.endpoint if self._hub else None
+        places, endpoint = self._places.all, self._endpoint
         recorder.order, recorder.ring_fd = self._preparation.recorder_order(places), self._ring.fd
         made = [
             recorder,
@@ -112,6 +114,10 @@ class Supervisor:
             name, port = self._config.session.name, str(self._config.display.port)
             made.append(Child(DISPLAY, arguments=("--endpoint", endpoint, "--session", name, "--port", port)))
         return made
+
+    @property
+    def _endpoint(self) -> str | None:
+        return self._hub.endpoint if self._hub else None
 
     def _child(self, name: str) -> Child | None:
         return next((child for child in self._children if child.name == name), None)
@@ -172,6 +178,8 @@ class Supervisor:
             return
         if child.name != DISPLAY:
             self._commander.on_child_ended(child.name)
+        if child.name == NAVIGATION and (why := self._trial.ended()):
+            child.order = self._preparation.navigation_order(self._places.all, self._endpoint, why)
         self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
@@ -187,6 +195,7 @@ class Supervisor:
             self._board.recorder = message["health"]
         elif "health" in message:
             self._board.navigation = message["health"]
+        self._trial.hear(message)
         if "port" in message:
             self.display_url = f"http://{self._config.display.address}:{message['port']}/"
             self.displayed.set()

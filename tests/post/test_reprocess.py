@@ -126,7 +126,7 @@ def _with_terrain(text: str) -> str:
 
 def test_the_terrain_is_there_from_the_frame_on_from_which_it_was_in_flight(tmp_path: Path) -> None:
     session = _record(tmp_path, {"config.toml": _with_terrain(CONFIG)})
-    sha256 = load_ground(TerrainFiles(scene="demo")).digest()
+    sha256 = load_ground(TerrainFiles(scene="demo")).digest
     _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": sha256})
     said = [json.loads(data)["unchecked"] for topic, _, data in _outputs(_again(session, tmp_path / "again"))
             if topic.endswith("/altimeter")]  # fmt: skip
