@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -12,8 +13,13 @@ import pytest
 from fti.config import Config, parse
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.nav.aided import AidedNavigation
+from fti.nav.filter.aiding import TerrainAltitude
+from fti.nav.filter.states import DEM_DRIFT
 from fti.nav.ground import Ground
+from fti.nav.navigation import NavState
 from fti.nav.pipeline import Pipeline
+from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
@@ -21,6 +27,7 @@ from fti.types import (
     Event,
     FilterMode,
     FilterSolution,
+    HeightAboveGround,
     ImuSample,
     Measurement,
     NavSolution,
@@ -150,7 +157,56 @@ def test_the_altimeter_over_known_ground_keeps_the_height(flight: Flight) -> Non
     assert vertical.alt == pytest.approx(ALT, abs=3.0)
     filtered = [o for o in without if isinstance(o, FilterSolution)][-1]
     assert filtered.vertical_sd is not None
-    assert filtered.vertical_sd < 1.0, "the heights of GNSS have a sigma of 1.5 m, drift by more, and are gone"
+    assert filtered.vertical_sd < 1.5, "the heights of GNSS alone, which drift, leave 2.5 m, and they are gone"
+
+
+def states(k: int, level_sd: float, high_sd: float) -> list[tuple[str, Measurement]]:
+    """As ``measurements``, with other sigmas of the positions."""
+    return [
+        (device, dataclasses.replace(m, horizontal_sd=level_sd, vertical_sd=high_sd) if isinstance(m, Position) else m)
+        for device, m in measurements(k, gnss=True)
+    ]
+
+
+def test_fixes_that_err_together_are_not_averaged_away() -> None:
+    """A receiver that states 6 m and 8 m, five times a second for ten seconds: as good as one fix, not as fifty."""
+    pipeline, out = Pipeline(config(filter={"imu": "imu", "gnss": ["gnss"]}), None), list[Output | Event]()
+    for k in range(1000):
+        for device, m in states(k, 6.0, 8.0):
+            pipeline.feed(device, m)
+        if k % 2 == 0:
+            out += pipeline.tick(T0 + k * 10 * MS)
+    last = [o for o in out if isinstance(o, FilterSolution)][-1]
+    assert last.horizontal_sd == pytest.approx(6.0, rel=0.1)
+    assert last.vertical_sd == pytest.approx(8.0, rel=0.1)
+
+
+def test_an_elevation_model_is_as_wrong_the_next_second() -> None:
+    """Ground of 8 m and no heights of satellites to speak of: ten altitudes above it do not tell the height to 3 m."""
+    pipeline, out = Pipeline(config(), None), list[Output | Event]()
+    pipeline.give_ground(dataclasses.replace(level(), sd=8.0))
+    for k in range(1000):
+        for device, m in states(k, 1.0, 500.0):
+            pipeline.feed(device, m)
+        if k % 2 == 0:
+            out += pipeline.tick(T0 + k * 10 * MS)
+    last = [o for o in out if isinstance(o, FilterSolution)][-1]
+    assert last.vertical_sd is not None
+    assert 5.0 < last.vertical_sd < 12.0  # 600 m of errors that last 300 m
+
+
+def test_a_climb_that_is_old_says_nothing_of_now() -> None:
+    """A receiver whose last velocity has a climb of 0.8 m/s, and that tells heights alone then: the flight is level."""
+    pipeline, out = Pipeline(config(filter={"imu": "imu", "gnss": ["gnss"]}), None), list[Output | Event]()
+    for k in range(1000):
+        for device, m in measurements(k, gnss=True):
+            if isinstance(m, Velocity) and k > 300:
+                continue
+            pipeline.feed(device, dataclasses.replace(m, down=-0.8) if isinstance(m, Velocity) and k == 300 else m)
+        if k % 2 == 0:
+            out += pipeline.tick(T0 + k * 10 * MS)
+    last = [o for o in out if isinstance(o, VerticalSolution)][-1]
+    assert last.vel_down == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_filter_without_gnss_waits_and_says_for_what() -> None:
@@ -240,3 +296,25 @@ def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_tol
         for name in ("lat", "alt", "vertical_sd", "vel_down", "height_agl", "compensated", "predicted"):
             told = getattr(o, name, None)
             assert told is None or math.isfinite(told), (name, o)
+
+
+@pytest.mark.parametrize(("place_sd", "ground_sd"), [(100.0, 20.0), (0.1, 1.0)])
+def test_on_a_slope_the_ground_is_as_uncertain_as_the_place(
+    monkeypatch: pytest.MonkeyPatch, place_sd: float, ground_sd: float
+) -> None:
+    """Coasting, 100 m of doubt over a slope of 0.2: the height of an altimeter is no altitude to 2 m."""
+    posts = 100.0 + 0.2 * np.arange(0.0, 4001.0, 20.0)[:, None] + np.zeros((1, 201))
+    terrain = Terrain.from_array(posts, 20.0, lat0=LAT, lon0=0.2, east0=-2000.0, north0=-2000.0)
+    settings = config().nav.filter
+    assert settings is not None
+    aided = AidedNavigation(settings, {device.name: device for device in config().device})
+    aided.give_ground(Ground(terrain, 1.0, "slope"))
+    told: list[TerrainAltitude] = []
+    monkeypatch.setattr(aided._navigator, "take", lambda t_ns, aiding: told.append(aiding))
+    position = PositionState(LAT, 0.2, 700.0, place_sd, 1.0, 60.0, 0.0, 0.0, T0)
+    height = HeightAboveGround(
+        t_ns=T0, t_valid_ns=T0, sensor="laser", raw=200.0, height_agl=200.0, sd=0.5, valid=True, reasons=()
+    )
+    aided.take_height(height, NavState(T0, None, position, None, "filter"))
+    assert told[0].alt == pytest.approx(700.0, abs=0.1)
+    assert told[0].dem_factor * DEM_DRIFT.sd == pytest.approx(max(ground_sd, DEM_DRIFT.sd), rel=0.01)

@@ -14,6 +14,7 @@ from fti.nav.filter import kernels
 from fti.nav.filter.aiding import (
     Aiding,
     BaroAltitude,
+    GnssHeight,
     GnssPosition,
     GnssVelocity,
     PositionFix,
@@ -48,10 +49,12 @@ def other(here: Estimate, x: Array) -> Estimate:
 AIDS: list[Aiding] = [
     GnssPosition(0.8, 0.2, 701.0, 2.0, 3.0, ARM),
     GnssPosition(0.8, 0.2, None, 2.0, 3.0, ARM),
+    GnssPosition(0.8, 0.2, 701.0, 2.0, 3.0, ARM, drift_factors=(2.0, 3.0)),
+    GnssHeight(GnssPosition(0.8, 0.2, 701.0, 2.0, 3.0, ARM)),
     GnssVelocity(50.1, 20.0, -2.2, 0.1, ARM),
     GnssVelocity(50.1, 20.0, None, 0.1, ARM),
     BaroAltitude(690.0, 1.0),
-    TerrainAltitude(702.0, 1.0, 150.0),
+    TerrainAltitude(702.0, 1.0, 150.0, dem_factor=3.0),
     SlantRange(163.0, 0.5, 160.0, 0.8, 0.2, 700.0, U, N),
     PositionFix(0.8, 0.2, 700.0, np.diag([4.0, 9.0, 1.0])),
     Standstill(),

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity
+from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssHeight, GnssPosition, GnssVelocity
 from fti.nav.filter.estimate import Start
 from fti.nav.filter.gate import LIMITS, LOCKOUT_NS, Judgement, Standing, judge, noted, opened, rejected
 from fti.nav.filter.states import Model
 
 GNSS = GnssPosition(0.8, 0.2, 700.0, 2.0, 3.0)
+HEIGHT = GnssHeight(GNSS)
 BARO = BaroAltitude(700.0, 1.0)
 SECOND = 1_000_000_000
 
@@ -27,12 +28,12 @@ def test_what_fits_is_believed_and_what_does_not_is_refused() -> None:
     assert judge({}, BARO, 0, float("nan"), 1) is Judgement.REFUSED
 
 
-def refused_for(ns: int) -> dict[str, Standing]:
-    return noted(noted({}, GNSS, 0, Judgement.BELIEVED), GNSS, SECOND, Judgement.REFUSED)
+def refused(aiding: Aiding) -> dict[str, Standing]:
+    return noted(noted({}, aiding, 0, Judgement.BELIEVED), aiding, SECOND, Judgement.REFUSED)
 
 
 def test_alone_it_is_let_in_again_after_the_lockout() -> None:
-    books = refused_for(LOCKOUT_NS)
+    books = refused(GNSS)
     assert judge(books, GNSS, SECOND + LOCKOUT_NS - 1, 1e6, 3) is Judgement.REFUSED
     assert judge(books, GNSS, SECOND + LOCKOUT_NS, 1e6, 3) is Judgement.LET_IN
     assert rejected(books) == ("gnss.position",)
@@ -40,8 +41,21 @@ def test_alone_it_is_let_in_again_after_the_lockout() -> None:
 
 
 def test_beside_others_that_are_believed_it_stays_out() -> None:
-    books = noted(refused_for(LOCKOUT_NS), BARO, 3 * SECOND, Judgement.BELIEVED)
-    assert judge(books, GNSS, SECOND + LOCKOUT_NS, 1e6, 3) is Judgement.REFUSED
+    books = noted(refused(HEIGHT), BARO, 3 * SECOND, Judgement.BELIEVED)
+    assert judge(books, HEIGHT, SECOND + LOCKOUT_NS, 1e6, 1) is Judgement.REFUSED
+
+
+def test_who_was_believed_once_does_not_vouch_for_ever() -> None:
+    """An altimeter that was believed a second after, and then flew out of its range, had locked satellites out."""
+    books = noted(refused(HEIGHT), BARO, 3 * SECOND, Judgement.BELIEVED)
+    assert judge(books, HEIGHT, 3 * SECOND + LOCKOUT_NS - 1, 1e6, 1) is Judgement.REFUSED
+    assert judge(books, HEIGHT, 3 * SECOND + LOCKOUT_NS, 1e6, 1) is Judgement.LET_IN
+
+
+def test_a_height_does_not_vouch_for_the_level() -> None:
+    level, _ = GNSS.apart()
+    books = noted(refused(level), BARO, 5 * SECOND, Judgement.BELIEVED)
+    assert judge(books, level, SECOND + LOCKOUT_NS, 1e6, 2) is Judgement.LET_IN
 
 
 def test_a_velocity_bounds_nothing_and_is_never_forced_in() -> None:
@@ -62,3 +76,6 @@ def test_what_is_let_in_opens_the_covariance_where_it_disagrees() -> None:
     wide = opened(here, GNSS, np.array([100.0, 0.0, 0.0]))
     assert north @ wide[:3, :3] @ north == pytest.approx(10_001.0)
     assert wide[6, 6] > 0.1**2
+    level = opened(here, GNSS.apart()[0], np.array([100.0, 0.0]))
+    assert north @ level[:3, :3] @ north == pytest.approx(10_001.0)
+    assert down @ level[:3, :3] @ down == pytest.approx(1.0)

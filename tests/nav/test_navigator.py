@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 
@@ -171,6 +172,37 @@ def test_a_jump_of_the_satellites_is_refused_and_bounded(flight: State) -> None:
     assert 12 <= len(refused) <= 14  # five seconds of fixes
     assert len(let_in) == 1
     assert metres_off(navigator, flight) == pytest.approx(500.0, abs=20.0)
+
+
+def test_a_height_that_is_believed_does_not_lock_the_level_out(flight: State) -> None:
+    """500 m to the east for good, and a barometer beside it: as without; the barometer had vouched for both."""
+    navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
+    for k, t in enumerate(flight.t.tolist()):
+        navigator.take_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        if k % 25 == 0:
+            navigator.take(ns(t), gnss(flight, k, 500.0 if t > 10.0 else 0.0)[0])
+            navigator.take(ns(t), BaroAltitude(float(flight.alt[k]), 1.0))
+        if t > 20.0:
+            break
+    assert navigator.output(ns(20.0)).rejected == ()
+    assert metres_off(navigator, flight, round(20.0 / STEP)) == pytest.approx(500.0, abs=20.0)
+
+
+def test_a_height_that_is_wrong_takes_nothing_from_the_level(flight: State) -> None:
+    """A receiver 300 m too high beside a barometer: refused by itself, and the level is used all the same."""
+    navigator, felt = begun(flight), np.hstack((specific_force_b(flight), angular_rate_b(flight)))
+    for k, t in enumerate(flight.t.tolist()):
+        navigator.take_inertial(ns(t), felt[k, :3], felt[k, 3:])
+        if k % 25 == 0:
+            true, _ = gnss(flight, k)
+            assert true.alt is not None
+            navigator.take(ns(t), dataclasses.replace(true, alt=true.alt + (300.0 if t > 5.0 else 0.0)))
+            navigator.take(ns(t), BaroAltitude(float(flight.alt[k]), 1.0))
+        if t > 15.0:
+            break
+    assert navigator.mode(ns(15.0)) == (FilterMode.AIDED, (Reason.REJECTED,))
+    assert navigator.output(ns(15.0)).rejected == ("gnss.height",)
+    assert metres_off(navigator, flight, round(15.0 / STEP)) < 3.0
 
 
 def test_an_outlier_does_no_harm(flight: State) -> None:

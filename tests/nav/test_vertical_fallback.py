@@ -104,6 +104,16 @@ def test_the_altimeter_holds_what_the_channel_alone_loses() -> None:
     assert (alone.valid, alone.reasons, alone.aiding) == (False, (Reason.COASTING,), Aiding.NONE)
 
 
+def test_a_height_of_the_altimeter_that_is_refused_is_told() -> None:
+    flight = Flight()
+    flight.go(10.0)
+    assert not flight.channel.altimeter_refused
+    flight.go(1.0, altimeter=30.0)
+    assert flight.channel.altimeter_refused
+    flight.go(1.0)
+    assert not flight.channel.altimeter_refused
+
+
 def test_a_late_measurement_counts_when_it_was_true() -> None:
     """Climbing at 5 m/s, everything 0.3 s late: taken as of now it would be 1.5 m off."""
     channel, alt, t_ns = VerticalFallback(), ALT, S
