@@ -14,6 +14,7 @@ import math
 
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
+from fti.nav.altimetry.nadir import ground_below
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
@@ -164,12 +165,13 @@ class AidedNavigation:
         known, sd = height.compensated, height.compensated_sd
         if known is None or sd is None:  # without an altitude nothing is predicted: as over level ground
             known, sd = height.height_agl, height.sd
-        ground = float(self._ground.terrain.height(position.lat, position.lon))
-        if known is None or not math.isfinite(ground):
+        below = ground_below(self._ground.terrain, position)
+        if known is None or below is None:
             return
+        ground, ground_sd = below[0], math.hypot(self._ground.sd, below[1])
         self._used_ns[height.sensor], self._carrier = height.t_valid_ns, height.sensor
-        self._vertical.take_height(height.t_valid_ns, known, sd, ground, self._ground.sd)
-        slow = _at_least_once(self._ground.sd, DEM_DRIFT)
+        self._vertical.take_height(height.t_valid_ns, known, sd, ground, ground_sd)
+        slow = _at_least_once(ground_sd, DEM_DRIFT)  # the place is wrong for long, too
         told = TerrainAltitude(known + ground, sd or self._ground.sd, known, f"{height.sensor}.altitude", slow)
         self._navigator.take(height.t_valid_ns, told)
 
