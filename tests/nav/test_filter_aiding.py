@@ -141,7 +141,7 @@ def test_the_estimate_tells_angles_and_their_sigma() -> None:
     """Sigma of roll, pitch, heading by drawing turns."""
     here = made()
     rng = np.random.default_rng(1)
-    drawn = rng.multivariate_normal(np.zeros(3), here.P[6:9, 6:9], 4000)
+    drawn = rng.multivariate_normal(np.zeros(3), here.P[6:9, 6:9], 1500)
     found = []
     for turn in drawn:
         x = np.zeros(MODEL.size)
