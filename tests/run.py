@@ -25,7 +25,14 @@ TWO_AT_A_TIME = ["-n", "2"]
 GIVING_WAY = ["nice", "-n", "5"]
 FIRST = -5
 #: Once, before five processes would do it side by side.
-WARM_UP = "from fti.terrain import warm; from fti.nav.inertial import strapdown; warm.warm_up(); strapdown.warm_up()"
+WARM_UP = """
+from fti import config
+from fti.nav.inertial import strapdown
+from fti.service.compiling import compile_first
+from fti.terrain import warm
+
+warm.warm_up(), strapdown.warm_up(), compile_first(config.load("configs/demo.toml"))
+"""
 INTERRUPTED = 130
 
 

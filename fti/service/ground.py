@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from fti.config import Config, TerrainFiles
 from fti.nav.ground import Ground
+from fti.service.compiling import compile_first
 from fti.service.guard import guarded
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ class GroundLoading:
         """All that takes long is done here: navigation would be late by seconds with the sum of many posts."""
         from fti.nav.warm import warm_up  # noqa: PLC0415 - see above
 
+        compile_first(self._config)
         ground = load_ground(settings, self._hear)
         warm_up(self._config, ground)
         assert ground.digest

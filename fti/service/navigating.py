@@ -15,6 +15,7 @@ from fti.logger.derived_log import DerivedLog, output_topic
 from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
+from fti.service.compiling import compile_first
 from fti.service.control import Channel
 from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
@@ -75,6 +76,8 @@ class Navigator:
     def run(self) -> None:
         """Work until the ring has ended and is empty."""
         self._derived.start()
+        if self._config.nav.filter:
+            self._compile_filter()
         if self._loading:
             self._channel.send({"terrain": terrain_trial.LOADING})
             self._loading.start()
@@ -89,6 +92,13 @@ class Navigator:
             self._tell_health()
             if self._bus:
                 self._bus.close()
+
+    def _compile_filter(self) -> None:
+        """Before the first frame: what waits meanwhile is caught up with, and the filter has seen it all."""
+        from fti.nav.filter.navigator import warm_up  # noqa: PLC0415 - numba: whoever has no filter loads none
+
+        compile_first(self._config)
+        warm_up()
 
     def _consume(self) -> None:
         health_due = time.monotonic()

@@ -21,6 +21,11 @@ def kernel(function: Kernel) -> Kernel:
     return cast(Kernel, compiled)
 
 
+def is_kept(compiled: Any) -> bool:
+    """Was a kernel compiled before on this machine?  Then its code is on disk."""
+    return Path(compiled._cache._cache_file._index_path).exists()
+
+
 def _files(compiled: Any) -> set[str]:
     """The source files of a kernel and of all that it calls."""
     function: types.FunctionType = compiled.py_func
