@@ -6,10 +6,14 @@ from fti.config import Config
 from fti.nav.altimetry import expected
 from fti.nav.filter.navigator import warm_up as warm_up_filter
 from fti.nav.ground import Ground
+from fti.nav.integrity import statistics, window
 
 
 def warm_up(config: Config, ground: Ground | None) -> None:
     """Compile the kernels, or load them from the cache (seconds on the first start)."""
+    if config.nav.approach:
+        statistics.warm_up()
+        window.warm_up()
     if config.nav.filter:
         warm_up_filter()
     for name in config.nav.altimeters:

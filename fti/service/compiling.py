@@ -34,8 +34,12 @@ def compile_first(config: Config) -> None:
 def _kernels(config: Config) -> list[Any]:
     """Those that are compiled last of what a configuration needs."""
     needed: list[Any] = []
+    if config.nav.approach:
+        from fti.nav.integrity import window  # noqa: PLC0415 - see above
+
+        needed.append(window.means)
     if config.nav.filter:
-        from fti.nav.filter import kernels  # noqa: PLC0415 - see above
+        from fti.nav.filter import kernels  # noqa: PLC0415
 
         needed.append(kernels.correct)
     if config.nav.terrain and config.nav.altimeters:

@@ -15,7 +15,6 @@ from fti.logger.derived_log import DerivedLog, output_topic
 from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
-from fti.service.compiling import compile_first
 from fti.service.control import Channel
 from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
@@ -77,7 +76,7 @@ class Navigator:
         """Work until the ring has ended and is empty."""
         self._derived.start()
         if self._config.nav.filter:
-            self._compile_filter()
+            self._load_filter()
         if self._loading:
             self._channel.send({"terrain": terrain_trial.LOADING})
             self._loading.start()
@@ -93,11 +92,10 @@ class Navigator:
             if self._bus:
                 self._bus.close()
 
-    def _compile_filter(self) -> None:
+    def _load_filter(self) -> None:
         """Before the first frame: what waits meanwhile is caught up with, and the filter has seen it all."""
         from fti.nav.filter.navigator import warm_up  # noqa: PLC0415 - numba: whoever has no filter loads none
 
-        compile_first(self._config)
         warm_up()
 
     def _consume(self) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fti.clock import SystemClock
+from fti.service.compiling import compile_first
 from fti.service.control import await_order
 from fti.service.navigating import Navigator
 from fti.service.orders import NavigationOrder
@@ -27,6 +28,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if told:
         channel, text, ring_fd = told
         order = NavigationOrder.model_validate_json(text)
+        if order.config.nav.filter or order.config.nav.approach:  # the first frame needs their kernels
+            compile_first(order.config)
         Navigator(order, SystemClock(order.epoch_ns), channel, ring_fd).run()
     return 0
 

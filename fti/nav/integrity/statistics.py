@@ -129,6 +129,12 @@ class Matcher:
         return math.hypot(nav, self._datum_sd, math.sqrt(count / self._k_eff / total))
 
 
+def warm_up() -> None:
+    """Compile the kernel, or load it from the cache."""
+    flat, found, peak = np.zeros(5), np.empty((2, 5)), np.empty((2, 4))
+    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, 1, sharp_shifts(1.0, 1.0), found, peak)
+
+
 def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
     """Shifts at which the sharpness of the peak is looked at, in bins: those of AL_s, and the next ones to zero."""
     alert = round(alert_s / ds)

@@ -120,6 +120,13 @@ def has_gaps(bins: Bins) -> bool:
     return bool(np.count_nonzero(bins.filled) < FILLED_SHARE * len(bins.filled))
 
 
+def warm_up() -> None:
+    """Compile the kernels that are live, or load them from the cache."""
+    some = np.zeros(3)
+    between(some, 0.5)
+    means(some, some, some, 0, 2)
+
+
 @kernel
 def means(count: Array, z: Array, dh: Array, first: int, size: int) -> tuple[NDArray[np.bool_], Array, Array]:
     """Which of ``size`` bins hold a sample, and the means of z and dh in them, 0 in the others."""
