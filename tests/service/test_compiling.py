@@ -52,7 +52,7 @@ def test_what_is_missing_is_compiled_elsewhere_for_this_configuration(
     monkeypatch.setattr(kernel, "is_kept", lambda _: False)
     compiling.compile_first(demo)
     compiling.compile_first(without(demo, "filter"))
-    compiling.compile_first(without(demo, "filter", "terrain"))
+    compiling.compile_first(without(demo, "filter", "terrain", "approach"))
     assert [Config.model_validate_json(text).nav.filter is None for text in started] == [False, True]
 
 

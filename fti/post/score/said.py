@@ -47,6 +47,8 @@ MERGE_S = 1.0
 WARNING = 3
 #: Navigation is later than that only when it has no time [s].
 LAG_S = 0.5
+#: Why a decoder gives up half a message; and no more bytes than this are one [bytes].
+PAUSE, TORN_BYTES = "pause", 64
 CLOCK_KNOWN = "clock known"
 
 Words = frozenset[str]
@@ -223,8 +225,7 @@ class _Reader:
             words |= {CLOCK_KNOWN for clock in device["clocks"] if clock["drift_ppm"] is not None}
             words |= {"clock away" for clock in device["clocks"] if clock["state"] == "away"}
             skipped = device.get("skipped", {})
-            refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")
-            yield place, frozenset(words | ({"damaged bytes"} if self._grows(place, refused) else set()))
+            yield place, frozenset(words | ({"damaged bytes"} if self._is_damaged(place, skipped) else set()))
         for name, link in content["links"].items():
             own = {"absent", "denied", "busy", "silent"} & {link["state"]}
             yield f"{LINKS}/{name}", frozenset(own)
@@ -235,6 +236,13 @@ class _Reader:
             grown = [error for error, n in link.get("errors", {}).items() if self._grows(f"{place}/{error}", n)]
             lost = [reason for reason, n in link["dropped"].items() if self._grows(f"{place}/{reason}", n["frames"])]
             yield place, frozenset((*grown, *lost))
+
+    def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:
+        """Were bytes refused?  One message in two pieces, with a pause between, is a machine that had no time."""
+        refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")
+        few = refused - self._counts.get(place, refused) <= TORN_BYTES
+        torn = self._grows(f"{place}/{PAUSE}", skipped.get(PAUSE, 0))
+        return self._grows(place, refused) and not (few and torn)
 
     def _grows(self, key: str, count: int) -> bool:
         before = self._counts.get(key, count)
