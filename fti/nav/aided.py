@@ -14,7 +14,7 @@ import math
 
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
-from fti.nav.altimetry.nadir import ground_below
+from fti.nav.altimetry.nadir import over_ground
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
@@ -159,21 +159,17 @@ class AidedNavigation:
 
     def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """An altimeter over known ground, judged valid; the ground is that below the position of its time."""
-        position = nav.position
-        if not self._counts(height) or position is None or self._ground is None or height.t_valid_ns is None:
+        if not self._counts(height) or height.t_valid_ns is None:
             return
-        known, sd = height.compensated, height.compensated_sd
-        if known is None or sd is None:  # without an altitude nothing is predicted: as over level ground
-            known, sd = height.height_agl, height.sd
-        below = ground_below(self._ground.terrain, position)
-        if known is None or below is None:
+        found = over_ground(height, self._ground, nav.position)
+        if found is None or self._ground is None:
             return
-        ground, ground_sd = below[0], math.hypot(self._ground.sd, below[1])
-        self._used_ns[height.sensor], self._carrier = height.t_valid_ns, height.sensor
-        self._vertical.take_height(height.t_valid_ns, known, sd, ground, ground_sd)
-        slow = _at_least_once(ground_sd, DEM_DRIFT)  # the place is wrong for long, too
-        told = TerrainAltitude(known + ground, sd or self._ground.sd, known, f"{height.sensor}.altitude", slow)
-        self._navigator.take(height.t_valid_ns, told)
+        t_ns, known, sd = height.t_valid_ns, found.height_agl, found.height_sd
+        self._used_ns[height.sensor], self._carrier = t_ns, height.sensor
+        self._vertical.take_height(t_ns, known, sd, found.ground, found.ground_sd)
+        slow = _at_least_once(found.ground_sd, DEM_DRIFT)  # the place is wrong for long, too
+        name = f"{height.sensor}.altitude"
+        self._navigator.take(t_ns, TerrainAltitude(known + found.ground, sd or self._ground.sd, known, name, slow))
 
     def _counts(self, height: HeightAboveGround) -> bool:
         last = self._used_ns.get(height.sensor)

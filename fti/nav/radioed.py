@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fti.config import Device, Radio
-from fti.nav.altimetry.nadir import ground_below
+from fti.nav.altimetry.nadir import over_ground
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.radio.live import RadioNavigation, RadioSettings, Station
@@ -62,14 +62,8 @@ class RadioPosition:
         """A height of the configured altimeter, judged valid; straight down where the ground tells that one."""
         if height.sensor != self._settings.altimeter or not height.valid or height.t_valid_ns is None:
             return
-        known, sd = height.compensated, height.compensated_sd
-        if known is None or sd is None:
-            known, sd = height.height_agl, height.sd
-        if self._ground is None or nav.position is None or known is None:
-            return
-        if below := ground_below(self._ground.terrain, nav.position):
-            ground, by_place = below
-            self._radio.take_height(height.t_valid_ns, known, sd, ground, math.hypot(self._ground.sd, by_place))
+        if found := over_ground(height, self._ground, nav.position):
+            self._radio.take_height(height.t_valid_ns, found.height_agl, found.height_sd, found.ground, found.ground_sd)
 
     def solution(self, t_ns: int) -> PositionFix:
         """The fix at t_ns."""

@@ -75,8 +75,6 @@ class Navigator:
     def run(self) -> None:
         """Work until the ring has ended and is empty."""
         self._derived.start()
-        if self._config.nav.filter:
-            self._load_filter()
         if self._loading:
             self._channel.send({"terrain": terrain_trial.LOADING})
             self._loading.start()
@@ -91,12 +89,6 @@ class Navigator:
             self._tell_health()
             if self._bus:
                 self._bus.close()
-
-    def _load_filter(self) -> None:
-        """Before the first frame: what waits meanwhile is caught up with, and the filter has seen it all."""
-        from fti.nav.filter.navigator import warm_up  # noqa: PLC0415 - numba: whoever has no filter loads none
-
-        warm_up()
 
     def _consume(self) -> None:
         health_due = time.monotonic()

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fti.clock import SystemClock
+from fti.config import Config
 from fti.service.compiling import compile_first
 from fti.service.control import await_order
 from fti.service.navigating import Navigator
@@ -28,10 +29,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     if told:
         channel, text, ring_fd = told
         order = NavigationOrder.model_validate_json(text)
-        if order.config.nav.filter or order.config.nav.approach:  # the first frame needs their kernels
-            compile_first(order.config)
+        _load_kernels(order.config)
         Navigator(order, SystemClock(order.epoch_ns), channel, ring_fd).run()
     return 0
+
+
+def _load_kernels(config: Config) -> None:
+    """Those of filter and approach, before the first frame: what waits meanwhile is caught up with, and all is seen."""
+    if config.nav.filter or config.nav.approach:
+        from fti.nav.warm import warm_up  # noqa: PLC0415 - numba: whoever needs no kernel loads none
+
+        compile_first(config)
+        warm_up(config, None)
 
 
 def _end_before_recorder() -> None:

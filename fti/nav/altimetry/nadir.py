@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.nav.ground import Ground
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
+from fti.types import HeightAboveGround
 
 Array = NDArray[np.float64]
 
@@ -51,3 +54,31 @@ def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, floa
     point_l = terrain.frame.to_local(position.lat, position.lon, ground)
     sd = float(ground_sd(terrain, point_l, level)[0])
     return (ground, sd) if math.isfinite(sd) else None
+
+
+@dataclass(frozen=True, slots=True)
+class OverGround:
+    """A height above known ground: added up, an altitude.
+
+    height_agl, height_sd : of P [m]; the sigma is None where nobody states one
+    ground, ground_sd     : elevation below, above the ellipsoid [m]
+    """
+
+    height_agl: float
+    height_sd: float | None
+    ground: float
+    ground_sd: float
+
+
+def over_ground(height: HeightAboveGround, ground: Ground | None, position: PositionState | None) -> OverGround | None:
+    """A height of an altimeter and the ground that it stands on; None where one of them is not known.
+
+    Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
+    """
+    known, sd = height.compensated, height.compensated_sd
+    if known is None or sd is None:
+        known, sd = height.height_agl, height.sd
+    below = ground_below(ground.terrain, position) if ground and position else None
+    if ground is None or below is None or known is None:
+        return None
+    return OverGround(known, sd, below[0], math.hypot(ground.sd, below[1]))

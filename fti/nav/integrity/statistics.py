@@ -66,10 +66,7 @@ class Statistics:
 
 
 class Matcher:
-    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at.
-
-    The kernels are compiled, or loaded from the cache, when the first one is made (seconds on the first start).
-    """
+    """Matches windows with a reference.  alert_s : AL_s [m], where the sharpness of the peak is looked at."""
 
     def __init__(self, reference: Reference, alert_s: float) -> None:
         profile = reference.header.profile
@@ -81,8 +78,6 @@ class Matcher:
         self._datum_sd = profile.datum_sd_m
         self._z_ref = np.ascontiguousarray(reference.z_ref)
         self._sd = np.hypot(reference.s_ref, reference.s_alt)
-        size = round(profile.window_m / self._ds) + 1
-        self.evaluate(Bins(self._span, np.ones(size, bool), self._z_ref[:size], np.zeros(size)), None)
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
