@@ -16,6 +16,8 @@ from fti.types import LinkState, RawFrame
 
 #: A state is judged over so many health reports (twice a second).
 WINDOW = 8
+#: Reports of a navigation that stood still in between hold less time than that: too little for a rate.
+LEAST_NS = 2_000_000_000
 SILENT_NS = 1_000_000_000
 #: Bytes of a link kept for trying other drivers on.
 KEPT_BYTES = 8192
@@ -37,7 +39,11 @@ class Count(NamedTuple):
 
 @dataclass(slots=True)
 class Past:
-    """What a decoder had counted at the last health reports."""
+    """What a decoder had counted at the last health reports.
+
+    times_ns : up to when everything that arrived had been counted: a navigation that catches up counts many seconds of
+    messages in one, and their rate is what it was
+    """
 
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
     counts: deque[Count] = field(default_factory=lambda: deque(maxlen=WINDOW))
@@ -80,10 +86,12 @@ class Diagnosis:
         self._past = {listener.name: Past() for listener in chain.listeners}
         self._recent: dict[str, bytearray] = {}  # the last bytes of links on which something is unclear
         self._last_rx_ns: dict[str, int] = {}
+        self._counted_ns: int | None = None  # nothing has been counted yet
 
     def listen(self, frame: RawFrame) -> None:
         """Note that a frame arrived; keep its bytes when its link is unclear."""
         self._last_rx_ns[frame.link] = frame.t_rx_ns
+        self._counted_ns = max(self._counted_ns or 0, frame.t_rx_ns)
         recent = self._recent.get(frame.link)
         if recent is not None:
             recent += frame.data
@@ -97,8 +105,9 @@ class Diagnosis:
         counters, device = listener.decoder.counters, listener.bound.device
         past = self._past[listener.name]
         bad = sum(n for reason, n in counters.skipped.items() if reason not in NO_FRAME_REASONS)
-        past.times_ns.append(now_ns)
-        past.counts.append(Count(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
+        if self._counted_ns is not None:
+            past.times_ns.append(self._counted_ns)
+            past.counts.append(Count(counters.bytes_in, counters.framed, bad, dict(counters.messages)))
         rate = _rate_hz(past)
         state, hint = self._judge(listener, past, rate, now_ns)
         if state is LinkState.SILENT and listener.name in self._unasked:
@@ -137,7 +146,7 @@ class Diagnosis:
                 LinkState.INVALID,
                 f"{100 * bad / bytes_in:.0f} % of the bytes are damaged; look at cable and baud rate",
             )
-        if device.rate_hz and len(past.times_ns) == WINDOW and abs(rate / device.rate_hz - 1) > RATE_TOLERANCE:
+        if device.rate_hz and _is_telling(past) and abs(rate / device.rate_hz - 1) > RATE_TOLERANCE:
             return LinkState.WRONG_RATE, f"{rate:.1f} messages a second where rate_hz = {device.rate_hz:g}"
         return LinkState.GOOD, ""
 
@@ -154,9 +163,14 @@ class Diagnosis:
         return LinkState.NOISE, f"bytes, but no frame of {device.driver}: look at baud rate, inversion and driver"
 
 
+def _is_telling(past: Past) -> bool:
+    """Is the window full, and does it hold time enough for a rate?"""
+    return len(past.times_ns) == WINDOW and past.times_ns[-1] - past.times_ns[0] >= LEAST_NS
+
+
 def _rate_hz(past: Past) -> float:
     """Rate of the most frequent message over the window [Hz]."""
-    span = past.times_ns[-1] - past.times_ns[0]
+    span = past.times_ns[-1] - past.times_ns[0] if past.times_ns else 0
     if span <= 0:
         return 0.0
     first, last = past.counts[0].messages, past.counts[-1].messages
