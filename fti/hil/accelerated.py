@@ -30,7 +30,7 @@ from fti.hil.scheduler import Stream
 from fti.hil.world import World
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
-from fti.logger.session import SessionFolder
+from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.service.binding import bind_devices, parse_reference, read_texts
 from fti.service.chain import Chain, Products
 from fti.service.diagnosis import Diagnosis
@@ -144,7 +144,9 @@ class Session:
         about: dict[str, Any] = {
             "split_s": config.session.split_s,
             "split_mb": config.session.split_mb,
-            "attachments": [(n, "text/plain", t.encode()) for n, t in {"config.toml": config.text, **texts}.items()],
+            "attachments": [
+                (n, "text/plain", t.encode()) for n, t in {CONFIG_ATTACHMENT: config.text, **texts}.items()
+            ],
             "metadata": {"fti": metadata},
         }
         self._raw = RawLog(folder, [RawTopic(name, kind, {}) for name, kind in self._links.items()], **about)

@@ -9,8 +9,7 @@ from fti import config as configuration
 from fti.config import Config
 from fti.errors import MissingError
 from fti.logger.reading.recording import Recording
-
-CONFIG_ATTACHMENT = "config.toml"
+from fti.logger.session import CONFIG_ATTACHMENT
 
 
 def recorded_config(recording: Recording, session: Path) -> Config:

@@ -14,6 +14,8 @@ from typing import Literal, cast
 
 from fti.errors import FtiError, MissingError, StorageError
 
+#: The attachment of every file of a session that holds the configuration it was recorded with.
+CONFIG_ATTACHMENT = "config.toml"
 Kind = Literal["raw", "derived", "truth", "snapshot"]
 _SECOND_NS = 1_000_000_000
 _FILE = re.compile(r"(?:_(?P<kind>derived|truth|snapshot))?_(?P<number>\d{3,})\.mcap$")

@@ -18,12 +18,12 @@ from mcap.stream_reader import StreamReader
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import RAW, SENT, Recording
+from fti.logger.session import CONFIG_ATTACHMENT
 from fti.logger.survey.intervals import Gap
 from fti.logger.survey.topics import Survey, TopicSurvey, look_through, time_span
 from fti.types import TimeScale
 
 SECOND_NS = 1_000_000_000
-CONFIG = "config.toml"
 CONTINUOUS = "continuous"
 
 
@@ -157,7 +157,7 @@ def _compression(path: Path) -> str:
 
 def configured_rates(recording: Recording) -> dict[str, float]:
     """Rates that the attached configuration names: of the links that have one device, by topic [Hz]."""
-    devices = _devices(recording.attachments().get(CONFIG, b""))
+    devices = _devices(recording.attachments().get(CONFIG_ATTACHMENT, b""))
     lines = [device["link"] for device in devices]
     alone = (device for device in devices if lines.count(device["link"]) == 1)
     return {f"{RAW}{d['link']}": float(d["rate_hz"]) for d in alone if isinstance(d.get("rate_hz"), int | float)}

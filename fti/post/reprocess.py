@@ -23,7 +23,7 @@ from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import TERRAIN_TOPIC
-from fti.logger.session import SessionFolder
+from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
@@ -108,10 +108,10 @@ class Segment:
 def recorded_setup(recording: Recording, file: Path) -> Setup:
     """The configuration that the session was recorded with, from its attachments.  Raises RecordingError."""
     texts = {name: data.decode() for name, data in recording.attachments().items()}
-    text = texts.pop("config.toml", None)
+    text = texts.pop(CONFIG_ATTACHMENT, None)
     if text is None:
         raise RecordingError(f"{file}: holds no configuration; name one")
-    setup = _setup(configuration.parse(tomllib.loads(text), text, file / "config.toml"), texts)
+    setup = _setup(configuration.parse(tomllib.loads(text), text, file / CONFIG_ATTACHMENT), texts)
     notes = [json.loads(data) for *_, data in recording.messages(TERRAIN_TOPIC, kind="derived")]
     files = tuple(file for note in notes for file in note.get("files", ()))
     return replace(setup, config=_with_files(setup.config, files), grounds=tuple(map(_ground_note, notes)))
@@ -169,7 +169,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         raise MissingError("the recording holds no frames")
     ground = setup.load_ground()
     session = setup.config.session
-    texts = {"config.toml": setup.config.text, **setup.texts}
+    texts = {CONFIG_ATTACHMENT: setup.config.text, **setup.texts}
     folder = SessionFolder.create(out, session.name, first.t_rx_ns)
     log = DerivedLog(
         folder,

@@ -14,6 +14,7 @@ from fti.config import Config, Link
 from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.places import Place
+from fti.logger.session import CONFIG_ATTACHMENT
 from fti.service import hygiene
 from fti.service.binding import bind_devices, parse_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
@@ -76,7 +77,7 @@ class Preparation:
 
     def _attachments(self) -> dict[str, str]:
         """The configuration and every file that it names, so that a session can be understood by itself."""
-        return {"config.toml": self._config.text, **self._texts}
+        return {CONFIG_ATTACHMENT: self._config.text, **self._texts}
 
     def _metadata(self) -> dict[str, str]:
         session = self._config.session
