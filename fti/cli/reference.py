@@ -63,6 +63,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="approaches at each offset beside the track (100)",
     )
     make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
+    make.add_argument(
+        "--pfa",
+        type=_probability,
+        default=0.01,
+        metavar="P",
+        help="false alarms per approach, all tests together (0.01)",
+    )
     make.add_argument("--seed", type=_count(0), default=1, help="seed of everything random (1)")
     info = actions.add_parser("info", help="print and draw a reference")
     info.add_argument("reference", type=Path, metavar="FILE")
@@ -85,6 +92,16 @@ def _positive(text: str) -> float:
         value = 0.0
     if not 1000.0 <= value <= 50_000.0:
         raise argparse.ArgumentTypeError(f"{text!r}: must be a length of 1000 to 50000 m")
+    return value
+
+
+def _probability(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 1e-5 <= value <= 0.1:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be a probability of 0.00001 to 0.1")
     return value
 
 
@@ -140,6 +157,7 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
         runs=args.runs,
         beside_runs=args.beside_runs,
         seed=args.seed,
+        pfa=args.pfa,
     )
     ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
     return make_reference(ground, plan, bars.update, run_all)
@@ -170,6 +188,7 @@ def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: Al
         draws=len(profiles),
         runs=args.runs,
         seed=args.seed,
+        pfa=args.pfa,
     )
     return reference_from_recordings(path, altimeter, profiles, plan, bars.update, run_all=run_all)
 

@@ -13,6 +13,8 @@ from fti.figures import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION
 from fti.hil.references.approaches import Flown, fly, simulate
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.study import _clearance as cases
+from fti.study._clearance_faults import flown_with
+from fti.study._clearance_ground import path, reference, traced
 from fti.types import ClearanceIntegrity, IntegrityState
 
 Array = NDArray[np.float64]
@@ -32,7 +34,7 @@ RATIOS = (("t1_ratio", "T1 match", BLUE), ("t2_ratio", "T2 shift", SKY), ("t3_ra
 
 def nominal(seed: int) -> Figure:
     """An approach as it should be."""
-    flown = simulate(cases.traced(), 5000.0, np.random.default_rng([seed, 0]))
+    flown = simulate(traced(), 5000.0, np.random.default_rng([seed, 0]))
     return _picture(flown, "A nominal approach", "5 m off track and path, vegetation 15 % off its survey")
 
 
@@ -43,12 +45,12 @@ def joined_late(seed: int) -> Figure:
 
 def obstacle(seed: int) -> Figure:
     """150 m high, 3000 m before the threshold, and not in the reference."""
-    flown, _ = cases.flown_with("obstacle_150", seed, 4)
+    flown, *_ = flown_with("obstacle_150", seed, 4)
     return _picture(flown, "An unexpected obstacle of 150 m", "3000 m before the threshold")
 
 
 def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
-    outputs = fly(ClearanceMonitor(cases.reference(), cases.SETTINGS), flown)
+    outputs = fly(ClearanceMonitor(reference(), cases.SETTINGS), flown)
     figure = sheet(title, subtitle, width=9.0, height=6.5)
     heights, ratios, states = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 0.25))
     _heights(heights, flown)
@@ -59,9 +61,9 @@ def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
 
 
 def _heights(axes: Axes, flown: Flown) -> None:
-    reference, path = cases.reference(), cases.path()
-    expected = path.alt_path(reference.s) - reference.z_ref
-    axes.plot(_before(reference.s), expected, color=GROUND, lw=2.5, label="height above ground as published")
+    s = reference().s
+    expected = path().alt_path(s) - reference().z_ref
+    axes.plot(_before(s), expected, color=GROUND, lw=2.5, label="height above ground as published")
     axes.plot(_before(flown.nav_s), flown.agl, color=BLUE, lw=1.0, label="altimeter")
     axes.set(xlim=(float(_before(flown.s[-1])), float(_before(flown.s[0]))))
     label(axes, y="height above ground [m]")
@@ -92,4 +94,4 @@ def _states(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
 
 def _before(s: ArrayLike) -> Array:
     """Distance before the threshold [m]."""
-    return np.asarray(s, dtype=np.float64) - cases.path().x_gpi
+    return np.asarray(s, dtype=np.float64) - path().x_gpi

@@ -5,22 +5,36 @@ The reference is the one that the demonstration flies with; the approaches are o
 made from, over ground whose vegetation is 15 % lower or higher than surveyed: wind, 5 m of track, 5 m of height,
 latency, quantiser, elevation error.
 
-N = runs nominal approaches; a fifteenth as many for each fault.  The unit is the approach.  Alarms must be no more than
-the binomial 95 % limit of Pfa.  Of what is detected the 95th percentile of the time to the ALERT is judged: 2 s for an
-obstacle, from the first sample over the limit; one window and 1 s for an error of the track or the height, from where
-it has reached its size.  Detection has Wilson limits of 95 %, is told apart by whether a shift was observable, and is
-not judged: what cannot be seen depends on the ground.
+N = runs nominal approaches; a fifteenth as many for each fault.  The unit is the approach.  Alarms must be no more
+than the binomial 95 % limit of Pfa: for the limits that the demonstration flies with (1 %), and for those of 0.1 % on
+the same approaches.  Detection has Wilson limits of 95 %, is told apart by whether a shift was observable, and is not
+judged: what cannot be seen depends on the ground.
+
+The time to the ALERT is judged by its 95th percentile from the first sample over the limit: 2 s for an obstacle, one
+window and 1 s for the others.  The limit of an error of place or height is its alert limit, with the defaults of the
+configuration: AL_s 50 m, AL_y 100 m, AL_v = max(5 m, 0.35 deg x s).  That is what the function promises: an error below
+it is not hazardous, and for 50 m beside the track no time is promised at all.  An obstacle has no alert limit; its
+limit is that of T4.  Earlier the time was counted from where a fault had reached its size, whether that is above its
+alert limit or not; that figure is told as ``size_p50`` and ``size_p95``, and for 50 m beside the track and 10 m of
+height it is longer than a window and 1 s.  Where a fault grows, the new count begins sooner, and is the stricter one.
+
+``misled`` is what a time to alert is for: approaches with an error over its limit on which, that time later, there had
+been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
+from fti.hil.references.profile import WINDOW_M
 from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._clearance import FAULTS, JOINED, NOMINAL, OBSTACLES, Faulty, Nominal, fly_one, reference
+from fti.study._clearance import JOINED, NOMINAL, Nominal, fly_one
+from fti.study._clearance_faults import FAULTS, Faulty
+from fti.study._clearance_ground import OBSTACLES, reference, strict_reference
 from fti.study._proportions import most_by_chance, wilson
 from fti.study.workers import run_all
 
@@ -32,8 +46,8 @@ NOMINAL_PER_FAULT, NOMINAL_PER_JOINED = 15, 60
 OBSTACLE_S, SPEED_MS, LATER_S = 2.0, 60.0, 1.0
 #: The late approach is trusted again so soon behind its joining [m]: a window, and what a turn takes.
 TRUSTED_AGAIN_M = 700.0
-#: Faults whose time to an ALERT is not a matter of a window: the error grows on.
-GROWING = ("gnss_ramp",)
+#: Faults that reach a size at a place; the others are there from the start, or grow on.
+SIZED = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
@@ -49,13 +63,10 @@ def study(runs: int, seed: int, progress: Progress) -> list[Result]:
 
 
 def _nominal(flown: Sequence[Nominal]) -> list[Result]:
-    pfa, n = reference().header.limits.pfa, len(flown)
-    alarms, most = sum(run.alarm for run in flown), most_by_chance(n, pfa)
-    high = wilson(alarms, n)[1]
-    whole = sum(run.available == 1.0 for run in flown)
+    n, whole = len(flown), sum(run.available == 1.0 for run in flown)
     return [
-        Result("nominal.alarms", f"of {n} nominal approaches with an ALERT", alarms, f"<= {most}", alarms <= most),
-        _told("nominal.pfa_high", "upper 95 % limit of the probability of a false alarm", high),
+        *_alarms("nominal", reference().header.limits.pfa, [run.alarm for run in flown]),
+        *_alarms("strict", strict_reference().header.limits.pfa, [run.strict_alarm for run in flown]),
         _told("nominal.available", "share of windows that are judged", float(np.mean([r.available for r in flown]))),
         _told("nominal.continuous", "share of approaches judged from the first window to the last", whole / n),
         _told("nominal.observable", "share of windows in which a shift of 50 m would show",
@@ -63,34 +74,74 @@ def _nominal(flown: Sequence[Nominal]) -> list[Result]:
     ]  # fmt: skip
 
 
+def _alarms(name: str, pfa: float, alarms: Sequence[bool]) -> list[Result]:
+    """False alarms with limits that were made for a Pfa."""
+    count, n = sum(alarms), len(alarms)
+    most = most_by_chance(n, pfa)
+    text = f"of {n} nominal approaches with an ALERT, limits of {100 * pfa:g} %"
+    high = wilson(count, n)[1]
+    return [
+        Result(f"{name}.alarms", text, count, f"<= {most}", count <= most),
+        _told(f"{name}.pfa_high", "upper 95 % limit of the probability of a false alarm", high),
+    ]
+
+
 def _told(name: str, quantity: str, value: float) -> Result:
     return Result(name, quantity, value, REPORTED, holds=True)
 
 
 def _detected(name: str, flown: Sequence[Faulty]) -> list[Result]:
-    """Detection and time to the ALERT of one fault."""
-    results = _shares(name, "", flown)
-    for what, some in (("observable", True), ("not_observable", False)):
-        part = [run for run in flown if run.observable is some]
-        if 0 < len(part) < len(flown):
-            results += _shares(name, f".{what}", part)
-    delays = [run.delay_s for run in flown if np.isfinite(run.delay_s)]
-    if not delays:
-        return results
-    middle, late = (float(np.percentile(delays, q)) for q in (50, 95))
-    results.append(_told(f"{name}.time_p50", "median time to the ALERT [s]", middle))
-    text = "95th percentile of the time to the ALERT [s]"
-    if name in GROWING:
-        return [*results, _told(f"{name}.time_p95", text, late)]
-    limit = OBSTACLE_S if name in OBSTACLES else reference().header.profile.window_m / SPEED_MS + LATER_S
-    return [*results, Result(f"{name}.time_p95", text, late, f"<= {limit:.2g} s", late <= limit)]
+    """Detection of one fault, and time to the ALERT."""
+    results = [
+        _share(f"{name}{part}.pd", "detected", [run.seen for run in some]) for part, some in _parts(flown).items()
+    ]
+    results.append(_share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_seen for run in flown]))
+    if name in SIZED:
+        results += _times(f"{name}.size", "from where it has its size to the ALERT", [run.size_s for run in flown])
+    over = [run for run in flown if run.over]
+    results.append(_told(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
+    return results + (_in_time(name, over) if over else [])
 
 
-def _shares(name: str, part: str, flown: Sequence[Faulty]) -> list[Result]:
-    seen, n = sum(run.seen for run in flown), len(flown)
-    low, high = wilson(seen, n)
-    text = f"detected, of {n} approaches; 95 % limits {low:.3f} to {high:.3f}"
-    return [_told(f"{name}{part}.pd", text, seen / n)]
+def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
+    """How soon, where the fault passes its limit."""
+    limit = OBSTACLE_S if name in OBSTACLES else WINDOW_M / SPEED_MS + LATER_S
+    results = list[Result]()
+    for part, some in _parts(over).items():
+        results += _times(f"{name}{part}.time", "from its limit to the ALERT", [run.delay_s for run in some])
+    late = next((result for result in results if result.id == f"{name}.time_p95"), None)
+    if late is not None:
+        judged = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
+        results[results.index(late)] = judged
+    misled = [not run.warned_s <= limit for run in over]
+    return [*results, _share(f"{name}.misled", f"over its limit for {limit:.2g} s, and trusted", misled)]
+
+
+def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:
+    """All, and apart where a shift was observable and where not, if there are both."""
+    apart = {
+        ".observable": [run for run in flown if run.observable],
+        ".not_observable": [run for run in flown if not run.observable],
+    }
+    return {"": flown, **(apart if all(apart.values()) else {})}
+
+
+def _times(name: str, text: str, times: Sequence[float]) -> list[Result]:
+    """Median and 95th percentile of those that have been [s]."""
+    been = [time for time in times if np.isfinite(time)]
+    if not been:
+        return []
+    return [
+        _told(f"{name}_p50", f"median time {text} [s]", float(np.percentile(been, 50))),
+        _told(f"{name}_p95", f"95th percentile of the time {text} [s]", float(np.percentile(been, 95))),
+    ]
+
+
+def _share(name: str, text: str, those: Sequence[bool]) -> Result:
+    low, high = wilson(sum(those), len(those))
+    return _told(
+        name, f"{text}, of {len(those)} approaches; 95 % limits {low:.3f} to {high:.3f}", sum(those) / len(those)
+    )
 
 
 def _joined(flown: Sequence[tuple[bool, float]]) -> list[Result]:

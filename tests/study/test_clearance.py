@@ -2,11 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.stats import binom
 
-from fti.study import Result, _clearance, clearance, workers
-from fti.study._clearance import Faulty, Nominal
+from fti.hil.references.approaches import Flown
+from fti.study import Result, _clearance, _clearance_ground, clearance, workers
+from fti.study._clearance import Nominal
+from fti.study._clearance_faults import FAULTS, Faulty
+from fti.study._clearance_ground import reference, strict_reference
 from fti.study._proportions import most_by_chance, wilson
 
 
@@ -28,25 +32,101 @@ def test_wilson_is_the_printed_interval() -> None:
 
 
 def test_too_many_alarms_do_not_hold() -> None:
-    good, bad = Nominal(False, 1.0, 1.0), Nominal(True, 1.0, 1.0)
+    good, bad, strictly = Nominal(False, False, 1.0, 1.0), Nominal(True, False, 1.0, 1.0), Nominal(True, True, 1.0, 1.0)
     assert by_id(clearance._nominal([good] * 99 + [bad]))["nominal.alarms"].holds
     assert not by_id(clearance._nominal([good] * 90 + [bad] * 10))["nominal.alarms"].holds
+    six, seven = (by_id(clearance._nominal([good] * (3000 - n) + [strictly] * n)) for n in (6, 7))
+    assert six["strict.alarms"].holds
+    assert not seven["strict.alarms"].holds
+    assert seven["nominal.alarms"].holds
+
+
+def test_both_references_are_one_profile_with_two_limits() -> None:
+    """Their statistics are alike, so that one scan serves both; rarer alarms need higher limits."""
+    plain, strict = reference(), strict_reference()
+    assert all(np.array_equal(getattr(plain, name), getattr(strict, name)) for name in ("s", "z_ref", "s_ref", "s_alt"))
+    assert plain.header.profile == strict.header.profile
+    assert (plain.header.limits.pfa, strict.header.limits.pfa) == (0.01, 0.001)
+    assert all(getattr(strict.header.limits, t) > getattr(plain.header.limits, t) for t in ("t1", "t2", "t3", "t4"))
+
+
+SEEN = Faulty(True, True, True, 0.5, 0.5, 0.5, True)
+MISSED = Faulty(False, False, True, math.nan, math.nan, math.nan, True)
 
 
 def test_a_late_alert_does_not_hold() -> None:
-    quick = [Faulty(True, 0.5, True)] * 18
-    assert by_id(clearance._detected("obstacle_75", [*quick, Faulty(False, math.nan, False)]))[
-        "obstacle_75.time_p95"
-    ].holds
-    late = by_id(clearance._detected("obstacle_75", quick + [Faulty(True, 2.6, True)] * 2))
-    assert not late["obstacle_75.time_p95"].holds
-    assert by_id(clearance._detected("height_10", quick + [Faulty(True, 2.6, True)] * 2))["height_10.time_p95"].holds
+    late = SEEN._replace(delay_s=2.6, size_s=2.6)
+    assert by_id(clearance._detected("obstacle_75", [SEEN] * 18 + [MISSED]))["obstacle_75.time_p95"].holds
+    assert not by_id(clearance._detected("obstacle_75", [SEEN] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
+    assert by_id(clearance._detected("height_10", [SEEN] * 18 + [late] * 2))["height_10.time_p95"].holds
+    slow = SEEN._replace(delay_s=8.0)
+    assert not by_id(clearance._detected("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
-def test_detection_is_told_apart_by_what_is_observable() -> None:
-    flown = [Faulty(True, 1.0, True)] * 6 + [Faulty(False, math.nan, False)] * 2
+def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
+    below = SEEN._replace(over=False, delay_s=math.nan, size_s=13.0)
+    found = by_id(clearance._detected("lateral_50", [below] * 4))
+    assert (found["lateral_50.over"].value, found["lateral_50.size_p95"].value) == (0, 13.0)
+    assert "lateral_50.time_p95" not in found
+    mixed = by_id(clearance._detected("height_10", [below, below, SEEN, SEEN]))
+    assert (mixed["height_10.over"].value, mixed["height_10.time_p95"].value) == (2, 0.5)
+
+
+def test_times_and_detection_are_told_apart_by_what_is_observable() -> None:
+    flown = [SEEN] * 6 + [MISSED._replace(observable=False)] * 2 + [SEEN._replace(observable=False, delay_s=3.0)] * 2
     found = by_id(clearance._detected("along_60", flown))
-    assert [found[f"along_60{part}.pd"].value for part in ("", ".observable", ".not_observable")] == [0.75, 1.0, 0.0]
+    parts = ("", ".observable", ".not_observable")
+    assert [found[f"along_60{part}.pd"].value for part in parts] == [0.8, 1.0, 0.5]
+    assert [found[f"along_60{part}.time_p50"].value for part in parts] == [0.5, 0.5, 3.0]
+
+
+def test_who_is_trusted_over_the_limit_for_longer_than_it_takes_is_misled() -> None:
+    """Neither ALERT nor anything else within 7.7 s; UNAVAILABLE without an ALERT does not mislead."""
+    flown = [SEEN, MISSED, SEEN._replace(warned_s=9.0), MISSED._replace(warned_s=0.2)]
+    assert by_id(clearance._detected("along_60", flown))["along_60.misled"].value == 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "first_over_m", "ratio"),
+    [
+        ("lateral_50", None, 0.5),
+        ("lateral_200", 150.0, 2.0),  # half of it, half of the way over which it grows
+        ("along_60", 50.0, 1.2),  # 5 / 6 of it
+    ],
+)
+def test_a_growing_error_is_over_its_limit_where_it_has_that_size(
+    name: str, first_over_m: float | None, ratio: float
+) -> None:
+    s = np.arange(4000.0, 2000.0, -1.0)
+    flown, over = FAULTS[name].change(level(s), 3000.0, 1.0)
+    assert over.max() == pytest.approx(ratio)
+    assert abs(flown.nav_s - s).max() + abs(flown.nav_y).max() == pytest.approx(float(name.partition("_")[2]))
+    assert (s[over >= 1.0].max(initial=-1.0) - 3000.0 == first_over_m) if first_over_m else not np.any(over >= 1.0)
+
+
+def test_ten_metres_of_height_pass_their_limit_where_it_has_shrunk_to_them() -> None:
+    """AL_v = 0.35 deg x s is 10 m at 1637 m."""
+    s = np.arange(4000.0, 0.0, -1.0)
+    flown, over = FAULTS["height_10"].change(level(s), 3000.0, -1.0)
+    assert s[over >= 1.0].max() == math.floor(10.0 / math.radians(0.35))
+    assert (flown.nav_alt.min(), over[s > 3000.0].max()) == (-10.0, 0.0)
+
+
+def test_a_ramp_and_a_stuck_altimeter_are_over_when_the_height_is_wrong_by_the_limit() -> None:
+    s = np.arange(4000.0, 0.0, -1.0)
+    over = FAULTS["gnss_ramp"].change(level(s), 3000.0, 1.0)[1]
+    first = s[over >= 1.0].max()
+    assert (3000.0 - first) / 60.0 == pytest.approx(math.radians(0.35) * first, abs=0.05)  # 1 m/s at 60 m/s
+    stuck, over = FAULTS["altimeter_stuck"].change(level(s), 3000.0, 1.0)
+    assert set(stuck.agl[s <= 3000.0]) == {stuck.agl[s == 3000.0][0]}
+    first = s[over >= 1.0].max()
+    assert (3000.0 - first) * 0.05 == pytest.approx(math.radians(0.35) * first, abs=0.1)
+
+
+def level(s: np.ndarray) -> Flown:
+    """Down a slope of 1 in 20 over level ground at 60 m/s, everything known exactly."""
+    zero = np.zeros_like(s)
+    return Flown(1.0, (s[0] - s) / 60.0, s, zero, 0.05 * s, 0.05 * s, s, zero, zero, zero, zero, zero)
 
 
 def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
@@ -58,8 +138,8 @@ def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
 def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
     """10 nominal approaches and two with some of the faults; the same seed gives the same."""
     some = ("obstacle_150", "along_60", "wrong_reference")
-    monkeypatch.setattr(clearance, "FAULTS", {name: _clearance.FAULTS[name] for name in some})
-    monkeypatch.setattr(_clearance, "VEGETATION", (0.85,))
+    monkeypatch.setattr(clearance, "FAULTS", {name: FAULTS[name] for name in some})
+    monkeypatch.setattr(_clearance_ground, "VEGETATION", (0.85,))
     monkeypatch.setattr(workers, "PATIENCE_S", math.inf)  # each process would make its own map of the ground
     told: list[float] = []
     results = by_id(clearance.study(10, 5, told.append))

@@ -1,0 +1,72 @@
+"""What the study ``clearance`` flies over: its references, and ground that their limits were not made from."""
+
+from __future__ import annotations
+
+import functools
+
+from fti.hil.references.approaches import RA4500, TerrainGround
+from fti.hil.references.range_map import MappedGround, map_ground
+from fti.hil.scenario.loading import FOLDER
+from fti.hil.tables.kinds import Obstacle
+from fti.hil.world import with_obstacles
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import Reference
+from fti.terrain.scenes import demo_scene
+from fti.terrain.terrain import Terrain
+
+PROFILES = FOLDER.parent / "profiles"
+#: Vegetation that no approach of the calibration has met.
+VEGETATION = (0.85, 1.15)
+#: Where obstacles stand before the intercept point [m], how high and how wide and long they are [m].
+PLACES_M = (1900.0, 2600.0, 3291.0, 4400.0)
+OBSTACLES = {"obstacle_30": (30.0, 20.0), "obstacle_75": (75.0, 60.0), "obstacle_150": (150.0, 150.0)}
+
+
+@functools.cache
+def reference() -> Reference:
+    """The reference that the demonstration flies with: Pfa 1 %."""
+    return _read("demo.csv")
+
+
+@functools.cache
+def strict_reference() -> Reference:
+    """The same profile, its limits made for Pfa 0.1 %."""
+    return _read("demo_strict.csv")
+
+
+def _read(name: str) -> Reference:
+    file = PROFILES / name
+    return Reference.parse(file.read_text(encoding="utf-8"), str(file))
+
+
+@functools.cache
+def path() -> ApproachPath:
+    """The approach of both."""
+    return ApproachPath(reference().header.airfield)
+
+
+@functools.cache
+def _terrain(vegetation: float) -> Terrain:
+    return demo_scene(vegetation=vegetation)
+
+
+@functools.cache
+def traced() -> TerrainGround:
+    """The ground, every range traced."""
+    return TerrainGround(path(), RA4500, tuple(map(_terrain, VEGETATION)))
+
+
+@functools.cache
+def mapped() -> MappedGround:
+    """The same, looked up."""
+    return map_ground(traced(), reference().header.profile.s_max_m, lambda _: None)
+
+
+@functools.cache
+def with_obstacle(kind: str, place: int) -> TerrainGround:
+    """The ground with an obstacle that the reference does not know."""
+    height, width = OBSTACLES[kind]
+    before = PLACES_M[place] - path().x_gpi
+    box = Obstacle(kind="obstacle", before_threshold_m=before, height_m=height, length_m=width, width_m=width)
+    bare = _terrain(VEGETATION[place % len(VEGETATION)])
+    return TerrainGround(path(), RA4500, (with_obstacles(bare, path(), [box]),))
