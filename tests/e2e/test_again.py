@@ -12,7 +12,7 @@ from tests.e2e.flights import DEMO, Flight
 from tests.e2e.harness import END_S, FTI, START_S, daemon, fti, with_free_ports
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
 SPEED = 3.0
 
 

@@ -16,7 +16,7 @@ from fti import config as configuration
 from fti.logger.proof.hashes import link_hashes
 from fti.logger.reading.recording import Recording
 
-pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(3600)]
 QUICK_S, FULL_S = 5.0, 60.0
 
 

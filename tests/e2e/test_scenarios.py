@@ -11,7 +11,7 @@ import pytest
 from fti.nav.integrity.reference import Reference
 from tests.e2e.flights import DEMO, Flight, Row
 
-pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
 
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"

@@ -8,7 +8,7 @@ from tests.e2e.conftest import flown
 from tests.e2e.flights import Flight
 from tests.e2e.harness import fti
 
-pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
