@@ -1,7 +1,7 @@
 """A session of every kind of link through a replay and a daemon: the same bytes, by hash; a crash in between.
 
 One minute beside the quick tests, ten with ``--scale full``.  How late the frames were is printed, and judged in
-``benchmarks/replay.py``, where nothing else runs.
+``benchmarks/timing.py``, where nothing else runs.
 """
 
 from __future__ import annotations
