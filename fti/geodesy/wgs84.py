@@ -20,7 +20,8 @@ ECC2_SQ = ECC_SQ / (1.0 - ECC_SQ)
 #: Angular rate of the Earth [rad/s].
 EARTH_RATE = 7.292115e-5
 
-_BOWRING_STEPS = 3
+#: Of the iteration for the latitude.
+BOWRING_STEPS = 3
 
 
 def radii(lat: ArrayLike) -> tuple[Array, Array]:
@@ -62,7 +63,7 @@ def geodetic_from_ecef(xyz: ArrayLike) -> tuple[Array, Array, Array]:
     x, y, z = np.moveaxis(np.asarray(xyz, dtype=np.float64), -1, 0)
     p = np.hypot(x, y)
     up, across = z, (1.0 - FLATTENING) * p  # tangent of the reduced latitude, as a fraction
-    for _ in range(_BOWRING_STEPS):
+    for _ in range(BOWRING_STEPS):
         norm = np.hypot(up, across)
         sin_lat = z + ECC2_SQ * SEMI_MINOR * (up / norm) ** 3
         cos_lat = p - ECC_SQ * SEMI_MAJOR * (across / norm) ** 3

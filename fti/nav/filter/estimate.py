@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.quaternions import mat_from_quat, quat_from_mat
+from fti.geodesy.quaternions import quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic, geodetic_from_ecef
-from fti.nav.filter.kernels import ACCEL_BIAS, EXTRAS, GYRO_BIAS, QUAT
+from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.nav.filter import kernels, place
+from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS
 from fti.nav.filter.states import Extra, Model
 from fti.nav.inertial.errors import ACCEL, POS, TURN, VEL
 
@@ -41,18 +42,17 @@ class Estimate:
     @functools.cached_property
     def place(self) -> tuple[float, float, float]:
         """lat, lon [rad], alt above the ellipsoid [m] of P."""
-        lat, lon, alt = geodetic_from_ecef(self.y[:3])
-        return float(lat), float(lon), float(alt)
+        return place.geodetic(self.y)
 
     @functools.cached_property
     def mat_en(self) -> Array:
         """North, east, down here to e."""
-        return mat_en(*self.place[:2])
+        return place.axes(*self.place[:2])
 
     @functools.cached_property
     def mat_eb(self) -> Array:
         """Body to e."""
-        return mat_from_quat(self.y[QUAT:ACCEL_BIAS])
+        return kernels.matrix(self.y)
 
     @property
     def mat_nb(self) -> Array:

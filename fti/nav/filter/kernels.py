@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.nav.inertial.errors import ACCEL, BIASED, GYRO, TURN, VEL, noise, rates, transition
 from fti.nav.inertial.live import move
 from fti.terrain.kernel import kernel
@@ -61,6 +62,29 @@ def bent(rows: Array, last: float, following: float, into: Array) -> None:
     for j in range(rows.shape[1]):
         slopes = (rows[2, j] - rows[1, j]) / following - (rows[1, j] - rows[0, j]) / last
         into[j] = 2.0 * slopes / (last + following)
+
+
+@kernel
+def within(felt: Array, most: Array) -> bool:
+    """Whether each number is one, and smaller than the most."""
+    sound = True
+    for i in range(len(felt)):
+        sound = sound and np.abs(felt[i]) < most[i]
+    return bool(sound)
+
+
+@kernel
+def health(y: Array, P: Array) -> tuple[bool, float, float]:
+    """Whether all is numbers and no variance negative; the height over a sphere [m] and the speed [m/s]."""
+    total, sound = 0.0, True
+    for i in range(len(y)):
+        total += y[i]
+    for i in range(len(P)):
+        sound = sound and P[i, i] >= 0.0
+        for j in range(len(P)):
+            total += P[i, j]
+    height = np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2) - SEMI_MAJOR
+    return sound and np.isfinite(total), height, np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
 
 
 @kernel

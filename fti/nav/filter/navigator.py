@@ -24,8 +24,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.nav.filter import kernels
+from fti.nav.filter import kernels, place
 from fti.nav.filter.aiding import Aiding, GnssPosition, PositionFix, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start
@@ -76,7 +75,7 @@ class Navigator:
     def take_inertial(self, t_ns: int, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
         """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, true at t_ns."""
         felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
-        if felt.shape != (6,) or not np.all(np.abs(felt) < MOST_FELT):
+        if felt.shape != (6,) or not kernels.within(felt, MOST_FELT):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
         if self._newest_ns is not None and t_ns <= self._newest_ns:
@@ -203,6 +202,9 @@ def warm_up() -> None:
     y, P = estimate.y, estimate.P
     kernels.step(y, P, np.zeros((3, 6)), Model().unit.table, Model().drifts, 0.01)
     kernels.bent(np.zeros((3, 6)), 0.01, 0.01, np.zeros(6))
+    kernels.within(np.zeros(6), MOST_FELT)
+    kernels.health(y, P)
+    place.warm_up()
     x = np.zeros(len(P))
     kernels.fuse(x, P, np.zeros(1), np.zeros((1, len(P))), np.eye(1))
     kernels.correct(y, x, 0)
@@ -212,19 +214,21 @@ def _known(aiding: Aiding) -> bool:
     """Every number of it is one and conceivable, every sigma is positive, and what it says can be solved for."""
     if isinstance(aiding, SlantRange) and not aiding.meets:
         return False
-    for name in aiding.__dataclass_fields__:  # type: ignore[attr-defined]
-        value = getattr(aiding, name)
-        if isinstance(value, str) or value is None:
-            continue
-        numbers = np.asarray(value, dtype=np.float64)
-        if not np.all(np.abs(numbers) < LARGEST) or (name.endswith("sd") and not np.all(numbers > 0.0)):
-            return False
+    fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
+    if not all(_conceivable(name, getattr(aiding, name)) for name in fields):
+        return False
     return not isinstance(aiding, PositionFix) or bool(np.all(np.linalg.eigvalsh(aiding.cov_n) > 0.0))
+
+
+def _conceivable(name: str, value: object) -> bool:
+    """Names and what is not told are; of numbers see ``_known``."""
+    if isinstance(value, str) or value is None:
+        return True
+    numbers = (value,) if isinstance(value, float) else np.ravel(np.asarray(value, dtype=np.float64)).tolist()
+    return all(abs(x) < LARGEST for x in numbers) and (not name.endswith("sd") or all(x > 0.0 for x in numbers))
 
 
 def _sane(estimate: Estimate) -> bool:
     """Still on Earth."""
-    if not (math.isfinite(estimate.y.sum() + estimate.P.sum()) and estimate.P.diagonal().min() >= 0.0):
-        return False
-    height = math.dist(estimate.y[:3].tolist(), (0.0, 0.0, 0.0)) - SEMI_MAJOR
-    return abs(height) < MOST_ALT and math.hypot(*estimate.y[3:6].tolist()) < MOST_SPEED
+    numbers, height, speed = kernels.health(estimate.y, estimate.P)
+    return numbers and abs(height) < MOST_ALT and speed < MOST_SPEED
