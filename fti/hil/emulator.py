@@ -13,6 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from fti.config import Config
 from fti.hil.bench import Bench
 from fti.hil.device_line import DeviceLine
@@ -28,12 +30,14 @@ from fti.hil.sensors.power_unit import distribute
 from fti.hil.streams import Babble, SensorStream, StatusStream
 from fti.hil.tables.bases import OnLinks
 from fti.hil.tables.dynamics import JsbsimFlight
+from fti.hil.tables.flights import WaypointFlight
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
 from fti.terrain.surroundings import demo_country
+from fti.terrain.terrain import Terrain
 
 SECOND_NS = 1_000_000_000
 #: After a flight, lines have so long to carry what is on them.
@@ -200,8 +204,17 @@ DEMO_UNDULATION = -31.0
 def make_world(scenario: Scenario, progress: Callable[[str], None] = lambda _: None) -> World:
     """The demo airfield and its ground, with what the scenario puts on it; progress : told how far it is.
 
-    An aircraft with a model of its flight goes where it will: there, the country around belongs to the ground.
+    Where the aircraft goes beyond the strip below the approach, the country around belongs to the ground: one with a
+    model of its flight goes where it will.
     """
     airfield = load_airfield(scenes.DEMO_AIRFIELD.read_text(encoding="utf-8"), str(scenes.DEMO_AIRFIELD))
     terrain = demo_country() if isinstance(scenario.flight, JsbsimFlight) else scenes.demo_scene()
+    if isinstance(scenario.flight, WaypointFlight) and _leaves(scenario.flight, terrain):
+        terrain = demo_country()
     return World(scenario, ApproachPath(airfield), terrain, DEMO_UNDULATION, progress)
+
+
+def _leaves(flight: WaypointFlight, terrain: Terrain) -> bool:
+    """Is a waypoint beyond the ground?"""
+    lat, lon = np.radians([(point.lat_deg, point.lon_deg) for point in flight.waypoint]).T
+    return bool(np.isnan(terrain.height(lat, lon)).any())

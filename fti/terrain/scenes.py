@@ -185,6 +185,12 @@ def _posts(runway: _Runway) -> tuple[Array, Array]:
     return east, north
 
 
+def strip_edges() -> tuple[float, float, float, float]:
+    """West, east, south and north edge of the demo scene [m], from its threshold."""
+    east, north = _posts(_load_runway(DEMO_AIRFIELD))
+    return float(east[0]), float(east[-1]), float(north[0]), float(north[-1])
+
+
 def demo_scene(seed: int = 2018, vegetation: float = 1.0) -> Terrain:
     """The terrain around the demo airfield: posts of 5 m, 7.5 km before to 1.7 km behind the threshold, +-1 km.
 

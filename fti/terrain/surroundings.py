@@ -7,11 +7,11 @@ layer and runs out into it over EDGE_M, so that nothing gapes; its middle is unc
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fti.terrain.grid import load_jacksboro
 from fti.terrain.layer import Layer
-from fti.terrain.scenes import demo_scene
+from fti.terrain.scenes import demo_scene, strip_edges, track_point
 from fti.terrain.surface import gather, look_up
 from fti.terrain.synthetic import fractal_relief, smooth_step
 from fti.terrain.terrain import Terrain
@@ -34,6 +34,16 @@ def demo_country(seed: int = 2018) -> Terrain:
     country = _country(scene, np.random.default_rng([seed, 1]))
     fine = _cropped(scene.finest)
     return Terrain((_run_out(fine, country), country), scene.frame)
+
+
+def inside(scene: str, before: ArrayLike, right: ArrayLike) -> Array:
+    """How far the ground of a scene is known around a point [m]; negative beyond its edge.
+
+    scene : ``demo`` or ``demo_country``; before, right : of the threshold and of the track [m]
+    """
+    west, east, south, north = strip_edges() if scene == "demo" else (WEST_M, EAST_M, SOUTH_M, NORTH_M)
+    x, y = track_point(before, right)
+    return np.asarray(np.minimum(np.minimum(x - west, east - x), np.minimum(y - south, north - y)))
 
 
 def _country(scene: Terrain, rng: np.random.Generator) -> Layer:

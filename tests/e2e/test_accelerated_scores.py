@@ -15,6 +15,7 @@ pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 
 #: As long as it takes until something of each has been judged [s]; at full scale they are flown to their ends.
 DURATIONS = {
+    "fallbacks": 56.0,
     "gnss_degraded": 12.0,
     "gnss_offset": 24.0,
     "gnss_outages": 45.0,

@@ -56,7 +56,9 @@ class Truth:
 class Aircraft:
     """A configuration in one scenario, as far as flags depend on it.
 
-    altimeters, sources : names of the devices that have these roles
+    altimeters, sources, positions : names of the devices that have these roles
+    filter_imu, radio_stations     : what takes their place: inertial unit of the filter, number of DME stations
+    scene                          : the emulator's ground that navigation knows; None: files, or none
     """
 
     #: A receiver has its fix again so long after the signals [s].
@@ -71,6 +73,10 @@ class Aircraft:
         self.altimeters = nav.altimeters
         self.knows_ground = nav.terrain is not None
         self.sources = frozenset((*nav.position, *nav.attitude))
+        self.positions = nav.position
+        self.filter_imu = nav.filter.imu if nav.filter else None
+        self.radio_stations = len(nav.radio.station) if nav.radio else 0
+        self.scene = nav.terrain.scene if nav.terrain else None
         self.approach = approach = nav.approach
         self.has_approach = approach is not None and bool(nav.altimeters)
         self.window_m = approach.window_m if approach else 0.0

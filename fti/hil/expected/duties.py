@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fti.hil.expected.aircraft import Aircraft, Truth
 
 HEIGHT, SOLUTION, INTEGRITY = "/nav/height_above_ground", "/nav/nav_solution", "/nav/clearance_integrity"
+NAV_EVENT = "/fti/event/nav"
 DEVICES, LINKS, LEDGER = "/fti/health/devices", "/fti/health/links", "/fti/ledger"
 #: From a cause to an output of navigation: latency of the device, a tick, 25 Hz [s].
 NAV_S = 0.3

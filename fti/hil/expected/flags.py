@@ -5,7 +5,9 @@ A flag is a word at a place of the recorded session (``fti.post.score.said``):
 place                                words
 -----------------------------------  ----------------------------------------------------------------------------------
 /nav/height_above_ground/ALTIMETER   the reasons against a height: stale, device_flag, no_return, deviation ...
-/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one
+                                     terrain_edge, terrain_hole: nothing is known there to compare it with
+/nav/nav_solution                    its reasons; "position not from D", "attitude not from D": D is the preferred one;
+                                     "position from filter", "position from radio": no device has one
 /nav/clearance_integrity             unavailable, caution, alert, and the reasons
 /fti/health/devices/D                silent, noise, invalid, wrong rate; "damaged bytes" while bytes are refused;
                                      "clock away" while its time does not fit

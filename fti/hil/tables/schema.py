@@ -95,7 +95,8 @@ class Expectation(StrictModel):
     """What the daemon must say at a time of the flight, at the latest ``within_s`` later.
 
     channel : topic and field of the session: "/nav/glide_slope.dots"
-    value   : a number is met within ``plus`` above and ``minus`` below; a text or a truth exactly
+    value   : a number is met within ``plus`` above and ``minus`` below; a text or a truth exactly; a list (of
+              reasons) by what is in it
     """
 
     channel: Annotated[str, Field(pattern=r"^/[a-z0-9_/]+\.[a-z0-9_]+$")]

@@ -9,6 +9,7 @@ from enum import StrEnum
 
 from fti.hil.expected.aircraft import Aircraft
 from fti.hil.expected.duties import Duty, May, Told
+from fti.hil.expected.fallbacks import of_fallbacks
 from fti.hil.expected.flags import told
 from fti.hil.expected.of_flight import of_flight
 from fti.hil.faults.words import describe
@@ -133,6 +134,7 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     """Compare.  setup : the configuration that the session was recorded with."""
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
+    belongs += of_fallbacks(scenario.fault, craft)
     pauses = tuple(merged((*flown.pauses, *said.pauses, *said.behind)))
     may = [*of_flight(craft, flown.truth), *_allowed([one for _, one in belongs], pauses)]
     end_s = flown.truth.end_s
@@ -256,6 +258,8 @@ def _meet(expectation: Expectation, evidence: _Evidence) -> Met:
 
 def _is_met(expectation: Expectation, value: object) -> bool:
     wanted = expectation.value
+    if isinstance(value, list):
+        return wanted in value
     if isinstance(wanted, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
         return value == wanted
     return wanted - expectation.minus <= value <= wanted + expectation.plus

@@ -16,6 +16,7 @@ from typing import Any
 from fti.config import Config
 from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
 from fti.logger.reading.recording import Recording
+from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.flown import PAUSE_S, Flown, Pause
 from fti.service.diagnosis import NO_FRAME_REASONS
 from fti.types import IntegrityState, Reason
@@ -39,6 +40,10 @@ NEEDED = {
     "attitude": (Reason.NO_ATTITUDE,),
     "position": (Reason.NO_POSITION, Reason.NO_ALTITUDE, Reason.NO_VELOCITY),
 }
+#: Why nothing is known to compare a height with, where that depends on the place.
+UNKNOWN_GROUND = {Reason.TERRAIN_EDGE, Reason.TERRAIN_HOLE}
+#: Sources of a role that are no device.
+NO_DEVICE = (FILTER, RADIO)
 JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
 #: A device's status stands until the next one, but some devices say only once what has happened [s].
 STATUS, HOLD_S = "/device_status", 2.0
@@ -208,15 +213,20 @@ class _Reader:
         words = frozenset(content["reasons"]) - self._idle
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))
+        elif topic.startswith(HEIGHT):
+            words |= UNKNOWN_GROUND & set(content["unchecked"])
         elif topic == INTEGRITY:
             words |= {content["state"]} & set(JUDGED)
         yield topic, words
 
     def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
-        """The roles that the preferred device does not have."""
+        """The roles that the preferred device does not have, and those that no device has."""
         for role, preferred in self._roles.items():
-            if preferred and content[f"{role}_source"] != preferred[0]:
+            source = content[f"{role}_source"]
+            if preferred and source != preferred[0]:
                 yield f"{role} not from {preferred[0]}"
+            if source in NO_DEVICE:
+                yield f"{role} from {source}"
 
     def _health(self, content: Mapping[str, Any]) -> Iterator[Statement]:
         for name, device in content["devices"].items():

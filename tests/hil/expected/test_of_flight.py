@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fti.config import Config
 from fti.hil import scenario as scenarios
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.duties import May
@@ -103,3 +104,21 @@ def test_an_obstacle_that_nothing_reaches_explains_nothing(craft: Aircraft) -> N
     far = Obstacle(kind="obstacle", before_threshold_m=-3000.0, height_m=60.0)
     (one,) = told(far, craft, LEVEL)
     assert (one.duties, one.may) == ((), ())
+
+
+def test_the_edge_of_the_known_terrain_explains_itself_and_ground_that_runs_out(craft: Aircraft) -> None:
+    strip = Aircraft(with_scene("demo"), bind_devices(with_scene("demo")), scenarios.load(scenarios.find("nominal")))
+    away = replace(LEVEL, before_threshold=0 * T + 2500.0, offset=50.0 * T)  # 1350 m beside it the strip ends
+    beyond = [may for may in of_flight(strip, away) if may.explains(ALTIMETER, "terrain_edge")]
+    assert [may.from_s for may in beyond] == [pytest.approx(22.0, abs=1.0)]
+    assert beyond[0].until_s >= T[-1]
+    assert all(may.explains(ALTIMETER, "deviation") and not may.explains(ALTIMETER, "stale") for may in beyond)
+    assert not [may for may in of_flight(craft, away) if may.explains(ALTIMETER, "terrain_edge")]  # country around
+    assert not [may for may in of_flight(strip, LEVEL) if may.explains(ALTIMETER, "terrain_edge")]
+
+
+def with_scene(scene: str) -> Config:
+    config = scenarios.load_config(scenarios.load(scenarios.find("nominal")))
+    assert config.nav.terrain
+    terrain = config.nav.terrain.model_copy(update={"scene": scene})
+    return config.model_copy(update={"nav": config.nav.model_copy(update={"terrain": terrain})})

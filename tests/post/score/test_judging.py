@@ -179,6 +179,8 @@ def test_what_nobody_knows_yet_is_told(setup: Setup) -> None:
         (True, False, Verdict.MISSING),
         ("ok", "ok", Verdict.FOUND),
         ("ok", "alert", Verdict.MISSING),
+        ("stale", ["roll", "stale"], Verdict.FOUND),
+        ("stale", [], Verdict.MISSING),
     ],
 )
 def test_expected_values(setup: Setup, value: object, heard: object, verdict: Verdict) -> None:
