@@ -91,6 +91,8 @@ class StreamWire(Wire):
 class Memory:
     """The bench of such a flight.  receive : gets each message with the name of its link"""
 
+    is_real_time: ClassVar[bool] = False
+
     def __init__(self, receive: Callable[[str, bytes], None], streams: Sequence[Stream]) -> None:
         self._time = FakeClock(BEGIN_NS)
         self.clock: Clock = self._time

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from fti.clock import Clock, SystemClock
 from fti.config import Link
@@ -17,9 +17,10 @@ from fti.hil.scheduler import Stream
 
 
 class Bench(Protocol):
-    """What an emulator needs of the world outside."""
+    """What an emulator needs of the world outside.  is_real_time : time passes while something is computed"""
 
     clock: Clock
+    is_real_time: ClassVar[bool]
 
     def make_endpoint(self, link: Link, respond: Respond) -> Endpoint:
         """The far end of a link; respond : what its devices answer."""
@@ -37,6 +38,8 @@ class Ports:
     links_dir : where the symlinks to ptys stand; epoch_ns : as SystemClock
     outside   : links that end outside this machine; tell : told of what a person at the bench should know
     """
+
+    is_real_time: ClassVar[bool] = True
 
     def __init__(
         self,

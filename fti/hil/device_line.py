@@ -4,22 +4,33 @@
 
 Faults of clock and values count from the time of the sample, those of bytes and lines from when a message leaves.
 Nothing is opened here and nobody waits: ``due_s`` says when ``step`` has something to give.
+
+The messages of a cycle can be made before they are due (``make_ahead``), so that at their instant they only leave.
+What goes wrong with bytes and lines goes wrong then all the same; and a device that was switched off and on since has
+forgotten what it had made.  Made at their instant are those of a device
+
+    that is told something in flight    answers and messages keep their order, and settings act with the next message
+    of which the scenario takes power   what it would have said without is not computed
+    that says how others are            the power unit
 """
 
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Callable
 
+from fti.drivers import Encoder
 from fti.hil.faults.clocks import DeviceClock
 from fti.hil.faults.fitting import stages_of
 from fti.hil.faults.values import DeviceFaults
 from fti.hil.sensors.base import Sensor
+from fti.hil.tables.kinds import OfPower
 from fti.hil.tables.schema import Scenario
 from fti.types import Measurement
 
 
-def _always(t: float) -> bool:
+def _always(t: float | None) -> bool:
     return True
 
 
@@ -27,7 +38,7 @@ class DeviceLine:
     """A device in one flight.
 
     until_s    : the flight is cut off there [s]; nothing is held back any longer
-    is_powered : does it have power at t [s]?
+    is_powered : does it have power at t [s]?  None: at the last instant that it was asked for
     """
 
     def __init__(
@@ -35,7 +46,7 @@ class DeviceLine:
         sensor: Sensor,
         scenario: Scenario,
         until_s: float = float("inf"),
-        is_powered: Callable[[float], bool] = _always,
+        is_powered: Callable[[float | None], bool] = _always,
     ) -> None:
         faults, seed = scenario.fault, scenario.seed
         end_s = min(until_s, float(sensor.due[-1])) if len(sensor.due) else 0.0
@@ -44,8 +55,14 @@ class DeviceLine:
         self._values = DeviceFaults(sensor.name, faults, seed)
         self._stages = stages_of(sensor.bound, faults, seed, end_s)
         self._k = 0
-        self._times: list[float] = sensor.t.tolist()
-        self._cycles_s: list[float | None] = [*sensor.due.tolist(), None]
+        self._made: list[bytes] | None = None
+        self._made_by: Encoder = sensor.encoder
+        self._answers: list[bytes] = []  # to what it was told since it has made what is not due yet
+        self._looks_ahead = not sensor.is_live and not any(
+            isinstance(fault, OfPower) and fault.may_be_on(sensor.name) for fault in faults
+        )
+        # arrays: the collector of cycles goes through every element of a list, and here are hundreds of thousands
+        self._times, self._cycles_s = array("d", sensor.t), array("d", sensor.due)
 
     def due_s(self) -> float | None:
         """When something may leave next [s]; None when nothing will."""
@@ -57,7 +74,7 @@ class DeviceLine:
     @property
     def cycle_s(self) -> float | None:
         """When the device itself has the next thing to say [s]; None when it has said everything."""
-        return self._cycles_s[self._k]
+        return self._cycles_s[self._k] if self._k < len(self._cycles_s) else None
 
     def step(self, start_ns: int) -> list[bytes]:
         """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
@@ -65,16 +82,34 @@ class DeviceLine:
         assert t is not None
         messages = []
         if cycle_s is not None and cycle_s <= t:
-            messages = self._cycle(self._k, start_ns) if self._is_powered(t) else []
+            messages = self._said(start_ns) if self._is_powered(t) else []
+            self._made, self._answers = None, []
             self._k += 1
         return self._spoiled(t, messages)
+
+    def make_ahead(self, start_ns: int) -> None:
+        """Make what leaves in the next cycle, if this device may."""
+        if self._looks_ahead and self._made is None and self.cycle_s is not None and self._is_powered(None):
+            self._made, self._made_by = self._cycle(self._k, start_ns), self.sensor.encoder
+
+    def _said(self, start_ns: int) -> list[bytes]:
+        """The messages of the cycle that is due, and the answers that had to wait for them."""
+        if self._made is None or self._made_by is not self.sensor.encoder:
+            return self._answers + self._cycle(self._k, start_ns)
+        return self._made + self._answers
 
     def respond(self, data: bytes, t: float) -> list[bytes]:
         """What it answers at t [s] to bytes from the daemon; before the flight begins (t < 0) nothing goes wrong."""
         if not self._is_powered(t):
             return []
         answers = self.sensor.encoder.respond(data)
-        return self._spoiled(t, answers) if t >= 0.0 else answers
+        if t < 0.0:
+            return answers
+        self._looks_ahead = False
+        if self._made is not None:
+            self._answers += answers
+            return []
+        return self._spoiled(t, answers)
 
     def _cycle(self, k: int, start_ns: int) -> list[bytes]:
         """The messages of sample k, before anything is wrong with their bytes."""

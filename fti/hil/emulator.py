@@ -189,7 +189,9 @@ class Emulator:
     ) -> None:
         clock = self.bench.clock
         self._start_ns = start_ns = clock.now_ns()
-        self._scheduler = Scheduler(lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.bench.sleep)
+        self._scheduler = Scheduler(
+            lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.bench.sleep, ahead=self.bench.is_real_time
+        )
         self._devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
         streams: list[Stream] = [*self._devices, *self._line_faults(), *self.bench.streams(start_ns)]
         if truth is not None:

@@ -7,16 +7,22 @@ counts in microseconds; here it waits for the one descriptor of the epoll, which
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
+import os
 import select
 import selectors
 import sys
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 #: Another thread gives way to the loop after this time [s]; Python's own 5 ms are later than a message may be.
 GIVE_WAY_S = 0.0005
+#: Lowest of the real-time priorities: before every ordinary process, behind whoever has more reason.
+PRIORITY = 1
+#: Without a second core it would keep the one from whoever reads what is sent.
+LEAST_CORES = 2
 
 
 class FineSelector(selectors.EpollSelector):
@@ -25,19 +31,39 @@ class FineSelector(selectors.EpollSelector):
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """As any selector."""
         if timeout is not None and timeout > 0.0:
-            select.select([self.fileno()], [], [], timeout)
+            if not select.select([self.fileno()], [], [], timeout)[0]:
+                return []
             timeout = 0.0
         return super().select(timeout)
 
 
+@contextlib.contextmanager
+def before_others() -> Iterator[None]:
+    """The calling thread comes before every ordinary process while the block lasts, where it may ask for that.
+
+    What it starts does not: processes and threads begin as ordinary ones (an ordinary user cannot undo that).
+    """
+    usual, parameters = os.sched_getscheduler(0) | os.SCHED_RESET_ON_FORK, os.sched_getparam(0)
+    if len(os.sched_getaffinity(0)) >= LEAST_CORES:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(
+                0, usual | os.SCHED_RESET_ON_FORK, parameters
+            )  # which an ordinary user cannot take back
+
+
 def run(main: Coroutine[Any, Any, Result]) -> Result:
-    """As ``asyncio.run``, on time: fine sleeps, threads that give way, a collector that leaves what exists now."""
+    """As ``asyncio.run``, on time: fine sleeps, before others, a collector that leaves what exists now."""
     gc.collect()
     gc.freeze()
     before_s = sys.getswitchinterval()
     sys.setswitchinterval(GIVE_WAY_S)
     try:
-        with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(FineSelector())) as runner:
+        with before_others(), asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(FineSelector())) as runner:
             return runner.run(main)
     finally:
         sys.setswitchinterval(before_s)

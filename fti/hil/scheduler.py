@@ -2,13 +2,15 @@
 
 Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, nothing is left out, and
 how late each message goes out is kept, because a bench that is late must say so.  How fine a sleep is, is the loop's:
-``fti.hil.looping``.
+``fti.hil.looping``.  Where there is time until the next instant, messages are made ahead: the soonest of those whose
+making fits in.
 """
 
 from __future__ import annotations
 
 import asyncio
 import heapq
+from bisect import insort
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -37,13 +39,59 @@ class Metered(Protocol):
         """The next message was due at due_s [s] and goes out so much later."""
 
 
-class Scheduler:
-    """Sends streams at their instants.  now : time since the start [s]; sleep : as asyncio.sleep."""
+@runtime_checkable
+class Preparing(Protocol):
+    """A stream that can make its next message before it is due."""
 
-    def __init__(self, now: Callable[[], float], sleep: Callable[[float], Awaitable[None]] = asyncio.sleep) -> None:
+    def prepare(self, within_s: float) -> bool:
+        """Make it, unless that takes longer than within_s [s]; false when it was not tried for that."""
+
+
+class Unmade:
+    """The next messages of all streams that can make them ahead, soonest first, until they are made."""
+
+    def __init__(self, streams: Sequence[Stream]) -> None:
+        self._makers = {i: stream for i, stream in enumerate(streams) if isinstance(stream, Preparing)}
+        self._waiting: list[tuple[float, int]] = []
+
+    def add(self, due: float | None, index: int) -> None:
+        """The next message of a stream; None when there is none.  The one before it has left."""
+        if index in self._makers and due is not None:
+            insort(self._waiting, (due, index))
+
+    def drop(self, due: float, index: int) -> None:
+        """It leaves, made or not."""
+        if (due, index) in self._waiting:
+            self._waiting.remove((due, index))
+
+    def make(self, within_s: float) -> bool:
+        """Make the soonest one for which there is time; false when there is none."""
+        for entry in self._waiting:
+            if self._makers[entry[1]].prepare(within_s):
+                self._waiting.remove(entry)
+                return True
+        return False
+
+
+class Scheduler:
+    """Sends streams at their instants.
+
+    now   : time since the start [s]; sleep : as asyncio.sleep
+    ahead : make messages ahead; nothing is gained by a clock that stands still meanwhile
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], float],
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+        *,
+        ahead: bool = False,
+    ) -> None:
         self._now = now
         self._sleep = sleep
+        self._ahead = ahead
         self._late = Histogram()
+        self._unmade = Unmade(())
 
     @property
     def lateness(self) -> Lateness:
@@ -55,14 +103,19 @@ class Scheduler:
         heap = [(due, i) for i, stream in enumerate(streams) if (due := stream.due_s()) is not None]
         heapq.heapify(heap)
         meters = [stream if isinstance(stream, Metered) else None for stream in streams]
+        self._unmade = Unmade(streams if self._ahead else ())
+        for first, i in heap:
+            self._unmade.add(first, i)
         sent = 0
         while heap and heap[0][0] <= until_s and not stop.is_set():
             due, i = heap[0]
             if await self._waited(due) or stop.is_set():
                 continue
             self._note(due, meters[i])
+            self._unmade.drop(due, i)
             await streams[i].send()
             following = streams[i].due_s()
+            self._unmade.add(following, i)
             if following is None:
                 heapq.heappop(heap)
             else:
@@ -78,9 +131,10 @@ class Scheduler:
             meter.note(due, late)
 
     async def _waited(self, due: float) -> bool:
-        """Sleep a part of the time that is left; False when the instant has come."""
+        """Use or sleep a part of the time that is left; False when the instant has come."""
         left = due - self._now()
         if left <= 0:
             return False
-        await self._sleep(min(left, MAX_SLEEP_S))
+        if not self._unmade.make(left):
+            await self._sleep(min(left, MAX_SLEEP_S))
         return True

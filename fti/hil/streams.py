@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from fti.canframe import STANDARD_MASK, pack_can
@@ -12,6 +13,8 @@ from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.links.slcan_status import FLAGS
 
 TROUBLE_S = 0.25
+#: What making a message took is remembered, and forgotten by this share with each message.
+FORGET = 0.05
 #: What a controller says of a bus that is off.
 OFF_FLAGS = ("error_warning", "error_passive", "bus_error")
 
@@ -23,6 +26,7 @@ class SensorStream:
         self._line, self._endpoint, self._start_ns = line, endpoint, start_ns
         self.meter = Meter(line.sensor.name, line.sensor.link, line.sensor.rate_hz)
         self.messages = 0
+        self._takes_s = 0.0
 
     def note(self, due_s: float, late_s: float) -> None:
         """How late the next message leaves."""
@@ -32,8 +36,18 @@ class SensorStream:
         """When the next message leaves."""
         return self._line.due_s()
 
+    def prepare(self, within_s: float) -> bool:
+        """Make the next message, if that has not taken longer lately.  Returns whether it was tried."""
+        if self._takes_s > within_s:
+            return False
+        begin_s = time.perf_counter()
+        self._line.make_ahead(self._start_ns)
+        self._takes_s = max(time.perf_counter() - begin_s, self._takes_s)
+        return True
+
     async def send(self) -> None:
         """Send what leaves now; a device hands its line a whole cycle, not byte by byte."""
+        self._takes_s *= 1.0 - FORGET
         messages = self._line.step(self._start_ns)
         self.messages += len(messages)
         if self._endpoint.is_stream:

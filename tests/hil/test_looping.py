@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -54,3 +57,36 @@ def test_an_error_comes_through() -> None:
 
     with pytest.raises(ValueError, match="told"):
         looping.run(fail())
+
+
+def policy() -> int:
+    return os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
+
+
+def may_come_first() -> bool:
+    """May the calling thread have a real-time priority?  Asked in a thread, which ends with it."""
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            pool.submit(os.sched_setscheduler, 0, os.SCHED_RR, os.sched_param(looping.PRIORITY)).result()
+        except OSError:
+            return False
+    return True
+
+
+def test_who_sends_comes_before_others_and_what_it_starts_does_not() -> None:
+    usual = policy()
+    with looping.before_others():
+        within = policy()
+        with ThreadPoolExecutor(1) as pool:
+            thread = pool.submit(policy).result()
+        child = subprocess.check_output([sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"])
+    first = may_come_first() and len(os.sched_getaffinity(0)) >= looping.LEAST_CORES
+    assert within == (os.SCHED_RR if first else usual)
+    assert (policy(), thread, int(child)) == (usual, usual, usual)
+
+
+def test_on_one_core_it_does_not_come_before_its_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0})
+    usual = policy()
+    with looping.before_others():
+        assert policy() == usual

@@ -61,6 +61,8 @@ class Sensor:
     t   : true times of its samples [s after the start], shape (n,)
     due : when their messages leave [s], shape (n,), never before the sample
 
+    is_live : what it says depends on what happens until then, not on the flight alone
+
     Raises ConfigError when it has no sample in the flight.
     """
 
@@ -68,6 +70,7 @@ class Sensor:
         device = bound.device
         rng = np.random.default_rng([seed, zlib.crc32(device.name.encode())])
         self.name, self.link = device.name, device.link
+        self.is_live = False
         self.rate_hz = device.rate_hz or model.rate_hz
         settings = world.scenario.sensor.get(device.name) or SensorSettings()
         self.drift_ppm = _given(settings.drift_ppm, float(rng.normal(0.0, DRIFT_PPM_SD)))

@@ -49,7 +49,7 @@ def distribute(sensors: Sequence[Sensor], scenario: Scenario) -> PowerUnit:
     for unit in units:
         assert isinstance(unit.model, PowerPanel)
         assert isinstance(unit.encoder, driver.Encoder)
-        unit.model.power, unit.encoder.obey = power, power.obey
+        unit.model.power, unit.encoder.obey, unit.is_live = power, power.obey, True
     return power
 
 

@@ -1,0 +1,194 @@
+"""Messages that were made before they were due: the same bytes, at the same instants, in the same order."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from fti.drivers import honeywell_hmr2300, power_unit
+from fti.hil.device_line import DeviceLine
+from fti.hil.scheduler import Scheduler, Unmade
+from fti.hil.sensors import Sensor
+from fti.hil.tables.kinds import BitErrors, Burst, Cut, Duplicated, Fault, Freeze, Stuck
+from fti.hil.tables.schema import Scenario
+from tests.hil.faults.flown import DEVICES, START_NS, Flight, device, fly, nominal
+from tests.hil.worlds import scenario
+
+FAULTS: tuple[Fault, ...] = (
+    Stuck(kind="stuck", from_s=0.5, to_s=1.5),
+    BitErrors(kind="bit_errors", from_s=1.0, to_s=2.0, rate=0.01),
+    Cut(kind="cut", from_s=2.05, to_s=2.95),
+    Freeze(kind="freeze", from_s=3.5, to_s=4.0),
+    Burst(kind="burst", hold_s=0.33, from_s=4.0, to_s=5.0),
+    Duplicated(kind="duplicated", from_s=5.0, to_s=5.5),
+)
+
+
+def ahead(line: DeviceLine) -> Flight:
+    """Each message is made as soon as the one before it has left."""
+    found: Flight = []
+    while (t := line.due_s()) is not None:
+        line.make_ahead(START_NS)
+        if messages := line.step(START_NS):
+            found.append((t, messages))
+    return found
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_what_leaves_is_the_same(name: str) -> None:
+    assert ahead(DeviceLine(device(name), scenario())) == nominal(name)
+    assert ahead(DeviceLine(device(name), scenario(fault=FAULTS, seed=7))) == fly(name, *FAULTS)
+
+
+def test_what_a_fault_cuts_off_is_not_sent_though_it_was_made() -> None:
+    instants = [t for t, _ in ahead(DeviceLine(device("mavlink"), scenario(fault=FAULTS)))]
+    assert not [t for t in instants if 2.05 <= t < 2.95]
+    assert [t for t in instants if 1.9 < t < 2.05]
+
+
+class Hand:
+    """A switch, and a device behind it that forgets what it was told when it gets power again."""
+
+    def __init__(self, sensor: Sensor, given: Scenario) -> None:
+        self.on, self.sensor = True, sensor
+        self.line = DeviceLine(sensor, given, is_powered=lambda t: self.on)
+
+    def switch_on(self) -> None:
+        self.on = True
+        self.sensor.encoder = self.sensor.bound.driver.make_encoder(self.sensor.bound.options)
+
+
+def switched(*, makes_ahead: bool, off: Sequence[int], on: Sequence[int]) -> list[list[bytes]]:
+    """Thirty cycles of a device that counts its messages; it is switched before those cycles."""
+    hand, found = Hand(device("mavlink"), scenario()), []
+    for k in range(30):
+        if makes_ahead:
+            hand.line.make_ahead(START_NS)
+        if k in off:
+            hand.on = False
+        if k in on:
+            hand.switch_on()
+        found.append(hand.line.step(START_NS))
+    return found
+
+
+def test_what_was_made_before_the_power_went_is_not_sent() -> None:
+    at_once = switched(makes_ahead=False, off=[10], on=[20])
+    assert switched(makes_ahead=True, off=[10], on=[20]) == at_once
+    assert not any(at_once[10:20])
+    assert all(at_once[20:])
+
+
+def test_a_device_that_got_power_again_between_two_messages_begins_anew() -> None:
+    at_once = switched(makes_ahead=False, off=[10], on=[10])
+    assert switched(makes_ahead=True, off=[10], on=[10]) == at_once
+    assert at_once[10] != switched(makes_ahead=False, off=[], on=[])[10]
+
+
+def commanded(*, makes_ahead: bool) -> tuple[list[bytes], list[bytes]]:
+    """A command to a magnetometer before its tenth message; what it answers at once, and what leaves then."""
+    line = DeviceLine(device("honeywell_hmr2300"), scenario())
+    for k in range(11):
+        if makes_ahead:
+            line.make_ahead(START_NS)
+        if k == 10:
+            at_once = line.respond(honeywell_hmr2300.command("average", {"state": "on"}), line.due_s() or 0.0)
+        leaves = line.step(START_NS)
+    return at_once, leaves
+
+
+def test_an_answer_waits_for_the_message_that_was_made_before_it() -> None:
+    answers, _ = commanded(makes_ahead=False)
+    held_back, leaves = commanded(makes_ahead=True)
+    assert answers
+    assert held_back == []
+    assert leaves == [*fly("honeywell_hmr2300")[10][1], *answers]
+
+
+def test_who_is_told_something_in_flight_makes_nothing_ahead_any_more() -> None:
+    line = DeviceLine(device("honeywell_hmr2300"), scenario())
+    question = honeywell_hmr2300.command("average", {"state": "on"})
+    assert line.respond(question, 0.0) == (answers := line.respond(question, -1.0))
+    line.make_ahead(START_NS)
+    assert line.respond(question, 0.0) == answers  # at once
+
+
+def test_the_power_unit_says_what_is_when_it_says_it() -> None:
+    sensor = device("power_unit")
+    sensor.is_live = True
+    line = DeviceLine(sensor, scenario())
+    line.make_ahead(START_NS)
+    assert line.respond(power_unit.command("off", {"breaker": "altimeter"}), 0.0)  # nothing that it could wait for
+
+
+# -------------------------------------------------------------------------------------------------------- scheduler
+
+
+class Made:
+    """A stream of a message each 10 ms whose making takes ``cost`` seconds, at its instant or before.
+
+    now : the time, as a list of one [s]
+    """
+
+    def __init__(self, now: list[float], cost: float, shift: float) -> None:
+        self.now, self.cost, self.shift = now, cost, shift
+        self.k, self.is_made = 0, False
+        self.late: list[float] = []
+
+    def due_s(self) -> float | None:
+        return self.shift + 0.01 * self.k if self.k < 20 else None
+
+    def note(self, due_s: float, late_s: float) -> None:
+        self.late.append(late_s)
+
+    def prepare(self, within_s: float) -> bool:
+        if self.cost > within_s:
+            return False
+        assert not self.is_made
+        self.now[0] += self.cost
+        self.is_made = True
+        return True
+
+    async def send(self) -> None:
+        if not self.is_made:
+            self.now[0] += self.cost
+        self.k, self.is_made = self.k + 1, False
+
+
+def latest(*, ahead: bool) -> tuple[float, float]:
+    """Two streams, of which the first takes 4 ms and the other is due 1 ms behind it; how late each was at most [s]."""
+    now = [0.0]
+
+    async def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    streams = [Made(now, 0.004, 0.009), Made(now, 0.0001, 0.010)]
+    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=ahead).run(streams, asyncio.Event()))
+    assert [len(stream.late) for stream in streams] == [20, 20]
+    assert all(late >= 0.0 for stream in streams for late in stream.late)
+    first, second = (max(stream.late) for stream in streams)
+    return first, second
+
+
+def test_what_is_made_in_a_gap_makes_nobody_wait() -> None:
+    first, second = latest(ahead=False)
+    assert second == pytest.approx(0.003)
+    first, second = latest(ahead=True)
+    assert math.isclose(first, 0.0, abs_tol=1e-9)
+    assert second < 1e-9
+
+
+def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
+    streams = [Made([0.0], 0.004, 0.01), Made([0.0], 0.001, 0.02), Made([0.0], 0.001, 0.03)]
+    unmade = Unmade(streams)
+    for i, stream in enumerate(streams):
+        unmade.add(stream.due_s(), i)
+    assert unmade.make(0.002)
+    assert [stream.is_made for stream in streams] == [False, True, False]
+    unmade.drop(0.01, 0)
+    assert unmade.make(1.0)
+    assert not unmade.make(1.0)
+    assert [stream.is_made for stream in streams] == [False, True, True]
