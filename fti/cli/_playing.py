@@ -43,16 +43,21 @@ async def until_stopped(
     play: Callable[[asyncio.Event], Awaitable[Report]], ready: asyncio.Event
 ) -> tuple[Report, bool]:
     """Run ``play(stop)``; print "ready" when the ports exist.  Returns the report, and whether a signal ended it."""
-    stop = asyncio.Event()
+    stop, signals = asyncio.Event(), list[int]()
+
+    def interrupted(number: int) -> None:
+        signals.append(number)
+        stop.set()
+
     loop = asyncio.get_running_loop()
     for name in ENDING:
-        loop.add_signal_handler(name, stop.set)
+        loop.add_signal_handler(name, interrupted, name)
     announcing = asyncio.create_task(_announce(ready), name="fti-hil-ready")
     try:
         report = await play(stop)
     finally:
         announcing.cancel()
-    return report, stop.is_set()
+    return report, bool(signals)
 
 
 async def _announce(ready: asyncio.Event) -> None:

@@ -107,7 +107,7 @@ def _fly(args: argparse.Namespace) -> int:
     from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
     from fti.hil import looping
     from fti.hil.report import Report
-    from fti.hil.status import Teller
+    from fti.hil.status import Teller, describe
 
     check_report(args.report)
     emulator = _prepared(args)
@@ -119,7 +119,8 @@ def _fly(args: argparse.Namespace) -> int:
         finally:
             starting.cancel()
 
-    with ports_in(Path(args.links)), Teller(emulator, args.run_dir):
+    clock, name = emulator.bench.clock, emulator.config.session.name
+    with ports_in(Path(args.links)), Teller(lambda: describe(emulator), clock, name, args.run_dir):
         report, interrupted = looping.run(until_stopped(fly, emulator.ready))
     print_report(report)
     write_report(report, args.report)

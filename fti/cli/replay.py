@@ -6,7 +6,8 @@ listens).  Nothing is lost: while a line is full, the replay waits.  What the da
 A snapshot, or a session in mode "snapshot", is sent as far as it was recorded, with its pauses; it begins with its
 first frame.
 
-In a terminal: space pauses and goes on, "." or s sends one frame and pauses, q ends.
+In a terminal: space pauses and goes on, "." or s sends one frame and pauses, q ends.  A daemon of the same name shows
+the position, on its page and in ``fti watch``.
 
 At the end stands how late the frames of each link were; ``fti compare`` proves that recording them gave the same.
 
@@ -61,11 +62,15 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from fti.cli._playing import check_report, ports_in, print_report, until_stopped, write_report
+    from fti.clock import SystemClock, choose_epoch_ns
     from fti.hil import looping
+    from fti.hil.status import Teller, describe_replay
 
     check_report(args.report)
     replay, length_s = _open(args)
-    with ports_in(Path(args.links)):
+    title, clock = Path(args.session).name, SystemClock(choose_epoch_ns())
+    teller = Teller(lambda: describe_replay(replay, title, length_s), clock, replay.session_name, None)
+    with ports_in(Path(args.links)), teller:
         report, interrupted = looping.run(until_stopped(lambda stop: _play(replay, length_s, stop), replay.ready))
     print_report(report)
     write_report(report, args.report)

@@ -53,10 +53,13 @@ class Replay:
             raise ValueError(f"speed {speed} must be positive, from {from_s} and wait {wait_s} not negative")
         self.ready = asyncio.Event()
         self.transport = Transport(time.monotonic)
+        self.session_name = config.session.name
         self._recording, self._folder = recording, links_dir
         self._speed, self._from_s, self._wait_s, self._loop, self._only = speed, from_s, wait_s, loop, only
         self._links = [link for link in config.link if not only or link.name in only]
         self._stream: FrameStream | None = None
+        self._scheduler = Scheduler(self.transport.now_s)
+        self._endpoints: dict[str, Endpoint] = {}
         for name in only:
             if name not in [link.name for link in self._links]:
                 known = ", ".join(link.name for link in config.link)
@@ -68,36 +71,39 @@ class Replay:
         return self._from_s + self._stream.lasts_s * self._speed if self._stream else None
 
     @property
+    def report(self) -> Report:
+        """What was sent so far and how late, at any time."""
+        by_link = self._stream.by_link if self._stream else {}
+        sent = {name: endpoint.sent for name, endpoint in self._endpoints.items()}
+        return Report(sent, self._scheduler.lateness, by_link, remarks=self._behind())
+
+    @property
     def _request(self) -> Request:
         return Request(str(self._recording.path), self._from_s, self._only, self._loop)
 
     async def run(self, stop: asyncio.Event | None = None, progress: Callable[[str], None] = lambda _: None) -> Report:
         """Open the endpoints, wait for readers, send everything.  progress : told what is waited for."""
         ended = stop or asyncio.Event()
-        scheduler = Scheduler(self.transport.now_s)
         ends = {link.name: make_endpoint(link, self._folder, lambda _: [], tell=progress) for link in self._links}
+        self._endpoints = ends
         with Ahead(self._request) as frames:
             async with opened(ends):
                 self.ready.set()
-                await until(self._play(frames, scheduler, ends, ended, progress), ended)
-        by_link = self._stream.by_link if self._stream else {}
-        sent = {name: endpoint.sent for name, endpoint in ends.items()}
-        return Report(sent, scheduler.lateness, by_link, remarks=self._behind())
+                await until(self._play(frames, ended, progress), ended)
+        return self.report
 
     async def _play(
         self,
         frames: Iterator[RawFrame],
-        scheduler: Scheduler,
-        endpoints: Mapping[str, Endpoint],
         stop: asyncio.Event,
         progress: Callable[[str], None],
     ) -> None:
-        await _readers(endpoints, progress)
+        await _readers(self._endpoints, progress)
         await asyncio.sleep(self._wait_s)
-        self._stream = FrameStream(frames, endpoints, self.transport, self._speed, progress)
+        self._stream = FrameStream(frames, self._endpoints, self.transport, self._speed, progress)
         self.transport.start()
-        await scheduler.run([self._stream], stop)
-        for endpoint in endpoints.values():
+        await self._scheduler.run([self._stream], stop)
+        for endpoint in self._endpoints.values():
             await endpoint.drained()
 
     def _behind(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""What the emulator is doing, for the page and ``fti watch``: twice a second on the daemon's bus, topic ``/hil``.
+"""What the emulator or a replay is doing, for the page and ``fti watch``: twice a second on the daemon's bus, ``/hil``.
 
 scenario, flight_s, duration_s     title; time of the flight, null before it begins; how long it is [s]
 devices   {name: link, asked_hz, messages, breaker (null: it feeds itself), faults (kinds that name it)}
@@ -7,6 +7,9 @@ faults    those that act now: kind, words, on, until_s
 supply_v  voltage before the breakers [V]
 lateness  messages, p50_ms, p99_ms, max_ms; holds: every device holds its rate; not_held: which does not, and why
 
+A replay has no devices, breakers and faults: the bytes are from where the session was recorded.  Its scenario is the
+name of the session, its time that of the recording.
+
 It is said in a thread of its own and nobody waits for it: without a daemon the flight is the same.
 """
 
@@ -14,15 +17,18 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Callable
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any
 
 from fti.bus.message import stamped
 from fti.bus.zenoh_bus import Publisher
+from fti.clock import Clock
 from fti.errors import MissingError
 from fti.hil.emulator import Emulator
 from fti.hil.faults import words
+from fti.hil.replay import Replay
 from fti.service.rundir import DaemonInfo, base, find_daemon
 
 TOPIC = "/hil"
@@ -52,6 +58,23 @@ def describe(emulator: Emulator) -> dict[str, Any]:
     }
 
 
+def describe_replay(replay: Replay, title: str, length_s: float | None) -> dict[str, Any]:
+    """The same of a replay.  title : of the session; length_s : how long it is [s], None where that is not known"""
+    report = replay.report
+    return {
+        "scenario": title,
+        "flight_s": replay.position_s,
+        "duration_s": replay.position_s if length_s is None else length_s,
+        "devices": {},
+        "links": {name: asdict(sent) for name, sent in report.links.items()},
+        "faults": [],
+        "supply_v": None,
+        "lateness": asdict(report.lateness),
+        "holds": not report.not_held,
+        "not_held": report.not_held,
+    }
+
+
 def _devices(emulator: Emulator, faults: list[dict[str, Any]]) -> dict[str, Any]:
     states, messages = emulator.power.states(), emulator.messages
     return {
@@ -69,11 +92,12 @@ def _devices(emulator: Emulator, faults: list[dict[str, Any]]) -> dict[str, Any]
 class Teller:
     """Publishes in a thread of its own while the block lasts, whenever there is a daemon.
 
-    run_dir : of the daemon, when it is not the one that the name of its session says
+    describe : makes the message; clock : its time; name : of the daemon's session
+    run_dir  : of the daemon, when it is not the one that the name says
     """
 
-    def __init__(self, emulator: Emulator, run_dir: str | None) -> None:
-        self._emulator, self._name = emulator, emulator.config.session.name
+    def __init__(self, describe: Callable[[], dict[str, Any]], clock: Clock, name: str, run_dir: str | None) -> None:
+        self._describe, self._clock, self._name = describe, clock, name
         self._run_dir = run_dir or str(base() / self._name)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fti-hil-teller")
@@ -111,9 +135,8 @@ class Teller:
 
     def _tell(self) -> None:
         assert self._publisher is not None
-        clock = self._emulator.bench.clock
-        t_ns = clock.now_ns()
-        self._publisher.publish(TOPIC, stamped(describe(self._emulator), t_ns, clock.now_ns(), MAX_AGE_MS))
+        t_ns = self._clock.now_ns()
+        self._publisher.publish(TOPIC, stamped(self._describe(), t_ns, self._clock.now_ns(), MAX_AGE_MS))
 
     def _leave(self) -> None:
         if self._publisher is not None:

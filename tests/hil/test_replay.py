@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import fcntl
 import itertools
+import json
 import os
 import random
 import signal
@@ -22,17 +23,21 @@ import pytest
 
 from fti import config as configuration
 from fti.canframe import pack_can
+from fti.cli._playing import until_stopped
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.ahead import chosen
+from fti.hil.lateness import Histogram
 from fti.hil.playback import FrameStream, Transport
 from fti.hil.recorded import recorded_config
-from fti.hil.replay import Replay
+from fti.hil.replay import Replay, length_s
 from fti.hil.report import Report
+from fti.hil.status import describe_replay
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.types import TICK_LINK, RawFrame
+from fti.web.feed import HIL_FIELDS
 from tests.e2e.harness import with_free_ports
 from tests.helpers import until_async
 from tests.links.bench import Heard, running
@@ -100,6 +105,38 @@ async def play(
         whole = {name: sum(frame.link == name for frame in expected) for name in ("eth", "bus")}
         await until_async(lambda: all(len(heard[name].frames) >= count for name, count in whole.items()))
     return heard
+
+
+async def test_it_is_told_like_an_emulated_flight(tmp_path: Path) -> None:
+    recorded = list(frames(90))
+    session = record(tmp_path, with_free_ports(CONFIG), recorded)
+    recording = Recording.open(session)
+    config = configuration.with_links(recorded_config(recording, session), tmp_path / "links")
+    replay = Replay(recording, config, tmp_path / "links", wait_s=0.0)
+    before = describe_replay(replay, session.name, length_s(recording))
+    assert (before["flight_s"], before["lateness"]["messages"], before["links"]) == (None, 0, {})
+    await play(replay, config, recorded)
+    after = json.loads(json.dumps(describe_replay(replay, session.name, length_s(recording))))
+    assert set(after) >= HIL_FIELDS
+    assert after["scenario"] == session.name
+    assert after["flight_s"] == after["duration_s"] == pytest.approx(0.089, abs=1e-9)
+    assert after["links"].keys() == {"line", "eth", "bus"}
+    assert after["links"]["eth"]["messages"] == 30
+    assert after["lateness"]["messages"] == 90
+
+
+@pytest.mark.parametrize(("by_signal", "interrupted"), [(False, False), (True, True)])
+async def test_a_key_ends_it_in_good_order_and_a_signal_interrupts_it(by_signal: bool, interrupted: bool) -> None:
+    async def ends(stop: asyncio.Event) -> Report:
+        if by_signal:
+            os.kill(os.getpid(), signal.SIGTERM)
+        else:
+            stop.set()
+        await stop.wait()
+        return Report({}, Histogram().lateness)
+
+    _, said = await until_stopped(ends, asyncio.Event())
+    assert said is interrupted
 
 
 async def test_the_same_bytes_arrive_on_every_link(tmp_path: Path) -> None:

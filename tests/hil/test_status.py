@@ -82,7 +82,7 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
     emulator.prepare()
     run_dir = tmp_path / "run"
     run_dir.mkdir()
-    with Teller(emulator, str(run_dir)):
+    with Teller(lambda: describe(emulator), emulator.bench.clock, "demo", str(run_dir)):
         for _ in range(2):  # the second daemon has another address
             found = first_word(run_dir)
             assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
@@ -105,6 +105,6 @@ async def test_without_a_daemon_the_flight_is_the_same(tmp_path: Path) -> None:
     emulator, _ = make(tmp_path, demo_config(tmp_path), duration_s=FLIGHT_S)
     emulator.prepare()
     emulator.start()
-    with Teller(emulator, str(tmp_path / "nobody")):
+    with Teller(lambda: describe(emulator), emulator.bench.clock, "demo", str(tmp_path / "nobody")):
         report = await emulator.run()
     assert report.links["ins_eth"].messages == pytest.approx(100 * FLIGHT_S, abs=2)
