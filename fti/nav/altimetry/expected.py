@@ -28,7 +28,8 @@ from fti.nav.sources import AttitudeState, PositionState
 from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
-from fti.ranging.sensor import Poses, Validity
+from fti.ranging.radar.at_once import OnePose
+from fti.ranging.sensor import Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
 from fti.types import Compensation, Reason
@@ -135,13 +136,11 @@ class WholeBeam(Seeing):
     """A radar with its antenna and its receiver."""
 
     def __init__(self, terrain: Terrain, sensor: RadarAltimeter) -> None:
-        self._terrain, self._sensor = terrain, sensor
+        self._terrain, self._sensor = terrain, OnePose(sensor)
 
     def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """The leading edge."""
-        poses = Poses(origin_l[None], mat_ls[None], vel_l[None])
-        told = self._sensor.measure(self._terrain, poses)
-        return float(told.slant_range[0]), told.direction_s[0], float(told.dispersion[0]), Validity(told.validity[0])
+        return self._sensor.look(self._terrain, origin_l, mat_ls, vel_l)
 
 
 def seeing_of(altimeter: Altimeter, terrain: Terrain) -> Seeing:

@@ -103,7 +103,7 @@ class RadarAltimeter(RangingSensor):
     def __post_init__(self) -> None:
         if not 0.0 <= self.min_range < self.max_range < np.inf:
             raise ValueError(f"ranges from {self.min_range} to {self.max_range} m: must be positive and ascend")
-        if self.max_range + self._behind > self.waveform.unambiguous_range:
+        if self.reach > self.waveform.unambiguous_range:
             raise ValueError(f"max_range is {self.max_range} m, ambiguous with {self.waveform}")
         if not (0.0 < self.transmit_power < np.inf and 1.0 <= self.noise_factor < np.inf):
             said = f"transmit_power is {self.transmit_power} W, noise_factor {self.noise_factor}"
@@ -112,8 +112,9 @@ class RadarAltimeter(RangingSensor):
         object.__setattr__(self, "beam", make_beam(self.antenna, dome, self.waveform.wavelength))
 
     @property
-    def _behind(self) -> float:
-        return _BEHIND_BINS * self.waveform.range_bin
+    def reach(self) -> float:
+        """So far rays are cast [m]."""
+        return self.max_range + _BEHIND_BINS * self.waveform.range_bin
 
     @property
     def noise(self) -> float:
@@ -123,7 +124,7 @@ class RadarAltimeter(RangingSensor):
     @functools.cached_property
     def baseband(self) -> Baseband:
         """The receiver behind the last mixer, wide enough for the farthest range."""
-        return Baseband.reaching(self.max_range + self._behind, self.waveform)
+        return Baseband.reaching(self.reach, self.waveform)
 
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """The leading edge at each pose.  direction_s is that of the ray which gives most of the power at the edge.
@@ -134,8 +135,7 @@ class RadarAltimeter(RangingSensor):
         """
         parts = [self._edges(echoes, rng) for echoes in self._traced(terrain, poses)]
         found = Beams(*(np.concatenate(column) for column in zip(*parts, strict=True))) if parts else _NO_BEAMS
-        told = self.error.applied(found.slant_range, rng)
-        told = quantised(told) if self.quantised else told
+        told = self.told(found.slant_range, rng)
         validity = found.validity.copy()
         validity[told < self.min_range] = Validity.TOO_NEAR
         validity[told > self.max_range] = Validity.TOO_FAR
@@ -143,6 +143,11 @@ class RadarAltimeter(RangingSensor):
         told, dispersion = np.where(valid, told, np.nan), np.where(valid, found.dispersion, np.nan)
         directions = np.where(valid[:, None], self.beam.rays_s[found.ray], np.nan)
         return Returns(told, directions, dispersion, found.power, validity)
+
+    def told(self, slant_range: ArrayLike, rng: np.random.Generator | None = None) -> Array:
+        """What the instrument says of ranges of an edge [m]."""
+        told = self.error.applied(slant_range, rng)
+        return quantised(told) if self.quantised else told
 
     def spectra(self, echoes: Echoes, rng: np.random.Generator | None = None) -> Array:
         """Power per range bin over the transmitted power, shape (n, bins), of the echoes of n poses.
@@ -168,7 +173,7 @@ class RadarAltimeter(RangingSensor):
         for i in range(0, len(poses), _CHUNK):
             some = slice(i, i + _CHUNK)
             part = Poses(poses.origins_l[some], poses.mats_ls[some], poses.vels_l[some])
-            yield trace_beam(terrain, part, self.beam, self.ground, self.max_range + self._behind)
+            yield trace_beam(terrain, part, self.beam, self.ground, self.reach)
 
     def _edges(self, echoes: Echoes, rng: np.random.Generator | None) -> Beams:
         edges = self.edge.find(self.spectra(echoes, rng), self.noise)

@@ -30,17 +30,19 @@ from fti.ranging.radar.antenna import Antenna, from_db
 from fti.ranging.radar.baseband import KERNEL_BINS, hann_kernel
 from fti.ranging.radar.dome import Dome
 from fti.ranging.sensor import Poses
-from fti.terrain.cast import cast_one
+from fti.terrain.cast import first_event
 from fti.terrain.kernel import kernel
-from fti.terrain.pyramid import Pyramid
+from fti.terrain.outcome import Outcome
+from fti.terrain.pyramid import Pyramid, heights_at, layers_at
 from fti.terrain.surface import Posts, surface
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 Codes = NDArray[np.uint8]
 
+_HIT = int(Outcome.HIT)
 _STEPS = 1024
-_KERNEL = hann_kernel(
+KERNEL = hann_kernel(
     np.arange(-KERNEL_BINS, KERNEL_BINS + 1) - (np.arange(_STEPS + 1)[:, None] / _STEPS - 0.5)
 )  #: of a ray at each 1/1024 of its bin: (1025, 17)
 
@@ -126,25 +128,47 @@ def _trace(
 ) -> tuple[Array, Array, Array, Codes]:
     """Rays of all poses: range, rate of the range, received power, outcome; ``power`` of the cosine of incidence."""
     shape = (len(origins), len(rays))
-    ranges, rates, powers = np.empty(shape), np.empty(shape), np.zeros(shape)
+    ranges, rates, powers = np.empty(shape), np.empty(shape), np.empty(shape)
     outcomes = np.empty(shape, np.uint8)
-    posts = Posts(p.heights, p.layers)
     for i in range(len(origins)):
-        o, mat, vel = origins[i], mats[i], vels[i]
-        for k in range(len(rays)):
-            sx, sy, sz = rays[k, 0], rays[k, 1], rays[k, 2]
-            dx = mat[0, 0] * sx + mat[0, 1] * sy + mat[0, 2] * sz
-            dy = mat[1, 0] * sx + mat[1, 1] * sy + mat[1, 2] * sz
-            dz = mat[2, 0] * sx + mat[2, 1] * sy + mat[2, 2] * sz
-            d, outcomes[i, k] = cast_one(p, o[0], o[1], o[2], dx, dy, dz, max_range)
-            ranges[i, k] = d
-            rates[i, k] = -(vel[0] * dx + vel[1] * dy + vel[2] * dz)
-            if d > 0.0:
-                _, to_east, to_north = surface(posts, o[0] + d * dx, o[1] + d * dy)
-                cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east**2 + to_north**2)
-                if cosine > 0.0:  # NaN on the rim of a hole
-                    powers[i, k] = gains[k] * cosine**power / (d * d)
+        into = ranges[i], rates[i], powers[i], outcomes[i]
+        trace_pose(p, origins[i], mats[i], vels[i], rays, gains, power, max_range, *into)
     return ranges, rates, powers, outcomes
+
+
+@kernel
+def trace_pose(
+    p: Pyramid,
+    o: Array,
+    mat: Array,
+    vel: Array,
+    rays: Array,
+    gains: Array,
+    power: float,
+    max_range: float,
+    ranges: Array,
+    rates: Array,
+    powers: Array,
+    outcomes: Codes,
+) -> None:
+    """The same of one pose, into four arrays (rays,)."""
+    q = p.places  # a call that takes p counts references, and that takes longer
+    posts = Posts(heights_at(q), layers_at(q))
+    for k in range(len(rays)):
+        sx, sy, sz = rays[k, 0], rays[k, 1], rays[k, 2]
+        dx = mat[0, 0] * sx + mat[0, 1] * sy + mat[0, 2] * sz
+        dy = mat[1, 0] * sx + mat[1, 1] * sy + mat[1, 2] * sz
+        dz = mat[2, 0] * sx + mat[2, 1] * sy + mat[2, 2] * sz
+        d, outcome = first_event(q, o[0], o[1], o[2], dx, dy, dz, max_range)
+        if outcome != _HIT:
+            d = math.nan
+        ranges[k], powers[k], outcomes[k] = d, 0.0, outcome
+        rates[k] = -(vel[0] * dx + vel[1] * dy + vel[2] * dz)
+        if d > 0.0:
+            _, to_east, to_north = surface(posts, o[0] + d * dx, o[1] + d * dy)
+            cosine = (dx * to_east + dy * to_north - dz) / math.sqrt(1.0 + to_east**2 + to_north**2)
+            if cosine > 0.0:  # NaN on the rim of a hole
+                powers[k] = gains[k] * cosine**power / (d * d)
 
 
 def range_bins(ranges: Array, powers: Array, bin_m: float, n_bin: int) -> Array:
@@ -156,7 +180,7 @@ def range_bins(ranges: Array, powers: Array, bin_m: float, n_bin: int) -> Array:
     ranges, powers : (n, rays)  [m], received over transmitted; a range that is NaN, negative or beyond is left out
     bin_m          : range of one bin [m]; bin k is centred at the range k bin_m
     """
-    return _fill(ranges, powers, bin_m, n_bin, _KERNEL)[:, KERNEL_BINS : KERNEL_BINS + n_bin]
+    return _fill(ranges, powers, bin_m, n_bin, KERNEL)[:, KERNEL_BINS : KERNEL_BINS + n_bin]
 
 
 @kernel
@@ -164,14 +188,20 @@ def _fill(ranges: Array, powers: Array, bin_m: float, n_bin: int, table: Array) 
     """Range bins with a margin of half the table's width on either side; row i of the table: a ray at i / steps - 1/2
     of a bin.
     """
-    steps, width = table.shape[0] - 1, table.shape[1]
-    spectra = np.zeros((len(ranges), n_bin + width))
+    spectra = np.zeros((len(ranges), n_bin + table.shape[1]))
     for i in range(len(ranges)):
-        for k in range(ranges.shape[1]):
-            place = ranges[i, k] / bin_m
-            if place >= 0.0 and place < n_bin:
-                middle = int(place + 0.5)
-                at = int((place - middle + 0.5) * steps + 0.5)
-                for j in range(width):
-                    spectra[i, middle + j] += powers[i, k] * table[at, j]
+        fill_pose(ranges[i], powers[i], bin_m, n_bin, table, spectra[i])
     return spectra
+
+
+@kernel
+def fill_pose(ranges: Array, powers: Array, bin_m: float, n_bin: int, table: Array, spectrum: Array) -> None:
+    """Add the rays of one pose to its bins, with their margin."""
+    steps, width = table.shape[0] - 1, table.shape[1]
+    for k in range(len(ranges)):
+        place = ranges[k] / bin_m
+        if place >= 0.0 and place < n_bin:
+            middle = int(place + 0.5)
+            at = int((place - middle + 0.5) * steps + 0.5)
+            for j in range(width):
+                spectrum[middle + j] += powers[k] * table[at, j]

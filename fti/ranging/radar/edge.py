@@ -32,7 +32,8 @@ from fti.ranging.sensor import Codes, Validity
 
 LOWEST_THRESHOLD = 0.002  # -27 dB: the first side lobe of the window, -31.5 dB, must not be an edge
 HIGHEST_THRESHOLD = 0.7  # -1.5 dB: a bin of a lone scatterer reaches it, wherever that stands
-_SCALLOPING = float(1.0 / hann_kernel(0.5))  # 1.4 dB: of a tone between two bins over the larger of them
+#: 1.4 dB: of a tone between two bins over the larger of them.
+SCALLOPING = float(1.0 / hann_kernel(0.5))
 
 
 class Edges(NamedTuple):
@@ -96,7 +97,7 @@ def _peaks(power: Array) -> Array:
     left, middle, right = np.log(np.where(smooth[:, None], around, 1.0)).T
     bend = 2.0 * middle - left - right
     rise = np.divide((right - left) ** 2, 8.0 * bend, out=np.zeros_like(top), where=bend > 0.0)
-    return np.asarray(top * np.minimum(np.exp(rise), _SCALLOPING))
+    return np.asarray(top * np.minimum(np.exp(rise), SCALLOPING))
 
 
 def _by_slopes(power: Array, first: NDArray[np.intp], level: Array, noise: float) -> Array:
