@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import re
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,11 +33,19 @@ GAP_TOPIC = "/fti/gap"
 LOCATION_TOPIC = "/nav/location"
 #: Whoever forgets to flush (a reprocess as fast as it goes) does not fill the memory.
 PENDING_LIMIT = 2**20
-#: What a message of each class may leave out.
-OPTIONAL_FIELDS: dict[type, tuple[str, ...]] = {
-    kind: tuple(field.name for field in dataclasses.fields(kind) if field.default is None)
-    for kind in typing.get_args(Measurement)
-}
+
+
+def _optional_values(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
+    """What takes the values that a message of this class may leave out."""
+    names = [field.name for field in dataclasses.fields(kind) if field.default is None]
+    if len(names) > 1:
+        return operator.attrgetter(*names)
+    return lambda message: tuple([getattr(message, name) for name in names])
+
+
+OPTIONAL_VALUES = {kind: _optional_values(kind) for kind in typing.get_args(Measurement)}
+#: Of these every one is kept.
+KEPT = (Ack, Calibration)
 
 
 @cache
@@ -105,7 +114,7 @@ class DerivedLog(Log):
 
     def wants(self, device: str, measurement: Measurement) -> bool:
         """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
-        if isinstance(measurement, Ack | Calibration):
+        if isinstance(measurement, KEPT):
             return True
         return self._decimator.wants((device, type(measurement), _part(measurement)), measurement.stamp.t_rx_ns)
 
@@ -114,7 +123,7 @@ class DerivedLog(Log):
         topic = f"/{device}/{snake_case(type(measurement).__name__)}"
         stamp = measurement.stamp
         schema = schemas.schema_of(type(measurement))
-        self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode(measurement))
+        self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode_record(measurement))
 
     def output(self, output: Output | Event) -> None:
         """An output on ``/nav/<class>``, an event on ``/fti/event``: log time is its time."""
@@ -124,7 +133,7 @@ class DerivedLog(Log):
             return
         topic = output_topic(output)
         times = output.t_ns, output.t_valid_ns
-        self._write(topic, schemas.schema_of(type(output)), times, schemas.encode(output))
+        self._write(topic, schemas.schema_of(type(output)), times, schemas.encode_record(output))
         if isinstance(output, NavSolution) and (fix := foxglove.location(output)):
             self._write(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix"), times, schemas.encode(fix))
 
@@ -145,13 +154,12 @@ class DerivedLog(Log):
             self.flush()
 
 
-def _part(measurement: Measurement) -> tuple[str, ...]:
+def _part(measurement: Measurement) -> tuple[str | bool, ...]:
     """What tells streams on one topic apart, decimated one by one: surface, station, name, and what a message carries.
 
     Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
     """
-    names = OPTIONAL_FIELDS[type(measurement)]
-    carried = tuple(name for name in names if getattr(measurement, name) is not None)
+    carried = tuple([value is not None for value in OPTIONAL_VALUES[type(measurement)](measurement)])
     if isinstance(measurement, SurfaceDeflection):
         return measurement.surface, *carried
     if isinstance(measurement, Reading):

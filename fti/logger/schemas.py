@@ -12,16 +12,17 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import operator
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from typing import Any
 
 from fti.logger import foxglove
-from fti.types import Event
+from fti.types import Event, Measurement, Output
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -61,12 +62,43 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} has no form in JSON")
 
 
+@cache
+def _values_of(cls: Any) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
+    """Names of the fields of a dataclass, and what takes their values out of one."""
+    names = _field_names(cls)
+    return names, operator.attrgetter(*names) if len(names) > 1 else lambda value: (getattr(value, names[0]),)
+
+
+def _table(value: Any) -> Json:
+    """A dataclass within a record, as the encoder asks for it."""
+    if not dataclasses.is_dataclass(value):
+        raise TypeError(f"{type(value).__name__} has no form in JSON")
+    cls: Any = type(value)
+    names, values = _values_of(cls)
+    return dict(zip(names, values(value), strict=True))
+
+
+_ENCODER = json.JSONEncoder(
+    separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False, default=_table
+)
+
+
 def encode(obj: Any) -> bytes:
     """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say.
 
     What is no character (a stray byte of a command line) becomes a question mark.
     """
-    return json.dumps(_plain(obj), separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(errors="replace")
+    return _ENCODER.encode(_plain(obj)).encode(errors="replace")
+
+
+def encode_record(record: Measurement | Output) -> bytes:
+    """The same of a message of ``fti.types``: their values are of plain types, so a number that is none is the only
+    one to be replaced, and that is found by failing.
+    """
+    try:
+        return _ENCODER.encode(_table(record)).encode(errors="replace")
+    except ValueError:
+        return encode(record)
 
 
 # --------------------------------------------------------------------------------------------------------- schemas

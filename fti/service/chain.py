@@ -6,7 +6,6 @@ It is deterministic: it knows no time but the stamps and ticks of the frames, an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,7 +18,7 @@ from fti.nav.mounted import Mountings
 from fti.nav.pipeline import Pipeline
 from fti.nav.times.device_times import DeviceTimes
 from fti.service.binding import BoundDevice
-from fti.service.guard import guarded
+from fti.service.guard import Guard
 from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame
 
 #: Why bytes are no frame that a decoder held when frames went missing, or had when it failed.
@@ -91,17 +90,22 @@ class Chain:
         """Take the next frame; return what follows from it."""
         products = Products()
         if frame.link == TICK_LINK:
-            with self._guard("pipeline", frame, products):
+            with _Telling("pipeline", frame, products):
                 products.outputs += self._pipeline.tick(frame.t_rx_ns)
-            with self._guard("device clocks", frame, products):
+            with _Telling("device clocks", frame, products):
                 self._tell_times(frame.t_rx_ns, products)
         for listener in self._on_link.get(frame.link, ()):
-            for measurement in self._decode(listener, frame, products):
-                with self._guard("pipeline", frame, products):
-                    stamped = self._times.stamp(listener.name, self._mountings.turn(listener.name, measurement))
-                    products.measurements.append((listener.name, stamped))
-                    products.outputs += self._pipeline.feed(listener.name, stamped)
+            if found := self._decode(listener, frame, products):
+                self._navigate(listener.name, found, frame, products)
         return products
+
+    def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: Products) -> None:
+        guard = _Telling("pipeline", frame, products)
+        for measurement in found:
+            with guard:
+                stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
+                products.measurements.append((device, stamped))
+                products.outputs += self._pipeline.feed(device, stamped)
 
     def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
         """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""
@@ -115,7 +119,7 @@ class Chain:
     def _decode(self, listener: Listener, frame: RawFrame, products: Products) -> list[Measurement]:
         found: list[Measurement] = []
         whole = False
-        with self._guard(listener.name, frame, products):
+        with _Telling(listener.name, frame, products):
             found = listener.decoder.feed(frame.data, frame.t_rx_ns)
             whole = True
         if not whole:  # a decoder must not fail; if one does, it alone starts again
@@ -125,14 +129,19 @@ class Chain:
             listener.last_ns = frame.t_rx_ns
         return found
 
-    def _guard(self, unit: str, frame: RawFrame, products: Products) -> AbstractContextManager[None]:
-        """A failure becomes an event among the outputs, at the time of the frame: it is the same when reprocessed."""
 
-        def tell(unit: str, error: Exception) -> None:
-            text = f"failed at seq {frame.seq} and goes on: {type(error).__name__}: {error}"
-            products.outputs.append(Event(t_ns=frame.t_rx_ns, level="error", source=unit, text=text))
+class _Telling(Guard):
+    """A failure becomes an event among the outputs, at the time of the frame: it is the same when reprocessed."""
 
-        return guarded(unit, tell)
+    __slots__ = ("_frame", "_products", "_unit")
+
+    def __init__(self, unit: str, frame: RawFrame, products: Products) -> None:
+        self._unit, self._frame, self._products = unit, frame, products
+
+    def report(self, error: Exception) -> None:
+        text = f"failed at seq {self._frame.seq} and goes on: {type(error).__name__}: {error}"
+        event = Event(t_ns=self._frame.t_rx_ns, level="error", source=self._unit, text=text)
+        self._products.outputs.append(event)
 
 
 def _go_on(counters: Counters, before: Counters, reason: str) -> None:

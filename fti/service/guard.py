@@ -7,8 +7,9 @@ unit that failed starts again; its neighbours never notice.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable
+from types import TracebackType
 
 Report = Callable[[str, Exception], None]
 
@@ -16,13 +17,40 @@ FIRST_DELAY_S = 0.1
 LONGEST_DELAY_S = 5.0
 
 
-@contextmanager
-def guarded(unit: str, report: Report) -> Iterator[None]:
+class Guard(ABC):
+    """A context that no failure leaves.  No generator: navigation enters one for each measurement."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def report(self, error: Exception) -> None:
+        """Told of a failure."""
+
+    def __enter__(self) -> Guard:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        if not isinstance(error, Exception):
+            return False
+        self.report(error)
+        return True
+
+
+class _Reporting(Guard):
+    __slots__ = ("_report", "_unit")
+
+    def __init__(self, unit: str, report: Report) -> None:
+        self._unit, self._report = unit, report
+
+    def report(self, error: Exception) -> None:
+        self._report(self._unit, error)
+
+
+def guarded(unit: str, report: Report) -> Guard:
     """Run the body; a failure is handed to ``report(unit, error)`` and goes no further."""
-    try:
-        yield
-    except Exception as error:
-        report(unit, error)
+    return _Reporting(unit, report)
 
 
 async def keep_running(unit: str, make: Callable[[], Awaitable[None]], report: Report) -> None:

@@ -157,3 +157,17 @@ def test_no_fix_without_position() -> None:
 def test_a_stray_byte_of_a_command_line_is_no_obstacle() -> None:
     event = {"t_ns": 1, "level": "info", "source": "mark", "text": "bad \udcff mark"}
     assert json.loads(schemas.encode_note("/fti/event", event))["message"] == "bad ? mark"
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+@settings(max_examples=20)
+@given(data=st.data())
+def test_a_record_is_written_as_anything_else_is(cls: type, data: st.DataObject) -> None:
+    record = data.draw(st.builds(cls))
+    assert schemas.encode_record(record) == schemas.encode(record)
+
+
+@pytest.mark.parametrize("none", [float("nan"), float("inf"), -float("inf")])
+def test_no_number_in_a_record_is_null(none: float) -> None:
+    found = json.loads(schemas.encode_record(Attitude(stamp=Stamp(1), roll=none, pitch=0.5)))
+    assert (found["roll"], found["pitch"], found["stamp"]["t_rx_ns"]) == (None, 0.5, 1)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any, get_args
+
 import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.times.device_times import DeviceTimes
+from fti.nav.times.device_times import DeviceTimes, restamped
 from fti.types import Attitude, ImuSample, Measurement, Stamp, TimeScale
 
 SECOND_NS = 1_000_000_000
@@ -138,3 +141,21 @@ def test_the_same_measurements_give_the_same_notes() -> None:
         return times.tick(FTI_0 + 40 * SECOND_NS)
 
     assert note() == note()
+
+
+@pytest.mark.parametrize("kind", get_args(Measurement), ids=lambda kind: kind.__name__)
+def test_only_the_stamp_is_another_one(kind: Any) -> None:
+    required = {f.name for f in dataclasses.fields(kind) if f.default is dataclasses.MISSING} - {"stamp"}
+    measurement = kind(stamp=Stamp(1), **{name: name for name in required})
+    found = restamped(measurement, Stamp(2))
+    assert found == dataclasses.replace(measurement, stamp=Stamp(2))
+    assert type(found) is kind and measurement.stamp == Stamp(1)
+
+
+def test_a_part_that_is_not_valid_counts_from_its_arrival_in_one_message_with_others() -> None:
+    times = DeviceTimes([device()])
+    fly(times, 0, 60)
+    stamp = message(FTI_0 + 60 * SECOND_NS, late_ms=20.0)[0].stamp
+    parts = [times.stamp("ins", Attitude(stamp=stamp, roll=0.0, valid=valid)) for valid in (True, False, True)]
+    late = [(stamp.t_rx_ns - (part.stamp.t_valid_ns or 0)) / MS for part in parts]
+    assert late == [pytest.approx(24.0, abs=1.0), 4.0, late[0]]

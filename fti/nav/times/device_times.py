@@ -6,7 +6,8 @@ Deterministic: it sees measurements in order of ``seq`` and nothing else.  Who s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import cache
 from typing import Any
 
 from fti.config import Device
@@ -29,6 +30,25 @@ def told_time(stamp: Stamp) -> tuple[TimeScale, int] | None:
     return stamp.time_scale, stamp.t_dev_ns
 
 
+@cache
+def _slots_of(kind: Any) -> tuple[Callable[[Any, Stamp], None], tuple[tuple[Callable[..., Any], ...], ...]]:
+    """What sets the stamp of a measurement, and what gets and sets each of its other fields."""
+    slots = {field.name: vars(kind)[field.name] for field in dataclasses.fields(kind)}
+    put_stamp = slots.pop("stamp").__set__
+    return put_stamp, tuple((slot.__get__, slot.__set__) for slot in slots.values())
+
+
+def restamped(m: Measurement, stamp: Stamp) -> Measurement:
+    """The same measurement with another stamp: ``dataclasses.replace`` in a third of the time, by the slots."""
+    kind: Any = type(m)
+    made: Measurement = object.__new__(kind)
+    put_stamp, others = _slots_of(kind)
+    put_stamp(made, stamp)
+    for get, put in others:
+        put(made, get(m))
+    return made
+
+
 class DeviceTimes:
     """Fills in ``t_valid_ns``, and reports once a second.  window_s : as ``DeviceClock`` has it."""
 
@@ -38,17 +58,27 @@ class DeviceTimes:
         self.clocks: dict[_Key, DeviceClock] = {}
         self._last: dict[_Key, tuple[int, int, int | None]] = {}
         self._second = 0
+        self._stamp: Stamp | None = None
+        self._device = ""
+        self._arrived = self._true = Stamp(0)
 
     def stamp(self, device: str, m: Measurement) -> Measurement:
         """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival.
 
         What a device declares invalid counts from its arrival: in the past, the valid value before would outlast it.
         """
-        stamp, described = m.stamp, self._devices[device]
-        valid_ns = self._by_clock(described, stamp)
-        if valid_ns is None or not described.use_device_time or not getattr(m, "valid", True):
-            valid_ns = stamp.t_rx_ns - _latency_ns(described)
-        return dataclasses.replace(m, stamp=dataclasses.replace(stamp, t_valid_ns=valid_ns))
+        stamp = m.stamp
+        if stamp is not self._stamp or device != self._device:  # the measurements of a message share theirs
+            self._stamp, self._device = stamp, device
+            self._arrived, self._true = self._both(self._devices[device], stamp)
+        return restamped(m, self._true if getattr(m, "valid", True) else self._arrived)
+
+    def _both(self, device: Device, stamp: Stamp) -> tuple[Stamp, Stamp]:
+        """The stamp by its arrival, and that by the clock of the device; the same one where there is none."""
+        told = stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale
+        by_clock, arrived = self._by_clock(device, stamp), Stamp(*told, stamp.t_rx_ns - _latency_ns(device))
+        known = by_clock is not None and device.use_device_time
+        return arrived, Stamp(*told, by_clock) if known else arrived
 
     def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
         """One message yields several measurements with the same stamp: it is taken once."""
