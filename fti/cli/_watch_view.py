@@ -18,6 +18,7 @@ Fields = Mapping[str, Any]
 HEIGHT = "/nav/height_above_ground/"
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"
+SOLUTION = "/nav/nav_solution"
 #: What takes the place of devices; its altitude is shown.
 FALLBACKS = {
     "/nav/filter_solution": "filter",
@@ -105,6 +106,8 @@ def _outputs(outputs: Fields) -> Table:
         deviation = f"{_number(_degrees(glide['deviation']), 2, '+')}°, {_metres(glide['dh'], 1, '+')}"
         values = (deviation, _sigma(_degrees(glide["sd"]), "°"), f"{_metres(glide['s'], 0)} to go")
         _add(table, "glide slope", glide, values)
+    if solution := outputs.get(SOLUTION):
+        _add_solution(table, solution)
     for topic, name in FALLBACKS.items():
         if found := outputs.get(topic):
             sigma = _sigma(found.get("vertical_sd"), "m")
@@ -125,6 +128,17 @@ def _over_ground(output: Fields) -> tuple[str | Text, ...]:
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:
     style = "" if output["valid"] else STRUCK
     table.add_row(Text(name, "bold"), *(Text(value, style) for value in values), _verdict(output))
+
+
+def _add_solution(table: Table, output: Fields) -> None:
+    """Who gives position, altitude and attitude, and how good it is; what is missing is a dash, only late is struck."""
+    style, verdict = STRUCK if output["late"] else "", _verdict(output)
+    altitude = _metres(output.get("alt"), 1)
+    roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
+    for role, value, sigma in roles:
+        told = (value, _sigma(output.get(sigma), "m"), f"from {output.get(f'{role}_source') or UNKNOWN}")
+        table.add_row(Text(role, "bold"), *(Text(text, style) for text in told), verdict)
+        verdict = Text()
 
 
 def _verdict(output: Fields) -> Text:

@@ -5,7 +5,7 @@ and ``detail``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from fti.web.words import describe_reasons, describe_storage
@@ -14,6 +14,9 @@ Alarm = dict[str, str]
 
 HEALTH_LIMIT_MS = 2000.0
 NAV_LIMIT_MS = 1000.0
+#: Sources that are no device, and sigmas of what they give.
+NO_DEVICE = {"filter": "filter", "radio": "radio", "vertical": "vertical channel"}
+SIGMAS = {"position": "horizontal_sd", "altitude": "vertical_sd"}
 INTEGRITY = {"alert": ("red", "GROUND CLEARANCE ALERT"), "caution": ("amber", "GROUND CLEARANCE CAUTION")}
 
 
@@ -25,6 +28,8 @@ class Sight:
     nav_silence_ms            : time since the last output of navigation came [ms]
     nav_age_ms                : age of that output now [ms]; None before the first
     integrity                 : the last judgement of the integrity monitor; empty when it is late
+    solution                  : the last navigation solution; empty when it is late
+    had                       : roles (position, attitude) that had a source before
     dead                      : processes whose liveliness token has gone
     """
 
@@ -34,14 +39,16 @@ class Sight:
     nav_age_ms: float | None
     integrity: Mapping[str, Any]
     dead: frozenset[str]
+    solution: Mapping[str, Any] = field(default_factory=dict)
+    had: frozenset[str] = frozenset()
 
 
 def find_alarms(sight: Sight) -> list[Alarm]:
     """The alarms that stand now."""
     navigation = list(_navigation(sight))
     stopped = any(alarm["id"] == "navigation_stopped" for alarm in navigation)
-    integrity = [] if stopped else list(_integrity(sight))
-    return [*_daemon(sight), *_recording(sight), *navigation, *integrity, *_losses(sight)]
+    judged = [] if stopped else [*_integrity(sight), *_sources(sight)]
+    return [*_daemon(sight), *_recording(sight), *navigation, *judged, *_losses(sight)]
 
 
 def _alarm(name: str, level: str, title: str, detail: str) -> Alarm:
@@ -95,6 +102,20 @@ def _integrity(sight: Sight) -> Iterator[Alarm]:
         yield _alarm(
             f"integrity_{state}", *INTEGRITY[state], ", ".join(describe_reasons(sight.integrity.get("reasons")))
         )
+
+
+def _sources(sight: Sight) -> Iterator[Alarm]:
+    """What no device gives any more: who has taken its place, or that nobody has."""
+    for role in ("position", "attitude", "altitude"):
+        told = sight.solution.get(f"{role}_source")
+        source = None if told is None else str(told)
+        if source in NO_DEVICE and (role != "altitude" or source != sight.solution.get("position_source")):
+            title = f"{role} by {NO_DEVICE[source]}".upper()
+            sd = sight.solution.get(SIGMAS.get(role, ""))
+            about = f"; ± {sd:.0f} m" if isinstance(sd, int | float) else ""
+            yield _alarm(f"{role}_source", "amber", title, f"no device gives it{about}")
+        elif source is None and sight.solution and role in sight.had:
+            yield _alarm(f"{role}_source", "amber", f"NO {role.upper()}", "no device gives it, nor anything else")
 
 
 def _losses(sight: Sight) -> Iterator[Alarm]:

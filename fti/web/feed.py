@@ -25,7 +25,7 @@ TOPICS_KEPT = 256
 DEFAULT_MAX_AGE_MS = 1000.0
 #: Without these a message is not of an emulator.
 HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
-INTEGRITY_TOPIC = "/nav/clearance_integrity"
+INTEGRITY_TOPIC, SOLUTION_TOPIC = "/nav/clearance_integrity", "/nav/nav_solution"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +66,7 @@ class Feed:
         self._last_nav: Received | None = None
         self._events: deque[Fields] = deque(maxlen=EVENTS_KEPT)
         self._alive: dict[str, bool] = {}
+        self._had: set[str] = set()
         self._history = History()
 
     def take(self, topic: str, fields: Fields, now_ns: int) -> None:
@@ -80,6 +81,8 @@ class Feed:
             elif topic in self._outputs or len(self._outputs) < TOPICS_KEPT:
                 self._last_nav = self._outputs[topic] = Received(fields, now_ns)
                 self._history.take(topic, fields)
+                if topic == SOLUTION_TOPIC:
+                    self._had |= {role for role in ("position", "attitude") if fields.get(f"{role}_source")}
 
     def take_alive(self, process: str, is_alive: bool) -> None:
         """Take what the bus says about the life of a process."""
@@ -120,9 +123,9 @@ class Feed:
         last = max(r.at_ns for r in (self._started, self._health, self._last_nav) if r)
         return (now_ns - last) / NS_PER_MS
 
-    def _integrity(self, now_ns: int) -> Fields:
-        """What the integrity monitor says, unless it is late."""
-        received = self._outputs.get(INTEGRITY_TOPIC)
+    def _unless_late(self, topic: str, now_ns: int) -> Fields:
+        """The last of a topic; nothing when it is late."""
+        received = self._outputs.get(topic)
         return received.fields if received and not received.is_late(now_ns) else {}
 
     def _sight(self, now_ns: int) -> Sight:
@@ -132,8 +135,10 @@ class Feed:
             health_silence_ms=(self._health or self._started).held_ms(now_ns),
             nav_silence_ms=(last or self._started).held_ms(now_ns),
             nav_age_ms=last.age_ms(now_ns) if last else None,
-            integrity=self._integrity(now_ns),
+            integrity=self._unless_late(INTEGRITY_TOPIC, now_ns),
             dead=frozenset(process for process, alive in self._alive.items() if not alive),
+            solution=self._unless_late(SOLUTION_TOPIC, now_ns),
+            had=frozenset(self._had),
         )
 
 

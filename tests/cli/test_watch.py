@@ -140,6 +140,18 @@ def test_what_takes_the_place_of_devices_is_shown_with_its_mode() -> None:
         assert words in text
 
 
+def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known_is_struck_out() -> None:
+    feed = make_feed()
+    sources = {"position_source": "radio", "altitude_source": "radio", "attitude_source": "ahrs"}
+    numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5}
+    fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
+    feed.take("/nav/nav_solution", fields, 0)
+    text = rendered(feed, 0)
+    for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity", "POSITION BY RADIO"):
+        assert words in text
+    assert "\x1b[9;90m431.2 m" not in text
+
+
 STRUCK = "\x1b[9;90m120.0 m"
 
 

@@ -23,12 +23,16 @@ from fti.bus.zenoh_bus import Hub, Publisher
 from fti.types import (
     ClearanceIntegrity,
     Event,
+    FilterMode,
+    FilterSolution,
     GlideSlope,
     HeightAboveGround,
     IntegrityState,
     NavSolution,
     Output,
+    PositionFix,
     Reason,
+    VerticalSolution,
 )
 
 SESSION = "da42_20260412T093107_1"
@@ -62,6 +66,7 @@ class Approach:
             "/nav/clearance_integrity": self._integrity(t, s, dh, common),
             "/nav/glide_slope": self._glide(s, dh, common),
             "/nav/nav_solution": self._solution(t, s, dh, roll, common),
+            **self._fallbacks(common),
         }
 
     def _height(self, sensor: str, agl: float, sd: float, common: dict[str, Any]) -> HeightAboveGround:
@@ -114,6 +119,16 @@ class Approach:
             dots=max(-2.0, min(2.0, dots)),
             clamped=abs(dots) > 2,
         )
+
+    @staticmethod
+    def _fallbacks(common: dict[str, Any]) -> dict[str, Output]:
+        gone = {**common, "valid": False, "t_valid_ns": None, "reasons": (Reason.NO_DME, Reason.GEOMETRY)}
+        filtered = FilterSolution(mode=FilterMode.AIDED, horizontal_sd=2.3, alt=640.0, vertical_sd=1.2, **common)
+        return {
+            "/nav/filter_solution": filtered,
+            "/nav/vertical_solution": VerticalSolution(alt=640.0, vertical_sd=1.2, **common),
+            "/nav/position_fix": PositionFix(**gone),
+        }
 
     def _solution(self, t: float, s: float, dh: float, roll: float, common: dict[str, Any]) -> NavSolution:
         return NavSolution(
@@ -272,6 +287,7 @@ class FakeDaemon:
 
     muted : topics that are not sent
     change_health, change_integrity : may rewrite each message
+    solution : fields of the navigation solution that are other ones
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
     lead_s : how much of the approach has been flown at the start
     """
@@ -281,6 +297,7 @@ class FakeDaemon:
         self.muted: set[str] = set()
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
+        self.solution: dict[str, Any] = {}
         self.breakers: dict[str, str] | None = None
         self._navigation: Publisher | None = None
         self._lead_s = lead_s
@@ -335,6 +352,8 @@ class FakeDaemon:
             fields = asdict(output)
             if topic == "/nav/clearance_integrity":
                 fields = self.change_integrity(fields)
+            if topic == "/nav/nav_solution":
+                fields = {**fields, **self.solution}
             if navigation and topic not in self.muted:
                 navigation.publish(topic, stamped(fields, t_ns, t_ns + 4_000_000, MAX_AGE_MS))
 

@@ -110,6 +110,32 @@ def test_the_most_urgent_comes_first() -> None:
     assert list(found(sight)) == ["daemon_stopped", "navigation_late", "integrity_caution"]
 
 
+@pytest.mark.parametrize(
+    ("sources", "identity", "title", "detail"),
+    [
+        (("filter", "filter", "ins"), "position_source", "POSITION BY FILTER", "no device gives it; ± 12 m"),
+        (("radio", "radio", "ins"), "position_source", "POSITION BY RADIO", "no device gives it; ± 12 m"),
+        (("gnss", "gnss", "filter"), "attitude_source", "ATTITUDE BY FILTER", "no device gives it"),
+        (("gnss", "vertical", "ins"), "altitude_source", "ALTITUDE BY VERTICAL CHANNEL", "no device gives it; ± 3 m"),
+        ((None, None, "ins"), "position_source", "NO POSITION", "no device gives it, nor anything else"),
+    ],
+)
+def test_what_no_device_gives_is_told_with_who_has_taken_its_place(
+    sources: tuple[str | None, ...], identity: str, title: str, detail: str
+) -> None:
+    names = ("position_source", "altitude_source", "attitude_source")
+    solution = {**dict(zip(names, sources, strict=True)), "horizontal_sd": 12.3, "vertical_sd": 2.6}
+    sight = replace(GOOD, solution=solution, had=frozenset({"position", "attitude"}))
+    (alarm,) = find_alarms(sight)
+    assert alarm == {"id": identity, "level": "amber", "title": title, "detail": detail}
+
+
+def test_devices_that_give_all_and_a_bench_that_never_had_any_are_no_alarm() -> None:
+    names = ("position_source", "altitude_source", "attitude_source")
+    assert found(replace(GOOD, solution=dict.fromkeys(names, "ins"), had=frozenset({"position"}))) == {}
+    assert found(replace(GOOD, solution=dict.fromkeys(names))) == {}
+
+
 def test_a_stopped_navigation_judges_nothing() -> None:
     sight = replace(GOOD, dead=frozenset({"navigation"}), integrity={"state": "alert"})
     assert list(found(sight)) == ["navigation_stopped"]

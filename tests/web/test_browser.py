@@ -99,6 +99,25 @@ CUT_OFF = """[
 ].map((e) => e.id || e.textContent)"""
 
 
+async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stays(
+    page: Page, daemon: FakeDaemon
+) -> None:
+    assert await page.text("attitude-alt-sd") == "± 2.1"
+    assert await page.text("attitude-lat-sd") == "± 1.5 m"
+    assert await page.text("fallback-filter-verdict") == "aided"
+    assert await page.text("fallback-fix-verdict") == "no DME ranges, geometry gives no position"
+    by_radio = {"position_source": "radio", "altitude_source": "radio", "horizontal_sd": 222.0}
+    daemon.solution = {**by_radio, "valid": False, "reasons": ["no_velocity"], "vel_north": None, "vel_down": None}
+    await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'position radio, attitude ins'")
+    assert await page.text("attitude-verdict") == "no velocity"
+    assert await page.text("attitude-lat-sd") == "± 222 m"
+    assert await page.text("attitude-speed") == "–"
+    assert not await page.eval(is_struck("attitude-roll"))
+    assert not await page.eval("document.querySelector('.horizon').classList.contains('unusable')")
+    await page.wait_for(f"{by_testid('alarm-position_source')} !== null")
+    assert "± 222 m" in await page.text("alarm-position_source")
+
+
 async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add("/nav/height_above_ground/laser_altimeter")
     await page.wait_for(f"{is_struck(f'{LASER}-agl')} && {is_struck(f'{LASER}-raw')}")

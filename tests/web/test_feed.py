@@ -98,6 +98,15 @@ def test_events_and_topics_are_bounded() -> None:
     assert len(state["outputs"]) == TOPICS_KEPT
 
 
+def test_a_role_that_lost_its_source_is_an_alarm_and_one_that_never_had_any_is_none() -> None:
+    feed = Feed(0)
+    ours = {"t_ns": 0, "valid": True, "reasons": [], "position_source": "gnss", "altitude_source": "gnss"}
+    feed.take("/nav/nav_solution", {**ours, "attitude_source": None}, 0)
+    assert not any(alarm["id"].endswith("_source") for alarm in feed.state(0)["alarms"])
+    feed.take("/nav/nav_solution", {**ours, "position_source": None, "altitude_source": None}, 1)
+    assert [a["title"] for a in feed.state(1)["alarms"] if a["id"].endswith("_source")] == ["NO POSITION"]
+
+
 def test_an_alert_is_an_alarm_as_long_as_it_is_not_late() -> None:
     feed = Feed(0)
     fields = {"state": IntegrityState.ALERT, "reasons": (Reason.OBSTACLE,), "valid": False}

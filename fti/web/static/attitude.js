@@ -1,11 +1,13 @@
 // The artificial horizon with the heading, and the position that navigation uses.
 
-import { degrees, fixed, isNumber, latLon, UNKNOWN } from "./format.js";
+import { Fallbacks } from "./fallbacks.js";
+import { degrees, fixed, isNumber, latLon, plusMinus, UNKNOWN } from "./format.js";
 import { h, panelTitle, setAttribute, setClass, setText, svg } from "./dom.js";
 import { showValidity } from "./validity.js";
 
 const TOPIC = "/nav/nav_solution";
-const FILTER = "/nav/filter_solution";
+// Sources that are no device: they are told as what they are.
+const NO_DEVICE = ["filter", "radio", "vertical"];
 const PER_DEGREE = 5.2; // drawing units
 const HEADING_STEP = 4.2;
 const TOP = -135; // of the drawing
@@ -20,20 +22,34 @@ export class Attitude {
     this.cells = Object.fromEntries(CELLS.map(([name, label, unit]) => [name, makeCell(name, label, unit)]));
     const { root: heading, side } = panelTitle("Attitude and position");
     this.sources = side;
+    setAttribute(side, "data-testid", "attitude-sources");
+    this.fallbacks = new Fallbacks();
     const cells = Object.values(this.cells);
     this.values = cells.map((cell) => cell.value);
-    root.append(heading, this.verdict, this.horizon.root, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)));
+    root.append(heading, this.verdict, this.horizon.root, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
   }
 
   show({ outputs }) {
     const output = outputs[TOPIC];
-    showValidity(output, this.values, this.verdict);
+    showValidity(output, [], this.verdict);
+    for (const value of this.values) setClass(value, "struck", Boolean(output?.late)); // what is missing is a dash
     this.horizon.show(output);
     for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
-    const sources = [output?.attitude_source, output?.position_source, output?.altitude_source].filter(Boolean);
-    const mode = outputs[FILTER]?.mode;
-    setText(this.sources, [...new Set(sources)].join(", ") + (mode ? ` · filter ${mode}` : ""));
+    setText(this.cells.alt.sd, plusMinus(output?.vertical_sd, 1));
+    for (const name of ["lat", "lon"]) setText(this.cells[name].sd, metres(output?.horizontal_sd));
+    setText(this.sources, sourcesOf(output ?? {}));
+    setClass(this.sources, "no-device", NO_DEVICE.some((name) => [output?.position_source, output?.attitude_source, output?.altitude_source].includes(name)));
+    this.fallbacks.show(outputs);
   }
+}
+
+const metres = (sd) => (isNumber(sd) ? `± ${sd.toFixed(sd < 10 ? 1 : 0)} m` : "");
+
+// One name where all is from one, else who gives what.
+function sourcesOf({ attitude_source: attitude, position_source: position, altitude_source: altitude }) {
+  if (position && attitude === position && (altitude ?? position) === position) return position;
+  const parts = [["position", position], ["altitude", altitude === position ? null : altitude], ["attitude", attitude]];
+  return parts.filter(([, name]) => name).map(([what, name]) => `${what} ${name}`).join(", ");
 }
 
 const CELLS = [
@@ -49,7 +65,8 @@ const CELLS = [
 
 function makeCell(name, label, unit) {
   const value = h("b", { "data-testid": `attitude-${name}` }, UNKNOWN);
-  return { root: h("div", { class: name }, h("dt", {}, label), h("dd", {}, value, h("span", { class: "unit" }, unit))), value };
+  const sd = h("span", { class: "sd", "data-testid": `attitude-${name}-sd` });
+  return { root: h("div", { class: name }, h("dt", {}, label, sd), h("dd", {}, value, h("span", { class: "unit" }, unit))), value, sd };
 }
 
 function read(output) {
@@ -100,7 +117,7 @@ class Horizon {
     setAttribute(this.ladder, "transform", turnAndShift);
     setAttribute(this.bankMark, "transform", turn);
     setAttribute(this.tape, "transform", `translate(${(-(heading ?? 0) * HEADING_STEP).toFixed(1)} 0)`);
-    setClass(this.root, "unusable", !output?.valid || roll === null || pitch === null);
+    setClass(this.root, "unusable", !output || output.late || roll === null || pitch === null);
     setClass(this.root, "no-heading", heading === null);
   }
 }
