@@ -106,7 +106,7 @@ def close(flight: SplineFlight, step: float, duration: float, by: Integrator = i
     t = step * np.arange(round(duration / step) + 1, dtype=np.float64)
     every = max(1, round(1.0 / step))
     state = flight.state(t)
-    true = _motion(flight.state(t[::every]))
+    true = motion(flight.state(t[::every]))
     start = Motion(true.pos_e[0], true.vel_e[0], true.quat_eb[0])
     found = by(start, specific_force_b(state), angular_rate_b(state), step, every)
     mat_ne = np.swapaxes(mat_en(state.lat[::every], state.lon[::every]), 1, 2)
@@ -118,7 +118,8 @@ def close(flight: SplineFlight, step: float, duration: float, by: Integrator = i
     )
 
 
-def _motion(state: State) -> Motion:
+def motion(state: State) -> Motion:
+    """Truth in e."""
     mat_eb = mat_en(state.lat, state.lon) @ mat_from_rpy(state.roll, state.pitch, state.heading)
     position_e = ecef_from_geodetic(state.lat, state.lon, state.alt)
     return Motion(position_e, earth_frame_velocity(state), quat_from_mat(mat_eb))
