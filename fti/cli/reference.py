@@ -16,93 +16,42 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fti.cli._reference_arguments import MAKE, add_make
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
     from fti.hil.references.approaches import AltimeterModel
     from fti.nav.integrity.approach import ApproachPath
-    from fti.nav.integrity.reference import Detection, Reference
+    from fti.nav.integrity.reference import Limits, Reference
     from fti.terrain.terrain import Terrain
 
-PLOT_ROWS, PLOT_COLUMNS = 16, 96
 #: How far around the approach elevation is read [m]: aircraft beside the track, and their beams.
 AROUND_M = 1500.0
+#: Posts farther apart than this below the track are remarked upon [m]: two bins of the profile.
+COARSE_M = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Two actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    make = actions.add_parser("make", help="make a reference: profile and limits")
-    make.add_argument("--airfield", required=True, type=Path, metavar="FILE", help="the airfield file (TOML)")
-    source = make.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        "--recorded", nargs="+", type=Path, metavar="SESSION", help="recorded flights with 5 approaches or more"
+    add_make(
+        actions.add_parser(
+            "make",
+            help="make a reference: profile and limits",
+            description=MAKE,
+            formatter_class=parser.formatter_class,
+        )
     )
-    make.add_argument("--sensor", default="altimeter", metavar="NAME", help="their altimeter (altimeter)")
-    source.add_argument("--terrain", nargs="+", metavar="FILE", help="elevation files below the approach, or: demo")
-    make.add_argument("--vertical", choices=["egm96", "egm2008", "ellipsoid"], help="datum of files that do not say it")
-    make.add_argument("--surface", metavar="NAME", help="what the ground is called (default: the files)")
-    make.add_argument(
-        "--date", metavar="YYYY-MM-DD", help="of its survey (default: the airfield's, or the last recording's)"
-    )
-    make.add_argument("--out", required=True, type=Path, metavar="FILE", help="the reference to write (CSV)")
-    make.add_argument("--altimeter", choices=["ra4500", "laser"], default="ra4500", help="kind of altimeter (ra4500)")
-    make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
-    make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (2000)")
-    make.add_argument(
-        "--beside-runs",
-        type=_count(2),
-        default=100,
-        metavar="N",
-        help="approaches at each offset beside the track (100)",
-    )
-    make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
-    make.add_argument(
-        "--pfa",
-        type=_probability,
-        default=0.01,
-        metavar="P",
-        help="false alarms per approach, all tests together (0.01)",
-    )
-    make.add_argument("--seed", type=_count(0), default=1, help="seed of everything random (1)")
     info = actions.add_parser("info", help="print and draw a reference")
     info.add_argument("reference", type=Path, metavar="FILE")
     info.add_argument("--json", action="store_true", help="what the reference says of itself, as JSON")
-
-
-def _count(least: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise argparse.ArgumentTypeError(f"{text!r}: must be a whole number from {least}")
-        return int(text)
-
-    return parse
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1000.0 <= value <= 50_000.0:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a length of 1000 to 50000 m")
-    return value
-
-
-def _probability(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1e-5 <= value <= 0.1:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be a probability of 0.00001 to 0.1")
-    return value
 
 
 def run(args: argparse.Namespace) -> int:
@@ -127,6 +76,7 @@ def _make(args: argparse.Namespace) -> int:
     from fti.nav.integrity.approach import ApproachPath, load_airfield
 
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
+    _check_place(args.out)
     with _Bars() as bars:
         make = _from_recordings if args.recorded else _from_terrain
         reference = make(args, path, MODELS[args.altimeter], bars)
@@ -140,7 +90,30 @@ def _make(args: argparse.Namespace) -> int:
         f"{args.out}: {len(reference.s)} points, {limits.runs} approaches, an alarm on {limits.verified_alarms} of "
         f"{limits.verified_runs} others, hash {reference.hash}"
     )
+    for remark in _doubts(limits):
+        print(f"fti: {args.out}: {remark}", file=sys.stderr)
     return 0
+
+
+def _check_place(out: Path) -> None:
+    """Whether the file can be written: better known before the minutes that it takes than after."""
+    folder = next(parent for parent in out.absolute().parents if parent.exists())
+    if out.is_dir() or not folder.is_dir():
+        raise ConfigError(f"{out}: cannot be written: {'is a folder' if out.is_dir() else f'{folder} is no folder'}")
+    if not os.access(out if out.exists() else folder, os.W_OK):
+        raise ConfigError(f"{out}: cannot be written: permission denied")
+
+
+def _doubts(limits: Limits) -> Iterator[str]:
+    """What whoever flies with the limits should know of them."""
+    from fti.study._proportions import most_by_chance
+
+    most = most_by_chance(limits.verified_runs, limits.pfa)
+    if limits.verified_alarms > most:
+        yield (
+            f"{limits.verified_alarms} alarms on {limits.verified_runs} nominal approaches are more than a Pfa of "
+            f"{limits.pfa:g} has by chance ({most}): the limits are too low, made from too few approaches (--runs)"
+        )
 
 
 def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
@@ -205,15 +178,31 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
             bars.update("terrain", len(scenes) / len(VEGETATION))
         return tuple(scenes)
     lat, lon = path.geodetic(args.s_max / 2, 0.0)
-    return (
-        Terrain.open(
-            args.terrain,
-            centre=(float(lat), float(lon)),
-            radius_m=args.s_max / 2 + AROUND_M,
-            vertical=args.vertical,
-            progress=lambda share: bars.update("terrain", share),
-        ),
+    terrain = Terrain.open(
+        args.terrain,
+        centre=(float(lat), float(lon)),
+        radius_m=args.s_max / 2 + AROUND_M,
+        vertical=args.vertical,
+        progress=lambda share: bars.update("terrain", share),
     )
+    _remark_on_posts(terrain, path, args.s_max)
+    return (terrain,)
+
+
+def _remark_on_posts(terrain: Terrain, path: ApproachPath, s_max: float) -> None:
+    """Say where the elevation is too coarse for its limits; before the minutes that they take."""
+    import numpy as np
+
+    lat, lon = path.geodetic(np.linspace(0.0, s_max, 100), 0.0)
+    place = terrain.frame.to_local(lat, lon, 0.0)
+    cell = float(np.max(terrain.cell(place[..., 0], place[..., 1]), initial=0.0))
+    if cell > COARSE_M:
+        print(
+            f"fti: posts below the track are up to {cell:.0f} m apart; the limits count on elevation that is right "
+            "within a metre, so that whatever lies between posts may raise an ALERT. Try it on a recorded flight "
+            "(fti reprocess) before it is used",
+            file=sys.stderr,
+        )
 
 
 class _Bars(AbstractContextManager["_Bars"]):
@@ -242,10 +231,8 @@ class _Bars(AbstractContextManager["_Bars"]):
         self._progress.update(self._tasks[what], completed=share)
 
 
-# ---------------------------------------------------------------------------------------------------------- info
-
-
 def _info(args: argparse.Namespace) -> int:
+    from fti.cli._reference_info import plot, summary
     from fti.nav.integrity.reference import Reference
 
     reference = Reference.parse(_read(args.reference), str(args.reference))
@@ -253,53 +240,6 @@ def _info(args: argparse.Namespace) -> int:
         json.dump({**reference.header.model_dump(), "hash": reference.hash}, sys.stdout, indent=2)
         print()
         return 0
-    for line in _summary(reference) + _plot(reference):
+    for line in summary(reference) + plot(reference):
         print(line)
     return 0
-
-
-def _summary(reference: Reference) -> list[str]:
-    header = reference.header
-    airfield, profile, limits = header.airfield, header.profile, header.limits
-    return [
-        f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
-        f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
-        f"sensor       {header.sensor.kind}, beam {header.sensor.beam_deg} deg",
-        f"profile      {profile.surface} of {profile.date}, s -200 to {profile.s_max_m + 200:.0f} m, step "
-        f"{profile.ds_m} m, from {profile.made_from}, {profile.draws} draws, seed {profile.seed}",
-        f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
-        f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
-        f"(Pfa {limits.pfa}, Pmd {limits.pmd}, {limits.runs} approaches)",
-        f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
-        *_beside(header.detection),
-        f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
-        f"hash         {reference.hash}",
-    ]
-
-
-def _beside(detection: Detection | None) -> Iterator[str]:
-    """Share of windows in ALERT, by the offset from the track and the part of the way."""
-    if detection is None:
-        return
-    yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
-    for y, row in zip(detection.y_m, detection.pd, strict=True):
-        yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are an ALERT"
-
-
-def _plot(reference: Reference) -> list[str]:
-    """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
-    import numpy as np
-
-    from fti.nav.integrity.approach import ApproachPath
-
-    s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
-    z = np.interp(s, reference.s, reference.z_ref)
-    path = ApproachPath(reference.header.airfield).alt_path(s)
-    low, high = float(min(z.min(), path.min())), float(max(z.max(), path.max()))
-    levels = np.linspace(high, low, PLOT_ROWS)
-    half = (high - low) / (PLOT_ROWS - 1) / 2
-    rows = []
-    for level in levels:
-        marks = np.where(np.abs(path - level) <= half, ".", np.where(z >= level - half, "#", " "))
-        rows.append(f"{level:6.0f} m |" + "".join(marks))
-    return ["", *rows, f"          {s[0]:.0f} m{'before the intercept point'.center(PLOT_COLUMNS - 14)}{s[-1]:.0f} m"]

@@ -3,12 +3,17 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fti.cli.main import main
+from fti.cli.reference import _doubts
+from fti.hil.references.recordings import Pass
+from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD
 from tests.helpers import ROOT
+from tests.terrain.elevation_files import write_ground
 
 DEMO = str(ROOT / "configs" / "profiles" / "demo.csv")
 
@@ -50,7 +55,91 @@ def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "name = 3" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "value"), [("--runs", "19"), ("--draws", "few"), ("--s-max", "10")])
+def hills(lat: np.ndarray, lon: np.ndarray) -> np.ndarray:
+    """340 m above the ellipsoid, waves of 6 m and 300 m along and across."""
+    wave = 2.0 * np.pi * 111_000.0 / 300.0
+    return np.asarray(340.0 + 3.0 * np.sin(wave * lat) + 3.0 * np.sin(0.8 * wave * lon))
+
+
+@pytest.mark.parametrize(("step_deg", "coarse"), [(1e-4, False), (3e-4, True)])
+def test_elevation_files_become_a_reference_of_their_ground(
+    step_deg: float, coarse: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A GeoTIFF above the ellipsoid.  Within 4 m: five draws that err by 1.5 m each; the nearest return lies higher."""
+    size = round(0.075 / step_deg)
+    at = (36.63, -84.1655)
+    file, out = write_ground(tmp_path / "dsm.tif", hills, "EPSG:4979", size, step_deg, at), tmp_path / "x.csv"
+    made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", file, "--out", str(out)]
+    assert main([*made, "--runs", "20", "--draws", "5", "--beside-runs", "2", "--s-max", "1000", "--pfa", "0.05"]) == 0
+    reference = Reference.parse(out.read_text(), str(out))
+    assert (reference.header.profile.surface, reference.header.limits.pfa) == ("dsm.tif", 0.05)
+    below = hills(*np.degrees(ApproachPath(reference.header.airfield).geodetic(reference.s, 0.0)))
+    assert np.ptp(below) > 8.0
+    assert np.abs(reference.z_ref - below).max() < 4.0
+    assert ("posts below the track" in capsys.readouterr().err) is coarse
+
+
+def test_recorded_approaches_become_a_reference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six ways over level ground, where no shift is ever observable; the last one begins at 1300 m."""
+    rng = np.random.default_rng(3)
+    s = np.arange(1500.0, 0.0, -2.4)
+    passes = [
+        Pass(
+            10**18 + k * 10**11 + 4 * 10**7 * np.arange(len(far)),
+            far,
+            350.0 + 0.01 * far + rng.normal(0.0, 0.3, len(far)),
+        )
+        for k, far in enumerate([s] * 5 + [s[s < 1300.0]])
+    ]
+    monkeypatch.setattr("fti.hil.references.recordings.check_sensor", lambda *given: None)
+    monkeypatch.setattr("fti.hil.references.recordings.read_passes", lambda *given: passes)
+    out = tmp_path / "x.csv"
+    made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--recorded", "a", "--out", str(out), "--runs", "20"]
+    assert main([*made, "--s-max", "1500"]) == 0
+    profile = Reference.parse(out.read_text(), str(out)).header.profile
+    assert (profile.made_from, profile.draws, profile.surface, profile.date) == (
+        "recordings",
+        5,
+        "altimeter",
+        "2001-09-09",
+    )
+    assert main([*made, "--s-max", "3000"]) == 2
+    assert "0 of 6 recorded ways" in (said := capsys.readouterr().err)
+    assert "so many have one from 1500 m (--s-max)" in said
+
+
+def test_where_nothing_can_be_written_is_known_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", "no.tif", "--out"]
+    assert main([*made, str(tmp_path)]) == 2
+    assert "is a folder" in capsys.readouterr().err
+    (tmp_path / "file").write_text("x")
+    assert main([*made, str(tmp_path / "file" / "x.csv")]) == 2
+    assert f"{tmp_path / 'file'} is no folder" in capsys.readouterr().err
+
+
+def test_limits_that_other_approaches_do_not_keep_are_remarked_upon() -> None:
+    limits = Reference.parse(Path(DEMO).read_text(), DEMO).header.limits  # 2 alarms on 500 at 1 %
+    assert list(_doubts(limits)) == []
+    (said,) = _doubts(limits.model_copy(update={"verified_alarms": 10}))
+    assert "10 alarms on 500" in said
+    assert "(9)" in said
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--runs", "19"),
+        ("--draws", "few"),
+        ("--s-max", "10"),
+        ("--pfa", "0.5"),
+        ("--date", "2024-1-5"),
+        ("--date", "5.1.2024"),
+    ],
+)
 def test_senseless_numbers_are_refused(option: str, value: str, capsys: pytest.CaptureFixture[str]) -> None:
     made = ["reference", "make", "--airfield", "a", "--terrain", "demo", "--out", "o"]
     with pytest.raises(SystemExit) as caught:

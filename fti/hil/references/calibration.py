@@ -48,6 +48,8 @@ CORRELATION_RUNS = 100
 VERIFY_EACH = 4
 BESIDE_M = (50.0, 100.0, 200.0)
 PART_M = 1000.0
+#: T2 counts in the maxima where a shift is observable for limits from here on: over level ground nowhere.
+LEAST_T2 = 1.0
 #: Alert limits do not matter where only alarms count: those of the protection levels are kept out of the way.
 ANY_LEVEL_M = 1e6
 
@@ -125,9 +127,11 @@ def _settings(reference: Reference) -> Approach:
 def approach_maxima(scan: Scan, alert_s: float) -> Array:
     """The greatest T1, T2, T3, T4 of all windows of an approach, shape (4,).
 
-    T2 counts where the shift can be observable for any limit above 1: a superset of the windows in which it is judged.
+    T2 counts where the shift can be observable for any limit from 1 on: a superset of the windows that are judged.
     """
-    observable = (scan.observability >= (1.0 + OBSERVABLE_MARGIN) ** 2) & (scan.shift_resolution <= alert_s)
+    observable = (scan.observability >= (math.sqrt(LEAST_T2) + OBSERVABLE_MARGIN) ** 2) & (
+        scan.shift_resolution <= alert_s
+    )
     return np.array([scan.t1.max(), np.max(scan.t2 * observable), scan.t3.max(), scan.t4.max()])
 
 
@@ -158,9 +162,10 @@ def _alarms(ground: Ground, plan: Plan, reference: Reference, scanner: Scanner, 
 def make_limits(plan: Plan, maxima: Array) -> Limits:
     """Limits from the maxima of the tests, shape (runs, 4)."""
     beyond, rng = plan.pfa / len(TESTS), plan.rng(5)
-    values = [round(upper_quantile(column, beyond), 3) for column in maxima.T]
-    intervals = [bootstrap_interval(column, beyond, rng) for column in maxima.T]
-    return _limits(plan, values, [(round(low, 3), round(high, 3)) for low, high in intervals])
+    least = np.array([0.0, LEAST_T2, 0.0, 0.0])
+    values = np.maximum([upper_quantile(column, beyond) for column in maxima.T], least)
+    intervals = np.maximum([bootstrap_interval(column, beyond, rng) for column in maxima.T], least[:, None]).round(3)
+    return _limits(plan, values.round(3).tolist(), [(float(low), float(high)) for low, high in intervals])
 
 
 def _limits(plan: Plan, values: Sequence[float], intervals: Sequence[tuple[float, float]]) -> Limits:

@@ -96,18 +96,33 @@ def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
     """
     s = grid(DS_M, s_max)
     inside = (s >= 0.0) & (s <= s_max)
-    found = []
+    found, reaches = [], []
     for one in passes:
         z = binned(s, one.s, one.z)
         known = inside & np.isfinite(z)
-        if np.diff(np.concatenate(([0.0], s[known], [s_max]))).max() <= GAP_M:
+        reaches.append(_reach(s[known]))
+        if reaches[-1] >= s_max - GAP_M:
             found.append(np.interp(s, s[known], z[known]))
     if len(found) < LEAST_APPROACHES:
         raise ConfigError(
             f"{len(found)} of {len(passes)} recorded ways down the track have a height every {GAP_M:g} m from "
-            f"{s_max:g} m to the intercept point; a reference needs {LEAST_APPROACHES}"
+            f"{s_max:g} m to the intercept point; a reference needs {LEAST_APPROACHES}{_shorter(reaches)}"
         )
     return np.array(found)
+
+
+def _reach(s: Array) -> float:
+    """How far out [m] ascending places reach from the intercept point on without a gap; 0 where they begin beyond."""
+    gaps = np.flatnonzero(np.diff(s, prepend=0.0) > GAP_M)
+    return float(np.append(0.0, s)[gaps[0] if len(gaps) else len(s)])
+
+
+def _shorter(reaches: Sequence[float]) -> str:
+    """What would do instead."""
+    if len(reaches) < LEAST_APPROACHES:
+        return ""
+    enough = sorted(reaches)[-LEAST_APPROACHES] // 10.0 * 10.0
+    return f", and so many have one from {enough:g} m (--s-max)" if enough > 0.0 else ""
 
 
 def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> list[Pass]:

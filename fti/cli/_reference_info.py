@@ -1,0 +1,56 @@
+"""A reference profile for a person: what it says of itself, and a drawing of characters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.reference import Detection, Reference
+
+PLOT_ROWS, PLOT_COLUMNS = 16, 96
+
+
+def summary(reference: Reference) -> list[str]:
+    """What it says of itself."""
+    header = reference.header
+    airfield, profile, limits = header.airfield, header.profile, header.limits
+    return [
+        f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
+        f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
+        f"sensor       {header.sensor.kind}, beam {header.sensor.beam_deg} deg",
+        f"profile      {profile.surface} of {profile.date}, s -200 to {profile.s_max_m + 200:.0f} m, step "
+        f"{profile.ds_m} m, from {profile.made_from}, {profile.draws} draws, seed {profile.seed}",
+        f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
+        f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
+        f"(Pfa {limits.pfa}, Pmd {limits.pmd}, {limits.runs} approaches)",
+        f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
+        *_beside(header.detection),
+        f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
+        f"hash         {reference.hash}",
+    ]
+
+
+def _beside(detection: Detection | None) -> Iterator[str]:
+    """Share of windows in ALERT, by the offset from the track and the part of the way."""
+    if detection is None:
+        return
+    yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
+    for y, row in zip(detection.y_m, detection.pd, strict=True):
+        yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are an ALERT"
+
+
+def plot(reference: Reference) -> list[str]:
+    """Glide path (.) over the terrain as the sensor sees it (#), far end on the left."""
+    s = np.linspace(reference.s[-1], reference.s[0], PLOT_COLUMNS)
+    z = np.interp(s, reference.s, reference.z_ref)
+    path = ApproachPath(reference.header.airfield).alt_path(s)
+    low, high = float(min(z.min(), path.min())), float(max(z.max(), path.max()))
+    levels = np.linspace(high, low, PLOT_ROWS)
+    half = (high - low) / (PLOT_ROWS - 1) / 2
+    rows = []
+    for level in levels:
+        marks = np.where(np.abs(path - level) <= half, ".", np.where(z >= level - half, "#", " "))
+        rows.append(f"{level:6.0f} m |" + "".join(marks))
+    return ["", *rows, f"          {s[0]:.0f} m{'before the intercept point'.center(PLOT_COLUMNS - 14)}{s[-1]:.0f} m"]
