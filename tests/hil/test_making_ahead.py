@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import math
+import time
 from collections.abc import Sequence
+from typing import cast
 
 import pytest
 
 from fti.drivers import honeywell_hmr2300, power_unit
 from fti.hil.device_line import DeviceLine
+from fti.hil.ports.endpoints import Endpoint
 from fti.hil.scheduler import Scheduler, Unmade
 from fti.hil.sensors import Sensor
+from fti.hil.streams import SensorStream
 from fti.hil.tables.kinds import BitErrors, Burst, Cut, Duplicated, Fault, Freeze, Stuck
 from fti.hil.tables.schema import Scenario
 from tests.hil.faults.flown import DEVICES, START_NS, Flight, device, fly, nominal
@@ -124,6 +129,23 @@ def test_the_power_unit_says_what_is_when_it_says_it() -> None:
     assert line.respond(power_unit.command("off", {"breaker": "altimeter"}), 0.0)  # nothing that it could wait for
 
 
+def test_what_took_long_is_made_in_a_long_gap_alone_until_that_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Sink:
+        is_stream = False
+
+        def send(self, data: bytes) -> None: ...
+
+    readings = itertools.count(0.0, 1.0)  # each making takes a second
+    monkeypatch.setattr(time, "perf_counter", lambda: next(readings))
+    stream = SensorStream(DeviceLine(device("mavlink"), scenario()), cast("Endpoint", Sink()), START_NS)
+    assert stream.prepare(0.5)
+    assert not stream.prepare(0.5)
+    assert stream.prepare(1.5)
+    for _ in range(20):  # 0.95^20 = 0.36
+        asyncio.run(stream.send())
+    assert stream.prepare(0.5)
+
+
 # -------------------------------------------------------------------------------------------------------- scheduler
 
 
@@ -179,6 +201,18 @@ def test_what_is_made_in_a_gap_makes_nobody_wait() -> None:
     first, second = latest(ahead=True)
     assert math.isclose(first, 0.0, abs_tol=1e-9)
     assert second < 1e-9
+
+
+def test_what_had_no_gap_is_made_at_its_instant_and_the_next_one_once() -> None:
+    """It takes 4 ms, and the first one is due after 1 ms."""
+    now = [0.0]
+
+    async def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    stream = Made(now, 0.004, 0.001)
+    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([stream], asyncio.Event()))
+    assert len(stream.late) == 20
 
 
 def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
