@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from fti.hil.references.approaches import Flown
-from fti.study import Result, _clearance, _clearance_ground, clearance, workers
+from fti.hil.references.approaches import START_NS, Flown
+from fti.study import Result, _clearance, _clearance_faults, _clearance_ground, clearance, workers
 from fti.study._clearance import Nominal
-from fti.study._clearance_faults import FAULTS, Faulty
+from fti.study._clearance_faults import FAULTS, Faulty, faulty
 from fti.study._clearance_ground import reference, strict_reference
 from fti.study._proportions import most_by_chance, wilson
+from fti.types import ClearanceIntegrity, IntegrityState
 
 
 def by_id(results: list[Result]) -> dict[str, Result]:
@@ -121,6 +122,31 @@ def test_a_ramp_and_a_stuck_altimeter_are_over_when_the_height_is_wrong_by_the_l
     assert set(stuck.agl[s <= 3000.0]) == {stuck.agl[s == 3000.0][0]}
     first = s[over >= 1.0].max()
     assert (3000.0 - first) * 0.05 == pytest.approx(math.radians(0.35) * first, abs=0.1)
+
+
+def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Along the track: begins at 3300 m, over AL_s at 3050 m (19 s), full at 3000 m; outputs every second."""
+    states = dict.fromkeys(range(1, 40), IntegrityState.OK) | dict.fromkeys(range(16, 18), IntegrityState.ALERT)
+    states |= {21: IntegrityState.CAUTION, 23: IntegrityState.ALERT}
+    flown = level(np.arange(4190.0, 2000.0, -1.0))
+    outputs = [
+        ClearanceIntegrity(
+            t_ns=START_NS + k * 10**9, t_valid_ns=None, state=state, reasons=(), valid=True, t1_ratio=0.5
+        )
+        for k, state in sorted(states.items())
+    ]
+    monkeypatch.setattr(
+        _clearance_faults, "flown_with", lambda *given: (*FAULTS["along_60"].change(flown, 3000.0, 1.0), 3000.0)
+    )
+    monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
+    found = faulty(("along_60", 1, 1))
+    assert (found.seen, found.over, found.observable) == (True, True, True)
+    assert found.delay_s == pytest.approx(23.0 - (4190.0 - 3050.0) / 60.0)
+    assert found.size_s == pytest.approx(23.0 - (4190.0 - 3000.0) / 60.0, abs=0.02)
+    assert found.warned_s == pytest.approx(21.0 - (4190.0 - 3050.0) / 60.0)
+    monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 0.9), 3000.0))
+    found = faulty(("along_60", 1, 1))
+    assert (found.seen, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (True, False, True, True)
 
 
 def level(s: np.ndarray) -> Flown:
