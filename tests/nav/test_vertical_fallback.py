@@ -52,6 +52,13 @@ class Flight:
                 self.channel.take_height(then, ALT - GROUND + altimeter, 0.5, GROUND, 1.0)
         return self.channel.at(self.t_ns)
 
+    def over(self, seconds: float, wrong: float, ground_sd: float) -> VerticalState:
+        """Above ground that is wrong by so much, without satellites."""
+        for _ in range(round(seconds * RATE_HZ / 4)):
+            self.go(4 / RATE_HZ, satellites=False, altimeter=None)
+            self.channel.take_height(self.t_ns, ALT - GROUND, 0.5, GROUND + wrong, ground_sd)
+        return self.channel.at(self.t_ns)
+
 
 def test_who_stands_still_feels_gravity() -> None:
     for lat in (0.0, LAT, math.pi / 2, -math.pi / 2):
@@ -198,6 +205,36 @@ def test_without_satellites_it_begins_with_the_altimeter() -> None:
     assert state.alt == pytest.approx(ALT, abs=0.5)
     assert state.alt_sd is not None
     assert state.alt_sd > 1.0  # the altimeter's slow error stays: nothing else says the height
+
+
+def test_a_ground_that_is_wrong_for_long_is_not_averaged_away() -> None:
+    """15 m of a place that drifts over a slope, believed to be 20 m: as white noise they had become 3 m."""
+    flight = Flight()
+    state = flight.over(100.0, 15.0, 20.0)
+    assert state.alt is not None and state.alt_sd is not None
+    assert abs(state.alt - ALT) > 10.0  # nothing else says the height
+    assert 5.0 < state.alt_sd < 25.0
+
+
+def test_over_doubtful_ground_the_height_of_before_is_kept() -> None:
+    flight = Flight()
+    flight.go(60.0)
+    for wrong, ground_sd in ((15.0, 20.0), (0.0, 1.0), (-15.0, 20.0), (0.0, 0.0)):
+        state = flight.over(5.0, wrong, ground_sd)
+        assert state.valid and state.alt is not None and state.alt_sd is not None
+        assert not flight.channel.altimeter_refused
+        assert abs(state.alt - ALT) < min(3.0 * state.alt_sd, 5.0)
+
+
+def test_doubt_that_comes_and_goes_grows_no_larger_than_it_is() -> None:
+    """A slope, a flat, a slope, five times a second: what comes new is what was not doubted before."""
+    flight = Flight()
+    flight.go(60.0)
+    for _ in range(200):
+        flight.over(1 / 5, 0.0, 20.0)
+        state = flight.over(1 / 5, 0.0, 1.0)
+    assert state.alt_sd is not None and state.alt_sd < 5.0
+    assert state.alt == pytest.approx(ALT, abs=3.0)
 
 
 def test_a_wild_first_return_is_no_beginning() -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import expm
 
 from fti.geodesy.gravity import FREE_AIR
-from fti.nav.vertical.model import ACCEL, CLIMB, HEIGHT, VerticalModel, system_matrix
+from fti.nav.vertical.model import ACCEL, ALTIMETER, CLIMB, HEIGHT, VerticalModel, system_matrix
 
 
 def test_an_error_of_height_grows_e_fold_in_nine_and_a_half_minutes() -> None:
@@ -61,3 +61,14 @@ def test_what_forgets_keeps_its_size() -> None:
         P = phi @ P @ phi.T + Q
     assert math.sqrt(P[ACCEL, ACCEL]) == pytest.approx(model.accel_sd, rel=1e-6)
     assert P[HEIGHT, HEIGHT] > 100.0**2  # nothing holds it
+
+
+def test_a_doubtful_ground_makes_the_altimeter_forget_to_that_size() -> None:
+    model = VerticalModel()
+    P = model.start(3.0, 0.1)
+    phi, Q = model.step(1.0, 20.0)
+    for _ in range(100):
+        P = phi @ P @ phi.T + Q
+    assert math.sqrt(P[ALTIMETER, ALTIMETER]) == pytest.approx(math.hypot(model.altimeter_sd, 20.0), rel=1e-3)
+    others = np.arange(5) != ALTIMETER
+    assert np.array_equal(Q[others], model.step(1.0)[1][others])

@@ -8,9 +8,10 @@ measurement in the climb's place, because the error was another one when it was 
     altimeter    z = alt_I - (height_agl + ground)    h = (1 -tau 0 0 -1)
 
 The errors of satellites' heights hang together for minutes: a height every dt counts with the variance sigma^2 2 T/dt,
-so that many say no more than a few.  The altimeter's has a state.  What the filter finds is subtracted from the
-channel's output only, as the source does it (feed forward); when it becomes larger than ``FOLD_M`` it is taken out of
-the channel, which changes no output, because everything is linear.
+so that many say no more than a few.  The altimeter's has a state.  What its ground may be wrong by lasts as long (an
+elevation model errs over hundreds of metres, a place is wrong for minutes): it makes that state larger, not the noise.
+What the filter finds is subtracted from the channel's output only, as the source does it (feed forward); when it
+becomes larger than ``FOLD_M`` it is taken out of the channel, which changes no output, because everything is linear.
 
 Fallbacks: no aiding: the channel alone, with the sigma that it has then; not valid beyond ``most_sd``.  No inertial
 samples for ``GAP_S``, or another time base: the channel ends, and begins anew with the next height of satellites (or
@@ -102,6 +103,7 @@ class VerticalFallback:
         self._last_ns: dict[str, int] = {}
         self._confirmations = 0
         self._altimeter_refused = False
+        self._ground_sd = 0.0
 
     # ----------------------------------------------------------------------------------------------------- taking
 
@@ -145,14 +147,15 @@ class VerticalFallback:
         """Height of P above ground [m] by an altimeter, true at t_ns, and the ground's above the ellipsoid [m]."""
         if not abs(height_agl) + abs(ground) + abs(ground_sd) < MOST_M:
             return
-        noise = math.hypot(_usable(sd, SD_UNKNOWN), ground_sd)
-        alt = height_agl + ground
+        noise, alt = _usable(sd, SD_UNKNOWN), height_agl + ground
         if self._channel is None:
-            own = self._settings.model.altimeter_sd
+            own = math.hypot(self._settings.model.altimeter_sd, ground_sd)
             self._begin(t_ns, alt, math.hypot(noise, own), None, None)
             if self._filter is not None:  # what the altimeter has too much the channel has, too
-                self._filter.P[[HEIGHT, ALTIMETER], [ALTIMETER, HEIGHT]] = own**2
+                self._filter.P[[HEIGHT, ALTIMETER, ALTIMETER], [ALTIMETER, HEIGHT, ALTIMETER]] = own**2
+                self._ground_sd = ground_sd
             return
+        self._resize(abs(ground_sd))
         self._take("altimeter", t_ns, alt, noise**2, _row(HEIGHT, ALTIMETER))
 
     # ------------------------------------------------------------------------------------------------------ telling
@@ -213,7 +216,7 @@ class VerticalFallback:
         P = self._settings.model.start(math.hypot(sd, rate_sd * ahead_s), rate_sd)
         self._filter = ErrorFilter(np.zeros(STATES), P, self._settings.gate, self._settings.lockout_s)
         self._filter_ns = self._imu_ns
-        self._confirmations = 0
+        self._confirmations, self._ground_sd = 0, 0.0
 
     def _end(self, t_ns: int) -> None:
         self._channel = self._filter = None
@@ -256,12 +259,30 @@ class VerticalFallback:
             self._channel.shift(*map(float, self._filter.x[[HEIGHT, CLIMB]]))
             self._filter.x[[HEIGHT, CLIMB]] = 0.0
 
+    def _resize(self, ground_sd: float) -> None:
+        """The altimeter's error where its ground is wrong by more, or less, than that before.
+
+        Of two errors, one ``share`` times the other, the larger one holds the smaller: so much of what was found stays,
+        and the rest of the new variance is unknown.
+        """
+        assert self._filter is not None
+        self._propagate()
+        own = self._settings.model.altimeter_sd
+        before, now = math.hypot(own, self._ground_sd), math.hypot(own, ground_sd)
+        share, P = min(before, now) / max(before, now), self._filter.P
+        self._ground_sd = ground_sd
+        if now < before:
+            self._filter.x[ALTIMETER] *= share
+            P[ALTIMETER] *= share
+            P[:, ALTIMETER] *= share
+        P[ALTIMETER, ALTIMETER] += max(0.0, min((1.0 - share**2) * now**2, now**2 - P[ALTIMETER, ALTIMETER]))
+
     def _propagate(self) -> None:
         """The filter to the newest inertial sample."""
         assert self._channel is not None and self._filter is not None
         dt = (self._channel.t_ns - self._filter_ns) / SECOND_NS
         if dt > 0.0:
-            phi, Q = self._settings.model.step(dt)
+            phi, Q = self._settings.model.step(dt, self._ground_sd)
             self._filter.predict(phi, Q, dt)
             self._filter_ns = self._channel.t_ns
 

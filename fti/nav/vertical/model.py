@@ -66,13 +66,20 @@ class VerticalModel:
     altimeter_sd: float = 2.0
     altimeter_tau_s: float = 8.0
 
-    def step(self, dt: float) -> tuple[Array, Array]:
+    def step(self, dt: float, ground_sd: float = 0.0) -> tuple[Array, Array]:
         """What a step of dt [s] does: phi = exp(F dt) and Q = integral of exp(F s) W exp(F s)^T, shapes (5, 5).
 
         W holds the spectral densities of w: 2 sigma^2 / tau for a state that forgets, accel_noise^2 for dW.  Q by
         Simpson's rule: each variance within 3e-4 of itself for a step of 1 s, 3e-6 for one of 0.1 s.
+
+        ground_sd : of an error of the ground beside ``altimeter_sd``, which lasts as long [m]
         """
-        return _step(self, dt)
+        phi, Q = _step(self, dt)
+        if ground_sd == 0.0:
+            return phi, Q
+        larger = Q.copy()  # no other state takes part in the altimeter's
+        larger[ALTIMETER, ALTIMETER] *= 1.0 + (ground_sd / self.altimeter_sd) ** 2
+        return phi, larger
 
     def start(self, height_sd: float, climb_sd: float) -> Array:
         """P, shape (5, 5), when height [m] and climb [m/s] have just been taken from elsewhere."""
