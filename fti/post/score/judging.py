@@ -20,9 +20,8 @@ from fti.post.reprocess import Setup
 from fti.post.score.flown import Flown, Pause, merged
 from fti.post.score.said import Said, Span
 
-#: After power-on everything is unknown for a while, and rates are judged over a window that begins when navigation
-#: does; on a slow machine that is seconds after the first message [s].
-START_S = 9.0
+#: After navigation's first word devices are judged over a window that is not full: its length, and a report [s].
+WINDOW_S = 5.0
 #: What a pause of the bench leaves behind: a window of the integrity monitor [s].
 AFTER_PAUSE_S = 14.0
 #: What is judged over a window may have a pause in it from so long before [s].
@@ -115,8 +114,8 @@ class Score:
 
     @property
     def behind(self) -> float:
-        """The part of the flight for which navigation was behind."""
-        times = merged(self.said.behind)
+        """The part of the flight for which navigation was behind, or had not begun."""
+        times = merged((*self.said.behind, Pause(0.0, min(self.said.began_s, self.flown.truth.end_s))))
         return sum(p.until_s - max(p.from_s, 0.0) for p in times if p.until_s > 0.0) / self.flown.truth.end_s
 
     @property
@@ -137,14 +136,14 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     belongs += of_fallbacks(scenario.fault, craft)
     pauses = tuple(merged((*flown.pauses, *said.pauses, *said.behind)))
     may = [*of_flight(craft, flown.truth), *_allowed([one for _, one in belongs], pauses)]
-    end_s = flown.truth.end_s
+    evidence = _Evidence(said, flown.truth.end_s, (*pauses, Pause(0.0, said.began_s)))
     return Score(
         scenario,
         flown,
         said,
-        tuple(row for i, one in belongs for row in _rows(i, scenario.fault[i], one, _Evidence(said, end_s, pauses))),
-        tuple(_unexpected(said, may, end_s)),
-        tuple(_meet(expectation, _Evidence(said, end_s, pauses)) for expectation in scenario.expect),
+        tuple(row for i, one in belongs for row in _rows(i, scenario.fault[i], one, evidence)),
+        tuple(_unexpected(said, may, evidence.end_s)),
+        tuple(_meet(expectation, evidence) for expectation in scenario.expect),
         pauses,
     )
 
@@ -223,7 +222,7 @@ def _unexpected(said: Said, may: Sequence[May], end_s: float) -> Iterator[Unexpe
     for (place, word), spans in sorted(said.spans.items()):
         allowed = sorted((m.from_s, m.until_s) for m in may if m.explains(place, word))
         for span in spans:
-            for from_s, until_s in _without(span, [(-math.inf, START_S), *allowed]):
+            for from_s, until_s in _without(span, [(-math.inf, said.began_s + WINDOW_S), *allowed]):
                 if from_s < end_s:
                     yield Unexpected(place, word, from_s, until_s)
 

@@ -78,6 +78,7 @@ class Said:
     clocks : device -> since when its clock is known [s]
     pauses : in which the recorder stood still
     behind : in which navigation was later than it may be
+    began_s : when navigation said something of itself for the first time [s]; infinity when it never did
     ports  : the session was recorded from real ports
     """
 
@@ -86,6 +87,7 @@ class Said:
     clocks: dict[str, float] = field(default_factory=dict)
     pauses: list[Pause] = field(default_factory=list)
     behind: list[Pause] = field(default_factory=list)
+    began_s: float = 0.0
     ports: bool = True
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
@@ -134,7 +136,8 @@ def _is_at(where: str, place: str) -> bool:
 
 def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
     """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field."""
-    said = Said(ports=recording.metadata.get("fti", {}).get("accelerated") != "true")
+    ports = recording.metadata.get("fti", {}).get("accelerated") != "true"
+    said = Said(ports=ports, began_s=math.inf)
     wanted: dict[str, list[str]] = defaultdict(list)
     for channel in channels:
         topic, _, name = channel.rpartition(".")
@@ -148,7 +151,7 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
             reader.tick(t, said)
             continue
         if topic == HEALTH:
-            said.behind += reader.lags(t, data)
+            reader.lag(t, data, said)
         for place, words in reader.read(topic, data):
             said.take(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
@@ -186,11 +189,14 @@ class _Reader:
             said.pauses.append(Pause(self._ticked, t))
         self._ticked = t
 
-    def lags(self, t: float, data: bytes) -> Iterator[Pause]:
-        """When navigation was behind: then it judges devices by what it has not seen yet."""
-        lag_s = json.loads(data)["navigation"].get("lag_ms", 0.0) / 1e3
-        if lag_s > LAG_S:
-            yield Pause(t - lag_s, t)
+    def lag(self, t: float, data: bytes, said: Said) -> None:
+        """Since when navigation speaks, and when it was behind: then it judges devices by what it has not seen yet."""
+        lag_ms = json.loads(data)["navigation"].get("lag_ms")
+        if lag_ms is None:
+            return
+        said.began_s = min(said.began_s, t)
+        if lag_ms / 1e3 > LAG_S:
+            said.behind.append(Pause(t - lag_ms / 1e3, t))
 
     def read(self, topic: str, data: bytes) -> Iterator[Statement]:
         """What a message says, at each place that it tells of."""

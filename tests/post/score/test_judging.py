@@ -209,3 +209,26 @@ def test_for_programs_it_is_the_same(setup: Setup) -> None:
     assert told["holds"] is False
     assert [row["verdict"] for row in told["rows"]] == ["does not clear"]
     assert told["unexpected"][0]["until_s"] is None
+
+
+def test_the_start_ends_a_window_after_navigation_began_whenever_that_was(setup: Setup) -> None:
+    health, wrong = "/fti/health/devices/spare", frozenset({"wrong rate"})
+    for began_s, holds in ((1.0, False), (11.0, True), (5.0, False)):
+        heard = said((11.5, health, wrong), (12.5, health, NOTHING))
+        heard.began_s = began_s
+        assert score(setup, heard, faults=()).holds is holds, began_s
+
+
+def test_a_miss_before_navigation_began_is_of_the_bench_and_later_it_is_a_miss(setup: Setup) -> None:
+    for began_s, verdict in ((19.0, Verdict.LATE_BENCH), (10.0, Verdict.MISSING)):
+        heard = said()
+        heard.began_s = began_s
+        assert height_verdict(score(setup, heard)) is verdict, began_s
+
+
+def test_a_navigation_that_never_begins_fails(setup: Setup) -> None:
+    heard = said()
+    heard.began_s = math.inf
+    found = score(setup, heard, faults=())
+    assert found.behind == 1.0
+    assert not found.holds

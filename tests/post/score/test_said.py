@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
+
 import pytest
 
 from fti import config as configuration
-from fti.post.score.said import _Reader
+from fti.post.score.flown import Pause
+from fti.post.score.said import Said, _Reader
 from tests.helpers import ROOT
 
 DAMAGED = "damaged bytes"
@@ -34,3 +38,12 @@ def words(*skipped: dict[str, int]) -> list[bool]:
 )
 def test_damaged_is_what_is_refused_but_not_one_message_in_two_pieces(counts: dict[str, int], damaged: bool) -> None:
     assert words({}, counts, counts) == [False, damaged, False]
+
+
+def test_navigation_began_with_its_first_word_and_was_behind_by_its_lag() -> None:
+    reader = _Reader(configuration.load(ROOT / "configs" / "demo.toml"))
+    said = Said(began_s=math.inf)
+    for t, navigation in ((1.0, {}), (9.0, {"lag_ms": 800.0}), (10.0, {"lag_ms": 20.0})):
+        reader.lag(t, json.dumps({"navigation": navigation}).encode(), said)
+    assert said.began_s == 9.0
+    assert said.behind == [Pause(8.2, 9.0)]
