@@ -134,40 +134,33 @@ async def test_one_that_fails_is_nobody_elses_trouble(ports: list[Port]) -> None
     _poll.without_beat(beat)
 
 
-@pytest.mark.e2e
-@pytest.mark.alone  # the beat waits for a moment only, and a busy machine takes it away
-async def test_the_beat_waits_for_who_has_more(ports: list[Port]) -> None:
-    """What came before it is numbered before the tick, however many calls reading it takes."""
-    port, told = ports[0], list[int]()
-    port.more = True
-    port.watch()
-
-    def beat() -> None:
-        told.append(len(port.heard))
-
-    _poll.with_beat(beat)
-    try:
-        for turn in range(1, 6):
-            seen = len(told)
-            await until_async(lambda seen=seen: len(told) > seen)  # type: ignore[misc]
-            for _ in range(10):  # right behind a beat, and one look takes one
-                port.far.send(b"x")
-            seen = len(told)
-            await until_async(lambda seen=seen: len(told) > seen)  # type: ignore[misc]
-            assert told[-1] == 10 * turn
-    finally:
-        port.forget()
-        _poll.without_beat(beat)
-
-
 class Hands(asyncio.SelectorEventLoop):
     """A loop whose clock goes on when it is read, or moved."""
 
-    now_s = 0.0
+    now_s, step_s = 0.0, 0.0002
 
     def time(self) -> float:
-        self.now_s += 0.0002
+        self.now_s += self.step_s
         return self.now_s
+
+
+def test_the_beat_waits_for_who_has_more(ports: list[Port]) -> None:
+    """What came before it is numbered before the tick, however many calls reading it takes."""
+    loop, port, told = Hands(), ports[0], list[int]()
+    loop.step_s = 1e-5  # ten looks take less than the beat waits
+    poll = _poll.SocketPoll(loop)
+    poll.add(port.near.fileno(), port.read)
+    poll.calls.append(lambda: told.append(len(port.heard)))
+    port.more = True
+    for turn in range(1, 6):
+        for _ in range(10):  # one look takes one
+            port.far.send(b"x")
+        loop.now_s = poll._beat_s
+        while len(told) < turn:
+            loop.run_until_complete(asyncio.sleep(0))
+        assert told[-1] == 10 * turn
+    poll.close()
+    loop.close()
 
 
 def test_no_beat_is_left_out_in_a_flood() -> None:
