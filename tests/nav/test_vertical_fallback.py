@@ -219,7 +219,7 @@ def test_a_ground_that_is_wrong_for_long_is_not_averaged_away() -> None:
 def test_over_doubtful_ground_the_height_of_before_is_kept() -> None:
     flight = Flight()
     flight.go(60.0)
-    for wrong, ground_sd in ((15.0, 20.0), (0.0, 1.0), (-15.0, 20.0), (0.0, 0.0)):
+    for wrong, ground_sd in ((30.0, 20.0), (0.0, 1.0), (-30.0, 20.0), (0.0, 0.0)):
         state = flight.over(5.0, wrong, ground_sd)
         assert state.valid and state.alt is not None and state.alt_sd is not None
         assert not flight.channel.altimeter_refused
@@ -227,14 +227,13 @@ def test_over_doubtful_ground_the_height_of_before_is_kept() -> None:
 
 
 def test_doubt_that_comes_and_goes_grows_no_larger_than_it_is() -> None:
-    """A slope, a flat, a slope, five times a second: what comes new is what was not doubted before."""
+    """A slope, a flat, a slope, five times a second, and nothing but the altimeter."""
     flight = Flight()
-    flight.go(60.0)
-    for _ in range(200):
-        flight.over(1 / 5, 0.0, 20.0)
-        state = flight.over(1 / 5, 0.0, 1.0)
-    assert state.alt_sd is not None and state.alt_sd < 5.0
-    assert state.alt == pytest.approx(ALT, abs=3.0)
+    flight.over(1.0, 0.0, 20.0)
+    for _ in range(100):
+        flight.over(1 / 5, 0.0, 1.0)
+        state = flight.over(1 / 5, 0.0, 20.0)
+    assert state.alt_sd is not None and state.alt_sd < 20.0
 
 
 def test_a_wild_first_return_is_no_beginning() -> None:
