@@ -96,6 +96,8 @@ def test_pictures_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     from fti.study import _wdop_plots
 
     monkeypatch.setattr(_wdop_plots, "RUNS", 5)
+    monkeypatch.setattr(flight, "EPOCH_S", 20 * flight.EPOCH_S)
+    monkeypatch.setattr(_wdop_plots, "MINUTES", _wdop_plots.MINUTES[::20])
     for name, draw in wdop.drawings(5).items():
         write(draw, tmp_path / f"{name}.png")
     assert {file.name for file in tmp_path.iterdir()} == {"satellites.png", "predicted.png", "choice.png"}

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ from fti.study import Result, triple_buffer, workers
 from fti.study.workers import on_cluster, run_all
 from tests.helpers import ROOT, until
 from tests.processes import command_of
+from tests.study.tasks import dies, fails, square
 
 
 @pytest.fixture(autouse=True)
@@ -30,33 +30,10 @@ def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
 
 
-def _square(x: int) -> tuple[int, int, str | None]:
-    time.sleep(0.05 if x == 0 else 0.0)  # the first is not the first to be done
-    return x * x, os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
-
-
-def _fails(x: int, error: type[Exception]) -> int:
-    if x == 3:
-        raise error("the third")
-    return x
-
-
-def _dies(x: int) -> int:
-    if x == 1:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return x
-
-
-def _waits(file: str, x: int) -> None:
-    with Path(file).open("a", encoding="ascii") as out:
-        out.write(f"{os.getpid()}\n")
-    time.sleep(60.0)
-
-
 def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> None:
     shares: list[float] = []
     before = dict(os.environ)
-    found = run_all(_square, range(6), shares.append)
+    found = run_all(square, range(6), shares.append)
     assert [value for value, _, _ in found] == [0, 1, 4, 9, 16, 25]
     assert {pid for _, pid, _ in found} - {os.getpid()}, "all was done here"
     assert {threads for _, pid, threads in found if pid != os.getpid()} == {"1"}
@@ -66,33 +43,33 @@ def test_results_come_in_the_order_of_the_arguments_from_other_processes() -> No
 
 def test_short_work_is_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "PATIENCE_S", 3600.0)
-    assert {pid for _, pid, _ in run_all(_square, range(5), lambda _: None)} == {os.getpid()}
-    assert run_all(_square, [], lambda _: None) == []
+    assert {pid for _, pid, _ in run_all(square, range(5), lambda _: None)} == {os.getpid()}
+    assert run_all(square, [], lambda _: None) == []
 
 
 def test_an_error_of_ours_comes_through_and_others_end_it(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ConfigError, match="the third"):
-        run_all(functools.partial(_fails, error=ConfigError), range(6), lambda _: None)
+        run_all(functools.partial(fails, error=ConfigError), range(6), lambda _: None)
     with pytest.raises(RuntimeError, match="ended by itself"):
-        run_all(functools.partial(_fails, error=ZeroDivisionError), range(6), lambda _: None)
+        run_all(functools.partial(fails, error=ZeroDivisionError), range(6), lambda _: None)
     assert "ZeroDivisionError: the third" in capfd.readouterr().err
 
 
 def test_a_process_that_is_killed_is_no_wait_for_ever() -> None:
     with pytest.raises(RuntimeError, match=r"ended by itself \(-9\)"):
-        run_all(_dies, [0, 1, 2, 3], lambda _: None)
+        run_all(dies, [0, 1, 2, 3], lambda _: None)
 
 
 SCRIPT = """
 import sys
 from fti.study import workers
-from tests.study.test_workers import _waits
+from tests.study.tasks import waits
 import functools
 workers.PATIENCE_S = -1.0
 workers.os.sched_getaffinity = lambda _: {{0, 1}}
 if __name__ == "__main__":
     try:
-        workers.run_all(functools.partial(_waits, {file!r}), range(4), print)
+        workers.run_all(functools.partial(waits, {file!r}), range(4), print)
     except KeyboardInterrupt:
         sys.exit(130)
 """
@@ -148,17 +125,17 @@ def test_a_cluster_does_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", fake)
     shares: list[float] = []
     with on_cluster("tcp://somebody:8786"):
-        assert [value for value, _, _ in run_all(_square, range(4), shares.append)] == [0, 1, 4, 9]
+        assert [value for value, _, _ in run_all(square, range(4), shares.append)] == [0, 1, 4, 9]
     assert shares == [0.25, 0.5, 0.75, 1.0]
     with on_cluster("tcp://nobody:1"), pytest.raises(MissingError, match="tcp://nobody:1: Timed out"):
-        run_all(_square, range(4), lambda _: None)
+        run_all(square, range(4), lambda _: None)
 
 
 def test_the_command_names_the_cluster_and_says_what_is_missing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def runs(runs: int, seed: int, progress: Callable[[float], None]) -> list[Result]:
-        run_all(_square, range(runs), progress)
+        run_all(square, range(runs), progress)
         return []
 
     monkeypatch.setattr(triple_buffer, "study", runs)

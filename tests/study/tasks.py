@@ -1,0 +1,35 @@
+"""What the processes of a study are given to do by its tests; they start fast, because nothing else is loaded."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+
+def square(x: int) -> tuple[int, int, str | None]:
+    """Its square, the process that made it, and the threads of its linear algebra."""
+    time.sleep(0.05 if x == 0 else 0.0)  # the first is not the first to be done
+    return x * x, os.getpid(), os.environ.get("OPENBLAS_NUM_THREADS")
+
+
+def fails(x: int, error: type[Exception]) -> int:
+    """The third is an error."""
+    if x == 3:
+        raise error("the third")
+    return x
+
+
+def dies(x: int) -> int:
+    """The second ends its process."""
+    if x == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def waits(file: str, x: int) -> None:
+    """A minute, having said in a file who waits."""
+    with Path(file).open("a", encoding="ascii") as out:
+        out.write(f"{os.getpid()}\n")
+    time.sleep(60.0)
