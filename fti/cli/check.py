@@ -174,6 +174,18 @@ def _missing(config: Config) -> Iterator[dict[str, str]]:
             yield {"role": role, "reason": reason.value}
     if config.nav.approach is None:
         yield {"role": "approach", "reason": Reason.NO_PROFILE.value}
+    elif config.nav.altimeters and not _fits_reference(config):
+        yield {"role": "approach", "reason": Reason.WRONG_SENSOR.value}
+
+
+def _fits_reference(config: Config) -> bool:
+    """Whether an altimeter of navigation is of the kind that the reference of the approach was made for."""
+    from fti.nav.integrity.reference import fits
+    from fti.service.binding import parse_reference, read_texts
+
+    reference = parse_reference(config, read_texts(config))
+    devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
+    return reference is not None and any(fits(device, reference.header.sensor) for device in devices)
 
 
 def _shared_ports(config: Config) -> Iterator[str]:
@@ -301,7 +313,8 @@ def _role_cells(found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     reasons = {m["role"]: m["reason"] for m in found["missing"]}
     named = {role: ", ".join(names) for role, names in found["roles"].items()}
     for role, what in {**named, "approach": found["approach"]}.items():
-        yield (role, what or f"none: what needs it stays invalid ({reasons[role]})")
+        useless = f"what needs it stays invalid ({reasons[role]})" if role in reasons else ""
+        yield (role, f"{what or 'none'}: {useless}" if useless else what)
 
 
 def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:

@@ -145,9 +145,16 @@ def sending_on(link: str, devices: Sequence[BoundDevice]) -> Sending:
 
 
 def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
-    """The reference profile of ``nav.approach``; None when no approach is configured.  Raises ConfigError."""
-    if config.nav.approach is None:
-        return None
-    from fti.nav.integrity.reference import Reference  # noqa: PLC0415 - brings numpy, and recording should begin soon
+    """The reference profile of ``nav.approach``, if it can be flown with the rest of it; None without an approach.
 
-    return Reference.parse(texts["nav.approach.profile"], config.nav.approach.profile)
+    Raises ConfigError.
+    """
+    settings = config.nav.approach
+    if settings is None:
+        return None
+    # they bring numpy, and recording should begin soon
+    from fti.nav.integrity.reference import Reference, check_settings  # noqa: PLC0415
+
+    reference = Reference.parse(texts["nav.approach.profile"], settings.profile)
+    check_settings(reference, settings, config.path)
+    return reference

@@ -13,7 +13,10 @@ from fti.cli import _receive_buffer
 from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links._socket import RECEIVE_BUFFER
+from tests.helpers import ROOT
 from tests.terrain.elevation_files import write_ground
+
+REFERENCE = ROOT / "configs" / "profiles" / "demo.csv"
 
 BENCH = """
 [session]
@@ -76,6 +79,21 @@ def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> No
     }
 
 
+@pytest.mark.parametrize(("beam_deg", "reason"), [(40, None), (25, "wrong_sensor")])
+def test_a_reference_of_another_altimeter_is_told(
+    file: Path, capsys: pytest.CaptureFixture[str], beam_deg: float, reason: str | None
+) -> None:
+    altimeter = BENCH.replace("[0, 800]", f"[0, 800], beam_deg = {beam_deg}")
+    file.write_text(altimeter.replace("[nav]", f'[nav]\napproach = {{ profile = "{REFERENCE}" }}'))
+    assert main(["check", str(file), "--json"]) == 0
+    missing = {m["role"]: m["reason"] for m in json.loads(capsys.readouterr().out)["missing"]}
+    assert missing.get("approach") == reason
+    assert main(["check", str(file)]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[0] == "approach")
+    assert str(REFERENCE) in line
+    assert ("what needs it stays invalid (wrong_sensor)" in line) is (reason is not None)
+
+
 def test_stall_is_that_of_a_full_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """57600 baud 8N1 are 5760 B/s; 25 messages a second in two reads cost 400 B/s more; two buffers, one to 90 %."""
     main(["check", str(file), "--json"])
@@ -119,6 +137,12 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
         ("[nav]", '[nav]\napproach = { profile = "no.csv" }', "no.csv: cannot be read: No such file"),
         ("[nav]", '[[link]]\nname = "net"\nkind = "udp"\nbind = "127.0.0.1:99999"\n[nav]', "port 99999; allowed is"),
         ('kind = "serial"', 'kind = "udp"\nbind = "127.0.0.1:1"', "link[0].port: there is no such key"),
+        (
+            "[nav]",
+            f'[nav]\napproach = {{ profile = "{REFERENCE}", window_m = 300.0 }}',
+            "nav.approach.window_m = 300.0: ",
+        ),
+        ("[nav]", f'[nav]\napproach = {{ profile = "{REFERENCE}", alert_s_m = 300.0 }}', "must be 5.0 to 200.0"),
     ],
 )
 def test_a_mistake_is_one_sentence_on_standard_error(

@@ -30,8 +30,7 @@ from fti.hil.references.profile import DS_M, Surface, binned, correlation_length
 from fti.hil.sensors.errors import slow
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.channel import fits
-from fti.nav.integrity.reference import MARGIN_M, Reference, grid
+from fti.nav.integrity.reference import MARGIN_M, Reference, fits, grid
 from fti.nav.integrity.window import BACKWARD_M
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from fti.config import Approach, Config, Device
-from fti.errors import ConfigError
+from fti.config import Approach, Config
 from fti.nav.altimetry.heights import stands_alone
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference, Sensor
-from fti.nav.integrity.statistics import SHIFT_MAX_M
+from fti.nav.integrity.reference import Reference, check_settings, fits
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
-
-#: How far the beam may differ from the reference's [deg].
-BEAM_TOLERANCE_DEG = 1.0
 
 Outputs = list[ClearanceIntegrity | GlideSlope]
 
@@ -111,23 +106,12 @@ class ApproachChannel:
 def make_channel(config: Config, reference: Reference | None) -> ApproachChannel | IdleChannel:
     """The channel that configuration and reference allow.
 
-    Raises ConfigError when the window is not the one that the reference's limits were made with, and when AL_s is not
-    among the shifts that are tried.
+    Raises ConfigError when they contradict each other (``check_settings``).
     """
     settings = config.nav.approach
     if reference is None or settings is None:
         return IdleChannel(IntegrityState.NO_PROFILE, Reason.NO_PROFILE, None)
-    made_with = reference.header.profile.window_m
-    if settings.window_m != made_with:
-        raise ConfigError(
-            f"{config.path}: nav.approach.window_m = {settings.window_m}: the limits of {settings.profile} "
-            f"were made with {made_with}"
-        )
-    least = reference.header.profile.ds_m
-    if not least <= settings.alert_s_m <= SHIFT_MAX_M:
-        raise ConfigError(
-            f"{config.path}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {least} to {SHIFT_MAX_M}"
-        )
+    check_settings(reference, settings, config.path)
     devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
     fitting = [device.name for device in devices if fits(device, reference.header.sensor)]
     if fitting:
@@ -141,14 +125,6 @@ def _held_by(config: Config, altimeter: str) -> frozenset[str]:
     own, radio = config.nav.filter, config.nav.radio
     held = {FILTER, VERTICAL} if own and altimeter in own.altimeters else set[str]()
     return frozenset(held | ({RADIO} if radio and radio.altimeter == altimeter else set()))
-
-
-def fits(device: Device, sensor: Sensor) -> bool:
-    """Whether a device is the kind of altimeter that a reference is made for."""
-    altimeter = device.altimeter
-    if altimeter is None or altimeter.kind != sensor.kind:
-        return False
-    return sensor.kind == "laser" or abs(altimeter.beam_deg - sensor.beam_deg) <= BEAM_TOLERANCE_DEG
 
 
 def _sample(height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from fti.config import Positive, StrictModel, bind
+from fti.config import Approach, Device, Positive, StrictModel, bind
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield
 
@@ -29,7 +29,10 @@ Array = NDArray[np.float64]
 
 TITLE = "# fti reference profile"
 COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
+#: The profile goes so far beyond both ends: the greatest shift that is tried.
 MARGIN_M = 200.0
+#: How far the beam may differ from the reference's [deg].
+BEAM_TOLERANCE_DEG = 1.0
 #: Correlation lengths that a window must hold.
 LEAST_CORRELATIONS = 8
 
@@ -253,3 +256,29 @@ def _check_window(profile: Profile, file: str) -> None:
 def grid(ds: float, s_max: float) -> Array:
     """The s of a reference [m]: from -200 to s_max + 200 in steps of ds."""
     return np.asarray(-MARGIN_M + ds * np.arange(round((s_max + 2 * MARGIN_M) / ds) + 1))
+
+
+def check_settings(reference: Reference, settings: Approach, file: str) -> None:
+    """Whether a configuration can be flown with a reference.  file : the configuration's name
+
+    Raises ConfigError when the window is not the one that the limits were made with, and when AL_s is not among the
+    shifts that are tried.
+    """
+    profile = reference.header.profile
+    if settings.window_m != profile.window_m:
+        raise ConfigError(
+            f"{file}: nav.approach.window_m = {settings.window_m}: the limits of {settings.profile} "
+            f"were made with {profile.window_m}"
+        )
+    if not profile.ds_m <= settings.alert_s_m <= MARGIN_M:
+        raise ConfigError(
+            f"{file}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {profile.ds_m} to {MARGIN_M}"
+        )
+
+
+def fits(device: Device, sensor: Sensor) -> bool:
+    """Whether a device is the kind of altimeter that a reference is made for."""
+    altimeter = device.altimeter
+    if altimeter is None or altimeter.kind != sensor.kind:
+        return False
+    return sensor.kind == "laser" or abs(altimeter.beam_deg - sensor.beam_deg) <= BEAM_TOLERANCE_DEG

@@ -27,13 +27,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import MARGIN_M, Reference
 from fti.nav.integrity.window import Bins
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
 
-SHIFT_MAX_M = 200.0
+SHIFT_MAX_M = MARGIN_M
 OBSTACLE_M = 50.0
 #: One sigma of the navigated height when the source states none, or one that is no sigma [m].
 VERTICAL_SD_UNKNOWN = 5.0
