@@ -45,7 +45,8 @@ class RadioPosition:
             return
         if isinstance(m, Satellites):
             seen = [s for s in m.satellites if s.used and s.azimuth is not None and s.elevation is not None]
-            self._radio.take_satellites(np.array([s.azimuth for s in seen]), np.array([s.elevation for s in seen]))
+            azimuth, elevation = np.array([s.azimuth for s in seen]), np.array([s.elevation for s in seen])
+            self._radio.take_satellites(t_ns, azimuth, elevation)
         elif isinstance(m, Position) and m.valid:
             self._take_position(m, t_ns)
         elif isinstance(m, Velocity) and m.valid:

@@ -37,7 +37,7 @@ def feed(
     radio: RadioNavigation, t_ns: int = T, *, fix: bool = True, stations: str = "abcd", height: float | None = 900.0
 ) -> RadioState:
     if fix:
-        radio.take_satellites(AZIMUTH, ELEVATION)
+        radio.take_satellites(t_ns, AZIMUTH, ELEVATION)
         radio.take_fix(t_ns, HERE, 3.0, 5.0)
     for name in stations:
         radio.take_dme(t_ns, name, distance(name))
@@ -168,7 +168,7 @@ def test_a_wrong_range_is_refused_by_name() -> None:
 
 def test_a_wrong_fix_is_refused_when_four_stations_and_the_altimeter_say_so() -> None:
     radio = RadioNavigation(STATIONS)
-    radio.take_satellites(AZIMUTH, ELEVATION)
+    radio.take_satellites(T, AZIMUTH, ELEVATION)
     radio.take_fix(T + 1, Station(HERE.lat + 0.002, HERE.lon, HERE.alt), 3.0, 5.0)
     state = feed(radio, fix=False)
     assert state.refused[-1:] == ("satellites",) or not state.valid
@@ -225,11 +225,11 @@ def test_satellites_in_one_plane_do_not_weigh() -> None:
     assert fix_covariance(np.zeros(5), np.radians([10.0, 30.0, 50.0, 70.0, 80.0]), 3.0) is None
     assert fix_covariance(AZIMUTH[:3], ELEVATION[:3], 3.0) is None
     radio = RadioNavigation(STATIONS)
-    radio.take_satellites(AZIMUTH[:3], ELEVATION[:3])
+    radio.take_satellites(T, AZIMUTH[:3], ELEVATION[:3])
     radio.take_fix(T, HERE, 3.0, 5.0)  # what it states counts
     state = radio.at(T)
     assert state.vertical_sd == pytest.approx(5.0, rel=1e-6)
-    radio.take_satellites(np.append(AZIMUTH, math.nan), np.append(ELEVATION, 0.3))
+    radio.take_satellites(T, np.append(AZIMUTH, math.nan), np.append(ELEVATION, 0.3))
     radio.take_fix(T + 1, HERE, None, None)
     assert radio.at(T).valid
 
@@ -252,6 +252,22 @@ def test_poles_and_the_date_line() -> None:
 
 
 NUMBER = st.floats(width=64) | st.floats(-1000.0, 1000.0)
+
+
+def test_satellites_of_long_ago_say_nothing_of_a_fix_of_now() -> None:
+    """In a bank, or behind a mountain, others are used: the sigmas that the fix states count."""
+    radio = RadioNavigation(STATIONS)
+    radio.take_satellites(T, AZIMUTH, ELEVATION)
+    found = []
+    for age_s in (0, 9, 11, 3600):
+        radio.take_fix(T + age_s * S, HERE, 30.0, 50.0)
+        found.append(radio.at(T + age_s * S).vertical_sd)
+    assert found[0] == found[1] != pytest.approx(50.0, rel=0.1)
+    assert found[2:] == pytest.approx([50.0, 50.0], rel=1e-6)
+    radio.take_fix(T + 3601 * S, HERE, None, None)  # without any it is none
+    assert not radio.at(T + 3605 * S).valid
+
+
 SIGMA = st.none() | NUMBER
 STEP_NS = st.integers(-3 * S, 3 * S) | st.integers(0, S // 5)
 
@@ -263,7 +279,7 @@ def test_nothing_that_comes_breaks_it(inputs: list[tuple[int, int, float, float,
     for what, step_ns, a, b, sd in inputs:
         t_ns += step_ns
         if what == 0:
-            radio.take_satellites(np.array([a, b, 1.0, 2.0, 3.0]), np.array([b, a, 0.3, 0.6, 0.9]))
+            radio.take_satellites(t_ns, np.array([a, b, 1.0, 2.0, 3.0]), np.array([b, a, 0.3, 0.6, 0.9]))
         elif what == 1:
             radio.take_fix(t_ns, Station(a, b, a), sd, sd)
         elif what == 2:

@@ -59,7 +59,8 @@ class Station(NamedTuple):
 class RadioSettings:
     """One sigma of a pseudorange and of a DME range [m].
 
-    ..._age_s : how old a fix, a range, a height, a velocity and a last position may be [s]
+    ..._age_s : how old a fix, a range, a height, a velocity and a last position may be [s], and how far from a fix
+                in time its satellites: receivers tell them every second to every fifth
     """
 
     satellite_sd: float = 3.0
@@ -69,6 +70,7 @@ class RadioSettings:
     height_age_s: float = 0.5
     velocity_age_s: float = 10.0
     last_age_s: float = 30.0
+    sky_age_s: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,7 @@ class RadioNavigation:
         self._stations_e = {name: ecef_from_geodetic(*station) for name, station in stations.items()}
         self._settings = settings or RadioSettings()
         self._ranges: dict[str, _Range] = {}
-        self._sky: Array | None = None
+        self._sky: tuple[int, Array | None] | None = None
         self._fix: _Fix | None = None
         self._height: _Height | None = None
         self._velocity: tuple[int, Array] | None = None
@@ -128,15 +130,17 @@ class RadioNavigation:
 
     # ----------------------------------------------------------------------------------------------------- taking
 
-    def take_satellites(self, azimuth: Array, elevation: Array) -> None:
-        """Directions of the satellites that the receiver uses, shapes (n,) [rad], for the fixes after them."""
+    def take_satellites(self, t_ns: int, azimuth: Array, elevation: Array) -> None:
+        """Directions of the satellites that the receiver uses at t_ns, shapes (n,) [rad], for the fixes after them."""
         known = np.isfinite(azimuth) & np.isfinite(elevation)
-        self._sky = fix_covariance(azimuth[known], elevation[known], self._settings.satellite_sd)
+        self._sky = t_ns, fix_covariance(azimuth[known], elevation[known], self._settings.satellite_sd)
 
     def take_fix(self, t_ns: int, place: Station, horizontal_sd: float | None, vertical_sd: float | None) -> None:
         """A receiver's position, true at t_ns, and its sigmas, which count where its satellites are not known."""
         stated = horizontal_sd, horizontal_sd, vertical_sd
-        cov_n = self._sky
+        told_ns, cov_n = self._sky or (t_ns, None)
+        if abs(t_ns - told_ns) > self._settings.sky_age_s * SECOND_NS:  # others are used by now
+            cov_n = None
         if cov_n is None and all(sd is not None and LEAST_SD <= sd < MOST_M for sd in stated):
             cov_n = np.diag(np.square(np.array(stated, dtype=np.float64)))
         newer = self._fix is None or t_ns > self._fix.t_ns
