@@ -39,28 +39,43 @@ QUIET = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OMP_NUM_THREADS":
 #: How long a cluster may take to answer [s], and a process that is told to end.
 ANSWER_S, END_S = 10.0, 5.0
 
-_scheduler: ContextVar[str | None] = ContextVar("_scheduler", default=None)
+_client: ContextVar[Any] = ContextVar("_client", default=None)
 
 
 @contextlib.contextmanager
 def on_cluster(scheduler: str | None) -> Iterator[None]:
-    """Within it, runs are done by the cluster of the Dask scheduler at that address; None: here."""
-    token = _scheduler.set(scheduler)
+    """Within it, runs are done by the cluster of the Dask scheduler at that address; None: here.
+
+    Raises MissingError without the package ``distributed``, and for a cluster that is not there.
+    """
+    with contextlib.nullcontext() if scheduler is None else _connected(scheduler) as client:
+        token = _client.set(client)
+        try:
+            yield
+        finally:
+            _client.reset(token)
+
+
+def _connected(scheduler: str) -> Any:
     try:
-        yield
-    finally:
-        _scheduler.reset(token)
+        from distributed import Client  # noqa: PLC0415 - an extra, for who has a cluster
+    except ImportError:
+        raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
+    try:
+        return Client(scheduler, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:  # ValueError: no address
+        raise MissingError(f"no Dask scheduler answers at {scheduler}: {error}") from error
 
 
 def run_all(task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Progress) -> list[Found]:
     """What ``task`` returns for each argument, in their order; progress : told the share of them that is done.
 
     Raises what the task raises of the errors of ``fti.errors``; RuntimeError where a process ends by itself, which it
-    does, saying why on standard error, after any other error.  MissingError for a cluster that is not there.
+    does, saying why on standard error, after any other error.
     """
-    todo, scheduler = list(arguments), _scheduler.get()
+    todo, client = list(arguments), _client.get()
     found: dict[int, Found] = {}
-    for number, result in _on_cluster(task, todo, scheduler) if scheduler else _here(task, todo):
+    for number, result in _here(task, todo) if client is None else _over_cluster(task, todo, client):
         found[number] = result
         progress(len(found) / len(todo))
     return [found[number] for number in range(len(todo))]
@@ -188,17 +203,10 @@ def _tried(task: Callable[[Any], Any], argument: object) -> Any:
         return error
 
 
-def _on_cluster(task: Callable[[Any], Found], todo: Sequence[Any], scheduler: str) -> Iterator[tuple[int, Found]]:
-    try:
-        from distributed import Client, as_completed  # noqa: PLC0415 - an extra, for who has a cluster
-    except ImportError:
-        raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
-    try:
-        client = Client(scheduler, timeout=ANSWER_S, set_as_default=False)
-    except (OSError, ValueError) as error:  # ValueError: no address
-        raise MissingError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-    with client:
-        futures = client.map(task, todo, pure=False)
-        numbers = {future.key: number for number, future in enumerate(futures)}
-        for future in as_completed(futures):
-            yield numbers[future.key], future.result()
+def _over_cluster(task: Callable[[Any], Found], todo: Sequence[Any], client: Any) -> Iterator[tuple[int, Found]]:
+    from distributed import as_completed  # noqa: PLC0415 - see above
+
+    futures = client.map(task, todo, pure=False)
+    numbers = {future.key: number for number, future in enumerate(futures)}
+    for future in as_completed(futures, loop=client.loop):  # else it looks for a client of the whole process
+        yield numbers[future.key], future.result()

@@ -104,6 +104,8 @@ class FakeFuture:
 class FakeClient:
     """What is used of ``distributed.Client``; the last argument is done first."""
 
+    loop = "its own loop"
+
     def __init__(self, address: str, *, timeout: float, set_as_default: bool) -> None:
         if address == "tcp://nobody:1":
             raise OSError("Timed out trying to connect")
@@ -121,14 +123,18 @@ class FakeClient:
 
 
 def test_a_cluster_does_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    fake = types.SimpleNamespace(Client=FakeClient, as_completed=lambda futures: futures[::-1])
+    def as_completed(futures: list[FakeFuture], *, loop: str) -> list[FakeFuture]:
+        assert loop == FakeClient.loop  # without it the real one asks for a client of the whole process: there is none
+        return futures[::-1]
+
+    fake = types.SimpleNamespace(Client=FakeClient, as_completed=as_completed)
     monkeypatch.setitem(sys.modules, "distributed", fake)
     shares: list[float] = []
     with on_cluster("tcp://somebody:8786"):
         assert [value for value, _, _ in run_all(square, range(4), shares.append)] == [0, 1, 4, 9]
     assert shares == [0.25, 0.5, 0.75, 1.0]
-    with on_cluster("tcp://nobody:1"), pytest.raises(MissingError, match="tcp://nobody:1: Timed out"):
-        run_all(square, range(4), lambda _: None)
+    with pytest.raises(MissingError, match="tcp://nobody:1: Timed out"), on_cluster("tcp://nobody:1"):
+        pytest.fail("there is no cluster")
 
 
 def test_the_command_names_the_cluster_and_says_what_is_missing(
