@@ -145,6 +145,8 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, 0]"), ["device[0].lever_arm_b"]),
         (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, nan, 0]"), ["device[0].lever_arm_b", "nan"]),
         (changed("[0, 800]", "[800, 0]"), ["device[0].altimeter.range_m", "800", "below"]),
+        (changed("altimeter = {", "rpy_bs_deg = [180, 0, 0]\naltimeter = {"), ["device[0].rpy_bs_deg", "180", "or up"]),
+        (changed("altimeter = {", "rpy_bs_deg = [0, 90, 0]\naltimeter = {"), ["device[0].rpy_bs_deg", "90", "horizon"]),
         (
             changed('kind = "radar", ', 'kind = "sonar", '),
             ["altimeter.kind", "'sonar'", "'radar' or 'laser'"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -9,11 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from fti.config.binding import bind
-from fti.config.tables import CanLink, Config, Nav, SerialLink, TerrainFiles, UdpLink
+from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink
 from fti.errors import ConfigError, MissingError
 
 #: What ``[nav.terrain]`` says of files alone.
 FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
+
+#: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
+LEAST_DOWN = math.cos(math.radians(85.0))
 
 
 def read_toml(path: Path) -> tuple[dict[str, Any], str]:
@@ -60,6 +64,11 @@ def _check_references(config: Config, file: str) -> None:
         if device.altimeter and not device.altimeter.range_m[0] < device.altimeter.range_m[1]:
             shown = list(device.altimeter.range_m)
             raise ConfigError(f"{file}: device[{i}].altimeter.range_m = {shown}: the first must be below the second")
+        if device.altimeter and _down(device) < LEAST_DOWN:
+            raise ConfigError(
+                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would look to the horizon "
+                "or up; roll and pitch turn the beam from straight down, by less than 85 degrees together"
+            )
     for role in ("attitude", "position", "altimeters"):
         for name in getattr(config.nav, role):
             if name not in devices:
@@ -70,6 +79,12 @@ def _check_references(config: Config, file: str) -> None:
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
             raise ConfigError(f"{file}: nav.altimeters: device {device.name!r} needs a [device.altimeter] table")
+
+
+def _down(device: Device) -> float:
+    """How far the beam of a sensor goes down in a level aircraft: cos(roll) cos(pitch) of its mounting, 1 straight."""
+    roll, pitch, _ = map(math.radians, device.rpy_bs_deg)
+    return math.cos(roll) * math.cos(pitch)
 
 
 def _check_radio(nav: Nav, devices: list[str], file: str) -> None:

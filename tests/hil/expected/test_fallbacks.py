@@ -28,7 +28,7 @@ def due(config: Config, *faults: dict[str, object]) -> list[Due]:
     found = of_fallbacks(flight.fault, Aircraft(config, bind_devices(config), flight))
     duties = [(i, duty) for i, one in found for duty in one.duties]
     assert [duty.place for _, duty in duties] == [SOLUTION, EVENT] * (len(duties) // 2)
-    return [(i, *duty.words, duty.from_s, duty.until_s) for i, duty in duties if duty.place == SOLUTION]
+    return [(i, " or ".join(duty.words), duty.from_s, duty.until_s) for i, duty in duties if duty.place == SOLUTION]
 
 
 def without(config: Config, **tables: object) -> Config:
