@@ -7,6 +7,7 @@ port exists.  [port.LINK] in the scenario takes a real port instead, for equipme
 Bytes leave a port no faster than the baud or bit rate of its link.  At the end stands what each device was asked for,
 what it sent, and whether its rate was held: p99 of its lateness below half a period, nothing dropped by a slow line.
 A flight on a busy computer is a flight all the same, so that does not change the exit code; with --hold it is 1.
+While it sends it comes before every ordinary process, where it may ask for that (root, or rtprio in limits.conf).
 
     fti hil --list
     fti hil nominal --plot flight.png

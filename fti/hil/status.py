@@ -28,6 +28,7 @@ from fti.clock import Clock
 from fti.errors import MissingError
 from fti.hil.emulator import Emulator
 from fti.hil.faults import words
+from fti.hil.looping import before_others
 from fti.hil.replay import Replay
 from fti.service.rundir import DaemonInfo, base, find_daemon
 
@@ -118,10 +119,12 @@ class Teller:
         sys.setswitchinterval(self._usual_s)
 
     def _run(self) -> None:
-        while not self._ended.wait(PERIOD_S):
-            if self._join():
-                self._tell()
-        self._leave()
+        """It is as urgent as who sends: while it holds the interpreter and has to wait for a core, so has that one."""
+        with before_others():
+            while not self._ended.wait(PERIOD_S):
+                if self._join():
+                    self._tell()
+            self._leave()
 
     def _join(self) -> bool:
         """Is there a daemon with a bus, the one that we know or another?"""

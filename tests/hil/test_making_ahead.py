@@ -7,20 +7,27 @@ import itertools
 import math
 import time
 from collections.abc import Sequence
-from typing import cast
+from pathlib import Path
+from typing import ClassVar, cast
 
 import pytest
 
+from fti.config import Config
 from fti.drivers import honeywell_hmr2300, power_unit
+from fti.hil.accelerated import Memory
 from fti.hil.device_line import DeviceLine
+from fti.hil.emulator import Emulator
 from fti.hil.ports.endpoints import Endpoint
 from fti.hil.scheduler import Scheduler, Unmade
 from fti.hil.sensors import Sensor
 from fti.hil.streams import SensorStream
-from fti.hil.tables.kinds import BitErrors, Burst, Cut, Duplicated, Fault, Freeze, Stuck
+from fti.hil.tables.flights import ApproachFlight
+from fti.hil.tables.kinds import BitErrors, Breaker, Burst, Cut, Duplicated, Fault, Freeze, Stuck
 from fti.hil.tables.schema import Scenario
+from fti.hil.world import World
 from tests.hil.faults.flown import DEVICES, START_NS, Flight, device, fly, nominal
-from tests.hil.worlds import scenario
+from tests.hil.test_emulator import demo_config
+from tests.hil.worlds import flat_terrain, path, scenario
 
 FAULTS: tuple[Fault, ...] = (
     Stuck(kind="stuck", from_s=0.5, to_s=1.5),
@@ -144,6 +151,34 @@ def test_what_took_long_is_made_in_a_long_gap_alone_until_that_is_forgotten(monk
     for _ in range(20):  # 0.95^20 = 0.36
         asyncio.run(stream.send())
     assert stream.prepare(0.5)
+
+
+Sent = list[tuple[int, str, bytes]]
+
+
+class Timed(Memory):
+    """Its clock jumps, and yet everything is made ahead."""
+
+    is_real_time: ClassVar[bool] = True
+
+
+def sent_by_all(bench_type: type[Memory], config: Config) -> Sent:
+    """When, on which link, what: a second of all devices of the demonstration; two have no power for a while."""
+    trip = Breaker(kind="breaker", devices=("gnss", "autopilot"), from_s=0.3, to_s=0.5)
+    flight = scenario(flight=ApproachFlight(duration_s=1.0), fault=(trip, *FAULTS))
+    found: Sent = []
+    bench = bench_type(lambda link, data: found.append((bench.clock.now_ns(), link, data)), ())
+    emulator = Emulator(config, flight, bench, world=World(flight, path(), flat_terrain(), undulation=47.0))
+    emulator.start()
+    asyncio.run(emulator.run())
+    return found
+
+
+def test_all_devices_send_the_same_at_the_same_instants(tmp_path: Path) -> None:
+    config = demo_config(tmp_path)
+    at_once = sent_by_all(Memory, config)
+    assert {link for _, link, _ in at_once} == {link.name for link in config.link}
+    assert sent_by_all(Timed, config) == at_once
 
 
 # -------------------------------------------------------------------------------------------------------- scheduler
