@@ -1,7 +1,7 @@
 # Everything runs from .venv, which is made from requirements.lock on any machine with Python 3.11+, pip and make.
 #
 #   make demo     fly an emulated approach, record it, show it in the browser
-#   make test     every test: quick ones beside the flights, those with real processes, those that need calm
+#   make test     every test: quick ones beside flights and real processes, then those that need calm
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
 #   make soak     the tests again, at full scale

@@ -2,10 +2,11 @@
 
     python -m tests.run
 
-The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
-quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other work on
-the machine does, too).  Then come the end-to-end tests that wait most of the time, two at a time, file by file; then
-those that judge moments or need both cores, one after another.  Only the files that have a marker are collected for it.
+What waits most of its time goes on beside what computes: the flights, which take minutes of real time, and then the
+end-to-end tests, two at a time, file by file, beside the quick tests.  Those wait for conditions and never for a time,
+and give way (nice; as root, all else gives way to the flights, too).  Then, with nothing else: what judges moments, one
+after another, on one core, and what runs in the user-mode kernel, which has one, on the other.  Only the files that
+have a marker are collected for it.
 """
 
 from __future__ import annotations
@@ -16,14 +17,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from tests.helpers import KERNELS, ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
-TWO_AT_A_TIME = ["-n", "2"]
-GIVING_WAY = ["nice", "-n", "5"]
-FIRST = -5
+TWO_AT_A_TIME = ("-n", "2")
+GIVING_WAY, FIRST = 5, -5
 #: Once, before five processes would do it side by side.
 WARM_UP = """
 from fti import config
@@ -36,16 +41,41 @@ warm.warm_up(), strapdown.warm_up(), compile_first(config.load("configs/demo.tom
 INTERRUPTED = 130
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Some of the tests.  arguments : of pytest; nice : only root may have it below 0, for others it is 0 then."""
+
+    title: str
+    arguments: tuple[str, ...]
+    nice: int = 0
+
+    def run(self, out: IO[bytes] | None = None) -> int:
+        """Run it to its end, what it says into a file if there is one; returns the exit code."""
+        begin = time.monotonic()
+        told = subprocess.STDOUT if out else None
+        print(f"== {self.title}: begins", flush=True)
+        process = subprocess.Popen([*PYTEST, *self.arguments], cwd=ROOT, stdout=out, stderr=told)
+        with contextlib.suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, self.nice)
+        code = process.wait()
+        print(f"== {self.title}: {time.monotonic() - begin:.0f} s, exit code {code}", flush=True)
+        return code
+
+
 def marked(marker: str) -> list[str]:
     """Files that have tests with a marker."""
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
 
 
-def run(title: str, *command: str) -> int:
-    """Run a part to its end; returns the exit code."""
-    print(f"== {title}", flush=True)
-    return subprocess.run(command, cwd=ROOT, check=False).returncode
+def side_by_side(told: Sequence[Part], beside: Sequence[Part], interrupts: Sequence[int]) -> list[int]:
+    """Two rows of parts, each one after another; what those beside say is printed in the end.  Returns exit codes."""
+    with tempfile.NamedTemporaryFile(suffix=".txt") as said, ThreadPoolExecutor(1) as pool:
+        others = pool.submit(lambda: [part.run(said.file) for part in beside if not interrupts])
+        codes = [part.run() for part in told if not interrupts]
+        codes += others.result()
+        print(Path(said.name).read_text(), flush=True)
+    return codes
 
 
 def main() -> int:
@@ -54,20 +84,16 @@ def main() -> int:
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # two tests at a time have the processors already
     os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))
-    run("compiled kernels", sys.executable, "-c", WARM_UP)
-    with tempfile.NamedTemporaryFile(suffix=".txt") as said:
-        flights = subprocess.Popen(
-            [*PYTEST, "-m", "flight", *marked("flight")], cwd=ROOT, stdout=said, stderr=subprocess.STDOUT
-        )
-        with contextlib.suppress(PermissionError):  # only root may prefer something
-            os.setpriority(os.PRIO_PROCESS, flights.pid, FIRST)
-        codes = [run("quick tests, and flights beside them", *GIVING_WAY, *PYTEST, *TWO_AT_A_TIME, "-m", "not e2e")]
-        codes.append(flights.wait())
-        print("== flights", Path(said.name).read_text(), sep="\n", flush=True)
-    together = ["-m", "e2e and not flight and not alone", *TWO_AT_A_TIME, "--dist", "loadfile", *marked("e2e")]
-    for title, arguments in (("end to end", together), ("one after another", ["-m", "alone", *marked("alone")])):
-        if not interrupts:
-            codes.append(run(title, *PYTEST, *arguments))
+    print("== compiled kernels", flush=True)
+    subprocess.run([sys.executable, "-c", WARM_UP], cwd=ROOT, check=False)
+    quick = Part("quick tests", (*TWO_AT_A_TIME, "-m", "not e2e"), GIVING_WAY)
+    flights = Part("flights", ("-m", "flight", *marked("flight")), FIRST)
+    others = "e2e and not flight and not alone"
+    together = Part("end to end", ("-m", others, *TWO_AT_A_TIME, "--dist", "loadfile", *marked("e2e")))
+    moments = Part("one after another", ("-m", "alone and not socketcan", *marked("alone")))
+    kernel = Part("user-mode kernel", ("-m", "socketcan", *marked("socketcan")), FIRST)
+    codes = side_by_side([quick], [flights, together], interrupts)
+    codes += side_by_side([moments], [kernel], interrupts)
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 
 

@@ -1,13 +1,15 @@
-"""The flights that several end-to-end tests look at: flown once."""
+"""The flights that several end-to-end tests look at: flown once; and the hearts that tell what the machine took."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from fti.hil import scenario as scenarios
 from tests.e2e.flights import Flight, fly, fly_faster
+from tests.e2e.heartbeat import Heartbeats
 
 #: Flown in real time past real processes: what only ports show, and once nothing but an approach.  Seconds of each that
 #: the assertions need.
@@ -48,3 +50,11 @@ def flights(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Confi
             return {**{name: job.result() for name, job in jobs.items()}, **others.result()}
         finally:
             pool.shutdown(cancel_futures=True)  # after an interrupt no other takes off
+
+
+@pytest.fixture
+def heartbeats() -> Iterator[Heartbeats]:
+    """A heart on each core, while a test goes on."""
+    hearts = Heartbeats()
+    yield hearts
+    hearts.stop()

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from fti.cli.main import main
 from fti.hil import scenario as scenarios
 from tests.e2e.conftest import ELSEWHERE, flown
 from tests.e2e.flights import fly_faster
-from tests.e2e.harness import fti
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
 
@@ -38,11 +38,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize(("name", "duration_s"), durations.items(), ids=list(durations))
 
 
-def test_the_daemon_said_what_the_scenario_expects(name: str, duration_s: float | None, tmp_path: Path) -> None:
+def test_the_daemon_said_what_the_scenario_expects(
+    name: str, duration_s: float | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     flight = fly_faster(name, tmp_path, duration_s)
-    done = fti("score", name, str(flight.session), timeout=600)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "holds: " in done.stdout
+    code, said = main(["score", name, str(flight.session)]), capsys.readouterr()
+    assert code == 0, said.out + said.err
+    assert "holds: " in said.out
 
 
 def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:

@@ -20,6 +20,7 @@ from fti.logger.reading.recording import Recording
 from fti.types import RawFrame
 from tests.e2e.feeder import Feeder
 from tests.e2e.harness import END_S, Daemon, daemon, fti
+from tests.e2e.heartbeat import Heartbeats
 from tests.e2e.killing import Frames, read_as_it_lies, read_finished
 from tests.helpers import until
 from tests.processes import children_of, command_of
@@ -108,7 +109,9 @@ def test_nothing_downstream_touches_the_recording(tmp_path: Path, harm: Callable
         _assert_complete(session, feeder)
 
 
-def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_path: Path) -> None:
+def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(
+    tmp_path: Path, heartbeats: Heartbeats
+) -> None:
     with Feeder(tmp_path / "links") as feeder:
         with daemon(feeder.config, tmp_path / "out", "--links", str(feeder.links)) as running:
             session = running.session
@@ -123,7 +126,8 @@ def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(tmp_pat
             until(lambda: len(feeder.sent) > fed + 100, what="more frames")
             feeder.stop()
             running.stop()
-        assert killed - last < KILL_TOLERANCE_NS
+        heartbeats.stop()
+        assert killed - last - heartbeats.paused_ns(last - epoch, killed - epoch) < KILL_TOLERANCE_NS
         _assert_readable(session)
         first, second = (_frames_of(session, n) for n in ("000", "001"))
         assert first[-1].seq < second[0].seq
@@ -172,9 +176,9 @@ def _last_time(path: Path) -> int:
     return last
 
 
-def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path, scale: int) -> None:
+def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path, scale: int, heartbeats: Heartbeats) -> None:
     """Again and again in one directory, each time at another moment; nothing that was whole in a file is lost."""
-    chance, cut = Random(SEED), list[tuple[Path, Frames]]()
+    chance, cut, lost = Random(SEED), list[tuple[Path, Frames]](), list[tuple[int, int]]()
     for turn in range(scale):
         with Feeder(tmp_path / f"links{turn}") as feeder:
             with _power(feeder, tmp_path) as running:
@@ -185,8 +189,10 @@ def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path, scale: int) -> 
                 running.kill_all()
             feeder.stop()
         raw = session / f"{session.name}_000.mcap"
-        assert killed - _last_time(raw) < KILL_TOLERANCE_NS
+        lost.append((_last_time(raw) - epoch, killed - epoch))
         cut.append((raw, read_as_it_lies(raw)))
+    heartbeats.stop()
+    assert max(end - begin - heartbeats.paused_ns(begin, end) for begin, end in lost) < KILL_TOLERANCE_NS
     with Feeder(tmp_path / "links") as feeder, _power(feeder, tmp_path, "--duration", "1") as running:
         running.wait()
     assert any("closed" in line and str(cut[-1][0].parent) in line for line in running.lines)

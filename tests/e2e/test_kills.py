@@ -8,7 +8,7 @@ added to that.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from operator import attrgetter
 from pathlib import Path
 from random import Random
@@ -25,13 +25,6 @@ SEED = 20261121
 LOST_NS = 50_000_000
 MEDIAN_NS = 20_000_000
 ENOUGH_FOR_A_MEDIAN = 50
-
-
-@pytest.fixture
-def heartbeats() -> Iterator[Heartbeats]:
-    hearts = Heartbeats()
-    yield hearts
-    hearts.stop()
 
 
 def _at_any_time(rig: Rig) -> None:
