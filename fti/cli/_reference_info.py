@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fti.hil.references.theory import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import Detection, Reference
 
@@ -25,6 +26,9 @@ def summary(reference: Reference) -> list[str]:
         f"window       {profile.window_m} m, correlation length {profile.correlation_m} m",
         f"limits       T1 {limits.t1}  T2 {limits.t2}  T3 {limits.t3}  T4 {limits.t4}  "
         f"(Pfa {limits.pfa}, Pmd {limits.pmd}, {limits.runs} approaches)",
+        "by theory    "
+        + "  ".join(f"T{k} {limit:.3f}" for k, limit in enumerate(theoretical_limits(reference), 1))
+        + "  (independent normal residuals; for a check)",
         f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
         *_beside(header.detection),
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",

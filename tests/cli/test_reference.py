@@ -39,6 +39,13 @@ def test_info_draws_the_path_above_the_terrain(capsys: pytest.CaptureFixture[str
         assert drawn.endswith("#")
 
 
+def test_info_has_limits_by_theory_beside_the_calibrated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reference", "info", DEMO]) == 0
+    lines = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert "T1 21.555  T2 12.014  T3 4.333  T4 4.523" in lines["limits"]
+    assert "T2 14.4" in lines["by theory"]
+
+
 def test_info_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reference", "info", DEMO, "--json"]) == 0
     table = json.loads(capsys.readouterr().out)
