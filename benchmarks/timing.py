@@ -5,7 +5,8 @@
 replay  : a recording of serial line, UDP, slcan adapter and CAN over UDP at 2100 messages a second, ``fti replay`` at
           1x: what was recorded of it must be the same by hash, and p99 of the lateness at most 2 ms
 player  : python-can's player (``can.MessageSync``) with the frames of its slcan adapter, a second time right after;
-          its lateness and ours on that adapter are both taken when the frame is handed to the port
+          its lateness and ours on that adapter are both taken when the frame is handed to the port, and it comes
+          before other processes as we do
 devices : 23 devices at the rates of table 6.1 and at four times those, ``fti hil``: each rate is held, nothing lost
 
 "all" is every message.  Judged are those that were not due while the machine itself stood still
@@ -45,6 +46,7 @@ from benchmarks.parts.standstill import Standstill
 from fti import config as configuration
 from fti.canframe import pack_can
 from fti.config import Link
+from fti.hil.looping import before_others
 from fti.links.can import unpack_message
 from fti.logger.proof.hashes import link_hashes
 from fti.logger.raw_log import RawLog, RawTopic
@@ -112,8 +114,9 @@ def replay(folder: Path, seconds: float, verdict: Verdict) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Late:
-    """How late messages were [s], who sent them, and which were due while the machine stood still."""
+    """When messages were due and how late they were [s], who sent them, and which fell into a standstill."""
 
+    due: NDArray[np.float64]
     late: NDArray[np.float64]
     sender: NDArray[np.str_]
     excused: NDArray[np.bool_]
@@ -121,7 +124,12 @@ class Late:
     def of(self, sender: str) -> Late:
         """Those of one sender."""
         mine = self.sender == sender
-        return Late(self.late[mine], self.sender[mine], self.excused[mine])
+        return Late(self.due[mine], self.late[mine], self.sender[mine], self.excused[mine])
+
+    @property
+    def sent(self) -> NDArray[np.float64]:
+        """When they left [s]."""
+        return self.due + self.late
 
     @property
     def judged(self) -> float:
@@ -161,7 +169,8 @@ def play(folder: Path, arguments: Sequence[object], links: Sequence[Link]) -> tu
             time.sleep(0.1)
     rig.close()
     with np.load(log) as found:
-        late = Late(found["late"], found["names"][found["sender"]], standstill.excuses(found["due"]))
+        due = found["due"]
+        late = Late(due, found["late"], found["names"][found["sender"]], standstill.excuses(due))
     return json.loads(report.read_text()), rig.session.path, late
 
 
@@ -195,7 +204,8 @@ def player(original: Path, ours: Late) -> None:
     tty.setraw(slave)
     reading = threading.Thread(target=drain, args=(master,), daemon=True)
     reading.start()
-    with Standstill() as standstill, can.Bus(os.ttyname(slave), "slcan", bitrate=500_000, sleep_after_open=0.1) as bus:
+    bus = can.Bus(os.ttyname(slave), "slcan", bitrate=500_000, sleep_after_open=0.1)
+    with Standstill() as standstill, bus, before_others():
         for message in can.MessageSync(messages):
             now = time.monotonic()
             begin = now if not late else begin
@@ -203,7 +213,7 @@ def player(original: Path, ours: Late) -> None:
             bus.send(message)
     os.close(slave)
     due = begin + np.array([message.timestamp - messages[0].timestamp for message in messages])
-    theirs = Late(np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.excuses(due))
+    theirs = Late(due, np.maximum(late, 0.0), np.full(len(late), "adapter"), standstill.excuses(due))
     show("python-can's player, adapter", theirs)
     print(f"  fti replay's p99 on that adapter is {ours.p99_ms / theirs.p99_ms:.2f} of the player's")
 
@@ -234,12 +244,26 @@ def fly(folder: Path, seconds: float, factor: float, verdict: Verdict) -> None:
     for name in missed:
         half_ms = 0.5e3 / found[name]["asked_hz"]
         print(f"  {name}: p99 of its lateness is {p99[name]:.2f} ms, half a period is {half_ms:.2f} ms")
+    seen(late, {name: device["asked_hz"] for name, device in found.items()})
     sent = sum(link["bytes"] for link in report["links"].values())
     recorded = link_hashes(Recording.open(session))
     verdict.judge(f"rates held: {len(DEVICES) - len(missed)} of {len(DEVICES)}", not missed)
     dropped = sum(link["dropped_messages"] for link in report["links"].values())
     lost = sum(report["links"][name]["bytes"] - recorded[name].bytes for name in found if kind_of(name) != "can")
     verdict.judge(f"{sent} bytes sent, {dropped} messages dropped, {lost} bytes not recorded", dropped == lost == 0)
+
+
+def seen(late: Late, asked_hz: dict[str, float]) -> None:
+    """What stands at the other ends sees: messages in each second, and the longest gap, of the worst device each."""
+    sent = {name: late.of(name).sent for name in asked_hz}
+    seconds = {name: np.histogram(t, np.arange(t[0], t[-1], 1.0))[0] for name, t in sent.items()}
+    fewest = min(asked_hz, key=lambda name: seconds[name].min() / asked_hz[name])
+    longest = max(asked_hz, key=lambda name: np.diff(sent[name]).max() * asked_hz[name])
+    print(
+        f"  seen at the other ends: {seconds[fewest].min()} messages in the worst second of {fewest} "
+        f"({asked_hz[fewest]:g} asked for); longest gap {1e3 * np.diff(sent[longest]).max():.1f} ms, {longest} "
+        f"(period {1e3 / asked_hz[longest]:.1f} ms)"
+    )
 
 
 def kind_of(device: str) -> str:
