@@ -6,17 +6,23 @@ import dataclasses
 import math
 from collections.abc import Iterable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fti.config import Device
 from fti.geodesy.rotations import mat_from_rpy
-from fti.types import MagneticField, Measurement
+from fti.types import ImuSample, MagneticField, Measurement
+
+Vector = tuple[float, float, float]
 
 
 class Mountings:
     """How the devices are mounted: ``rpy_bs_deg``.
 
-        field_b = mat_bs field_s
+        v_b = mat_bs v_s,      a magnetic field, a specific force, a turn rate
 
-    A range stays as it is: it has a direction of its own, see ``fti.nav.altimetry.compensation``.
+    A range stays as it is: it has a direction of its own, see ``fti.nav.altimetry.compensation``.  So does an attitude:
+    who knows one has been told how he lies.
     """
 
     def __init__(self, devices: Iterable[Device]) -> None:
@@ -28,7 +34,15 @@ class Mountings:
 
     def turn(self, device: str, m: Measurement) -> Measurement:
         """The measurement in the body frame; the same one where the case is aligned with the aircraft."""
-        if device not in self._mats or not isinstance(m, MagneticField):
-            return m
-        forward, right, down = (self._mats[device] @ m.field_b).tolist()
-        return dataclasses.replace(m, field_b=(forward, right, down))
+        mat = self._mats.get(device)
+        if mat is not None and isinstance(m, MagneticField):
+            return dataclasses.replace(m, field_b=_turned(mat, m.field_b))
+        if mat is not None and isinstance(m, ImuSample):
+            accel, gyro = (None if v is None else _turned(mat, v) for v in (m.accel_b, m.gyro_b))
+            return dataclasses.replace(m, accel_b=accel, gyro_b=gyro)
+        return m
+
+
+def _turned(mat_bs: NDArray[np.float64], v_s: Vector) -> Vector:
+    forward, right, down = (mat_bs @ v_s).tolist()
+    return forward, right, down

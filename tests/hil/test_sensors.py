@@ -21,6 +21,7 @@ from fti.hil.sensors.errors import slow
 from fti.hil.sensors.inertial import specific_force_b
 from fti.hil.tables.kinds import OffTrack
 from fti.hil.world import World
+from fti.nav.mounted import Mountings
 from fti.service.binding import BoundDevice
 from fti.types import (
     Airspeed,
@@ -255,6 +256,19 @@ def test_air_data_fits_together() -> None:
     assert impact.q_c == pytest.approx(0.5 * pressure.p_static / (287.05 * 284.0) * state.tas[0] ** 2, rel=0.03)
     assert speed.cas is not None
     assert 0.9 * state.tas[0] < speed.cas < state.tas[0]
+
+
+@pytest.mark.parametrize("driver", ["imar_ixcom", "mavlink"])
+def test_a_case_that_lies_on_its_side_feels_so_and_the_daemon_turns_it_back(driver: str) -> None:
+    side = (90.0, 0.0, 20.0)
+    aligned, turned = (all_of(sensor(driver, rpy_bs_deg=rpy), ImuSample)[:50] for rpy in ((0.0, 0.0, 0.0), side))
+    back = Mountings([Device(name="device", link="line", driver=driver, rpy_bs_deg=side)])
+    for straight, lying in zip(aligned, turned, strict=True):
+        found = back.turn("device", lying)
+        assert isinstance(found, ImuSample) and lying.accel_b and straight.accel_b
+        assert abs(lying.accel_b[1]) > 9.0  # gravity is on its right or left
+        assert found.accel_b == pytest.approx(straight.accel_b, abs=1e-12)
+        assert found.gyro_b == pytest.approx(straight.gyro_b, abs=1e-14)
 
 
 def test_inertial_samples_feel_gravity_in_every_model_that_has_them() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from fti.config import Device
 from fti.nav.mounted import Mountings
-from fti.types import Attitude, MagneticField, Measurement, Stamp
+from fti.types import Attitude, ImuSample, MagneticField, Measurement, Stamp
 
 FIELD = MagneticField(stamp=Stamp(1), field_b=(20e-6, 3e-6, 40e-6))
 
@@ -31,6 +31,16 @@ def test_a_field_is_turned_as_the_case_is_mounted(
     assert isinstance(found, MagneticField)
     assert found.field_b == pytest.approx(expected, abs=1e-18)
     assert found.stamp == FIELD.stamp
+
+
+def test_what_is_felt_is_turned_as_well_and_what_is_not_stays_unknown() -> None:
+    on_its_back = turn((180.0, 0.0, 0.0), ImuSample(stamp=Stamp(1), accel_b=(0.5, 0.1, 9.8)))
+    assert isinstance(on_its_back, ImuSample)
+    assert on_its_back.accel_b == pytest.approx((0.5, -0.1, -9.8), abs=1e-14)
+    assert on_its_back.gyro_b is None
+    across = turn((0.0, 0.0, 90.0), ImuSample(stamp=Stamp(1), gyro_b=(0.01, 0.02, 0.03)))
+    assert isinstance(across, ImuSample)
+    assert across.gyro_b == pytest.approx((-0.02, 0.01, 0.03), abs=1e-16)
 
 
 def test_what_is_aligned_or_no_field_or_anothers_stays_as_it_is() -> None:

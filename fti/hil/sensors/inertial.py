@@ -30,7 +30,7 @@ from fti.hil.sensors.inertial_solution import (
 )
 from fti.hil.sensors.quick import new_attitude, new_position, new_sample, new_velocity
 from fti.hil.sensors.settings import settings_of
-from fti.hil.world import World
+from fti.hil.world import World, mounting
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Position, Stamp, TimeScale
 
@@ -82,7 +82,7 @@ class InertialNavigation:
         faults, doubts = GnssFaults(name, world.scenario.fault), doubts_of(settings.grade)
         told, (own,) = held(state, doubts, faults.offset_n(t), rng), rng.spawn(1)
         unit = _unit(settings.grade, world, t, own)
-        inertial = unit.force_b[:: unit.every], unit.rate_b[:: unit.every]
+        inertial = (felt_b[:: unit.every] @ mounting(bound.device) for felt_b in (unit.force_b, unit.rate_b))
         told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
         self._alone, self._undulation = told.alone.tolist(), world.undulation
         arm_vel_n = velocity_at(state, bound.device.lever_arm_b) - state.vel_n
