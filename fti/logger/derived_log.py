@@ -54,6 +54,12 @@ def snake_case(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
 
 
+@cache
+def _channel_of(device: str, kind: Any) -> tuple[str, Schema]:
+    """Topic and schema of the measurements of one kind of a device."""
+    return f"/{device}/{snake_case(kind.__name__)}", schemas.schema_of(kind)
+
+
 def output_topic(output: Output) -> str:
     """``/nav/<class>``, with the sensor behind it where there are several; the bus uses it too."""
     topic = f"/nav/{snake_case(type(output).__name__)}"
@@ -120,9 +126,9 @@ class DerivedLog(Log):
 
     def keep(self, device: str, measurement: Measurement) -> None:
         """``measurement`` for one that is wanted."""
-        topic = f"/{device}/{snake_case(type(measurement).__name__)}"
+        kind: Any = type(measurement)
+        topic, schema = _channel_of(device, kind)
         stamp = measurement.stamp
-        schema = schemas.schema_of(type(measurement))
         self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode_record(measurement))
 
     def output(self, output: Output | Event) -> None:
@@ -149,8 +155,9 @@ class DerivedLog(Log):
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._log.add_channel(topic, "json", schema)
-        self._log.write(channel, times[0], data, 0, times[1])
-        if self.pending_bytes >= PENDING_LIMIT:
+        writer = self._log.part.writer
+        writer.write(channel, times[0], data, 0, times[1])
+        if writer.pending_bytes >= PENDING_LIMIT:
             self.flush()
 
 

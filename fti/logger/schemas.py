@@ -64,15 +64,15 @@ def _plain(value: Any) -> Any:
 
 @cache
 def _values_of(cls: Any) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
-    """Names of the fields of a dataclass, and what takes their values out of one."""
-    names = _field_names(cls)
+    """Names of the fields of a dataclass, and what takes their values out of one.  TypeError for another class."""
+    if not dataclasses.is_dataclass(cls):
+        raise TypeError(f"{cls.__name__} has no form in JSON")
+    names = tuple(field.name for field in dataclasses.fields(cls))
     return names, operator.attrgetter(*names) if len(names) > 1 else lambda value: (getattr(value, names[0]),)
 
 
 def _table(value: Any) -> Json:
     """A dataclass within a record, as the encoder asks for it."""
-    if not dataclasses.is_dataclass(value):
-        raise TypeError(f"{type(value).__name__} has no form in JSON")
     cls: Any = type(value)
     names, values = _values_of(cls)
     return dict(zip(names, values(value), strict=True))

@@ -11,6 +11,8 @@ counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothin
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
@@ -71,6 +73,7 @@ class AidedNavigation:
         self._velocity_ns: dict[str, int] = {}
         self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
         self._carrier: str | None = None
+        self._told: FilterSolution | None = None  # until the filter takes anything
 
     def give_ground(self, ground: Ground | None) -> None:
         """Heights of altimeters above this ground aid from now on."""
@@ -93,6 +96,7 @@ class AidedNavigation:
         settings = self._settings
         if device not in self._fed_by and not isinstance(m, Attitude):
             return
+        self._told = None
         if isinstance(m, ImuSample) and device == settings.imu:
             self._take_imu(m, t_ns)
         elif isinstance(m, Attitude) and m.valid and m.roll is not None and m.pitch is not None:
@@ -164,6 +168,7 @@ class AidedNavigation:
         found = over_ground(height, self._ground, nav.position)
         if found is None or self._ground is None:
             return
+        self._told = None
         t_ns, known, sd = height.t_valid_ns, found.height_agl, found.height_sd
         self._used_ns[height.sensor], self._carrier = t_ns, height.sensor
         self._vertical.take_height(t_ns, known, sd, found.ground, found.ground_sd)
@@ -180,8 +185,10 @@ class AidedNavigation:
     # --------------------------------------------------------------------------------------------------- telling
 
     def solution(self, t_ns: int) -> FilterSolution:
-        """What the filter says."""
-        return self._navigator.output(t_ns)
+        """What the filter says; of one time it is asked several times, for place, attitude and output."""
+        if self._told is None or self._told.t_ns != t_ns:
+            self._told = self._navigator.output(t_ns)
+        return self._told
 
     def vertical_solution(self, t_ns: int) -> VerticalSolution:
         """What the vertical channel says."""
@@ -201,7 +208,7 @@ class AidedNavigation:
 
     def position(self, t_ns: int) -> PositionState | None:
         """Of the filter, for who has no other; None where it is not valid."""
-        told = self._navigator.output(t_ns)
+        told = self.solution(t_ns)
         if not told.valid or told.lat is None or told.lon is None:
             return None
         return PositionState(
@@ -211,7 +218,7 @@ class AidedNavigation:
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
         """Of the filter, for who has no other."""
-        told = self._navigator.output(t_ns)
+        told = self.solution(t_ns)
         if not told.valid or told.roll is None or told.pitch is None:
             return None
         return AttitudeState(told.roll, told.pitch, told.heading, told.tilt_sd, told.tilt_sd)
@@ -224,8 +231,17 @@ class AidedNavigation:
 
 def _conceivable(m: Measurement | PositionState) -> bool:
     """No number that no aircraft has: squares of the largest ones are no numbers any more."""
-    told = [value for name in BOUNDED if (value := getattr(m, name, None)) is not None]
-    return all(abs(value) <= LARGEST for value in told)
+    kind: Any = type(m)
+    for name in _bounded_of(kind):
+        value = getattr(m, name)
+        if value is not None and not abs(value) <= LARGEST:
+            return False
+    return True
+
+
+@cache
+def _bounded_of(kind: Any) -> tuple[str, ...]:
+    return tuple(name for name in BOUNDED if hasattr(kind, name))
 
 
 def _at_least_once(sd: float, drift: Drift) -> float:

@@ -90,12 +90,16 @@ class Source:
         self._velocity_sd = VELOCITY_SD_UNKNOWN if m.sd is None or not math.isfinite(m.sd) else m.sd
 
     def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
-        silent = all(value is None for _, value, _ in parts)
+        silent = not valid and all(value is None for _, value, _ in parts)
         for name, value, sd in parts:
-            if value is not None or (silent and not valid):
-                known = valid and value is not None and abs(value) <= self.LARGEST.get(name, sys.float_info.max)
-                told = sd is not None and math.isfinite(sd)
-                self._parts[name].push(t_ns, value if known else None, sd if told else None)
+            if value is not None:
+                known = valid and abs(value) <= self.LARGEST.get(name, sys.float_info.max)
+            elif silent:
+                known = False
+            else:
+                continue
+            told = sd is not None and math.isfinite(sd)
+            self._parts[name].push(t_ns, value if known else None, sd if told else None)
 
     # ---------------------------------------------------------------------------------------------------- joining
 

@@ -54,6 +54,7 @@ class DeviceTimes:
 
     def __init__(self, devices: Iterable[Device], window_s: int | None = WINDOW_S) -> None:
         self._devices = {device.name: device for device in devices}
+        self._latency_ns = {name: _latency_ns(device) for name, device in self._devices.items()}
         self._window = window_s
         self.clocks: dict[_Key, DeviceClock] = {}
         self._last: dict[_Key, tuple[int, int, int | None]] = {}
@@ -75,10 +76,10 @@ class DeviceTimes:
 
     def _both(self, device: Device, stamp: Stamp) -> tuple[Stamp, Stamp]:
         """The stamp by its arrival, and that by the clock of the device; the same one where there is none."""
+        by_clock = self._by_clock(device, stamp)
         told = stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale
-        by_clock, arrived = self._by_clock(device, stamp), Stamp(*told, stamp.t_rx_ns - _latency_ns(device))
-        known = by_clock is not None and device.use_device_time
-        return arrived, Stamp(*told, by_clock) if known else arrived
+        arrived = Stamp(*told, stamp.t_rx_ns - self._latency_ns[device.name])
+        return arrived, Stamp(*told, by_clock) if by_clock is not None and device.use_device_time else arrived
 
     def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
         """One message yields several measurements with the same stamp: it is taken once."""
