@@ -111,7 +111,7 @@ def _doubts(limits: Limits) -> Iterator[str]:
     most = most_by_chance(limits.verified_runs, limits.pfa)
     if limits.verified_alarms > most:
         yield (
-            f"{limits.verified_alarms} alarms on {limits.verified_runs} nominal approaches are more than a Pfa of "
+            f"an ALERT on {limits.verified_alarms} of {limits.verified_runs} nominal approaches is more than a Pfa of "
             f"{limits.pfa:g} has by chance ({most}): the limits are too low, made from too few approaches (--runs)"
         )
 

@@ -18,7 +18,10 @@ from tests.terrain.elevation_files import write_ground
 DEMO = str(ROOT / "configs" / "profiles" / "demo.csv")
 
 
-def test_make_writes_a_reference_that_info_shows(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_make_writes_a_reference_that_info_shows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fti.terrain.scenes.VEGETATION", (0.9, 1.1))  # each has its own map of ranges
     out = tmp_path / "new" / "x.csv"
     made = ["reference", "make", "--airfield", str(DEMO_AIRFIELD), "--terrain", "demo", "--out", str(out)]
     assert main([*made, "--runs", "20", "--draws", "5", "--beside-runs", "2", "--s-max", "1000", "--seed", "3"]) == 0
@@ -132,7 +135,7 @@ def test_limits_that_other_approaches_do_not_keep_are_remarked_upon() -> None:
     limits = Reference.parse(Path(DEMO).read_text(), DEMO).header.limits  # 2 alarms on 500 at 1 %
     assert list(_doubts(limits)) == []
     (said,) = _doubts(limits.model_copy(update={"verified_alarms": 10}))
-    assert "10 alarms on 500" in said
+    assert "an ALERT on 10 of 500" in said
     assert "(9)" in said
 
 
