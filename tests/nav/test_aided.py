@@ -209,6 +209,22 @@ def test_a_climb_that_is_old_says_nothing_of_now() -> None:
     assert last.vel_down == pytest.approx(0.0, abs=0.2)
 
 
+def test_the_filter_says_what_follows_from_all_that_it_took() -> None:
+    """Its answer is kept for those who ask for the same time, until it takes anything."""
+    settings = config().nav.filter
+    assert settings is not None
+    aided, changed = AidedNavigation(settings, {device.name: device for device in config().device}), 0
+    for k in range(400):
+        t_ns = T0 + k * 10 * MS
+        for device, m in measurements(k, gnss=True):
+            before = aided.solution(t_ns)
+            aided.feed(device, m, t_ns)
+            assert aided.solution(t_ns) == aided._navigator.output(t_ns)
+            assert aided.solution(t_ns) is aided.solution(t_ns)
+            changed += before != aided.solution(t_ns)
+    assert changed > 20
+
+
 def test_a_filter_without_gnss_waits_and_says_for_what() -> None:
     out = fly(Pipeline(config(), None), 0, 30, gnss=False)
     last = [o for o in out if isinstance(o, FilterSolution)][-1]
