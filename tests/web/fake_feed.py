@@ -71,7 +71,8 @@ class Approach:
 
     def _height(self, sensor: str, agl: float, sd: float, common: dict[str, Any]) -> HeightAboveGround:
         height = agl + self._random.gauss(0.0, sd / 3)
-        return HeightAboveGround(sensor=sensor, raw=height * 1.004 + 0.3, height_agl=height, sd=sd, **common)
+        ground: dict[str, Any] = {"compensated": height, "compensated_sd": sd, "predicted": height * 1.004 + 1.2}
+        return HeightAboveGround(sensor=sensor, raw=height * 1.004 + 0.3, height_agl=height, sd=sd, **ground, **common)
 
     def _laser(self, agl: float, roll: float, common: dict[str, Any]) -> HeightAboveGround:
         if agl > 300.0:

@@ -93,7 +93,7 @@ async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: 
 
 #: Numbers that reach beyond their panel, and panels that hide a part of what is in them.
 CUT_OFF = """[
-    ...[...document.querySelectorAll('b, dd, td.number')].filter((e) =>
+    ...[...document.querySelectorAll('b, dd, td.number, span.ground')].filter((e) =>
         e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
     ...[...document.querySelectorAll('.panel')].filter((e) => e.scrollHeight > e.clientHeight),
 ].map((e) => e.id || e.textContent)"""
@@ -108,7 +108,7 @@ async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stay
     assert await page.text("fallback-fix-verdict") == "no DME ranges, geometry gives no position"
     by_radio = {"position_source": "radio", "altitude_source": "radio", "horizontal_sd": 222.0}
     daemon.solution = {**by_radio, "valid": False, "reasons": ["no_velocity"], "vel_north": None, "vel_down": None}
-    await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'position radio, attitude ins'")
+    await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'pos radio · att ins'")
     assert await page.text("attitude-verdict") == "no velocity"
     assert await page.text("attitude-lat-sd") == "± 222 m"
     assert await page.text("attitude-speed") == "–"

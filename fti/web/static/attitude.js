@@ -26,6 +26,7 @@ export class Attitude {
     this.fallbacks = new Fallbacks();
     const cells = Object.values(this.cells);
     this.values = cells.map((cell) => cell.value);
+    setAttribute(this.cells.alt.root, "title", "above the ellipsoid WGS84, and one sigma");
     root.append(heading, this.verdict, this.horizon.root, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
   }
 
@@ -38,6 +39,7 @@ export class Attitude {
     setText(this.cells.alt.sd, plusMinus(output?.vertical_sd, 1));
     for (const name of ["lat", "lon"]) setText(this.cells[name].sd, metres(output?.horizontal_sd));
     setText(this.sources, sourcesOf(output ?? {}));
+    setAttribute(this.sources, "title", this.sources.textContent);
     setClass(this.sources, "no-device", NO_DEVICE.some((name) => [output?.position_source, output?.attitude_source, output?.altitude_source].includes(name)));
     this.fallbacks.show(outputs);
   }
@@ -48,8 +50,8 @@ const metres = (sd) => (isNumber(sd) ? `± ${sd.toFixed(sd < 10 ? 1 : 0)} m` : "
 // One name where all is from one, else who gives what.
 function sourcesOf({ attitude_source: attitude, position_source: position, altitude_source: altitude }) {
   if (position && attitude === position && (altitude ?? position) === position) return position;
-  const parts = [["position", position], ["altitude", altitude === position ? null : altitude], ["attitude", attitude]];
-  return parts.filter(([, name]) => name).map(([what, name]) => `${what} ${name}`).join(", ");
+  const parts = [["pos", position], ["alt", altitude === position ? null : altitude], ["att", attitude]];
+  return parts.filter(([, name]) => name).map(([what, name]) => `${what} ${name}`).join(" · ");
 }
 
 const CELLS = [
@@ -58,7 +60,7 @@ const CELLS = [
   ["heading", "heading", "°"],
   ["speed", "ground speed", "kt"],
   ["climb", "vertical", "ft/min"],
-  ["alt", "alt, WGS84", "m"],
+  ["alt", "alt", "m"],
   ["lat", "latitude", ""],
   ["lon", "longitude", ""],
 ];

@@ -84,7 +84,8 @@ class Sensor {
       { class: "sensor", "data-testid": id },
       h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.verdict),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
-      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m"), this.ground),
+      h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
+      this.ground,
     );
   }
 
