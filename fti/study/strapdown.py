@@ -7,7 +7,8 @@ within 0.1 m on the level and 1 m in height through an hour of a calm track, and
 
 Source: Spiegel 2018, section 7.1, fig. 7.4.  The source's micrometre in an hour needs increments that are the exact
 inverse of the strapdown; samples of rate and force are what a sensor gives.  The limits of the calm track are those
-that increments of pyins reach.  ``fti study trajectory`` shows how recorded flights become splines.
+that increments of pyins reach; on samples it flies beside these in ``benchmarks/strapdown.py``.  ``fti study
+trajectory`` shows how recorded flights become splines.
 """
 
 from __future__ import annotations

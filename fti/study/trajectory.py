@@ -14,7 +14,7 @@ are drawn, anywhere between 60 deg south and north; the unit is the flight.
     turns    ten minutes of S-turns, sampled every 0.16 s, 0.08 s, 0.04 s and 0.02 s: the error falls by this factor or
              more each time the step is halved
 
-Not shown: the increments of pyins, which is not among what this project installs.
+Beside pyins, which is not among what this project installs: ``benchmarks/strapdown.py``.
 """
 
 from __future__ import annotations
