@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
-from fti.nav.altimetry.expected import HEADING_SD, Expectation, Expected
+from fti.nav.altimetry.expected import HEADING_SD, Expectation, Expected, warm_up
 from fti.nav.altimetry.nadir import ground_sd
 from fti.nav.altimetry.predicted import Prediction, Predictor
 from fti.nav.altimetry.variance import ErrorModel, height_variance_over, pose_cov, range_variance
@@ -20,6 +21,7 @@ from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
+from fti.ranging.radar.at_once import OnePose
 from fti.ranging.sensor import RangingSensor
 from fti.terrain.terrain import Terrain
 from fti.types import Reason
@@ -130,3 +132,22 @@ def test_why_the_ground_cannot_be_asked_is_said(ground: Ground) -> None:
         assert isinstance(told(level, lat, math.pi, 500.0), Reason)
     straight_up = told(AttitudeState(0.0, math.pi / 2, 1.0, None, None), LAT, LON, 500.0)
     assert isinstance(straight_up, Reason) or math.isfinite(straight_up.slant_range)
+
+
+def test_before_time_matters_a_beam_is_warmed_up_both_ways(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled for one pose; and as arrays, which have what is not ordinary: it must not be compiled in flight."""
+    seen: list[str] = []
+
+    def watch(owner: type, name: str) -> None:
+        real = getattr(owner, name)
+
+        def spy(self: Any, *args: Any) -> Any:
+            seen.append(name)
+            return real(self, *args)
+
+        monkeypatch.setattr(owner, name, spy)
+
+    watch(OnePose, "_judged")
+    watch(RadarAltimeter, "measure")
+    warm_up(device("radar", "beam"), ground)
+    assert seen == ["_judged", "measure"]

@@ -219,9 +219,11 @@ def _sigma(told: float | None, otherwise: float) -> float:
 
 
 def warm_up(device: Device, ground: Ground) -> None:
-    """Compile what a prediction needs, or load it from the cache: one pose above the middle of the ground."""
-    frame = ground.terrain.frame
-    above = float(np.nan_to_num(ground.terrain.height(frame.lat0, frame.lon0))) + 100.0
-    position = PositionState(frame.lat0, frame.lon0, above, None, None, 0.0, 0.0, 0.0, 0)
-    nav = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None)
-    Expectation(device, ground).at(nav, None)
+    """Compile what a prediction needs, or load it from the cache: one pose above the middle of the ground, and one
+    below it, where a beam is no ordinary one.
+    """
+    frame, expectation = ground.terrain.frame, Expectation(device, ground)
+    up = float(np.nan_to_num(ground.terrain.height(frame.lat0, frame.lon0)))
+    for alt in (up + 100.0, up - 100.0):
+        position = PositionState(frame.lat0, frame.lon0, alt, None, None, 0.0, 0.0, 0.0, 0)
+        expectation.at(NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), position, None, None), None)
