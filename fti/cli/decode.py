@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     import sys
 
     from fti.errors import ConfigError, FtiError
-    from fti.logger.schemas import encode
+    from fti.logger.encoding import encode
 
     if args.chunk < 1:
         raise ConfigError(f"--chunk = {args.chunk}: must be 1 or more")

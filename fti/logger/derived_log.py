@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
+from fti.logger.encoding import encode
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
 from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
@@ -52,12 +53,6 @@ KEPT = (Ack, Calibration)
 def snake_case(name: str) -> str:
     """``HeightAboveGround`` -> ``height_above_ground``."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-
-
-@cache
-def _channel_of(device: str, kind: Any) -> tuple[str, Schema]:
-    """Topic and schema of the measurements of one kind of a device."""
-    return f"/{device}/{snake_case(kind.__name__)}", schemas.schema_of(kind)
 
 
 def output_topic(output: Output) -> str:
@@ -112,6 +107,7 @@ class DerivedLog(Log):
         )
         self._decimator = Decimator(decimate_hz)
         self._channels: dict[str, int] = {}
+        self._channels_of: dict[tuple[str, type], int] = {}
 
     def measurement(self, device: str, measurement: Measurement) -> None:
         """A measurement on ``/<device>/<class>``: log time is its arrival, publish time when it was true."""
@@ -126,22 +122,25 @@ class DerivedLog(Log):
 
     def keep(self, device: str, measurement: Measurement) -> None:
         """``measurement`` for one that is wanted."""
-        kind: Any = type(measurement)
-        topic, schema = _channel_of(device, kind)
+        kind = type(measurement)
+        channel = self._channels_of.get((device, kind))
+        if channel is None:
+            channel = self._channel(f"/{device}/{snake_case(kind.__name__)}", schemas.schema_of(kind))
+            self._channels_of[device, kind] = channel
         stamp = measurement.stamp
-        self._write(topic, schema, (stamp.t_rx_ns, stamp.t_valid_ns), schemas.encode_record(measurement))
+        self._write(channel, (stamp.t_rx_ns, stamp.t_valid_ns), encode(measurement))
 
     def output(self, output: Output | Event) -> None:
         """An output on ``/nav/<class>``, an event on ``/fti/event``: log time is its time."""
         if isinstance(output, Event):
-            data = schemas.encode_note(EVENT_TOPIC, output)
-            self._write(EVENT_TOPIC, schemas.note_schema(EVENT_TOPIC), (output.t_ns, None), data)
+            channel = self._channel(EVENT_TOPIC, schemas.note_schema(EVENT_TOPIC))
+            self._write(channel, (output.t_ns, None), schemas.encode_note(EVENT_TOPIC, output))
             return
-        topic = output_topic(output)
+        channel = self._channel(output_topic(output), schemas.schema_of(type(output)))
         times = output.t_ns, output.t_valid_ns
-        self._write(topic, schemas.schema_of(type(output)), times, schemas.encode_record(output))
+        self._write(channel, times, encode(output))
         if isinstance(output, NavSolution) and (fix := foxglove.location(output)):
-            self._write(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix"), times, schemas.encode(fix))
+            self._write(self._channel(LOCATION_TOPIC, schemas.foxglove_schema("LocationFix")), times, encode(fix))
 
     def gap(self, t_ns: int, what: str | Mapping[str, Any]) -> None:
         """What navigation did not get to see, or that it was restarted."""
@@ -149,12 +148,15 @@ class DerivedLog(Log):
 
     def note(self, topic: str, t_ns: int, content: Mapping[str, Any]) -> None:
         """A note on ``/fti/gap`` or ``/fti/device_clock``.  Raises ValueError for a topic that has no schema."""
-        self._write(topic, schemas.note_schema(topic), (t_ns, None), schemas.encode(content))
+        self._write(self._channel(topic, schemas.note_schema(topic)), (t_ns, None), encode(content))
 
-    def _write(self, topic: str, schema: Schema, times: tuple[int, int | None], data: bytes) -> None:
+    def _channel(self, topic: str, schema: Schema) -> int:
         channel = self._channels.get(topic)
         if channel is None:
             channel = self._channels[topic] = self._log.add_channel(topic, "json", schema)
+        return channel
+
+    def _write(self, channel: int, times: tuple[int, int | None], data: bytes) -> None:
         writer = self._log.part.writer
         writer.write(channel, times[0], data, 0, times[1])
         if writer.pending_bytes >= PENDING_LIMIT:

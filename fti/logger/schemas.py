@@ -1,6 +1,4 @@
-"""Measurements, outputs and notes as JSON, and the JSON schemas that stand in the file beside them.
-
-Encoding: compact, fields in the order of the class, NaN and infinity are null, enums their values, tuples arrays.
+"""The JSON schemas that stand in the file beside measurements, outputs and notes; these as ``encoding`` writes them.
 
 A viewer (Foxglove) wants one plain ``type`` per field, a validator must allow null.  The schemas are draft 7, where a
 validator takes ``$ref`` and ignores what stands beside it, and a viewer does the opposite: a field that may be null
@@ -11,18 +9,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
-import operator
 import types
 import typing
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 from typing import Any
 
 from fti.logger import foxglove
-from fti.types import Event, Measurement, Output
+from fti.logger.encoding import encode
+from fti.types import Event
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -36,72 +32,6 @@ class Schema:
     name: str
     encoding: str
     data: bytes
-
-
-# ---------------------------------------------------------------------------------------------------------- values
-
-
-@cache
-def _field_names(cls: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(cls))
-
-
-def _plain(value: Any) -> Any:
-    """A value of plain JSON types."""
-    if value is None or isinstance(value, str | int):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, Sequence):
-        return [_plain(item) for item in value]
-    if dataclasses.is_dataclass(value):
-        cls: Any = type(value)
-        return {name: _plain(getattr(value, name)) for name in _field_names(cls)}
-    raise TypeError(f"{type(value).__name__} has no form in JSON")
-
-
-@cache
-def _values_of(cls: Any) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
-    """Names of the fields of a dataclass, and what takes their values out of one.  TypeError for another class."""
-    if not dataclasses.is_dataclass(cls):
-        raise TypeError(f"{cls.__name__} has no form in JSON")
-    names = tuple(field.name for field in dataclasses.fields(cls))
-    return names, operator.attrgetter(*names) if len(names) > 1 else lambda value: (getattr(value, names[0]),)
-
-
-def _table(value: Any) -> Json:
-    """A dataclass within a record, as the encoder asks for it."""
-    cls: Any = type(value)
-    names, values = _values_of(cls)
-    return dict(zip(names, values(value), strict=True))
-
-
-_ENCODER = json.JSONEncoder(
-    separators=(",", ":"), ensure_ascii=False, allow_nan=False, check_circular=False, default=_table
-)
-
-
-def encode(obj: Any) -> bytes:
-    """A dataclass or table as JSON.  Raises TypeError for what JSON cannot say.
-
-    What is no character (a stray byte of a command line) becomes a question mark.
-    """
-    return _ENCODER.encode(_plain(obj)).encode(errors="replace")
-
-
-def encode_record(record: Measurement | Output) -> bytes:
-    """The same of a message of ``fti.types``: their values are of plain types, so a number that is none is the only
-    one to be replaced, and that is found by failing.
-    """
-    try:
-        return _ENCODER.encode(_table(record)).encode(errors="replace")
-    except ValueError:
-        return encode(record)
-
-
-# --------------------------------------------------------------------------------------------------------- schemas
 
 
 _SCHEMAS: dict[type, Schema] = {}
@@ -122,9 +52,9 @@ def schema_of(cls: type) -> Schema:
     return _SCHEMAS[cls]
 
 
-def _object_schema(cls: type, definitions: Json) -> Json:
+def _object_schema(cls: Any, definitions: Json) -> Json:
     hints = typing.get_type_hints(cls)
-    names = _field_names(cls)
+    names = [field.name for field in dataclasses.fields(cls)]
     properties = {name: _field_schema(hints[name], definitions) for name in names}
     return {"type": "object", "properties": properties, "required": list(names)}
 

@@ -101,11 +101,15 @@ class Chain:
 
     def _navigate(self, device: str, found: list[Measurement], frame: RawFrame, products: Products) -> None:
         guard = _Telling("pipeline", frame, products)
-        for measurement in found:
-            with guard:
-                stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
-                products.measurements.append((device, stamped))
-                products.outputs += self._pipeline.feed(device, stamped)
+        waiting = iter(found)
+        done = False
+        while not done:
+            with guard:  # once for all of them; behind one that fails, once more for the rest
+                for measurement in waiting:
+                    stamped = self._times.stamp(device, self._mountings.turn(device, measurement))
+                    products.measurements.append((device, stamped))
+                    products.outputs += self._pipeline.feed(device, stamped)
+                done = True
 
     def clocks_of(self, device: str, t_ns: int) -> list[dict[str, Any]]:
         """What is known of the clocks of a device at a time, as ``/fti/device_clock`` has it."""

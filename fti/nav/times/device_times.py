@@ -6,9 +6,10 @@ Deterministic: it sees measurements in order of ``seq`` and nothing else.  Who s
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable
+import operator
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 from fti.config import Device
 from fti.nav.times.device_clock import ARRIVAL_SD_NS, WINDOW_S, ClockState, DeviceClock
@@ -31,22 +32,33 @@ def told_time(stamp: Stamp) -> tuple[TimeScale, int] | None:
 
 
 @cache
-def _slots_of(kind: Any) -> tuple[Callable[[Any, Stamp], None], tuple[tuple[Callable[..., Any], ...], ...]]:
-    """What sets the stamp of a measurement, and what gets and sets each of its other fields."""
-    slots = {field.name: vars(kind)[field.name] for field in dataclasses.fields(kind)}
-    put_stamp = slots.pop("stamp").__set__
-    return put_stamp, tuple((slot.__get__, slot.__set__) for slot in slots.values())
+def _twin_of(kind: Any) -> tuple[Callable[..., Any], Callable[[Any], Sequence[Any]]]:
+    """A class with the same slots that is not frozen, and what takes all values but the first out of the frozen one.
+
+    A frozen class sets each field by a call.
+    """
+    first, *others = [field.name for field in dataclasses.fields(kind)]
+    twin = dataclasses.make_dataclass(kind.__name__, [first, *others], slots=True, eq=False, repr=False)
+    if len(others) > 1:
+        return twin, operator.attrgetter(*others)
+    return twin, lambda made: [getattr(made, name) for name in others]
 
 
 def restamped(m: Measurement, stamp: Stamp) -> Measurement:
-    """The same measurement with another stamp: ``dataclasses.replace`` in a third of the time, by the slots."""
+    """The same measurement with another stamp: ``dataclasses.replace`` in a quarter of the time."""
     kind: Any = type(m)
-    made: Measurement = object.__new__(kind)
-    put_stamp, others = _slots_of(kind)
-    put_stamp(made, stamp)
-    for get, put in others:
-        put(made, get(m))
-    return made
+    twin, others = _twin_of(kind)
+    made = twin(stamp, *others(m))
+    made.__class__ = kind
+    return cast("Measurement", made)
+
+
+def dated(stamp: Stamp, t_valid_ns: int) -> Stamp:
+    """The same stamp with its time of validity."""
+    twin, _ = _twin_of(Stamp)
+    made = twin(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
+    made.__class__ = Stamp
+    return cast("Stamp", made)
 
 
 class DeviceTimes:
@@ -61,7 +73,7 @@ class DeviceTimes:
         self._second = 0
         self._stamp: Stamp | None = None
         self._device = ""
-        self._arrived = self._true = Stamp(0)
+        self._true = Stamp(0)
 
     def stamp(self, device: str, m: Measurement) -> Measurement:
         """The same measurement with ``t_valid_ns`` filled in: by the device's clock, or else by its arrival.
@@ -70,16 +82,18 @@ class DeviceTimes:
         """
         stamp = m.stamp
         if stamp is not self._stamp or device != self._device:  # the measurements of a message share theirs
-            self._stamp, self._device = stamp, device
-            self._arrived, self._true = self._both(self._devices[device], stamp)
-        return restamped(m, self._true if getattr(m, "valid", True) else self._arrived)
+            self._true = self._dated(self._devices[device], stamp)
+            self._stamp, self._device = stamp, device  # not before: what failed says nothing of the next one
+        if getattr(m, "valid", True):
+            return restamped(m, self._true)
+        return restamped(m, dated(stamp, stamp.t_rx_ns - self._latency_ns[device]))
 
-    def _both(self, device: Device, stamp: Stamp) -> tuple[Stamp, Stamp]:
-        """The stamp by its arrival, and that by the clock of the device; the same one where there is none."""
+    def _dated(self, device: Device, stamp: Stamp) -> Stamp:
+        """By the clock of the device; by its arrival where that is not known."""
         by_clock = self._by_clock(device, stamp)
-        told = stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale
-        arrived = Stamp(*told, stamp.t_rx_ns - self._latency_ns[device.name])
-        return arrived, Stamp(*told, by_clock) if by_clock is not None and device.use_device_time else arrived
+        if by_clock is None or not device.use_device_time:
+            return dated(stamp, stamp.t_rx_ns - self._latency_ns[device.name])
+        return dated(stamp, by_clock)
 
     def _by_clock(self, device: Device, stamp: Stamp) -> int | None:
         """One message yields several measurements with the same stamp: it is taken once."""

@@ -1,0 +1,165 @@
+"""Records as JSON: the bytes are those of ``json.dumps``, for whatever a record may hold."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from collections import OrderedDict, UserList
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from fti.logger.encoding import encode
+from fti.types import Attitude, Event, ImuSample, Measurement, Output, Satellite, Satellites, Stamp, TimeScale
+
+CLASSES: list[type] = [*typing.get_args(Measurement), *typing.get_args(Output), Event, Stamp]
+
+
+def plain(value: Any) -> Any:
+    """A value of plain JSON types, slowly: what is to be written."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def expected(value: Any) -> bytes:
+    text = json.dumps(plain(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return text.encode(errors="replace")
+
+
+class Level(IntEnum):
+    LOW = 3
+
+
+class Way(StrEnum):
+    ODD = 'a "quoted" \\ way'
+
+
+class Length(float):
+    """A number with a name of its own."""
+
+    def __repr__(self) -> str:
+        return f"{float(self):.1f} m"
+
+
+FLOATS = st.floats() | st.sampled_from([-0.0, 5e-324, 1e-5, 1e16, 1e22, 1.7976931348623157e308, math.nan, -math.inf])
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | FLOATS
+    | st.text(st.characters())
+    | st.sampled_from(["nan", "inf", "null", "%s", "%(a)s", "\udcff", "\u2028", '"', "\\", "\x00", "é", "\U0001f681"])
+    | st.sampled_from([Level.LOW, Way.ODD, TimeScale.GPS, Length(1.25), Length("nan")])
+    | FLOATS.map(np.float64)
+)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.lists(inner, max_size=4).map(tuple)
+        | st.dictionaries(st.text(max_size=4) | st.integers() | FLOATS | st.none(), inner, max_size=4)
+        | st.builds(Stamp, inner, inner, inner, inner)
+        | st.builds(lambda a, b: Satellite(system=a, number=b), inner, inner)
+    ),
+    max_leaves=12,
+)
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+@settings(max_examples=10)
+@given(data=st.data())
+def test_a_record_is_written_as_json_writes_it(cls: type, data: st.DataObject) -> None:
+    """Of the types that it declares."""
+    hints = typing.get_type_hints(cls)
+    record = data.draw(st.builds(cls, **{name: st.from_type(hint) for name, hint in hints.items()}))
+    assert encode(record) == expected(record)
+
+
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+@settings(max_examples=10)
+@given(data=st.data())
+def test_a_record_is_written_as_json_writes_it_whatever_it_holds(cls: type, data: st.DataObject) -> None:
+    """Of types that it does not declare: a driver may be wrong, and numpy's numbers are floats."""
+    record = data.draw(st.builds(cls, **dict.fromkeys(typing.get_type_hints(cls), VALUES)))
+    assert encode(record) == expected(record)
+
+
+@settings(max_examples=200)
+@example(math.nan)
+@example({})
+@example(())
+@example({"nan": math.nan, "a": ["nan", math.inf, (-math.inf,)]})
+@given(VALUES)
+def test_a_value_is_written_as_json_writes_it(value: object) -> None:
+    assert encode(value) == expected(value)
+
+
+def test_a_stamp_that_many_share_is_not_mixed_up_with_another() -> None:
+    stamps = [Stamp(1), Stamp(1), Stamp(2, 3, TimeScale.BOOT, 4)]
+    for stamp in [*stamps, *stamps[::-1], stamps[1]]:
+        for record in (Attitude(stamp=stamp, roll=0.5), ImuSample(stamp=stamp), stamp):
+            assert encode(record) == expected(record)
+
+
+def test_classes_of_one_field_and_of_none() -> None:
+    @dataclass
+    class One:
+        only: object
+
+    @dataclass
+    class Nothing:
+        pass
+
+    assert encode(One((1, None))) == b'{"only":[1,null]}'
+    assert encode([Nothing(), One(math.inf)]) == b'[{},{"only":null}]'
+
+
+def test_other_tables_and_sequences() -> None:
+    table = types.MappingProxyType({1: UserList([True, 2.5]), None: OrderedDict(a=range(3))})
+    assert encode(table) == b'{"1":[true,2.5],"None":{"a":[0,1,2]}}'
+
+
+def test_unknown_numbers_are_null() -> None:
+    nan, inf = float("nan"), float("inf")
+    sample = ImuSample(stamp=Stamp(5), accel_b=(nan, inf, -inf), gyro_b=None)
+    assert encode(sample) == (
+        b'{"stamp":{"t_rx_ns":5,"t_dev_ns":null,"time_scale":null,"t_valid_ns":null},'
+        b'"accel_b":[null,null,null],"gyro_b":null}'
+    )
+
+
+def test_numbers_keep_every_digit() -> None:
+    attitude = Attitude(stamp=Stamp(1_767_323_045_123_456_789), roll=0.1 + 0.2)
+    back = json.loads(encode(attitude))
+    assert back["roll"] == 0.1 + 0.2 and back["stamp"]["t_rx_ns"] == 1_767_323_045_123_456_789
+
+
+def test_nested_classes_enums_and_tables() -> None:
+    epoch = Satellites(stamp=Stamp(1, 2, TimeScale.UTC), satellites=(Satellite(system="gps", number=3),))
+    back = json.loads(encode({"a": epoch, "b": [1, True]}))
+    assert back["a"]["stamp"]["time_scale"] == "utc"
+    assert back["a"]["satellites"][0]["number"] == 3 and back["b"] == [1, True]
+
+
+@pytest.mark.parametrize("what", [object(), {1.0}, np.zeros(2), np.int64(1), np.float32(1.0), np.bool_(True), 1j])
+def test_what_json_cannot_say_is_refused(what: object) -> None:
+    @dataclass
+    class Odd:
+        value: object
+
+    for value in (what, Odd(what), [what], {"a": what}, Satellites(stamp=Stamp(1), used=what)):  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match=f"{type(what).__name__} has no form in JSON"):
+            encode(value)
