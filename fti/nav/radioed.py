@@ -44,15 +44,20 @@ class RadioPosition:
         if device != self._settings.receiver:
             return
         if isinstance(m, Satellites):
-            seen = [s for s in m.satellites if s.used and s.azimuth is not None and s.elevation is not None]
-            azimuth, elevation = np.array([s.azimuth for s in seen]), np.array([s.elevation for s in seen])
-            self._radio.take_satellites(t_ns, azimuth, elevation)
+            self._take_satellites(m, t_ns)
         elif isinstance(m, Position) and m.valid:
             self._take_position(m, t_ns)
         elif isinstance(m, Velocity) and m.valid:
             north, east = level_velocity(m)
             if north is not None and east is not None:
                 self._radio.take_velocity(t_ns, north, east, m.down or 0.0)
+
+    def _take_satellites(self, m: Satellites, t_ns: int) -> None:
+        """Many messages say how many satellites are used, or which, and not where: they take no sky away."""
+        known = [s for s in m.satellites if s.used is not None and s.azimuth is not None and s.elevation is not None]
+        if known:
+            used = np.array([(s.azimuth, s.elevation) for s in known if s.used], dtype=np.float64).reshape(-1, 2)
+            self._radio.take_satellites(t_ns, used[:, 0], used[:, 1])
 
     def _take_position(self, m: Position, t_ns: int) -> None:
         alt = ellipsoidal(m)

@@ -234,6 +234,19 @@ def test_satellites_in_one_plane_do_not_weigh() -> None:
     assert radio.at(T).valid
 
 
+def test_where_the_receiver_says_that_it_is_worse_than_its_satellites_it_is() -> None:
+    """A good sky says nothing of jamming, mirrored signals or dead reckoning: 3 m of it had counted for 30."""
+    radio = RadioNavigation({})
+    radio.take_satellites(T, AZIMUTH, ELEVATION)
+    radio.take_fix(T, HERE, 30.0, 50.0)
+    state = radio.at(T)
+    assert (state.horizontal_sd, state.vertical_sd) == pytest.approx((30.0, 50.0), rel=1e-6)
+    cov_n = fix_covariance(AZIMUTH, ELEVATION, 3.0)
+    assert cov_n is not None
+    radio.take_fix(T + 1, HERE, math.nan, 0.1)  # no sigma, and one that its satellites do not allow
+    assert radio.at(T + 1).vertical_sd == pytest.approx(math.sqrt(cov_n[2, 2]), rel=1e-3)
+
+
 def test_poles_and_the_date_line() -> None:
     for lat, lon in ((math.pi / 2, 0.0), (-math.pi / 2, 0.0), (0.4, math.pi), (0.4, -math.pi + 1e-9)):
         here = Station(lat, lon, 1500.0)
@@ -251,23 +264,21 @@ def test_poles_and_the_date_line() -> None:
         assert np.linalg.norm(ecef_from_geodetic(state.lat, state.lon, state.alt) - here_e) < 1.0
 
 
-NUMBER = st.floats(width=64) | st.floats(-1000.0, 1000.0)
-
-
 def test_satellites_of_long_ago_say_nothing_of_a_fix_of_now() -> None:
     """In a bank, or behind a mountain, others are used: the sigmas that the fix states count."""
     radio = RadioNavigation(STATIONS)
     radio.take_satellites(T, AZIMUTH, ELEVATION)
     found = []
     for age_s in (0, 9, 11, 3600):
-        radio.take_fix(T + age_s * S, HERE, 30.0, 50.0)
+        radio.take_fix(T + age_s * S, HERE, 0.3, 0.5)
         found.append(radio.at(T + age_s * S).vertical_sd)
-    assert found[0] == found[1] != pytest.approx(50.0, rel=0.1)
-    assert found[2:] == pytest.approx([50.0, 50.0], rel=1e-6)
+    assert found[0] == found[1] != pytest.approx(0.5, rel=0.1)
+    assert found[2:] == pytest.approx([0.5, 0.5], rel=1e-6)
     radio.take_fix(T + 3601 * S, HERE, None, None)  # without any it is none
     assert not radio.at(T + 3605 * S).valid
 
 
+NUMBER = st.floats(width=64) | st.floats(-1000.0, 1000.0)
 SIGMA = st.none() | NUMBER
 STEP_NS = st.integers(-3 * S, 3 * S) | st.integers(0, S // 5)
 

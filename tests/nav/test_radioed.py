@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from fti.nav.navigation import NavState
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround, Position, PositionFix, Stamp
+from fti.types import HeightAboveGround, Position, PositionFix, Satellite, Satellites, Stamp
 
 T0, LAT = 10**12, 0.8
 DEVICES = {"gnss": Device(name="gnss", link="l", driver="d", lever_arm_b=(1.0, 0.0, -1.5))}
@@ -62,3 +64,31 @@ def test_what_the_ground_makes_straight_down_of_a_range_counts() -> None:
     as_it_is = over_slope(1.0)
     assert compensated.alt is not None and as_it_is.alt is not None
     assert as_it_is.alt - compensated.alt == pytest.approx(4.0, abs=0.1)
+
+
+SKY = tuple(
+    Satellite(system="gps", number=n, azimuth=azimuth, elevation=elevation, used=True)
+    for n, (azimuth, elevation) in enumerate(((0.2, 1.2), (1.4, 0.35), (2.6, 0.7), (3.8, 0.26), (5.2, 0.6)))
+)
+
+
+def with_sky(*after: Satellites) -> float:
+    """Sigma of a height that is stated to 0.1 m, when the sky has been told, and then this."""
+    radio = RadioPosition(Radio(receiver="gnss"), DEVICES)
+    for m in (Satellites(stamp=Stamp(T0), satellites=SKY), *after):
+        radio.feed("gnss", m, T0)
+    radio.feed("gnss", dataclasses.replace(FIX, horizontal_sd=0.1, vertical_sd=0.1), T0)
+    found = radio.solution(T0).vertical_sd
+    assert found is not None
+    return found
+
+
+def test_a_message_without_directions_takes_no_sky_away() -> None:
+    """NAV-PVT and GGA say how many are used, GSA and PSRDOP which, SATVIS2 where all are: none says where those are."""
+    assert with_sky() > 2.0
+    which = tuple(Satellite(system="gps", number=n, used=True) for n in range(5))
+    where = tuple(dataclasses.replace(s, used=None) for s in SKY)
+    for told in ((), which, where):
+        assert with_sky(Satellites(stamp=Stamp(T0), satellites=told, used=5)) == with_sky()
+    none_used = tuple(dataclasses.replace(s, used=False) for s in SKY)
+    assert with_sky(Satellites(stamp=Stamp(T0), satellites=none_used)) == pytest.approx(0.1, rel=1e-6)

@@ -1,8 +1,9 @@
 """Position and height from what radio gives live: a receiver's fix with its satellites, DME ranges, a radio altimeter.
 
 The receiver's fix stands for its satellites: with the covariance sigma_G^2 (H_G^T H_G)^-1 of the satellites that it
-used it weighs as much as their pseudoranges would, of which no one tells the satellites' places.  A receiver with fewer
-than four satellites has no fix, and what it says of its sky counts for nothing here.
+used it weighs as much as their pseudoranges would, of which no one tells the satellites' places; but where the receiver
+itself says that it is worse (jammed, mirrored, without satellites for a while), it is no better than that.  A receiver
+with fewer than four satellites has no fix, and what it says of its sky counts for nothing here.
 
 Ranges of the last seconds are moved on with the velocity, and their sigma grows with what that does not know: a
 manoeuvre of ``MANOEUVRE`` since it was true, any flight at all when there is none.  The sigma of the height is
@@ -10,16 +11,16 @@ predicted with satellites and stations, and with the altimeter (over known groun
 smaller, its height becomes one more observation, else it is left out.  Without satellites it is nearly always taken:
 stations are on the ground, and ranges to them say little of the height.
 
-An observation whose test (what is left over its own sigma) is beyond ``TEST`` is refused, the worst first, as long as
-the others can tell which it is; where they cannot, the position is not valid.  With two stations there are two
-solutions, one on each side of the line through both: the one nearer to the last position is given, as long as that is
-not older than ``last_age_s`` and the other side is ``TEST`` sigmas away; else none.
+What disagrees is refused (``agreement``); where nobody can tell what is wrong, the position is not valid.  Of the two
+solutions of two stations the one nearer to the last position is given, as long as that is not older than
+``last_age_s`` and the other side is far away; else none.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,21 +29,16 @@ import numpy as np
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
 from fti.nav.radio.accuracy import AltitudeSource, altimeter_sd, choose
-from fti.nav.radio.least_squares import Altitude, Array, Observation, Place, Slant, Solution, covariance, solve
+from fti.nav.radio.agreement import FIX, UNAMBIGUOUS, has_a_twin, height_sd, solve_agreeing
+from fti.nav.radio.least_squares import Altitude, Array, Observation, Place, Slant, Solution
 from fti.nav.series import SECOND_NS
 from fti.types import Reason
 
-#: A test beyond this is a fault: one in 16 000 of normally distributed ones.
-TEST = 4.0
-#: Equations more than unknowns, so that tests tell which one is wrong.
-TO_ISOLATE = 2
 #: No height, range or sigma [m] is larger, nor a speed [m/s].
 MOST_M, MOST_SPEED = 1e6, 1e4
 #: A sigma that is smaller [m] is none.
 LEAST_SD = 1e-3
-#: With fewer stations and no earlier position there is more than one solution.
-UNAMBIGUOUS = 3
-FIX, HEIGHT = "satellites", "altimeter"
+HEIGHT = "altimeter"
 #: One sigma of a velocity [m/s], of what becomes of it [m/s^2], and of one that nobody knows [m/s].
 VELOCITY_SD, MANOEUVRE, SPEED_UNKNOWN = 0.2, 2.0, 60.0
 
@@ -136,13 +132,17 @@ class RadioNavigation:
         self._sky = t_ns, fix_covariance(azimuth[known], elevation[known], self._settings.satellite_sd)
 
     def take_fix(self, t_ns: int, place: Station, horizontal_sd: float | None, vertical_sd: float | None) -> None:
-        """A receiver's position, true at t_ns, and its sigmas, which count where its satellites are not known."""
-        stated = horizontal_sd, horizontal_sd, vertical_sd
+        """A receiver's position, true at t_ns, and its sigmas, which count where its satellites are not known, or where
+        they are the larger ones.
+        """
+        level, high = _usable(horizontal_sd), _usable(vertical_sd)
         told_ns, cov_n = self._sky or (t_ns, None)
         if abs(t_ns - told_ns) > self._settings.sky_age_s * SECOND_NS:  # others are used by now
             cov_n = None
-        if cov_n is None and all(sd is not None and LEAST_SD <= sd < MOST_M for sd in stated):
-            cov_n = np.diag(np.square(np.array(stated, dtype=np.float64)))
+        if cov_n is not None:
+            cov_n = _no_better(cov_n, (level, level, high))
+        elif level and high:
+            cov_n = np.diag(np.square([level, level, high]))
         newer = self._fix is None or t_ns > self._fix.t_ns
         somewhere = abs(place.lat) <= math.pi / 2 and abs(place.lon) <= 2.0 * math.pi and abs(place.alt) < MOST_M
         if newer and cov_n is not None and somewhere:
@@ -182,37 +182,21 @@ class RadioNavigation:
             missing = self._missing(observed)
             return RadioState(t_ns, valid=False, reasons=(*missing, Reason.GEOMETRY) if observed else missing)
         height = self._height if _fresh(self._height, t_ns, self._settings.height_age_s) else None
-        ranges_sd, height_sd = _height_sd(observed, start_e), height.sd if height else None
-        chosen = choose(ranges_sd, height_sd)
+        sds = height_sd(observed, start_e), height.sd if height else None
+        chosen = choose(*sds)
         source = chosen[0] if chosen else None
         if height and source is AltitudeSource.ALTIMETER:
             observed[HEIGHT] = Altitude(height.alt, height.sd)
-        solution, refused, agreed = _solve(observed, start_e)
-        if solution is None:
+        solution, refused, agreed = solve_agreeing(observed, start_e)
+        if solution is None or (agreed and has_a_twin(observed, solution)):
             reasons = *self._missing(observed), Reason.GEOMETRY
-            return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=ranges_sd, altimeter_sd=height_sd)
-        if agreed and _has_a_twin(observed, solution):
-            reasons = *self._missing(observed), Reason.GEOMETRY
-            return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=ranges_sd, altimeter_sd=height_sd)
+            return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=sds[0], altimeter_sd=sds[1])
         if agreed:
             self._last = t_ns, solution.x[:3]
-        lat, lon, alt = map(float, solution.geodetic())
-        north, east, down = np.diag(solution.cov_n()).tolist()
-        return RadioState(
-            t_ns,
-            valid=agreed,
-            reasons=() if agreed else (Reason.REJECTED,),
-            lat=lat,
-            lon=lon,
-            alt=alt,
-            horizontal_sd=math.sqrt(0.5 * (north + east)),
-            vertical_sd=math.sqrt(down),
-            source=source if HEIGHT in observed else AltitudeSource.RANGES,
-            ranges_sd=ranges_sd,
-            altimeter_sd=height_sd,
-            used=tuple(observed),
-            refused=refused,
-        )
+        return dataclasses.replace(
+            _state(t_ns, solution, agreed), ranges_sd=sds[0], altimeter_sd=sds[1], used=tuple(observed),
+            source=source if HEIGHT in observed else AltitudeSource.RANGES, refused=refused,
+        )  # fmt: skip
 
     def _observed(self, t_ns: int) -> dict[str, Observation]:
         """What is fresh, without the altimeter, moved to t_ns."""
@@ -285,45 +269,26 @@ def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
     return np.asarray(np.linalg.inv(normal)[:3, :3])
 
 
+def _usable(sd: float | None) -> float:
+    """A sigma, or 0 for what is none."""
+    return sd if sd is not None and LEAST_SD <= sd < MOST_M else 0.0
+
+
+def _no_better(cov_n: Array, stated: Sequence[float]) -> Array:
+    """A covariance (3, 3) with no sigma smaller than the one that is stated of its axis."""
+    grown = np.maximum(np.array(stated) / np.sqrt(np.diag(cov_n)), 1.0)
+    return np.asarray(cov_n * np.outer(grown, grown))
+
+
 def _fresh(entry: _Range | _Fix | _Height | None, t_ns: int, age_s: float) -> bool:
     return entry is not None and abs(t_ns - entry.t_ns) <= age_s * SECOND_NS
 
 
-def _height_sd(observed: Mapping[str, Observation], pos_e: Array) -> float | None:
-    """Sigma of the height that the observations give at a place."""
-    cov = covariance(list(observed.values()), pos_e)
-    if cov is None:
-        return None
-    lat, lon, _ = geodetic_from_ecef(pos_e)
-    down = mat_en(lat, lon)[:, 2]
-    return math.sqrt(down @ cov[:3, :3] @ down)
-
-
-def _has_a_twin(observed: Mapping[str, Observation], solution: Solution) -> bool:
-    """Whether it may as well be on the other side of the only two stations: the vertical plane through them is near."""
-    points = [o.points_e[0] for o in observed.values() if isinstance(o, Slant)]
-    if FIX in observed or len(points) >= UNAMBIGUOUS:
-        return False
-    x = solution.x[:3]
-    lat, lon, _ = geodetic_from_ecef(x)
-    across = np.cross(points[-1] - points[0], mat_en(lat, lon)[:, 2])
-    sd = math.sqrt(across @ solution.cov[:3, :3] @ across)
-    return not abs(across @ (x - points[0])) > TEST * sd
-
-
-def _solve(observed: dict[str, Observation], start_e: Array) -> tuple[Solution | None, tuple[str, ...], bool]:
-    """The solution without what is refused, which is taken out of ``observed``, and whether the rest agrees."""
-    refused: list[str] = []
-    while True:
-        solution = solve(list(observed.values()), start_e)
-        if solution is None:
-            return None, tuple(refused), False
-        names = [name for name, o in observed.items() for _ in range(3 if isinstance(o, Place) else 1)]
-        tests = np.nan_to_num(np.abs(solution.tests))
-        worst = int(np.argmax(tests))
-        if tests[worst] <= TEST:
-            return solution, tuple(refused), True
-        if len(names) - 3 < TO_ISOLATE:
-            return solution, tuple(refused), False
-        refused.append(names[worst])
-        del observed[names[worst]]
+def _state(t_ns: int, solution: Solution, agreed: bool) -> RadioState:
+    """A solution as it is told; it is valid when what it rests on agrees."""
+    lat, lon, alt = map(float, solution.geodetic())
+    north, east, down = np.diag(solution.cov_n()).tolist()
+    return RadioState(
+        t_ns, valid=agreed, reasons=() if agreed else (Reason.REJECTED,),
+        lat=lat, lon=lon, alt=alt, horizontal_sd=math.sqrt(0.5 * (north + east)), vertical_sd=math.sqrt(down),
+    )  # fmt: skip
