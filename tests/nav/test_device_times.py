@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fti.config import Device
+from fti.nav.times.device_clock import DeviceClock
 from fti.nav.times.device_times import DeviceTimes, restamped
 from fti.types import Attitude, ImuSample, Measurement, Stamp, TimeScale
 
@@ -50,6 +51,22 @@ def test_first_the_arrival_and_then_the_devices_own_clock() -> None:
     assert all(m.stamp.t_valid_ns == m.stamp.t_rx_ns - 4 * MS for _, m in first)
     assert max(errors_ms(first)) > 4.0
     assert max(map(abs, errors_ms(later))) < 0.5
+
+
+def test_a_clock_that_fails_gives_no_measurement_the_time_of_another_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Navigation goes on after a failure with the next measurement of the same message."""
+    times = DeviceTimes([device()])
+    times.stamp("ins", message(FTI_0)[0])
+    later = message(FTI_0 + SECOND_NS)
+
+    def fail(*_: object) -> int:
+        raise ArithmeticError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(DeviceClock, "take", fail)
+        with pytest.raises(ArithmeticError):
+            times.stamp("ins", later[0])
+    assert times.stamp("ins", later[1]).stamp.t_rx_ns == later[1].stamp.t_rx_ns
 
 
 def test_measurements_of_one_message_were_true_at_one_time_and_count_once() -> None:

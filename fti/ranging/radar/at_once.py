@@ -2,7 +2,7 @@
 
 The arrays of that method cost more than the rays do when there is one pose: some hundred calls on a few numbers each.
 Order and form of every sum are theirs, so what is said is the same to the last bit; logarithm, power and sine stay with
-numpy, whose are not those of the compiled code.  tests/ranging/test_radar_at_once.py holds both against each other.
+numpy, whose are not those of the compiled code.  tests/ranging/radar/test_at_once.py holds both against each other.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
