@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -109,12 +110,17 @@ def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
     results = list[Result]()
     for part, some in _parts(over).items():
         results += _times(f"{name}{part}.time", "from its limit to the ALERT", [run.delay_s for run in some])
-    late = next((result for result in results if result.id == f"{name}.time_p95"), None)
-    if late is not None:
-        judged = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
-        results[results.index(late)] = judged
+    results = results or [_never(name)]
+    late = next(result for result in results if result.id == f"{name}.time_p95")
+    judged = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
+    results[results.index(late)] = judged
     misled = [not run.warned_s <= limit for run in over]
     return [*results, _share(f"{name}.misled", f"over its limit for {limit:.2g} s, and trusted", misled)]
+
+
+def _never(name: str) -> Result:
+    """No ALERT on any approach is no time that holds."""
+    return _told(f"{name}.time_p95", "no ALERT on any approach over the limit", math.inf)
 
 
 def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:

@@ -64,6 +64,12 @@ def test_a_late_alert_does_not_hold() -> None:
     assert not by_id(clearance._detected("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
+def test_a_fault_that_nobody_sees_over_its_limit_has_no_time_that_holds() -> None:
+    found = by_id(clearance._detected("along_60", [MISSED] * 4))
+    assert not found["along_60.time_p95"].holds
+    assert found["along_60.misled"].value == 1.0
+
+
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
     below = SEEN._replace(over=False, delay_s=math.nan, size_s=13.0)
     found = by_id(clearance._detected("lateral_50", [below] * 4))
