@@ -14,6 +14,7 @@ A driver is a module of this package whose name does not begin with ``_``.  In t
     ``COMMANDS``     {command name: ``Command``}: what ``fti send`` can ask of the device
     ``command(name, args, options) -> bytes``    the bytes of a command; ValueError when it or an argument is unknown,
                                                  missing or out of range, saying what is allowed
+    ``INERTIAL``     True where it gives specific force and turn rate; may be left out where not
 
 Every byte that is fed is framed, held or counted as skipped:
 ``bytes_in == framed + held + sum(skipped.values())``.
@@ -125,3 +126,8 @@ def load(name: str) -> Driver:
         raise ValueError(f"no driver {name!r}; there are {', '.join(names())}")
     module: Driver = importlib.import_module(f"{__name__}.{name}")
     return module
+
+
+def is_inertial(driver: Driver) -> bool:
+    """Whether the filter of navigation can rest on a device of this driver."""
+    return bool(getattr(driver, "INERTIAL", False))

@@ -126,6 +126,16 @@ def _try(config: Config, key: str, make: Callable[[], object]) -> None:
         raise ConfigError(f"{config.path}: {key}.options: {error}") from None
 
 
+def check_inertial(config: Config, devices: Sequence[BoundDevice]) -> None:
+    """Whether the device that the filter is to rest on gives inertial data.  Raises ConfigError."""
+    name = config.nav.filter.imu if config.nav.filter else None
+    unit = next((bound for bound in devices if bound.device.name == name), None)
+    if unit is not None and not drivers.is_inertial(unit.driver):
+        able = ", ".join(other for other in drivers.names() if drivers.is_inertial(drivers.load(other)))
+        said = f"nav.filter.imu = {name!r}: {unit.device.driver} gives no inertial data; these drivers do: {able}"
+        raise ConfigError(f"{config.path}: {said}")
+
+
 @dataclass(frozen=True, slots=True)
 class Sending:
     """What the recorder sends on a link by itself, and never understands."""

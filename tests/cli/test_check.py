@@ -94,6 +94,16 @@ def test_a_reference_of_another_altimeter_is_told(
     assert ("what needs it stays invalid (wrong_sensor)" in line) is (reason is not None)
 
 
+def test_a_filter_on_a_device_without_inertial_data_is_refused(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file.write_text(BENCH + '\n[nav.filter]\nimu = "radar"\n')
+    assert main(["check", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert f"{file}: nav.filter.imu = 'radar': freeflight_ra4500 gives no inertial data" in said
+    assert said.rstrip().endswith("imar_ixcom, mavlink")
+    file.write_text(file.read_text().replace("freeflight_ra4500", "imar_ixcom"))
+    assert main(["check", str(file)]) == 0
+
+
 def test_stall_is_that_of_a_full_line(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """57600 baud 8N1 are 5760 B/s; 25 messages a second in two reads cost 400 B/s more; two buffers, one to 90 %."""
     main(["check", str(file), "--json"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fti import config, drivers
 from fti.errors import ConfigError
-from fti.types import Measurement, Stamp
+from fti.types import ImuSample, Measurement, Stamp
 from tests.drivers.vectorfiles import (
     VECTORS,
     Vector,
@@ -84,6 +84,14 @@ def test_driver_has_a_vector_from_outside_and_a_canonical_one(name: str) -> None
     assert any(v.facts["canonical"] for v in own)
     assert any(v.facts["round_trips"] for v in own)
     assert all(v.facts["origin"] and v.facts["independent"] for v in own)
+
+
+@each_driver
+def test_driver_says_whether_it_gives_inertial_data(name: str) -> None:
+    """As its vectors do: both vectors of an inertial unit, of one message or another."""
+    found = [m for v in vectors_of(name) for m in feed_all(v.decoder(), v.reads() * 2) if isinstance(m, ImuSample)]
+    given = any(m.accel_b for m in found) and any(m.gyro_b for m in found)
+    assert drivers.is_inertial(drivers.load(name)) == given
 
 
 # ------------------------------------------------------------------------------------------------------- vectors

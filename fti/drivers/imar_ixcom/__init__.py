@@ -43,8 +43,8 @@ from fti.drivers.imar_ixcom.messages import TABLE
 from fti.drivers.imar_ixcom.options import Options
 
 __all__ = [
-    "CARRIERS", "COMMANDS", "DOCUMENT", "MESSAGES", "Options", "command", "make_decoder", "make_encoder", "on_connect",
-    "poll",
+    "CARRIERS", "COMMANDS", "DOCUMENT", "INERTIAL", "MESSAGES", "Options", "command", "make_decoder", "make_encoder",
+    "on_connect", "poll",
 ]  # fmt: skip
 
 DOCUMENT = (
@@ -55,6 +55,7 @@ MESSAGES = {message.name: message.carries for message in TABLE} | {
     "(other)": "framed and counted by name or number",
 }
 CARRIERS = frozenset({"serial", "udp"})
+INERTIAL = True
 
 
 def make_decoder(options: Options) -> Decoder:

@@ -84,6 +84,7 @@ MESSAGES = {
     "(other)": "framed and counted by name",
 }
 CARRIERS = frozenset({"serial", "udp"})
+INERTIAL = True
 
 READERS = motion.READERS | sensors.READERS | system.READERS
 
