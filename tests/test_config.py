@@ -14,8 +14,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti import config, drivers
+from fti.config import loading
 from fti.errors import ConfigError, MissingError
+from fti.nav import navigation
 from fti.service.binding import bind_devices
+from fti.web import alarms
 from tests.helpers import ROOT
 
 EXAMPLES = sorted((ROOT / "configs").glob("*.toml"))
@@ -142,6 +145,10 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed('name = "net"', 'name = "line"'), ["link[1].name", "'line'", "twice"]),
         (changed('name = "ins"', 'name = "radar"'), ["device[1].name", "'radar'", "twice"]),
         (changed('attitude = ["ins"]', 'attitude = ["imu"]'), ["nav.attitude", "'imu'", "radar, ins"]),
+        (
+            GOOD.replace('"ins"', '"vertical"'),
+            ["nav.attitude", "'vertical'", "than filter, radio, vertical"],
+        ),
         (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, 0]"), ["device[0].lever_arm_b"]),
         (changed("lever_arm_b = [0.4, 0, 0.3]", "lever_arm_b = [0.4, nan, 0]"), ["device[0].lever_arm_b", "nan"]),
         (changed("[0, 800]", "[800, 0]"), ["device[0].altimeter.range_m", "800", "below"]),
@@ -180,6 +187,12 @@ def test_error_names_file_key_value_and_what_is_allowed(text: str, expected: lis
     for part in expected:
         assert part in said
     assert "\n" not in said
+
+
+def test_names_that_no_device_of_a_role_may_have_are_those_of_what_takes_its_place() -> None:
+    assert (
+        set(loading.NO_DEVICES) == {navigation.FILTER, navigation.RADIO, navigation.VERTICAL} == set(alarms.NO_DEVICE)
+    )
 
 
 def test_every_mistake_is_named_at_once() -> None:

@@ -16,6 +16,8 @@ from fti.errors import ConfigError, MissingError
 #: What ``[nav.terrain]`` says of files alone.
 FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 
+#: How navigation calls sources that are no device; one of that name would be taken for them.
+NO_DEVICES = ("filter", "radio", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
 LEAST_DOWN = math.cos(math.radians(85.0))
 
@@ -69,10 +71,7 @@ def _check_references(config: Config, file: str) -> None:
                 f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: its altimeter would look to the horizon "
                 "or up; roll and pitch turn the beam from straight down, by less than 85 degrees together"
             )
-    for role in ("attitude", "position", "altimeters"):
-        for name in getattr(config.nav, role):
-            if name not in devices:
-                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
+    _check_roles(config.nav, devices, file)
     _check_terrain(config.nav.terrain, file)
     _check_filter(config.nav, devices, file)
     _check_radio(config.nav, devices, file)
@@ -85,6 +84,16 @@ def _down(device: Device) -> float:
     """How far the beam of a sensor goes down in a level aircraft: cos(roll) cos(pitch) of its mounting, 1 straight."""
     roll, pitch, _ = map(math.radians, device.rpy_bs_deg)
     return math.cos(roll) * math.cos(pitch)
+
+
+def _check_roles(nav: Nav, devices: list[str], file: str) -> None:
+    for role in ("attitude", "position", "altimeters"):
+        for name in getattr(nav, role):
+            if name not in devices:
+                raise ConfigError(f"{file}: nav.{role}: {name!r} is no device; there are {_listed(devices)}")
+            if name in NO_DEVICES and role != "altimeters":
+                said = f"here a device needs another name than {_listed(NO_DEVICES)}, which take the place of devices"
+                raise ConfigError(f"{file}: nav.{role}: {name!r}: {said}")
 
 
 def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
