@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 LEAST_APPROACHES = 5
 #: Heights of an approach may be so far apart [m]: twice that of a slow altimeter, and less than any footprint.
 GAP_M = 20.0
+#: No profile is shorter, see ``fti reference make --s-max``.
+SHORTEST_M = 1000.0
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
 #: Navigation is joined between solutions no farther apart [ns].
 APART_NS = 500_000_000
@@ -121,7 +123,7 @@ def _shorter(reaches: Sequence[float]) -> str:
     if len(reaches) < LEAST_APPROACHES:
         return ""
     enough = sorted(reaches)[-LEAST_APPROACHES] // 10.0 * 10.0
-    return f", and so many have one from {enough:g} m (--s-max)" if enough > 0.0 else ""
+    return f", and so many have one from {enough:g} m (--s-max)" if enough >= SHORTEST_M else ""
 
 
 def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> list[Pass]:

@@ -100,6 +100,18 @@ def test_fewer_than_five_are_no_reference(flights: list[Flown]) -> None:
         profiles_of(passes[:5], S_MAX)
 
 
+@pytest.mark.parametrize(("far", "said"), [(1300.0, "so many have one from 1300 m"), (800.0, None)])
+def test_a_shorter_profile_is_proposed_where_one_can_be_made(
+    flights: list[Flown], far: float, said: str | None
+) -> None:
+    """``--s-max`` takes 1000 m and more."""
+    passes = [as_pass(flown) for flown in flights[:5]]
+    near = [Pass(one.t_ns[one.s <= far], one.s[one.s <= far], one.z[one.s <= far]) for one in passes]
+    with pytest.raises(ConfigError, match="a reference needs 5") as error:
+        profiles_of(near, S_MAX)
+    assert (said in str(error.value)) if said else str(error.value).endswith("needs 5")
+
+
 def test_a_flight_with_two_approaches_and_a_circuit_is_two_ways_down() -> None:
     out = np.arange(0.0, 2500.0, 3.0)
     s = np.concatenate((out[::-1], out, out[::-1]))
