@@ -82,7 +82,8 @@ class DeviceLine:
         assert t is not None
         messages = []
         if cycle_s is not None and cycle_s <= t:
-            messages = self._said(start_ns) if self._is_powered(t) else []
+            if self._is_powered(t):
+                messages = self._completed(start_ns) + self._answers
             self._made, self._answers = None, []
             self._k += 1
         return self._spoiled(t, messages)
@@ -92,11 +93,18 @@ class DeviceLine:
         if self._looks_ahead and self._made is None and self.cycle_s is not None and self._is_powered(None):
             self._made, self._made_by = self._cycle(self._k, start_ns), self.sensor.encoder
 
-    def _said(self, start_ns: int) -> list[bytes]:
-        """The messages of the cycle that is due, and the answers that had to wait for them."""
+    def complete(self, start_ns: int) -> None:
+        """Make what leaves at ``due_s``, unless it is made or nothing does: ``step`` has nothing more to make then."""
+        t, cycle_s = self.due_s(), self.cycle_s
+        if t is not None and cycle_s is not None and cycle_s <= t and self._is_powered(t):
+            self._completed(start_ns)
+
+    def _completed(self, start_ns: int) -> list[bytes]:
+        """The messages of the cycle that is due; those that were made before a restart are made anew."""
         if self._made is None or self._made_by is not self.sensor.encoder:
-            return self._answers + self._cycle(self._k, start_ns)
-        return self._made + self._answers
+            self._made, self._answers = self._answers + self._cycle(self._k, start_ns), []
+            self._made_by = self.sensor.encoder
+        return self._made
 
     def respond(self, data: bytes, t: float) -> list[bytes]:
         """What it answers at t [s] to bytes from the daemon; before the flight begins (t < 0) nothing goes wrong."""

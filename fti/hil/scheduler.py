@@ -1,9 +1,9 @@
 """One deadline scheduler for everything that the emulator sends.
 
 Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, nothing is left out, and
-how late each message goes out is kept, because a bench that is late must say so.  How fine a sleep is, is the loop's:
-``fti.hil.looping``.  Where there is time until the next instant, messages are made ahead: the soonest of those whose
-making fits in.
+how late each message goes out is kept, because a bench that is late must say so: what its own making takes at its
+instant belongs to that.  How fine a sleep is, is the loop's: ``fti.hil.looping``.  Where there is time until the next
+instant, messages are made ahead: the soonest of those whose making fits in.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from fti.hil.lateness import Histogram, Lateness
 #: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
 MAX_SLEEP_S = 0.05
 BURST = 32
+#: Messages are made so much before their instant at most [s]: so long an answer of their device may have to wait.
+AHEAD_S = 0.2
 
 
 class Stream(Protocol):
@@ -46,6 +48,9 @@ class Preparing(Protocol):
     def prepare(self, within_s: float) -> bool:
         """Make it, unless that takes longer than within_s [s]; false when it was not tried for that."""
 
+    def complete(self) -> None:
+        """It is due: make it, unless it is made."""
+
 
 class Unmade:
     """The next messages of all streams that can make them ahead, soonest first, until they are made."""
@@ -59,14 +64,18 @@ class Unmade:
         if index in self._makers and due is not None:
             insort(self._waiting, (due, index))
 
-    def drop(self, due: float, index: int) -> None:
-        """It leaves, made or not."""
+    def complete(self, due: float, index: int) -> None:
+        """It is due: it is made now, unless it was before."""
         if (due, index) in self._waiting:
             self._waiting.remove((due, index))
+        if index in self._makers:
+            self._makers[index].complete()
 
-    def make(self, within_s: float) -> bool:
-        """Make the soonest one for which there is time; false when there is none."""
+    def make(self, within_s: float, until_s: float) -> bool:
+        """Make the soonest one that is due until then and for which there is time; false when there is none."""
         for entry in self._waiting:
+            if entry[0] > until_s:
+                return False
             if self._makers[entry[1]].prepare(within_s):
                 self._waiting.remove(entry)
                 return True
@@ -111,8 +120,8 @@ class Scheduler:
             due, i = heap[0]
             if await self._waited(due) or stop.is_set():
                 continue
+            self._unmade.complete(due, i)
             self._note(due, meters[i])
-            self._unmade.drop(due, i)
             await streams[i].send()
             following = streams[i].due_s()
             self._unmade.add(following, i)
@@ -132,9 +141,10 @@ class Scheduler:
 
     async def _waited(self, due: float) -> bool:
         """Use or sleep a part of the time that is left; False when the instant has come."""
-        left = due - self._now()
+        now = self._now()
+        left = due - now
         if left <= 0:
             return False
-        if not self._unmade.make(left):
+        if not self._unmade.make(left, now + AHEAD_S):
             await self._sleep(min(left, MAX_SLEEP_S))
         return True

@@ -15,7 +15,6 @@ It is said in a thread of its own and nobody waits for it: without a daemon the 
 
 from __future__ import annotations
 
-import sys
 import threading
 from collections.abc import Callable
 from dataclasses import asdict
@@ -34,8 +33,6 @@ from fti.service.rundir import DaemonInfo, base, find_daemon
 
 TOPIC = "/hil"
 PERIOD_S = 0.5
-#: So long the thread that sends waits for this one at most, when both want to run [s]; Python's own choice is 5 ms.
-SWITCH_S = 0.0002
 #: Older than that, it is not known what the emulator does [ms].
 MAX_AGE_MS = 1500.0
 
@@ -106,8 +103,6 @@ class Teller:
         self._publisher: Publisher | None = None
 
     def __enter__(self) -> Teller:
-        self._usual_s = sys.getswitchinterval()
-        sys.setswitchinterval(SWITCH_S)
         self._thread.start()
         return self
 
@@ -116,7 +111,6 @@ class Teller:
     ) -> None:
         self._ended.set()
         self._thread.join()
-        sys.setswitchinterval(self._usual_s)
 
     def _run(self) -> None:
         """It is as urgent as who sends: while it holds the interpreter and has to wait for a core, so has that one."""

@@ -45,6 +45,10 @@ class SensorStream:
         self._takes_s = max(time.perf_counter() - begin_s, self._takes_s)
         return True
 
+    def complete(self) -> None:
+        """Make the message that is due, unless it is made."""
+        self._line.complete(self._start_ns)
+
     async def send(self) -> None:
         """Send what leaves now; a device hands its line a whole cycle, not byte by byte."""
         self._takes_s *= 1.0 - FORGET

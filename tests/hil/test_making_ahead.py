@@ -18,13 +18,14 @@ from fti.hil.accelerated import Memory
 from fti.hil.device_line import DeviceLine
 from fti.hil.emulator import Emulator
 from fti.hil.ports.endpoints import Endpoint
-from fti.hil.scheduler import Scheduler, Unmade
+from fti.hil.scheduler import AHEAD_S, Scheduler, Unmade
 from fti.hil.sensors import Sensor
 from fti.hil.streams import SensorStream
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.kinds import BitErrors, Breaker, Burst, Cut, Duplicated, Fault, Freeze, Stuck
 from fti.hil.tables.schema import Scenario
 from fti.hil.world import World
+from fti.types import Measurement
 from tests.hil.faults.flown import DEVICES, START_NS, Flight, device, fly, nominal
 from tests.hil.test_emulator import demo_config
 from tests.hil.worlds import flat_terrain, path, scenario
@@ -136,12 +137,15 @@ def test_the_power_unit_says_what_is_when_it_says_it() -> None:
     assert line.respond(power_unit.command("off", {"breaker": "altimeter"}), 0.0)  # nothing that it could wait for
 
 
+class Sink:
+    """An end that takes everything."""
+
+    is_stream = False
+
+    def send(self, data: bytes) -> None: ...
+
+
 def test_what_took_long_is_made_in_a_long_gap_alone_until_that_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Sink:
-        is_stream = False
-
-        def send(self, data: bytes) -> None: ...
-
     readings = itertools.count(0.0, 1.0)  # each making takes a second
     monkeypatch.setattr(time, "perf_counter", lambda: next(readings))
     stream = SensorStream(DeviceLine(device("mavlink"), scenario()), cast("Endpoint", Sink()), START_NS)
@@ -187,16 +191,18 @@ def test_all_devices_send_the_same_at_the_same_instants(tmp_path: Path) -> None:
 class Made:
     """A stream of a message each 10 ms whose making takes ``cost`` seconds, at its instant or before.
 
-    now : the time, as a list of one [s]
+    now   : the time, as a list of one [s]
+    early : so long before its instant each was made ahead [s]
     """
 
-    def __init__(self, now: list[float], cost: float, shift: float) -> None:
-        self.now, self.cost, self.shift = now, cost, shift
+    def __init__(self, now: list[float], cost: float, shift: float, period: float = 0.01) -> None:
+        self.now, self.cost, self.shift, self.period = now, cost, shift, period
         self.k, self.is_made = 0, False
         self.late: list[float] = []
+        self.early: list[float] = []
 
     def due_s(self) -> float | None:
-        return self.shift + 0.01 * self.k if self.k < 20 else None
+        return self.shift + self.period * self.k if self.k < 20 else None
 
     def note(self, due_s: float, late_s: float) -> None:
         self.late.append(late_s)
@@ -205,9 +211,15 @@ class Made:
         if self.cost > within_s:
             return False
         assert not self.is_made
+        self.early.append((self.due_s() or 0.0) - self.now[0])
         self.now[0] += self.cost
         self.is_made = True
         return True
+
+    def complete(self) -> None:
+        if not self.is_made:
+            self.now[0] += self.cost
+            self.is_made = True
 
     async def send(self) -> None:
         if not self.is_made:
@@ -247,7 +259,43 @@ def test_what_had_no_gap_is_made_at_its_instant_and_the_next_one_once() -> None:
 
     stream = Made(now, 0.004, 0.001)
     asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([stream], asyncio.Event()))
-    assert len(stream.late) == 20
+    assert stream.late == pytest.approx([0.004, *[0.0] * 19], abs=1e-9)  # its own making, too, makes it late
+
+
+def test_nothing_is_made_long_before_its_instant() -> None:
+    """An answer waits for what its device has made: of a slow one it came a period late."""
+    now = [0.0]
+
+    async def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    slow, fast = Made(now, 0.001, 0.5, period=5.0), Made(now, 0.001, 0.5, period=0.01)
+    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([slow, fast], asyncio.Event()))
+    assert len(slow.early) == len(fast.early) == 20
+    assert max(slow.early) <= AHEAD_S
+    assert max(slow.late) < 1e-9
+
+
+def test_what_a_device_makes_at_its_instant_makes_it_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was told something, so that nothing is made ahead any more; making takes 4 ms."""
+    now, sensor = [0.0], device("honeywell_hmr2300")
+    measure = sensor.measure
+
+    def slowly(k: int, start_ns: int) -> list[Measurement]:
+        now[0] += 0.004
+        return measure(k, start_ns)
+
+    async def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    monkeypatch.setattr(sensor, "measure", slowly)
+    line = DeviceLine(sensor, scenario())
+    line.respond(honeywell_hmr2300.command("average", {"state": "on"}), 0.0)
+    stream = SensorStream(line, cast("Endpoint", Sink()), START_NS)
+    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([stream], asyncio.Event()))
+    late = stream.meter.rate.lateness
+    assert late.messages > 50
+    assert late.p50_ms == pytest.approx(4.0, rel=0.07)
 
 
 def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
@@ -255,9 +303,10 @@ def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
     unmade = Unmade(streams)
     for i, stream in enumerate(streams):
         unmade.add(stream.due_s(), i)
-    assert unmade.make(0.002)
+    assert unmade.make(0.002, math.inf)
     assert [stream.is_made for stream in streams] == [False, True, False]
-    unmade.drop(0.01, 0)
-    assert unmade.make(1.0)
-    assert not unmade.make(1.0)
-    assert [stream.is_made for stream in streams] == [False, True, True]
+    unmade.complete(0.01, 0)
+    assert [stream.is_made for stream in streams] == [True, True, False]
+    assert unmade.make(1.0, math.inf)
+    assert not unmade.make(1.0, math.inf)
+    assert [stream.is_made for stream in streams] == [True, True, True]

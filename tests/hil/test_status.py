@@ -13,6 +13,7 @@ import pytest
 
 from fti.bus.zenoh_bus import Hub, Subscriber
 from fti.hil.faults import words
+from fti.hil.looping import before_others
 from fti.hil.power import BreakerState
 from fti.hil.status import Teller, describe
 from fti.hil.tables.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
@@ -82,11 +83,19 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
     emulator.prepare()
     run_dir = tmp_path / "run"
     run_dir.mkdir()
-    with Teller(lambda: describe(emulator), emulator.bench.clock, "demo", str(run_dir)):
+    policies = set[int]()
+
+    def describe_urgently() -> dict[str, Any]:
+        policies.add(os.sched_getscheduler(0))
+        return describe(emulator)
+
+    with Teller(describe_urgently, emulator.bench.clock, "demo", str(run_dir)):
         for _ in range(2):  # the second daemon has another address
             found = first_word(run_dir)
             assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
             assert 0 <= found["age_ms"] < found["max_age_ms"]
+    with before_others():
+        assert policies == {os.sched_getscheduler(0)}  # as urgent as who sends
 
 
 def first_word(run_dir: Path) -> dict[str, Any]:
