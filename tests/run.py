@@ -2,11 +2,10 @@
 
     python -m tests.run
 
-What waits most of its time goes on beside what computes: the flights, which take minutes of real time, and then the
-end-to-end tests, two at a time, file by file, beside the quick tests.  Those wait for conditions and never for a time,
-and give way (nice; as root, all else gives way to the flights, too).  Then, with nothing else: what judges moments, one
-after another, on one core, and what runs in the user-mode kernel, which has one, on the other.  Only the files that
-have a marker are collected for it.
+The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
+quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other work on
+the machine does, too).  Then come the end-to-end tests that wait most of the time, two at a time, file by file; then
+those that judge moments or need both cores, one after another.  Only the files that have a marker are collected for it.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,12 +66,11 @@ def marked(marker: str) -> list[str]:
     return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
 
 
-def side_by_side(told: Sequence[Part], beside: Sequence[Part], interrupts: Sequence[int]) -> list[int]:
-    """Two rows of parts, each one after another; what those beside say is printed in the end.  Returns exit codes."""
+def beside(told: Part, other: Part) -> list[int]:
+    """Two parts at a time; what the other says is printed in the end.  Returns exit codes."""
     with tempfile.NamedTemporaryFile(suffix=".txt") as said, ThreadPoolExecutor(1) as pool:
-        others = pool.submit(lambda: [part.run(said.file) for part in beside if not interrupts])
-        codes = [part.run() for part in told if not interrupts]
-        codes += others.result()
+        going_on = pool.submit(other.run, said.file)
+        codes = [told.run(), going_on.result()]
         print(Path(said.name).read_text(), flush=True)
     return codes
 
@@ -90,10 +87,9 @@ def main() -> int:
     flights = Part("flights", ("-m", "flight", *marked("flight")), FIRST)
     others = "e2e and not flight and not alone"
     together = Part("end to end", ("-m", others, *TWO_AT_A_TIME, "--dist", "loadfile", *marked("e2e")))
-    moments = Part("one after another", ("-m", "alone and not socketcan", *marked("alone")))
-    kernel = Part("user-mode kernel", ("-m", "socketcan", *marked("socketcan")), FIRST)
-    codes = side_by_side([quick], [flights, together], interrupts)
-    codes += side_by_side([moments], [kernel], interrupts)
+    moments = Part("one after another", ("-m", "alone", *marked("alone")))
+    codes = beside(quick, flights)
+    codes += [part.run() for part in (together, moments) if not interrupts]
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 
 
