@@ -22,7 +22,7 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   not flown       the flight ended before        needs real ports   an accelerated flight has no ports
   nothing is due  too short or too small to be seen; or of a device that navigation does not use
   bench was late  the machine had no time for emulator or daemon just then; when that is most of it: exit code 1
-                  (navigation that is behind for more than half of a flight is too slow: exit code 1)
+                  (navigation that is behind for more than half of a flight, or says nothing for its last 15 s: 1)
 
 When the flight began stands in the truth file alone, with the scenario that was flown: another one is refused.
 Exit code 0: all holds; 1: it does not; 2: wrong call, no truth, another scenario; 3: the recording has losses.

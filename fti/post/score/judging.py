@@ -28,6 +28,8 @@ AFTER_PAUSE_S = 14.0
 BEFORE_S = 5.0
 #: Navigation that is behind for a larger part of a flight is too slow; for less the machine had no time for it.
 BEHIND_SHARE = 0.5
+#: No machine is busy for so long that navigation says nothing: when a flight ends so, it is gone [s].
+GONE_S = 15.0
 #: A word that stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 
@@ -119,9 +121,14 @@ class Score:
         return sum(p.until_s - max(p.from_s, 0.0) for p in times if p.until_s > 0.0) / self.flown.truth.end_s
 
     @property
+    def silent_s(self) -> float:
+        """How long navigation had said nothing when the flight ended [s]."""
+        return max(self.flown.truth.end_s - self.said.spoke_s, 0.0)
+
+    @property
     def keeps_up(self) -> bool:
-        """Was navigation in time for most of it?"""
-        return self.behind <= BEHIND_SHARE
+        """Was navigation in time for most of it, and there until the end?"""
+        return self.behind <= BEHIND_SHARE and self.silent_s <= GONE_S
 
     @property
     def holds(self) -> bool:
@@ -183,8 +190,16 @@ def _rows(index: int, fault: Fault, one: Told, evidence: _Evidence) -> Iterator[
         flag = f"{duty.place} {' or '.join(duty.words)}"
         row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
         judged = _judged(row, duty, evidence)
-        excused = judged.verdict in FAILURES and evidence.paused(duty.from_s - BEFORE_S, duty.until_s + duty.clears_s)
-        yield replace(judged, verdict=Verdict.LATE_BENCH) if excused else judged
+        yield replace(judged, verdict=Verdict.LATE_BENCH) if _is_excused(judged, evidence) else judged
+
+
+def _is_excused(row: Row, evidence: _Evidence) -> bool:
+    """Had the bench no time until the flag had to stand, or, where it did not go, until it had to be gone?"""
+    if row.verdict not in FAILURES:
+        return False
+    stays = row.verdict is Verdict.STAYS
+    cause_s, allowed_s = (row.until_s, row.clears_s) if stays else (row.from_s, row.within_s)
+    return evidence.paused(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0)) > 0.0
 
 
 def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:

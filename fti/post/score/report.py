@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.judging import AFTER_PAUSE_S, FAILURES, Met, Row, Score, Unexpected, Verdict
+from fti.post.score.judging import (
+    AFTER_PAUSE_S,
+    BEHIND_SHARE,
+    FAILURES,
+    WINDOW_S,
+    Met,
+    Row,
+    Score,
+    Unexpected,
+    Verdict,
+)
 
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
@@ -16,6 +27,7 @@ def as_text(score: Score) -> list[str]:
     lines = [f"{score.scenario.title}, {score.flown.truth.end_s:.0f} s flown ({score.flown.file.name})", ""]
     if score.rows:
         lines += [*_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
+    lines += [_start(score), ""] if 0.0 < score.said.began_s < math.inf else []
     lines += [_pauses(score), ""] if score.pauses else []
     lines += [*(_surprise(one) for one in score.unexpected), ""] if score.unexpected else []
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
@@ -40,6 +52,14 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
         first = "" if row[0] == last else row[0]
         last = row[0]
         yield "  ".join(cell.ljust(width) for cell, width in zip((first, *row[1:]), widths, strict=True)).rstrip()
+
+
+def _start(score: Score) -> str:
+    began_s = score.said.began_s
+    return (
+        f"navigation said its first word after {began_s:.1f} s: what was missing until then, and what was said until "
+        f"{began_s + WINDOW_S:.1f} s, is not judged"
+    )
 
 
 def _pauses(score: Score) -> str:
@@ -72,8 +92,10 @@ def _conclusion(score: Score) -> str:
     found, failed = verdicts.count(Verdict.FOUND), sum(verdict in FAILURES for verdict in verdicts)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
-    if not score.keeps_up:
+    if score.behind > BEHIND_SHARE:
         counts.append(f"navigation was behind for {score.behind:.0%} of the flight")
+    elif not score.keeps_up:
+        counts.append(f"navigation said nothing for the last {score.silent_s:.0f} s")
     begin = "holds" if score.holds else "does not hold" if score.told else "not told, the bench was too late"
     return "; ".join([f"{begin}: {found} of {found + failed} expected flags found in time", *counts, surprises])
 
@@ -94,6 +116,7 @@ def as_json(score: Score) -> dict[str, Any]:
         ],
         "pauses": [asdict(pause) for pause in score.pauses],
         "behind": score.behind,
+        **_finite({"began_s": score.said.began_s, "silent_s": score.silent_s}),
     }
 
 

@@ -79,6 +79,7 @@ class Said:
     pauses : in which the recorder stood still
     behind : in which navigation was later than it may be
     began_s : when navigation said something of itself for the first time [s]; infinity when it never did
+    spoke_s : when it had said something lately for the last time [s]
     ports  : the session was recorded from real ports
     """
 
@@ -88,6 +89,7 @@ class Said:
     pauses: list[Pause] = field(default_factory=list)
     behind: list[Pause] = field(default_factory=list)
     began_s: float = 0.0
+    spoke_s: float = math.inf
     ports: bool = True
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
@@ -137,7 +139,7 @@ def _is_at(where: str, place: str) -> bool:
 def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
     """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field."""
     ports = recording.metadata.get("fti", {}).get("accelerated") != "true"
-    said = Said(ports=ports, began_s=math.inf)
+    said = Said(ports=ports, began_s=math.inf, spoke_s=-math.inf)
     wanted: dict[str, list[str]] = defaultdict(list)
     for channel in channels:
         topic, _, name = channel.rpartition(".")
@@ -190,11 +192,17 @@ class _Reader:
         self._ticked = t
 
     def lag(self, t: float, data: bytes, said: Said) -> None:
-        """Since when navigation speaks, and when it was behind: then it judges devices by what it has not seen yet."""
-        lag_ms = json.loads(data)["navigation"].get("lag_ms")
+        """Since when navigation speaks, and when it was behind: then it judges devices by what it has not seen yet.
+
+        Health knows how late it is also while it says nothing, and then has a hint beside it.
+        """
+        navigation = json.loads(data)["navigation"]
+        lag_ms = navigation.get("lag_ms")
         if lag_ms is None:
             return
         said.began_s = min(said.began_s, t)
+        if "hint" not in navigation:
+            said.spoke_s = t
         if lag_ms / 1e3 > LAG_S:
             said.behind.append(Pause(t - lag_ms / 1e3, t))
 

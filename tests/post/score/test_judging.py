@@ -159,6 +159,20 @@ def test_a_miss_in_a_pause_is_told_as_such_and_shows_nothing(setup: Setup) -> No
     assert "too late" in as_text(found)[-1]
 
 
+def test_a_pause_behind_the_time_of_a_flag_is_no_excuse(setup: Setup) -> None:
+    cut = {**CUT, "to_s": 30.0}
+    for heard in (said(), said((25.0, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))):
+        verdict = height_verdict(score(setup, heard, flown(40.0, Pause(22.0, 22.2)), faults=(cut,)))
+        assert verdict is (Verdict.LATE if heard.spans else Verdict.MISSING)
+        assert height_verdict(score(setup, heard, flown(40.0, Pause(19.0, 19.2)), (cut,))) is Verdict.LATE_BENCH
+
+
+def test_a_pause_before_a_cause_ends_excuses_that_its_flag_stays(setup: Setup) -> None:
+    heard = said((20.6, HEIGHT, STALE), (26.0, HEIGHT, NOTHING))
+    assert height_verdict(score(setup, heard, flown(40.0, Pause(22.5, 22.7)))) is Verdict.LATE_BENCH
+    assert height_verdict(score(setup, heard, flown(40.0, Pause(10.0, 10.2)))) is Verdict.STAYS
+
+
 def test_what_nobody_knows_yet_is_told(setup: Setup) -> None:
     stuck = {"kind": "stuck", "devices": ("altimeter",), "from_s": 20.0, "to_s": 23.0}
     found = score(setup, said(), faults=(stuck,))
@@ -232,3 +246,22 @@ def test_a_navigation_that_never_begins_fails(setup: Setup) -> None:
     found = score(setup, heard, faults=())
     assert found.behind == 1.0
     assert not found.holds
+
+
+def test_when_navigation_began_is_told(setup: Setup) -> None:
+    heard = said()
+    heard.began_s = 12.3
+    found = score(setup, heard, faults=())
+    assert "first word after 12.3 s" in "\n".join(as_text(found))
+    assert as_json(found)["began_s"] == 12.3
+
+
+@pytest.mark.parametrize(("spoke_s", "holds"), [(39.0, True), (26.0, True), (24.0, False)])
+def test_a_navigation_that_is_gone_when_the_flight_ends_fails(setup: Setup, spoke_s: float, holds: bool) -> None:
+    """However much of the flight was before; that it is behind since then excuses nothing."""
+    heard = said()
+    heard.spoke_s = spoke_s
+    heard.behind.append(Pause(spoke_s, 40.0))
+    found = score(setup, heard, faults=())
+    assert found.holds is holds
+    assert ("said nothing for the last 16 s" in as_text(found)[-1]) is not holds

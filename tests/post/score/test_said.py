@@ -43,7 +43,8 @@ def test_damaged_is_what_is_refused_but_not_one_message_in_two_pieces(counts: di
 def test_navigation_began_with_its_first_word_and_was_behind_by_its_lag() -> None:
     reader = _Reader(configuration.load(ROOT / "configs" / "demo.toml"))
     said = Said(began_s=math.inf)
-    for t, navigation in ((1.0, {}), (9.0, {"lag_ms": 800.0}), (10.0, {"lag_ms": 20.0})):
+    silent = {"lag_ms": 4000.0, "hint": "navigation has said nothing for 4 s"}
+    for t, navigation in ((1.0, {}), (9.0, {"lag_ms": 800.0}), (10.0, {"lag_ms": 20.0}), (14.0, silent)):
         reader.lag(t, json.dumps({"navigation": navigation}).encode(), said)
-    assert said.began_s == 9.0
-    assert said.behind == [Pause(8.2, 9.0)]
+    assert (said.began_s, said.spoke_s) == (9.0, 10.0)
+    assert said.behind == [Pause(8.2, 9.0), Pause(10.0, 14.0)]
