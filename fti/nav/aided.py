@@ -61,7 +61,6 @@ class AidedNavigation:
 
     def __init__(self, settings: Filter, devices: dict[str, Device]) -> None:
         self._settings = settings
-        self._fed_by = {settings.imu, *settings.gnss, settings.baro}
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
         self._navigator = Navigator(_model(settings))
         self._vertical = VerticalFallback()
@@ -91,11 +90,20 @@ class AidedNavigation:
         if nav.position and _conceivable(nav.position):
             self._place = Place(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
 
+    def wants(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device say anything here."""
+        settings = self._settings
+        fed = {
+            ImuSample: (settings.imu,),
+            Velocity: settings.gnss,
+            Position: settings.gnss,
+            PressureAltitude: (settings.baro,),
+        }
+        return issubclass(kind, Attitude) or any(issubclass(kind, of) and device in by for of, by in fed.items())
+
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
         """Take a measurement that was true at t_ns."""
         settings = self._settings
-        if device not in self._fed_by and not isinstance(m, Attitude):
-            return
         self._told = None
         if isinstance(m, ImuSample) and device == settings.imu:
             self._take_imu(m, t_ns)

@@ -6,6 +6,10 @@ rate what it has found, needed or not.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
 from fti.config import Config
 from fti.nav.aided import AidedNavigation
 from fti.nav.ground import Ground
@@ -34,12 +38,10 @@ class Fallbacks:
             if part:
                 part.give_ground(ground)
 
-    def feed(self, device: str, m: Measurement, t_ns: int) -> None:
-        """Take a measurement that was true at t_ns."""
-        if self._aided:
-            self._aided.feed(device, m, t_ns)
-        if self._radio:
-            self._radio.feed(device, m, t_ns)
+    def takers(self, device: str, kind: type[Measurement]) -> list[Callable[[Any, int], None]]:
+        """What takes measurements of a kind of a device, each with the time at which it was true."""
+        parts = [part for part in (self._aided, self._radio) if part and part.wants(device, kind)]
+        return [partial(part.feed, device) for part in parts]
 
     def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of an altimeter."""

@@ -12,7 +12,9 @@ has nothing new to say is repeated at 2 Hz.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
 from fti.nav.altimetry.heights import AltimeterChannel
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
 
 SOLUTION_TICKS = 2
+#: Takes a measurement that was true at a time; what it has to say at once.
+Taker = Callable[[Any, int], list[Output | Event] | None]
 
 
 class Pipeline:
@@ -47,6 +51,7 @@ class Pipeline:
         )
         self._approach = make_channel(config, reference)
         self._ticks = 0
+        self._takers: dict[tuple[str, type[Measurement]], tuple[Taker, ...]] = {}
 
     def give_ground(self, ground: Ground | None) -> None:
         """The known ground is there from now on; None: there will be none."""
@@ -57,26 +62,38 @@ class Pipeline:
 
     def feed(self, device: str, m: Measurement) -> list[Output | Event]:
         """Take one measurement of a device; where nobody has said when it was true, its arrival counts."""
+        takers = self._takers.get((device, type(m)))
+        if takers is None:
+            takers = self._takers[device, type(m)] = self._find_takers(device, type(m))
+        if not takers:  # half of what comes
+            return []
         t_valid_ns = m.stamp.t_valid_ns
         if t_valid_ns is None:
             t_valid_ns = m.stamp.t_rx_ns - self._latency_ns.get(device, 0)
-        if isinstance(m, (RadioHeight, Range)):
-            return self._feed_altimeter(device, m, t_valid_ns)
-        if self._fallbacks:
-            self._fallbacks.feed(device, m, t_valid_ns)
-        source = self._sources.get(device)
-        if source and isinstance(m, Attitude):
-            source.push_attitude(m, t_valid_ns)
-        elif source and isinstance(m, Position):
-            source.push_position(m, t_valid_ns)
-        elif source and isinstance(m, Velocity):
-            source.push_velocity(m, t_valid_ns)
-        return []
+        out: list[Output | Event] = []
+        for take in takers:
+            out += take(m, t_valid_ns) or ()
+        return out
 
-    def _feed_altimeter(self, device: str, m: RadioHeight | Range, t_valid_ns: int) -> list[Output | Event]:
-        channel = self._altimeters.get(device)
-        if channel is None:
-            return []
+    def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
+        """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
+        if issubclass(kind, (RadioHeight, Range)):
+            channel = self._altimeters.get(device)
+            return (partial(self._feed_altimeter, channel),) if channel else ()
+        source, takers = self._sources.get(device), list[Taker]()
+        if self._fallbacks:
+            takers += self._fallbacks.takers(device, kind)
+        if source and issubclass(kind, Attitude):
+            takers.append(source.push_attitude)
+        elif source and issubclass(kind, Position):
+            takers.append(source.push_position)
+        elif source and issubclass(kind, Velocity):
+            takers.append(source.push_velocity)
+        return tuple(takers)
+
+    def _feed_altimeter(
+        self, channel: AltimeterChannel, m: RadioHeight | Range, t_valid_ns: int
+    ) -> list[Output | Event]:
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
         if self._fallbacks:

@@ -37,6 +37,12 @@ class RadioPosition:
         """Heights above this ground count from now on."""
         self._ground = ground
 
+    def wants(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device say anything here."""
+        return issubclass(kind, DmeRange) or (
+            device == self._settings.receiver and issubclass(kind, (Satellites, Position, Velocity))
+        )
+
     def feed(self, device: str, m: Measurement, t_ns: int) -> None:
         """Take a measurement that was true at t_ns."""
         if isinstance(m, DmeRange) and m.valid:

@@ -12,14 +12,17 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
-from typing import ClassVar
+from math import isfinite
 
 from fti.config import Device
-from fti.geodesy import wgs84
+from fti.geodesy.one_point import radii
 from fti.geodesy.rotations import down_row
 from fti.nav.series import SECOND_NS, Series, Value, wrap
 from fti.types import Attitude, Position, Velocity
 
+#: What no place on Earth has [rad]: how some devices say that they do not know; and no part at all.
+LARGEST = {"lat": math.pi / 2, "lon": 2 * math.pi}
+MOST = sys.float_info.max
 #: One sigma of an extrapolating velocity when the source states none [m/s].
 VELOCITY_SD_UNKNOWN = 1.0
 
@@ -58,8 +61,6 @@ class Source:
 
     PARTS = ("roll", "pitch", "heading", "lat", "lon", "alt", "north", "east", "down", "ground_speed", "track")
     ANGLES = frozenset({"roll", "pitch", "heading", "lon", "track"})
-    #: What no place on Earth has [rad]: how some devices say that they do not know.
-    LARGEST: ClassVar[dict[str, float]] = {"lat": math.pi / 2, "lon": 2 * math.pi}
 
     def __init__(self, device: Device) -> None:
         self.name = device.name
@@ -92,13 +93,10 @@ class Source:
     def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
         silent = not valid and all(value is None for _, value, _ in parts)
         for name, value, sd in parts:
-            if value is not None:
-                known = valid and abs(value) <= self.LARGEST.get(name, sys.float_info.max)
-            elif silent:
-                known = False
-            else:
+            if value is None and not silent:
                 continue
-            told = sd is not None and math.isfinite(sd)
+            known = valid and value is not None and abs(value) <= LARGEST.get(name, MOST)
+            told = sd is not None and isfinite(sd)
             self._parts[name].push(t_ns, value if known else None, sd if told else None)
 
     # ---------------------------------------------------------------------------------------------------- joining
@@ -108,18 +106,19 @@ class Source:
 
     def attitude(self, t_ns: int) -> AttitudeState | None:
         """Attitude at t_ns; None unless roll and pitch are both known."""
-        roll, pitch, heading = (self._at(part, t_ns) for part in ("roll", "pitch", "heading"))
+        roll, pitch = self._at("roll", t_ns), self._at("pitch", t_ns)
         if roll is None or pitch is None:
             return None
+        heading = self._at("heading", t_ns)
         turned = heading.value % (2 * math.pi) if heading else None
         return AttitudeState(roll.value, pitch.value, turned, roll.sd, pitch.sd)
 
     def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
         """Position of P at t_ns; None unless latitude and longitude are both known."""
-        north, east, down = self._velocity(t_ns)
         here = self._at("lat", t_ns)
         if here is None:
             return None
+        north, east, down = self._velocity(t_ns)
         high = self._at("alt", t_ns, -(down or 0.0))
         meridian, parallel = _metres_per_radian(here.value, high.value if high else 0.0)
         lat = self._at("lat", t_ns, (north or 0.0) / meridian)
@@ -140,7 +139,7 @@ class Source:
         )
 
     def _velocity(self, t_ns: int) -> tuple[float | None, float | None, float | None]:
-        north, east, down = (self._at(part, t_ns) for part in ("north", "east", "down"))
+        north, east, down = self._at("north", t_ns), self._at("east", t_ns), self._at("down", t_ns)
         climb = None if down else self._parts["alt"].slope(t_ns)
         vertical = down.value if down else -climb if climb is not None else None
         if north and east:
@@ -196,5 +195,5 @@ def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
 
 def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:
     """Metres per radian of latitude and of longitude."""
-    r_meridian, r_normal = wgs84.radii(lat)
-    return float(r_meridian) + alt, (float(r_normal) + alt) * math.cos(lat)
+    r_meridian, r_normal = radii(lat)
+    return r_meridian + alt, (r_normal + alt) * math.cos(lat)

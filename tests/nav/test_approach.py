@@ -58,6 +58,11 @@ def test_along_is_the_geodesic_to_the_intercept_point(path: ApproachPath) -> Non
         assert abs(float(y)) < 0.03 + s * 1e-5
 
 
+def test_one_place_is_along_as_many_are(path: ApproachPath) -> None:
+    for lat, lon in ((0.83, 0.19), (0.84, 0.2), (-0.3, 3.1)):
+        assert path.along_one(lat, lon) == tuple(map(float, path.along(lat, lon)))
+
+
 def test_right_of_track_is_positive(path: ApproachPath) -> None:
     lon, lat, _ = Geod(ellps="WGS84").fwd(11.0, 48.0, 250.0 + 90.0, 100.0)
     assert float(path.along(math.radians(lat), math.radians(lon))[1]) == pytest.approx(100.0, abs=0.02)

@@ -146,6 +146,23 @@ def test_late_is_in_time_to_the_last_bit(flight: State) -> None:
     np.testing.assert_array_equal(one.P, two.P)
 
 
+def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_their_times(flight: State) -> None:
+    """Fixes of 0.8 s at once, in disorder, nobody asking between: one answer with having had them in time."""
+    late, soon = begun(flight), begun(flight)
+    fly(late, flight, seen=lambda t: t < 29.2, every=5)
+    fly(soon, flight, every=5)
+    last = len(flight.t) - 1
+    for j in sorted(range(0, last + 1, 5), key=lambda j: (j % 2, -j)):
+        if flight.t[j] >= 29.2:
+            for aiding in gnss(flight, j):
+                late.take(ns(float(flight.t[j])), aiding)
+    one, two = late.at(ns(float(flight.t[-1]))), soon.at(ns(float(flight.t[-1])))
+    assert one is not None
+    assert two is not None
+    np.testing.assert_array_equal(one.y, two.y)
+    np.testing.assert_array_equal(one.P, two.P)
+
+
 def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: State) -> None:
     """At 60 m/s 0.4 s are 24 m: taken as new, they would be in the answer."""
     navigator = begun(flight)

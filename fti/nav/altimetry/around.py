@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.terrain.kernel import kernel
-from fti.terrain.pyramid import Pyramid
+from fti.terrain.pyramid import Places, Pyramid, heights_at, layers_at
 from fti.terrain.surface import Posts, surface
 
 Array = NDArray[np.float64]
@@ -38,21 +38,21 @@ TRIALS = _trials()
 
 
 @kernel
-def _up(p: Pyramid, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
+def _up(q: Places, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
     """The surface [m] beside a point of the frame, by a way in north, east, down."""
     to_east = at[0] + mat_ln[0, 0] * north + mat_ln[0, 1] * east + mat_ln[0, 2] * down
     to_north = at[1] + mat_ln[1, 0] * north + mat_ln[1, 1] * east + mat_ln[1, 2] * down
-    up, _, _ = surface(Posts(p.heights, p.layers), to_east, to_north)
+    up, _, _ = surface(Posts(heights_at(q), layers_at(q)), to_east, to_north)
     return up
 
 
 @kernel
-def _over_nadir(p: Pyramid, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
+def _over_nadir(q: Places, at: Array, mat_ln: Array, north: float, east: float, down: float) -> float:
     """h(P) - h(N) [m] of a P moved by that way."""
     height = 0.0
     moved = at[2] + mat_ln[2, 0] * north + mat_ln[2, 1] * east + mat_ln[2, 2] * down
     for _ in range(_NADIR_STEPS):
-        height = (moved - _up(p, at, mat_ln, north, east, down + height)) / -mat_ln[2, 2]
+        height = (moved - _up(q, at, mat_ln, north, east, down + height)) / -mat_ln[2, 2]
     return height
 
 
@@ -67,14 +67,15 @@ def mean_square_around(
     at     : P (3,) in the terrain's frame [m];  mat_ln : (3, 3);  lever, u : (3,), north, east, down
     trials : (k, 6) errors of the pose [m, rad]
     """
+    q = p.places  # a call that takes p counts references, and that takes longer
     way = slant_range * u + lever
     point = at + mat_ln @ way
-    height = _over_nadir(p, at, mat_ln, 0.0, 0.0, 0.0)
-    ground = _up(p, point, mat_ln, 0.0, 0.0, 0.0)
+    height = _over_nadir(q, at, mat_ln, 0.0, 0.0, 0.0)
+    ground = _up(q, point, mat_ln, 0.0, 0.0, 0.0)
     total, count = 0.0, 0
     for k in range(len(trials)):
         x, psi = trials[k, :3], trials[k, 3:]
-        change = _over_nadir(p, at, mat_ln, x[0], x[1], x[2]) - height
+        change = _over_nadir(q, at, mat_ln, x[0], x[1], x[2]) - height
         arm = lever if nearest else way
         v = x + np.array(
             [psi[1] * arm[2] - psi[2] * arm[1], psi[2] * arm[0] - psi[0] * arm[2], psi[0] * arm[1] - psi[1] * arm[0]]
@@ -85,7 +86,7 @@ def mean_square_around(
             risen = 0.0
             for _ in range(_FOOTPRINT_STEPS):
                 back = (v[2] + risen) / u[2]
-                risen = _up(p, point, mat_ln, v[0] - back * u[0], v[1] - back * u[1], 0.0) - ground
+                risen = _up(q, point, mat_ln, v[0] - back * u[0], v[1] - back * u[1], 0.0) - ground
             change += v[2] + risen
         if math.isfinite(change):
             total += change * change

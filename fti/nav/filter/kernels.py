@@ -24,20 +24,22 @@ QUAT, ACCEL_BIAS, GYRO_BIAS, EXTRAS = 6, 10, 13, 16
 
 
 @kernel
-def step(y: Array, P: Array, felt: Array, unit: Array, drifts: Array, seconds: float) -> None:  # noqa: PLR0917
+def step(  # noqa: PLR0917
+    y: Array, P: Array, began: Array, ended: Array, bend: Array, unit: Array, drifts: Array, seconds: float
+) -> None:
     """Move estimate and covariance on, in place.
 
     y      : ndarray, shape (16 + k,)     the estimate, see the module's ``QUAT`` and so on
     P      : ndarray, shape (n, n)        n = 9 + k or 15 + k
-    felt   : ndarray, shape (3, 6)        accel_b, gyro_b as measured at the beginning and end; their second derivatives
+    began, ended, bend : shape (6,)       accel_b, gyro_b as measured at the beginning and end; their second derivatives
     unit   : ndarray, shape (2, 4)        ``Unit.table``;   drifts : ndarray, shape (k, 3)   ``Model.drifts``
     seconds : > 0 [s]
     """
-    first, last = felt[0] - y[ACCEL_BIAS:EXTRAS], felt[1] - y[ACCEL_BIAS:EXTRAS]
+    first, last = began - y[ACCEL_BIAS:EXTRAS], ended - y[ACCEL_BIAS:EXTRAS]
     middle = 0.5 * (first + last)
     before = matrix(y)
     biased = len(P) - len(drifts) == BIASED
-    move(y, first, last, felt[2], seconds)
+    move(y, first, last, bend, seconds)
     mat_eb = 0.5 * (before + matrix(y))
     force_e = np.empty(3)
     for i in range(3):
@@ -57,11 +59,13 @@ def step(y: Array, P: Array, felt: Array, unit: Array, drifts: Array, seconds: f
 
 
 @kernel
-def bent(rows: Array, last: float, following: float, into: Array) -> None:
-    """Second derivatives of three samples, rows (3, 6); the first so many seconds before, the last so many after."""
-    for j in range(rows.shape[1]):
-        slopes = (rows[2, j] - rows[1, j]) / following - (rows[1, j] - rows[0, j]) / last
-        into[j] = 2.0 * slopes / (last + following)
+def bent(before: Array, here: Array, after: Array, last: float, following: float) -> Array:
+    """Second derivatives (6,) at a sample (6,), of which ``before`` is so many seconds before, ``after`` after it."""
+    found = np.empty(len(here))
+    for j in range(len(here)):
+        slopes = (after[j] - here[j]) / following - (here[j] - before[j]) / last
+        found[j] = 2.0 * slopes / (last + following)
+    return found
 
 
 @kernel
@@ -104,21 +108,21 @@ def matrix(y: Array) -> Array:
 def _spread(P: Array, phi: Array) -> None:
     """Phi P Phi^T; phi : its first nine rows and as many columns as are not extras."""
     n, (rows, columns) = len(P), phi.shape
-    moved = np.empty((rows, n))
+    moved, both = np.zeros((rows, n)), np.zeros((rows, rows))
     for i in range(rows):
-        for j in range(n):
-            total = 0.0
-            for k in range(columns):
-                total += phi[i, k] * P[k, j]
-            moved[i, j] = total
+        for k in range(columns):  # the innermost loops run along rows, or they cannot be done side by side
+            for j in range(n):
+                moved[i, j] += phi[i, k] * P[k, j]
+    across = np.ascontiguousarray(phi.T)
+    for i in range(rows):
+        for k in range(columns):
+            for j in range(rows):
+                both[i, j] += moved[i, k] * across[k, j]
     for i in range(rows):
         for j in range(rows, n):
             P[i, j] = P[j, i] = moved[i, j]
         for j in range(i, rows):
-            total = 0.0
-            for k in range(columns):
-                total += moved[i, k] * phi[j, k]
-            P[i, j] = P[j, i] = total
+            P[i, j] = P[j, i] = both[i, j]
 
 
 @kernel

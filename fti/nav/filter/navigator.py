@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -72,9 +73,9 @@ class Navigator:
         felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
         self._timeline = Timeline(start.estimate(t_ns, felt, self.model))
 
-    def take_inertial(self, t_ns: int, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
+    def take_inertial(self, t_ns: int, accel_b: Iterable[float], gyro_b: Iterable[float]) -> None:
         """Specific force (3,) [m/s^2] and turn rate (3,) [rad/s], body axes at P, true at t_ns."""
-        felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
+        felt = np.array((*accel_b, *gyro_b), dtype=np.float64)  # of tuples a third of joining two arrays
         if felt.shape != (6,) or not kernels.within(felt, MOST_FELT):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
@@ -200,8 +201,10 @@ def warm_up() -> None:
         0, np.zeros(6), Model()
     )
     y, P = estimate.y, estimate.P
-    kernels.step(y, P, np.zeros((3, 6)), Model().unit.table, Model().drifts, 0.01)
-    kernels.bent(np.zeros((3, 6)), 0.01, 0.01, np.zeros(6))
+    still = np.zeros(6)
+    kernels.step(
+        y, P, still, still, kernels.bent(still, still, still, 0.01, 0.01), Model().unit.table, Model().drifts, 0.01
+    )
     kernels.within(np.zeros(6), MOST_FELT)
     kernels.health(y, P)
     place.warm_up()

@@ -8,7 +8,7 @@ last bit.  What is older than the horizon is refused.
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right, insort
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ HORIZON_NS = 1_000_000_000
 #: What waits for an inertial sample; more than that is no aiding, it is a flood.
 MOST_WAITING = 256
 SECOND_NS = 1_000_000_000
+#: What is felt changes as a straight line, as far as anybody knows.
+_STRAIGHT = np.zeros(6)
 
 
 @dataclass(slots=True)
@@ -60,69 +62,84 @@ class Timeline:
     def __init__(self, first: Estimate) -> None:
         self._model = first.model
         self._unit, self._drifts = first.model.unit.table, first.model.drifts
-        self._moments = [Moment(first, {})]
+        self._moments, self._times = [Moment(first, {})], [first.t_ns]
         self._entries: list[Entry] = []
+        self._entry_times: list[int] = []
         self._verdicts: list[Verdict] = []
+        self._late: int | None = None  # the first moment that something belongs before which came after it
 
     @property
     def newest(self) -> Moment:
         """After the newest inertial sample."""
+        self._settle()
         return self._moments[-1]
 
     @property
     def oldest_ns(self) -> int:
         """Before this nothing can be taken any more."""
-        return self._moments[0].estimate.t_ns
+        return self._times[0]
 
     def drain(self) -> list[Verdict]:
         """What became of measurements since it was asked last; each is told once, as it was judged first."""
+        self._settle()
         told, self._verdicts = self._verdicts, []
         return told
 
     def step(self, t_ns: int, felt: Array) -> None:
         """Take an inertial sample, newer than the newest; felt : accel_b, gyro_b, shape (6,)."""
+        self._settle()
         self._moments.append(self._after(len(self._moments) - 1, t_ns, felt))
-        oldest = bisect_right(self._moments, t_ns - HORIZON_NS, key=_moment_ns) - 1
+        self._times.append(t_ns)
+        oldest = bisect_right(self._times, t_ns - HORIZON_NS) - 1
         if oldest > 0:
-            del self._moments[:oldest]
-            del self._entries[: bisect_right(self._entries, self.oldest_ns, key=_entry_ns)]
+            del self._moments[:oldest], self._times[:oldest]
+            past = bisect_right(self._entry_times, self.oldest_ns)
+            del self._entries[:past], self._entry_times[:past]
 
     def take(self, t_ns: int, *parts: Aiding) -> bool:
         """Take what aids, in parts of one time; False when it is too old, there already, or there are too many."""
         if t_ns <= self.oldest_ns or any(self._has(t_ns, part.name) for part in parts):
             return False
-        if len(self._entries) - bisect_right(self._entries, self.newest.estimate.t_ns, key=_entry_ns) >= MOST_WAITING:
+        if len(self._entries) - bisect_right(self._entry_times, self._times[-1]) >= MOST_WAITING:
             return False
-        for part in parts:
-            insort(self._entries, Entry(t_ns, part), key=_entry_ns)
-        for k in range(bisect_left(self._moments, t_ns, key=_moment_ns), len(self._moments)):
-            done = self._moments[k].estimate
-            self._moments[k] = self._after(k - 1, done.t_ns, done.felt)
+        at = bisect_right(self._entry_times, t_ns)
+        self._entries[at:at] = [Entry(t_ns, part) for part in parts]
+        self._entry_times[at:at] = [t_ns] * len(parts)
+        first = bisect_left(self._times, t_ns)
+        if first < len(self._times):
+            self._late = first if self._late is None else min(first, self._late)
         return True
+
+    def _settle(self) -> None:
+        """Do again what came before something late: once for all that came together, when somebody asks."""
+        first, self._late = self._late, None
+        for k in range(len(self._times) if first is None else first, len(self._times)):
+            self._moments[k] = self._after(k - 1, self._times[k], self._moments[k].estimate.felt)
 
     def at(self, t_ns: int) -> Estimate:
         """The estimate at a time: that of the moment before, moved on; beyond the newest with what was felt last."""
-        k = max(bisect_right(self._moments, t_ns, key=_moment_ns) - 1, 0)
+        self._settle()
+        k = max(bisect_right(self._times, t_ns) - 1, 0)
         before = self._moments[k].estimate
         if t_ns <= before.t_ns:
             return before
         if k + 1 == len(self._moments):
-            return self._moved(before, t_ns, before.felt, np.zeros(6))
+            return self._moved(before, t_ns, before.felt, _STRAIGHT)
         after = self._moments[k + 1].estimate
         share = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
         felt = before.felt + share * (after.felt - before.felt)
         return self._moved(before, t_ns, felt, self._bend(k, after.t_ns, after.felt))
 
     def _has(self, t_ns: int, name: str) -> bool:
-        at = bisect_left(self._entries, t_ns, key=_entry_ns)
-        return any(e.aiding.name == name for e in self._entries[at : bisect_right(self._entries, t_ns, key=_entry_ns)])
+        first, end = bisect_left(self._entry_times, t_ns), bisect_right(self._entry_times, t_ns)
+        return any(entry.aiding.name == name for entry in self._entries[first:end])
 
     def _after(self, k: int, t_ns: int, felt: Array) -> Moment:
         """Moment k, moved on to an inertial sample, through all that aids between."""
         start, standings = self._moments[k]
         estimate, bend = start, self._bend(k, t_ns, felt)
-        lower = bisect_right(self._entries, start.t_ns, key=_entry_ns)
-        for entry in self._entries[lower : bisect_right(self._entries, t_ns, key=_entry_ns)]:
+        first, end = bisect_right(self._entry_times, start.t_ns), bisect_right(self._entry_times, t_ns)
+        for entry in self._entries[first:end]:
             share = (entry.t_ns - start.t_ns) / (t_ns - start.t_ns)
             estimate = self._moved(estimate, entry.t_ns, start.felt + share * (felt - start.felt), bend)
             estimate, standings = self._aided(estimate, standings, entry)
@@ -130,20 +147,16 @@ class Timeline:
 
     def _bend(self, k: int, t_ns: int, felt: Array) -> Array:
         """Second derivatives of what is felt, from moments k - 1 and k and the sample after; zeros where unknown."""
-        found = np.zeros(6)
-        if k > 0:
-            before, here = self._moments[k - 1].estimate, self._moments[k].estimate
-            rows = np.array((before.felt, here.felt, felt))
-            kernels.bent(rows, (here.t_ns - before.t_ns) / SECOND_NS, (t_ns - here.t_ns) / SECOND_NS, found)
-        return found
+        if k == 0:
+            return _STRAIGHT
+        before, here, times = self._moments[k - 1].estimate.felt, self._moments[k].estimate.felt, self._times
+        return kernels.bent(before, here, felt, (times[k] - times[k - 1]) / SECOND_NS, (t_ns - times[k]) / SECOND_NS)
 
     def _moved(self, start: Estimate, t_ns: int, felt: Array, bend: Array) -> Estimate:
         if t_ns == start.t_ns:
             return start
         y, P = start.y.copy(), start.P.copy()
-        kernels.step(
-            y, P, np.array((start.felt, felt, bend)), self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS
-        )
+        kernels.step(y, P, start.felt, felt, bend, self._unit, self._drifts, (t_ns - start.t_ns) / SECOND_NS)
         return Estimate(t_ns, y, P, felt, self._model)
 
     def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
@@ -167,11 +180,3 @@ def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Est
     nis = kernels.fuse(x, P, z, H, R)
     kernels.correct(y, x, len(here.model.extras))
     return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
-
-
-def _moment_ns(moment: Moment) -> int:
-    return moment.estimate.t_ns
-
-
-def _entry_ns(entry: Entry) -> int:
-    return entry.t_ns

@@ -23,6 +23,7 @@ from fti.config import Positive, StrictModel, bind
 from fti.errors import ConfigError
 from fti.geodesy import wgs84
 from fti.geodesy.local import LocalFrame
+from fti.geodesy.one_point import to_local
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,11 @@ class ApproachPath:
         """Path length s to GPI and offset y right of the track [m] of positions lat, lon [rad], any shape."""
         enu = self.frame.to_local(lat, lon, self.alt_gpi)
         east, north = enu[..., 0], enu[..., 1]
+        return -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
+
+    def along_one(self, lat: float, lon: float) -> tuple[float, float]:
+        """``along`` of one position."""
+        east, north, _ = to_local(self.frame, lat, lon, self.alt_gpi)
         return -(east * self._sin + north * self._cos), east * self._cos - north * self._sin
 
     def geodetic(self, s: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

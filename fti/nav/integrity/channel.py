@@ -91,8 +91,7 @@ class ApproachChannel:
         position = nav.position
         if position is None or position.alt is None:
             return None
-        s, y = self._monitor.path.along(position.lat, position.lon)
-        return Place(float(s), float(y), position.alt)
+        return Place(*self._monitor.path.along_one(position.lat, position.lon), position.alt)
 
     def _with_slope(self, integrity: ClearanceIntegrity | None, place: Place | None) -> Outputs:
         if integrity is None:
