@@ -363,6 +363,19 @@ def test_no_place_and_no_attitude_is_special(lat: float, lon: float, pitch: floa
     assert all(math.isfinite(x) for x in (told.horizontal_sd or 0.0, told.heading_sd or 0.0, told.lat or 0.0))
 
 
+def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: State) -> None:
+    """Alone for five seconds a barometer is let in, whatever it says: 900 km had been valid for a tick, to 1 m."""
+    navigator, felt, turned, reasons = begun(flight), specific_force_b(flight), angular_rate_b(flight), set[Reason]()
+    for k, t in enumerate(flight.t[:200].tolist()):
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+        if k % 5 == 4:
+            navigator.take(ns(t), BaroAltitude(9e5, 1.0, name="baro"))
+        told = navigator.output(ns(t))
+        assert told.alt is None or abs(told.alt) < 1e5
+        reasons |= set(told.reasons)
+    assert {Reason.DIVERGED, Reason.RESET} <= reasons
+
+
 def test_random_rubbish_raises_nothing(flight: State) -> None:
     """A thousand calls with times and values from anywhere."""
     rng = np.random.default_rng(8)

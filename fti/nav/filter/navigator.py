@@ -150,6 +150,8 @@ class Navigator:
         """What is told at t_ns.  Valid when AIDED or COASTING: the sigma says how good it is."""
         mode, reasons = self.mode(t_ns)
         here = self.at(t_ns) if mode in {FilterMode.AIDED, FilterMode.COASTING} else None
+        if here is not None and not _sane(here):  # what aids has led out of the world; the next sample begins anew
+            here, mode, reasons = None, FilterMode.INVALID, (Reason.DIVERGED,)
         if here is None:
             told = reasons or (Reason.STALE,)
             return FilterSolution(t_ns=t_ns, t_valid_ns=None, valid=False, reasons=told, mode=mode)
