@@ -11,12 +11,14 @@ the same approaches.  Detection has Wilson limits of 95 %, is told apart by whet
 judged: what cannot be seen depends on the ground.
 
 The time to the ALERT is judged by its 95th percentile from the first sample over the limit: 2 s for an obstacle, one
-window and 1 s for the others.  The limit of an error of place or height is its alert limit, with the defaults of the
-configuration: AL_s 50 m, AL_y 100 m, AL_v = max(5 m, 0.35 deg x s).  That is what the function promises: an error below
-it is not hazardous, and for 50 m beside the track no time is promised at all.  An obstacle has no alert limit; its
-limit is that of T4.  Earlier the time was counted from where a fault had reached its size, whether that is above its
-alert limit or not; that figure is told as ``size_p50`` and ``size_p95``, and for 50 m beside the track and 10 m of
-height it is longer than a window and 1 s.  Where a fault grows, the new count begins sooner, and is the stricter one.
+window and 1 s for the others.  An approach without an ALERT counts as one on which it never comes.
+
+The limit of an error of place or height is its alert limit, with the defaults of the configuration: AL_s 50 m, AL_y
+100 m, AL_v = max(5 m, 0.35 deg x s).  That is what the function promises: an error below it is not hazardous, and for
+50 m beside the track no time is promised at all.  An obstacle has no alert limit; its limit is that of T4.  Earlier the
+time was counted from where a fault had reached its size, whether that is above its alert limit or not; that figure is
+told as ``size_p50`` and ``size_p95``, of those that are seen, and for 50 m beside the track and 10 m of height it is
+longer than a window and 1 s.  Where a fault grows, the new count begins sooner, and is the stricter one.
 
 ``misled`` is what a time to alert is for: approaches with an error over its limit on which, that time later, there had
 been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).
@@ -28,6 +30,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -98,7 +101,8 @@ def _detected(name: str, flown: Sequence[Faulty]) -> list[Result]:
     ]
     results.append(_share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_seen for run in flown]))
     if name in SIZED:
-        results += _times(f"{name}.size", "from where it has its size to the ALERT", [run.size_s for run in flown])
+        seen = [run.size_s for run in flown if math.isfinite(run.size_s)]
+        results += _times(f"{name}.size", "from where it has its size to the ALERT, where there is one", seen)
     over = [run for run in flown if run.over]
     results.append(_told(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
     return results + (_in_time(name, over) if over else [])
@@ -109,18 +113,13 @@ def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
     limit = OBSTACLE_S if name in OBSTACLES else WINDOW_M / SPEED_MS + LATER_S
     results = list[Result]()
     for part, some in _parts(over).items():
-        results += _times(f"{name}{part}.time", "from its limit to the ALERT", [run.delay_s for run in some])
-    results = results or [_never(name)]
+        times = [run.delay_s if math.isfinite(run.delay_s) else math.inf for run in some]
+        results += _times(f"{name}{part}.time", "from its limit to the ALERT", times)
     late = next(result for result in results if result.id == f"{name}.time_p95")
     judged = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
     results[results.index(late)] = judged
     misled = [not run.warned_s <= limit for run in over]
     return [*results, _share(f"{name}.misled", f"over its limit for {limit:.2g} s, and trusted", misled)]
-
-
-def _never(name: str) -> Result:
-    """No ALERT on any approach is no time that holds."""
-    return _told(f"{name}.time_p95", "no ALERT on any approach over the limit", math.inf)
 
 
 def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:
@@ -133,13 +132,14 @@ def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:
 
 
 def _times(name: str, text: str, times: Sequence[float]) -> list[Result]:
-    """Median and 95th percentile of those that have been [s]."""
-    been = [time for time in times if np.isfinite(time)]
-    if not been:
+    """Median and 95th percentile [s]; inf: never, between which and a time there is none."""
+    if not times:
         return []
+    method: Literal["linear", "inverted_cdf"] = "linear" if np.all(np.isfinite(times)) else "inverted_cdf"
+    middle, late = (float(np.percentile(times, q, method=method)) for q in (50, 95))
     return [
-        _told(f"{name}_p50", f"median time {text} [s]", float(np.percentile(been, 50))),
-        _told(f"{name}_p95", f"95th percentile of the time {text} [s]", float(np.percentile(been, 95))),
+        _told(f"{name}_p50", f"median time {text} [s]", middle),
+        _told(f"{name}_p95", f"95th percentile of the time {text} [s]", late),
     ]
 
 

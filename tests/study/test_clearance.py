@@ -57,17 +57,20 @@ MISSED = Faulty(False, False, True, math.nan, math.nan, math.nan, True)
 
 def test_a_late_alert_does_not_hold() -> None:
     late = SEEN._replace(delay_s=2.6, size_s=2.6)
-    assert by_id(clearance._detected("obstacle_75", [SEEN] * 18 + [MISSED]))["obstacle_75.time_p95"].holds
+    assert by_id(clearance._detected("obstacle_75", [SEEN] * 19 + [MISSED]))["obstacle_75.time_p95"].holds
     assert not by_id(clearance._detected("obstacle_75", [SEEN] * 18 + [late] * 2))["obstacle_75.time_p95"].holds
     assert by_id(clearance._detected("height_10", [SEEN] * 18 + [late] * 2))["height_10.time_p95"].holds
     slow = SEEN._replace(delay_s=8.0)
     assert not by_id(clearance._detected("height_10", [SEEN] * 18 + [slow] * 2))["height_10.time_p95"].holds
 
 
-def test_a_fault_that_nobody_sees_over_its_limit_has_no_time_that_holds() -> None:
-    found = by_id(clearance._detected("along_60", [MISSED] * 4))
-    assert not found["along_60.time_p95"].holds
-    assert found["along_60.misled"].value == 1.0
+@pytest.mark.parametrize("missed", [2, 20])
+def test_an_alert_that_never_comes_is_late(missed: int) -> None:
+    """Of 20, one may be; where only those count that are seen, what sees less and less would hold."""
+    found = by_id(clearance._detected("along_60", [SEEN] * (20 - missed) + [MISSED] * missed))
+    assert (found["along_60.time_p95"].value, found["along_60.time_p95"].holds) == (math.inf, False)
+    assert found["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
+    assert found["along_60.misled"].value == missed / 20
 
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
