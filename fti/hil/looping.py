@@ -41,10 +41,12 @@ class FineSelector(selectors.EpollSelector):
 def before_others() -> Iterator[None]:
     """The calling thread comes before every ordinary process while the block lasts, where it may ask for that.
 
-    What it starts does not: processes and threads begin as ordinary ones (an ordinary user cannot undo that).
+    One that has a real-time priority already (``chrt``) keeps its own.  What it starts has none: processes and threads
+    begin as ordinary ones (an ordinary user cannot undo that).
     """
     usual, parameters = os.sched_getscheduler(0) | os.SCHED_RESET_ON_FORK, os.sched_getparam(0)
-    if len(os.sched_getaffinity(0)) >= LEAST_CORES:
+    ordinary = usual & ~os.SCHED_RESET_ON_FORK not in (os.SCHED_FIFO, os.SCHED_RR)
+    if ordinary and len(os.sched_getaffinity(0)) >= LEAST_CORES:
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     try:

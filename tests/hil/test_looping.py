@@ -85,6 +85,16 @@ def test_who_sends_comes_before_others_and_what_it_starts_does_not() -> None:
     assert (policy(), thread, int(child)) == (usual, usual, usual)
 
 
+def test_a_priority_that_somebody_gave_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[int]()
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
+    monkeypatch.setattr(os, "sched_getscheduler", lambda pid: os.SCHED_FIFO)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda pid, asking, parameters: asked.append(asking))
+    with looping.before_others():
+        pass
+    assert {asking & ~os.SCHED_RESET_ON_FORK for asking in asked} == {os.SCHED_FIFO}
+
+
 def test_on_one_core_it_does_not_come_before_its_reader(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0})
     usual = policy()
