@@ -233,11 +233,15 @@ def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: _Evidence) 
 
 
 def _unexpected(said: Said, may: Sequence[May], end_s: float) -> Iterator[Unexpected]:
-    """What is left of every word when all that explains it is taken away."""
+    """What is left of every word when all that explains it is taken away.
+
+    Before the flight nothing is sent: a daemon that waits for it may say so.
+    """
+    begin_s = max(said.began_s, 0.0) + WINDOW_S
     for (place, word), spans in sorted(said.spans.items()):
         allowed = sorted((m.from_s, m.until_s) for m in may if m.explains(place, word))
         for span in spans:
-            for from_s, until_s in _without(span, [(-math.inf, said.began_s + WINDOW_S), *allowed]):
+            for from_s, until_s in _without(span, [(-math.inf, begin_s), *allowed]):
                 if from_s < end_s:
                     yield Unexpected(place, word, from_s, until_s)
 

@@ -233,6 +233,14 @@ def test_the_start_ends_a_window_after_navigation_began_whenever_that_was(setup:
         assert score(setup, heard, faults=()).holds is holds, began_s
 
 
+def test_what_is_said_while_the_daemon_waits_for_the_flight_is_not_judged(setup: Setup) -> None:
+    link, silent = "/fti/health/links/spare", frozenset({"silent"})
+    for until_s, holds in ((1.0, True), (7.0, False)):
+        heard = said((-163.0, link, silent), (-92.0, link, NOTHING), (-5.0, link, silent), (until_s, link, NOTHING))
+        heard.began_s = -188.0
+        assert score(setup, heard, faults=()).holds is holds, until_s
+
+
 def test_a_miss_before_navigation_began_is_of_the_bench_and_later_it_is_a_miss(setup: Setup) -> None:
     for began_s, verdict in ((19.0, Verdict.LATE_BENCH), (10.0, Verdict.MISSING)):
         heard = said()
