@@ -131,7 +131,7 @@ class AidedNavigation:
         if north is None or east is None:
             return
         down, sd = m.down, VELOCITY_SD if m.sd is None else m.sd
-        if down is None and self._navigator.at(t_ns) is None:  # it begins with a climb, if only that of the positions
+        if down is None and not self._navigator.reaches(t_ns):  # it begins with a climb, if only that of the positions
             climb = self._alts[device].slope(t_ns)
             down, sd = None if climb is None else -climb, max(sd, CLIMB_SD)
         sd *= self._lasting(device, t_ns)

@@ -163,6 +163,17 @@ def test_late_ones_that_come_together_are_taken_together_and_in_the_order_of_the
     np.testing.assert_array_equal(one.P, two.P)
 
 
+def test_it_reaches_as_far_as_it_has_an_estimate(flight: State) -> None:
+    navigator = begun(flight)
+    assert navigator.reaches(ns(0.0))
+    assert not Navigator(Model()).reaches(ns(0.0))
+    fly(navigator, flight, seen=lambda t: t < 1.0)
+    end = float(flight.t[-1])
+    reached = {past: navigator.reaches(ns(end - past)) for past in (1.3, 0.9, 0.0, -0.19, -0.21)}
+    assert reached == {past: navigator.at(ns(end - past)) is not None for past in reached}
+    assert list(reached.values()) == [False, True, True, True, False]
+
+
 def test_a_late_fix_counts_for_the_time_at_which_it_was_true(flight: State) -> None:
     """At 60 m/s 0.4 s are 24 m: taken as new, they would be in the answer."""
     navigator = begun(flight)

@@ -54,7 +54,7 @@ class Estimate:
         """Body to e."""
         return kernels.matrix(self.y)
 
-    @property
+    @functools.cached_property
     def mat_nb(self) -> Array:
         """Body to north, east, down."""
         return np.asarray(self.mat_en.T @ self.mat_eb)
@@ -87,18 +87,18 @@ class Estimate:
             mats[at : at + 3, at : at + 3] = self.mat_en
         return np.asarray(mats.T @ self.P[:ACCEL, :ACCEL] @ mats)
 
-    @property
+    @functools.cached_property
     def sd_n(self) -> Array:
         """Square roots of its diagonal, shape (9,)."""
         return np.sqrt(np.maximum(np.diag(self.cov_n), 0.0))
 
-    @property
+    @functools.cached_property
     def rpy(self) -> tuple[float, float, float]:
         """Roll, pitch, heading [rad]."""
         roll, pitch, heading = rpy_from_mat(self.mat_nb)
         return float(roll), float(pitch), float(heading)
 
-    @property
+    @functools.cached_property
     def rpy_sd(self) -> tuple[float, float, float]:
         """Sigma of roll, pitch and heading [rad]: of the turn about three axes that are not at right angles.
 

@@ -121,10 +121,12 @@ class Navigator:
 
     def at(self, t_ns: int) -> Estimate | None:
         """The estimate at t_ns, of the last second or ``GAP_NS`` ahead; None where there is none."""
+        return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
+
+    def reaches(self, t_ns: int) -> bool:
+        """Whether there is an estimate at t_ns, without making it."""
         timeline = self._timeline
-        if timeline is None or not timeline.oldest_ns <= t_ns <= timeline.newest.estimate.t_ns + GAP_NS:
-            return None
-        return timeline.at(t_ns)
+        return timeline is not None and timeline.oldest_ns <= t_ns <= timeline.newest_ns + GAP_NS
 
     def drain(self) -> list[Verdict]:
         """What became of each measurement since it was asked last."""

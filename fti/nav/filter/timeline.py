@@ -75,6 +75,11 @@ class Timeline:
         return self._moments[-1]
 
     @property
+    def newest_ns(self) -> int:
+        """Time of the newest inertial sample."""
+        return self._times[-1]
+
+    @property
     def oldest_ns(self) -> int:
         """Before this nothing can be taken any more."""
         return self._times[0]

@@ -113,14 +113,15 @@ def rates(mat_eb: Array, force_e: Array, down_e: Array, biased: bool) -> Array:
 def transition(F: Array, step: float) -> Array:
     """1 + F T + (F T)^2 / 2, of the same shape: its first nine rows."""
     n, m = F.shape
-    found = np.zeros((n, m))
+    found, twice = np.zeros((n, m)), np.zeros((n, m))
+    for i in range(n):
+        for k in range(n):  # along the rows: columns side by side
+            for j in range(m):
+                twice[i, j] += F[i, k] * F[k, j]
     for i in range(n):
         found[i, i] = 1.0
         for j in range(m):
-            twice = 0.0
-            for k in range(n):
-                twice += F[i, k] * F[k, j]
-            found[i, j] += step * F[i, j] + 0.5 * step * step * twice
+            found[i, j] += step * F[i, j] + 0.5 * step * step * twice[i, j]
     return found
 
 

@@ -195,7 +195,9 @@ class OnePose:
         slant_range = edge(spectrum, level, noise) * self._bin_m
         if math.isnan(slant_range):
             return None
-        told = float(sensor.told(slant_range))
+        told = slant_range * (1.0 + sensor.error.scale) + sensor.error.bias  # as ``RangeError.applied`` has it
+        if sensor.quantised:
+            told = float(sensor.told(slant_range))
         if told < sensor.min_range or told > sensor.max_range:
             validity = Validity.TOO_NEAR if told < sensor.min_range else Validity.TOO_FAR
             return math.nan, np.full(3, math.nan), math.nan, validity
