@@ -36,15 +36,24 @@ LOCATION_TOPIC = "/nav/location"
 PENDING_LIMIT = 2**20
 
 
-def _optional_values(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
-    """What takes the values that a message of this class may leave out."""
+def _part_of(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
+    """What tells streams of this class on one topic apart, decimated one by one: whose it is, what a message carries.
+
+    Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
+    """
     names = [field.name for field in dataclasses.fields(kind) if field.default is None]
+    whose = WHOSE.get(kind)
+    if whose:
+        return lambda m: (getattr(m, whose), *[getattr(m, name) is not None for name in names])
     if len(names) > 1:
-        return operator.attrgetter(*names)
-    return lambda message: tuple([getattr(message, name) for name in names])
+        values = operator.attrgetter(*names)
+        return lambda m: tuple([value is not None for value in values(m)])
+    return lambda m: tuple([getattr(m, name) is not None for name in names])
 
 
-OPTIONAL_VALUES = {kind: _optional_values(kind) for kind in typing.get_args(Measurement)}
+#: What of its device a measurement is of.
+WHOSE = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
+PART_OF = {kind: _part_of(kind) for kind in typing.get_args(Measurement)}
 #: Of these every one is kept.
 KEPT = (Ack, Calibration)
 
@@ -118,7 +127,8 @@ class DerivedLog(Log):
         """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
         if isinstance(measurement, KEPT):
             return True
-        return self._decimator.wants((device, type(measurement), _part(measurement)), measurement.stamp.t_rx_ns)
+        kind = type(measurement)
+        return self._decimator.wants((device, kind, PART_OF[kind](measurement)), measurement.stamp.t_rx_ns)
 
     def keep(self, device: str, measurement: Measurement) -> None:
         """``measurement`` for one that is wanted."""
@@ -161,16 +171,3 @@ class DerivedLog(Log):
         writer.write(channel, times[0], data, 0, times[1])
         if writer.pending_bytes >= PENDING_LIMIT:
             self.flush()
-
-
-def _part(measurement: Measurement) -> tuple[str | bool, ...]:
-    """What tells streams on one topic apart, decimated one by one: surface, station, name, and what a message carries.
-
-    Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
-    """
-    carried = tuple([value is not None for value in OPTIONAL_VALUES[type(measurement)](measurement)])
-    if isinstance(measurement, SurfaceDeflection):
-        return measurement.surface, *carried
-    if isinstance(measurement, Reading):
-        return measurement.name, *carried
-    return (measurement.station, *carried) if isinstance(measurement, DmeRange) else carried

@@ -8,6 +8,7 @@ Equal means: the same range of ``seq``, software, configuration and processor mo
 from __future__ import annotations
 
 import gc
+import itertools
 import json
 import math
 import tomllib
@@ -102,12 +103,12 @@ class Segment:
         """Was this frame seen?"""
         if seq < self.first or (self.last is not None and seq > self.last):
             return False
-        gaps = self.gaps_before(seq)
+        gaps = self.gaps_before(seq) if self.lost else 0
         return not gaps or seq >= self.lost[gaps - 1][1]
 
     def gaps_before(self, seq: int) -> int:
         """How many gaps begin before this frame."""
-        return bisect_left(self.lost, seq, key=itemgetter(0)) if self.lost else 0
+        return bisect_left(self.lost, seq, key=itemgetter(0))
 
 
 def recorded_setup(recording: Recording, file: Path) -> Setup:
@@ -169,7 +170,8 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
     progress : called now and then with the number of frames done
     """
     segments = flown_segments(recording) if as_flown else [Segment(0, None)]
-    first = next(iter(recording.frames()), None)
+    frames = recording.frames()
+    first = next(frames, None)
     if first is None:
         raise MissingError("the recording holds no frames")
     ground = setup.load_ground()
@@ -185,13 +187,15 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
     )
     with _seldom_searched():
         done = 0
+        frames = itertools.chain((first,), frames)
         for segment in segments:
             chain = _Grounded(setup.make_chain(), ground, setup.ground_in(segment))
-            for frame in _feed(recording.frames(), segment, chain, log):
+            for frame in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
                     log.flush()
                     progress(frame.seq)
+            frames = recording.frames()
         log.close()
     return folder.path
 
@@ -229,7 +233,7 @@ def _feed(frames: Iterator[RawFrame], segment: Segment, chain: _Grounded, log: D
     passed = 0
     for frame in frames:
         if segment.holds(frame.seq):
-            gaps = segment.gaps_before(frame.seq)
+            gaps = segment.gaps_before(frame.seq) if segment.lost else 0
             if gaps > passed:
                 chain.pass_gap()
                 passed = gaps

@@ -98,6 +98,17 @@ def test_twice_the_same_bytes(tmp_path: Path) -> None:
     assert len(heights) > 150
 
 
+def test_no_frame_is_left_out_nor_taken_twice(tmp_path: Path) -> None:
+    """Neither the first one of the flight, nor that at which another navigation process went on."""
+    session = _record(tmp_path, {"config.toml": CONFIG})
+    _note_gaps(session, [{"kind": "restart", "after_seq": 299, "before_seq": 300}])
+    sent = [frame.t_rx_ns for frame in Recording.open(session.path).frames() if frame.link == "line"]
+    for as_flown in (False, True):
+        again = _again(session, tmp_path / f"again_{as_flown}", as_flown=as_flown)
+        heights = Recording.open(again).messages("/altimeter/radio_height")
+        assert [t_ns for _, t_ns, *_ in heights] == sent
+
+
 def test_what_navigation_missed_is_repeated_or_healed(tmp_path: Path) -> None:
     session = _record(tmp_path, {"config.toml": CONFIG})
     _note_gaps(

@@ -13,7 +13,7 @@ from fti.drivers import deflection_pickups
 from fti.drivers import freeflight_ra4500 as ra
 from fti.service.binding import bind_devices
 from fti.service.chain import GAP, Chain
-from fti.types import Event, RadioHeight, RawFrame, Stamp, SurfaceDeflection
+from fti.types import Event, Measurement, RadioHeight, RawFrame, Stamp, SurfaceDeflection
 from tests.drivers.test_deflection_pickups import FLAPS, RAW_FLAPS
 from tests.service.slow_navigation import CONFIG
 
@@ -111,3 +111,26 @@ def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -
     assert fed(*nodes.respond(deflection_pickups.command("insert_point", args))) == []
     chain.pass_gap()
     assert fed(*nodes.encode(seen)) == [12.0]
+
+
+def test_a_measurement_that_fails_takes_nothing_from_the_others_of_its_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One read yields five: the second is refused by navigation, the fourth cannot even be stamped."""
+    chain = _chain()
+    fed: list[int] = []
+
+    def feed(_: str, m: Measurement) -> list[Event]:
+        fed.append(m.stamp.t_rx_ns)
+        if m.stamp.t_rx_ns == 2:
+            raise ZeroDivisionError
+        return [Event(t_ns=m.stamp.t_rx_ns, level="info", source="pipeline", text="")]
+
+    read = [RadioHeight(stamp=Stamp(k), height_agl=30.0) for k in range(1, 6)]
+    monkeypatch.setattr(chain.listeners[0].decoder, "feed", lambda *_: [*read[:3], None, read[4]])
+    monkeypatch.setattr(chain._pipeline, "feed", feed)
+    products = chain.feed(RawFrame("line", 7, 9, FRAME))
+    events = [event for event in products.outputs if isinstance(event, Event)]
+    assert fed == [m.stamp.t_rx_ns for _, m in products.measurements] == [1, 2, 3, 5]
+    assert [(event.level, event.t_ns) for event in events] == [
+        ("info", 1), ("error", 9), ("info", 3), ("error", 9), ("info", 5)
+    ]  # fmt: skip
+    assert "failed at seq 7 and goes on: ZeroDivisionError" in events[1].text

@@ -235,9 +235,8 @@ class DeviceClock:
 
         It may be older than its age limit, never younger than its arrival less the latency.
         """
-        segment = self.segment or self._begin(t_rx_ns, t_dev_ns)
-        t_dev_ns = self._unwrapped(segment, t_rx_ns, t_dev_ns)
-        late = segment.lateness(t_rx_ns, t_dev_ns)
+        segment = self.segments[-1] if self.segments else self._begin(t_rx_ns, t_dev_ns)
+        t_dev_ns, late = self._unwrapped(segment, t_rx_ns, t_dev_ns)
         near = segment.near_ns(t_dev_ns)
         if late < -near and not segment.known:  # the first ones were late
             self.segments.pop()
@@ -311,17 +310,19 @@ class DeviceClock:
             step = (t_dev_ns - before.device_ns(t_rx_ns)) / SECOND_NS
             self._news.append(f"the clock of {self._name} ({self.scale}) has gone by {step:+.3f} s; it is learned anew")
 
-    def _unwrapped(self, segment: Segment, t_rx_ns: int, t_dev_ns: int) -> int:
-        """The device's time without the jump of a counter that starts again."""
+    def _unwrapped(self, segment: Segment, t_rx_ns: int, t_dev_ns: int) -> tuple[int, float]:
+        """The device's time without the jump of a counter that starts again, and how far above the line it lies."""
         unwrapped = t_dev_ns + self.unwrap_ns
-        if abs(segment.lateness(t_rx_ns, unwrapped)) < 1000 * SECOND_NS:
-            return unwrapped
+        late = segment.lateness(t_rx_ns, unwrapped)
+        if abs(late) < 1000 * SECOND_NS:
+            return unwrapped, late
         for jump in (sign * period for period in WRAPS[self.scale] for sign in (1, -1)):
-            if abs(segment.lateness(t_rx_ns, unwrapped + jump)) <= self._max_age_ns:
+            jumped = segment.lateness(t_rx_ns, unwrapped + jump)
+            if abs(jumped) <= self._max_age_ns:
                 self.unwrap_ns += jump
                 self._news.append(f"the counter of {self._name} ({self.scale}) has gone by {-jump / SECOND_NS:+.0f} s")
-                return unwrapped + jump
-        return unwrapped
+                return unwrapped + jump, jumped
+        return unwrapped, late
 
     def _tell_known(self, segment: Segment) -> None:
         if not self._told and segment.line.slope_95 < TOLD_DRIFT:

@@ -104,15 +104,15 @@ class DeviceTimes:
         key = (device.name, scale)
         last_rx_ns, last_dev_ns, valid_ns = self._last.get(key, (None, None, None))
         if (last_rx_ns, last_dev_ns) != (stamp.t_rx_ns, t_dev_ns):
-            valid_ns = self._clock(key, device).take(stamp.t_rx_ns, t_dev_ns)
+            clock = self.clocks.get(key) or self._begin(key, device)
+            valid_ns = clock.take(stamp.t_rx_ns, t_dev_ns)
             self._last[key] = stamp.t_rx_ns, t_dev_ns, valid_ns
         return valid_ns
 
-    def _clock(self, key: _Key, device: Device) -> DeviceClock:
-        if key not in self.clocks:
-            max_age_ns = round(device.max_age_ms * 1e6)
-            self.clocks[key] = DeviceClock(key[1], _latency_ns(device), max_age_ns, self._window, device.name)
-        return self.clocks[key]
+    def _begin(self, key: _Key, device: Device) -> DeviceClock:
+        max_age_ns = round(device.max_age_ms * 1e6)
+        clock = self.clocks[key] = DeviceClock(key[1], _latency_ns(device), max_age_ns, self._window, device.name)
+        return clock
 
     def tick(self, t_ns: int) -> dict[str, Any] | None:
         """Once a second, what is known of every clock, for ``/fti/device_clock``."""
