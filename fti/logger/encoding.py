@@ -47,8 +47,9 @@ def _texts(values: Iterable[Any]) -> list[str]:
 
 
 def _mapping(table: Mapping[Any, Any]) -> str:
-    keys = [encode_basestring(str(key)) for key in table]
-    return "{" + ",".join([f"{key}:{text}" for key, text in zip(keys, _texts(table.values()), strict=True)]) + "}"
+    named = {str(key): value for key, value in table.items()}  # of two keys with one name the last one counts
+    keys = [encode_basestring(key) for key in named]
+    return "{" + ",".join([f"{key}:{text}" for key, text in zip(keys, _texts(named.values()), strict=True)]) + "}"
 
 
 def _sequence(values: Sequence[Any]) -> str:

@@ -100,6 +100,7 @@ def test_a_record_is_written_as_json_writes_it_whatever_it_holds(cls: type, data
 @settings(max_examples=200)
 @example(math.nan)
 @example({})
+@example({None: 1, "None": 2})
 @example(())
 @example({"nan": math.nan, "a": ["nan", math.inf, (-math.inf,)]})
 @given(VALUES)
