@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.geodesy.one_point import ecef_from_geodetic
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.place import position
 from fti.nav.filter.states import Extra
 from fti.nav.inertial.errors import BIASED, GYRO, POS, TURN, VEL
 
@@ -75,7 +75,7 @@ class GnssPosition:
         arm_e = here.mat_eb @ self.lever_arm_b
         alt = here.place[2] if self.alt is None else self.alt
         expected_e = here.y[:3] + arm_e
-        z = here.mat_en.T @ (position(self.lat, self.lon, alt) - expected_e)
+        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, alt) - expected_e)
         H = np.zeros((3, here.model.size))
         H[:, POS : POS + 3] = here.mat_en.T
         H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
@@ -227,7 +227,7 @@ class SlantRange:
         H = np.zeros((1, here.model.size))
         H[0, POS : POS + 3] = -here.mat_en @ n / along
         H[0, TURN : TURN + 3] = -self.predicted * here.mat_en @ np.cross(u, n) / along
-        moved_e = here.y[:3] - position(self.lat, self.lon, self.alt)
+        moved_e = here.y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
         z = np.array([self.slant_range - self.predicted - H[0, POS : POS + 3] @ moved_e])
         z[0] -= _drifting(here, Extra.ALTIMETER, H[0], 1.0) + _drifting(here, Extra.DEM, H[0], float(n[2]) / along)
         z[0] -= _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
@@ -253,7 +253,7 @@ class PositionFix:
         """z = mat_ne (x_measured - x)."""
         H = np.zeros((3, here.model.size))
         H[:, POS : POS + 3] = here.mat_en.T
-        z = here.mat_en.T @ (position(self.lat, self.lon, self.alt) - here.y[:3])
+        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, self.alt) - here.y[:3])
         return z, H, np.ascontiguousarray(self.cov_n, dtype=np.float64)
 
 

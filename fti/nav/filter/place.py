@@ -1,6 +1,7 @@
-"""Geodesy of one point, compiled: what ``fti.geodesy`` does for arrays, for an estimate that is asked a thousand times.
+"""Where an estimate is, compiled: what ``fti.geodesy`` does for arrays, for one point that is asked a thousand times.
 
-The formulas are those of ``fti.geodesy.wgs84`` and ``rotations``, and so are their sources.
+The formulas are those of ``fti.geodesy.wgs84`` and ``rotations``, and so are their sources; the way back is
+``fti.geodesy.one_point``, in plain numbers.
 Checked against: those, tests/nav/test_filter_place.py.
 """
 
@@ -33,15 +34,6 @@ def geodetic(y: Array) -> tuple[float, float, float]:
 
 
 @kernel
-def position(lat: float, lon: float, alt: float) -> Array:
-    """The position of a point (3,), e frame [m]; lat, lon [rad], alt above the ellipsoid [m]."""
-    sin_lat, cos_lat = np.sin(lat), np.cos(lat)
-    normal = SEMI_MAJOR / np.sqrt(1.0 - ECC_SQ * sin_lat**2)
-    level = (normal + alt) * cos_lat
-    return np.array([level * np.cos(lon), level * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * sin_lat])
-
-
-@kernel
 def axes(lat: float, lon: float) -> Array:
     """mat_en (3, 3): north, east, down at lat, lon [rad] to e."""
     sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
@@ -56,5 +48,5 @@ def axes(lat: float, lon: float) -> Array:
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
-    lat, lon, _ = geodetic(position(0.0, 0.0, 0.0))
+    lat, lon, _ = geodetic(np.array([SEMI_MAJOR, 0.0, 0.0]))
     axes(lat, lon)
