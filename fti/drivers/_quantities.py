@@ -9,17 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
+from fti.constants import FOOT, NAUTICAL_MILE, STANDARD_GRAVITY
 from fti.drivers._quick import quick_maker
 from fti.drivers._units import (
     DEGREE,
-    FOOT,
     FOOT_PER_MINUTE,
     HECTOPASCAL,
     INCH_HG,
     KELVIN_AT_0_C,
     KNOT,
-    NAUTICAL_MILE,
-    STANDARD_GRAVITY,
     wrap_heading,
 )
 from fti.types import (

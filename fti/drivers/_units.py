@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
-FOOT = 0.3048
-NAUTICAL_MILE = 1852.0
+from fti.constants import FOOT, NAUTICAL_MILE
+
 KNOT = NAUTICAL_MILE / 3600.0
 FOOT_PER_MINUTE = FOOT / 60.0
 HECTOPASCAL = 100.0
 INCH_HG = 3386.389  # at 0 degrees Celsius
 DEGREE = math.pi / 180.0
-STANDARD_GRAVITY = 9.80665  # m/s^2, the "g" of instruments
 KELVIN_AT_0_C = 273.15
 
 

@@ -27,10 +27,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import StrictModel
+from fti.constants import FOOT
 from fti.drivers import Counters
 from fti.drivers._framing import Framer, Skip, skip_to
 from fti.drivers._talker import COMMANDS, command, on_connect, poll  # noqa: F401 - the rest of the contract
-from fti.drivers._units import FOOT
 from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 from fti.types import DeviceStatus, Measurement, RadioHeight, Stamp
 

@@ -30,9 +30,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.echoes import Echoes, beams, merged, outcome
 from fti.ranging.error_model import RangeError
-from fti.ranging.radar.waveform import SPEED_OF_LIGHT
 from fti.ranging.reflectance import CoverAt, reflectance_at
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.ranging.weather import Air, Cloud, air_along

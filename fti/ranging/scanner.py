@@ -23,9 +23,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.interpolation import interpolated
 from fti.ranging.laser import Laser
-from fti.ranging.radar.waveform import SPEED_OF_LIGHT
 from fti.ranging.sensor import Poses, RangingSensor, Returns
 from fti.terrain.terrain import Terrain
 

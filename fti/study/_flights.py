@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.sensor import Poses
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.80665
 MAX_LOAD = 6.0
 TRIM_AOA = np.deg2rad(3.0)
 STEP_S = 0.02
@@ -44,12 +44,12 @@ class Leg:
     @property
     def turn_rate(self) -> float:
         """Right positive [rad/s]."""
-        return float(GRAVITY * np.tan(self.bank) / self.speed)
+        return float(STANDARD_GRAVITY * np.tan(self.bank) / self.speed)
 
 
 def turn(heading_change: float, bank: float, speed: float, path: float = 0.0) -> Leg:
     """The leg that changes the heading by so much, right positive [rad], with that bank, always positive [rad]."""
-    rate = GRAVITY * np.tan(bank) / speed
+    rate = STANDARD_GRAVITY * np.tan(bank) / speed
     return Leg(float(abs(heading_change) / rate), speed, float(np.copysign(bank, heading_change)), path)
 
 
@@ -95,7 +95,7 @@ class Track:
     def flown(self, up: Array, every_s: float) -> Flight:
         """The flight over this track at heights ``up`` [m], one sample every so many seconds."""
         climb = np.gradient(up, STEP_S)
-        roll = np.arctan(self.turn_rate * self.speed / GRAVITY) + self.extra
+        roll = np.arctan(self.turn_rate * self.speed / STANDARD_GRAVITY) + self.extra
         load = np.minimum(1.0 / np.maximum(np.abs(np.cos(roll)), 1.0 / MAX_LOAD), MAX_LOAD)
         pitch = np.arctan2(climb, self.speed) + TRIM_AOA * load * np.cos(roll)
         vels = np.stack((self.speed * np.sin(self.heading), self.speed * np.cos(self.heading), climb), axis=-1)

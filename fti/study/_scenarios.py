@@ -21,7 +21,6 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
-FOOT = 0.3048
 #: The approach ends so high over the threshold [m].
 THRESHOLD_M = 15.0
 GLIDE = np.radians(3.0)

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.radar.dome import half_dome, sphere
-from fti.ranging.radar.waveform import SPEED_OF_LIGHT
 from fti.study import Draw, Progress, Result, _level_run
 from fti.study._signals import receivers
 from fti.study._sweep import attitude

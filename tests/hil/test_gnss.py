@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from fti import drivers
 from fti.config import Device
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers import ublox_ubx
 from fti.drivers.ublox_ubx.raw import frequency_id
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.hil.sensors import Sensor
-from fti.hil.sensors.constellation import GLONASS_CHANNELS, SPEED_OF_LIGHT, SYSTEMS, Constellation, dilution
+from fti.hil.sensors.constellation import GLONASS_CHANNELS, SYSTEMS, Constellation, dilution
 from fti.hil.sensors.gnss import RawReceiver
 from fti.hil.sensors.reception import sky_start_s
 from fti.hil.world import World

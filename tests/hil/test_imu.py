@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.hil.sensors.errors import flicker, play, recursion, slow, stepped
 from fti.hil.sensors.imu import Imu, Instrument, Triad, mat_of
-from fti.hil.sensors.imu_grades import DEG, DEG_H, DEG_ROOT_H, GRADES, MICRO_G, G, GradeName
+from fti.hil.sensors.imu_grades import DEG, DEG_H, DEG_ROOT_H, GRADES, MICRO_G, GradeName
 
 Array = NDArray[np.float64]
 PERFECT = Triad(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, resolution=1e-15, limit=1e9)
@@ -94,12 +95,12 @@ def test_drawn_matrices_are_as_large_as_stated() -> None:
 
 def test_a_unit_steps_and_ends_where_its_range_does() -> None:
     triad = GRADES["mems"].accel
-    feels = np.tile(np.linspace(-8.0 * G, 8.0 * G, 300), (3, 1)).T
+    feels = np.tile(np.linspace(-8.0 * STANDARD_GRAVITY, 8.0 * STANDARD_GRAVITY, 300), (3, 1)).T
     said = Instrument.drawn(triad, np.random.default_rng(1)).measure(
         0.01 * np.arange(300.0), feels, np.random.default_rng(1)
     )
-    assert np.abs(said).max() == pytest.approx(5.0 * G)
-    inside = said[np.abs(said) < 4.9 * G] / (0.25e-3 * G)
+    assert np.abs(said).max() == pytest.approx(5.0 * STANDARD_GRAVITY)
+    inside = said[np.abs(said) < 4.9 * STANDARD_GRAVITY] / (0.25e-3 * STANDARD_GRAVITY)
     np.testing.assert_allclose(inside, np.rint(inside), atol=1e-6)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fti import drivers
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers import novatel_oem6
 from fti.geodesy.wgs84 import SEMI_MAJOR
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT
 from fti.types import Measurement, Position, Pseudorange, Pseudoranges, ReceiverClock, Satellites, Velocity
 from tests.hil.test_sensors import START_NS, flown, sensor
 

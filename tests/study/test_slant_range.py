@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.figures import write
 from fti.study import _scenarios, slant_range
-from fti.study._flights import GRAVITY, MAX_LOAD, STEP_S, TRIM_AOA, Leg, track, turn
+from fti.study._flights import MAX_LOAD, STEP_S, TRIM_AOA, Leg, track, turn
 from fti.study._flown import Flown, fly
 from fti.study._statistics import least_positive, ratio_interval, sign_test
 from fti.study.slant_range import ORDERINGS, Run
@@ -25,7 +26,7 @@ def test_a_turn_is_coordinated_and_ends_on_its_heading() -> None:
     assert flight.origins_l[-1, :2] == pytest.approx([100.0, 200.0])
     assert flight.roll.min() == pytest.approx(np.radians(-30.0), abs=1e-9)
     rate = np.gradient(flown.heading, STEP_S)
-    np.testing.assert_allclose(np.tan(flight.roll), rate * 60.0 / GRAVITY, atol=1e-3)
+    np.testing.assert_allclose(np.tan(flight.roll), rate * 60.0 / STANDARD_GRAVITY, atol=1e-3)
     np.testing.assert_allclose(np.gradient(flight.origins_l, STEP_S, axis=0)[1:-1], flight.vels_l[1:-1], atol=0.02)
     assert flight.pitch[-1] == pytest.approx(np.radians(6.0), abs=1e-3)  # path and angle of attack
     forward = flight.mats_lb[:, :, 0]
@@ -51,7 +52,7 @@ def test_the_approach_comes_down_from_8000_ft_in_three_turns(monkeypatch: pytest
         flight = _scenarios.approach(seed, 0.5).flight
         assert flight.origins_l[-1] == pytest.approx([0.0, 0.0, 15.0], abs=40.0)
         assert np.abs(np.sin(flight.heading[-1])) < 1e-6
-        assert 7500.0 < (flight.origins_l[0, 2] + 500.0) / _scenarios.FOOT < 8500.0  # the valley lies at 500 m
+        assert 7500.0 < (flight.origins_l[0, 2] + 500.0) / FOOT < 8500.0  # the valley lies at 500 m
         rolled = np.abs(flight.roll) > np.radians(5.0)
         assert np.count_nonzero(np.diff(rolled.astype(int)) == 1) == 3
         assert np.degrees(np.abs(flight.roll).max()) < 35.0

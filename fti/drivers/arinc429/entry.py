@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from fti.constants import FOOT
 from fti.drivers._quantities import DIMENSIONS, QUANTITIES, UNITS, Quantity
-from fti.drivers._units import FOOT
 from fti.drivers.arinc429 import word as wire
 from fti.drivers.arinc429.labels import EQUIPMENT_LABEL, Label, LabelSet
 from fti.drivers.arinc429.word import BcdState, BnrState, DiscreteState

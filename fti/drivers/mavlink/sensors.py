@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from fti.constants import STANDARD_GRAVITY
 from fti.drivers._quantities import STANDARD_PA
 from fti.drivers._units import HECTOPASCAL
 from fti.drivers.mavlink.fields import Reader, Settings, boot, finite, micros
@@ -27,7 +28,7 @@ INVALID_SIGNAL = 1
 FULL_SCALE = 0xFFFF  # where a range that is too long ends, whatever the largest one is said to be
 UNKNOWN_VARIANCE = 255
 GAUSS = 1e-4
-MILLI_G = 9.80665e-3
+MILLI_G = 1e-3 * STANDARD_GRAVITY
 IMU_ACCEL, IMU_GYRO, IMU_MAG, IMU_ABS, IMU_DIFF, IMU_ALT = 0x7, 0x38, 0x1C0, 0x200, 0x400, 0x800
 AXES = ("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag")
 

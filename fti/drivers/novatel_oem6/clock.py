@@ -15,13 +15,13 @@ import math
 import struct
 from dataclasses import replace
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers._times import GPS_EPOCH_UTC_NS, SECOND_NS, gps_ns, gps_week, utc_date
 from fti.drivers.novatel_oem6.framing import Header
 from fti.types import DeviceTime, Measurement, Reading, ReceiverClock, Stamp, TimeScale
 
 TIME = struct.Struct("<IdddIBBBBII")
 CLOCKMODEL = struct.Struct("<IIII3d9d2dI")
-SPEED_OF_LIGHT = 299_792_458.0
 WEEK_MS = 604_800_000
 
 #: Time statuses with which the time is within microseconds, or was and runs on: FREEWHEELING, FINE,

@@ -20,7 +20,7 @@ import math
 import struct
 from dataclasses import dataclass
 
-from fti.drivers.novatel_oem6.clock import SPEED_OF_LIGHT
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers.novatel_oem6.framing import Header
 from fti.drivers.novatel_oem6.signals import (
     Tracking,

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.rotations import mat_en
 from fti.hil.flight.trajectory import SplineFlight, Track
 
 Array = NDArray[np.float64]
 
-GRAVITY = 9.80665
 #: Angle of attack at the reference speed in straight flight [rad].
 TRIM_AOA = np.deg2rad(4.0)
 #: Between two attitudes of the spline [s].
@@ -42,11 +42,11 @@ def coordinated_attitude(air_n: Array, accel_n: Array, trim_speed: float) -> Arr
     """mat_nb, shape (n, 3, 3), of who moves with air_n through the air [m/s] and is accelerated by accel_n [m/s^2]."""
     tas = np.linalg.norm(air_n, axis=1, keepdims=True)
     ahead = air_n / tas
-    force_n = accel_n - np.array([0.0, 0.0, GRAVITY])
+    force_n = accel_n - np.array([0.0, 0.0, STANDARD_GRAVITY])
     lift_n = force_n - ahead * np.sum(force_n * ahead, axis=1, keepdims=True)
     lift = np.linalg.norm(lift_n, axis=1, keepdims=True)
     down = -lift_n / lift
-    aoa = TRIM_AOA * lift / GRAVITY * (trim_speed / tas) ** 2
+    aoa = TRIM_AOA * lift / STANDARD_GRAVITY * (trim_speed / tas) ** 2
     forward = np.cos(aoa) * ahead - np.sin(aoa) * down
     below = np.sin(aoa) * ahead + np.cos(aoa) * down
     return np.stack((forward, np.cross(down, ahead), below), axis=-1)

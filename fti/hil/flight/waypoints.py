@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.hil.flight.coordinated import GRAVITY, coordinated_flight
+from fti.hil.flight.coordinated import coordinated_flight
 from fti.hil.flight.trajectory import SplineFlight, Track
 from fti.hil.tables.flights import LONGEST_S
 from fti.nav.integrity.approach import EARTH_RADIUS
@@ -109,7 +110,7 @@ def _turn(before: Waypoint, here: Waypoint, after: Waypoint, bank: float) -> _Tu
     turn = np.arctan2(inwards[0] * outwards[1] - inwards[1] * outwards[0], inwards @ outwards)  # left positive
     if abs(turn) < STRAIGHT:
         return _Turn(here.normal_e[None], 0.0)
-    radius = here.speed**2 / (GRAVITY * np.tan(bank))
+    radius = here.speed**2 / (STANDARD_GRAVITY * np.tan(bank))
     lead = radius * np.tan(abs(turn) / 2.0)
     along = np.linspace(0.0, abs(turn), int(np.ceil(abs(turn) * radius / FINE_M)) + 2)
     aside = np.sign(turn) * np.array([-inwards[1], inwards[0]])

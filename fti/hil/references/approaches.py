@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import FOOT
 from fti.hil.sensors.errors import slow, white
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
@@ -20,7 +21,7 @@ from fti.nav.integrity.reference import Sensor
 from fti.nav.integrity.window import Track
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
-from fti.ranging.radar.quantise import FOOT, QUANTISATION_FT
+from fti.ranging.radar.quantise import QUANTISATION_FT
 from fti.ranging.sensor import sensor_poses
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity

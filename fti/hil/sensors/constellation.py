@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.geodesy.wgs84 import EARTH_RATE
 
 Array = NDArray[np.float64]
 
-SPEED_OF_LIGHT = 299_792_458.0
 #: Gravitational constant of the Earth [m^3/s^2] (IS-GPS-200).
 GM = 3.986005e14
 #: Channels of the 24 GLONASS slots (two satellites on opposite sides of an orbit share one).

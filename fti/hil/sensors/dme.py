@@ -23,6 +23,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import NAUTICAL_MILE
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.flight.trajectory import State
 from fti.hil.sensors.errors import slow
@@ -34,7 +35,6 @@ from fti.types import Measurement, Stamp
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-NAUTICAL_MILE = 1852.0
 #: Stations: distance before and right of the threshold, height above it [m].
 STATIONS_M = (
     (-2500.0, 150.0, 15.0),

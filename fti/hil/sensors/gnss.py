@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.constellation import SPEED_OF_LIGHT, Seen
+from fti.hil.sensors.constellation import Seen
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.reception import NAVIGATION, Make, Reception
 from fti.hil.world import World

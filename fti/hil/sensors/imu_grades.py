@@ -18,6 +18,7 @@ import math
 from dataclasses import replace
 from typing import Literal
 
+from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.hil.sensors.imu import Grade, Triad
 from fti.hil.sensors.settings import DeviceSettings
 
@@ -27,8 +28,7 @@ DEG = math.radians(1.0)
 DEG_H = DEG / 3600.0
 DEG_ROOT_H = DEG / 60.0
 PER_ROOT_H = 1.0 / 60.0
-G = 9.80665
-MILLI_G, MICRO_G, PPM, FOOT = 1e-3 * G, 1e-6 * G, 1e-6, 0.3048
+MILLI_G, MICRO_G, PPM = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
 DAY_S = 86_400.0
 #: Every unit stands still so long before the flight [s]: assumed.
 STANDING_S = 60.0
@@ -50,7 +50,7 @@ GRADES: dict[GradeName, Grade] = {
             misalignment=20e-6,  # assumed, both
             skew=10e-6,
             resolution=1e-7,  # assumed, both
-            limit=40.0 * G,
+            limit=40.0 * STANDARD_GRAVITY,
         ),
         gyro=Triad(
             turn_on=0.0035 * DEG_H,
@@ -74,7 +74,7 @@ GRADES: dict[GradeName, Grade] = {
             misalignment=0.5e-3,  # assumed, both
             skew=0.1e-3,
             resolution=100.0 * 2.0**-27 * FOOT,
-            limit=50.0 * G,  # assumed
+            limit=50.0 * STANDARD_GRAVITY,  # assumed
         ),
         gyro=Triad(
             turn_on=1.0 * DEG_H,
@@ -98,7 +98,7 @@ GRADES: dict[GradeName, Grade] = {
             misalignment=1.0 * DEG,
             skew=0.05 * DEG,
             resolution=0.25 * MILLI_G,
-            limit=5.0 * G,
+            limit=5.0 * STANDARD_GRAVITY,
         ),
         gyro=Triad(
             turn_on=0.5 * DEG,

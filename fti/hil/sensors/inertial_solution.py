@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import SEMI_MAJOR
 from fti.hil.faults.gnss import GnssFaults
@@ -25,7 +26,7 @@ from fti.hil.sensors.air_data import AirSettings
 from fti.hil.sensors.errors import slow, white
 from fti.hil.sensors.free_inertial import TAU_S, Doubts, Solution, drift_sd, run_free
 from fti.hil.sensors.imu import Imu
-from fti.hil.sensors.imu_grades import GRADES, G, GradeName, at_rest
+from fti.hil.sensors.imu_grades import GRADES, GradeName, at_rest
 from fti.hil.tables.bases import NotNegative
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def doubts_of(grade: GradeName) -> Doubts:
     """One sigma of a system of a grade that is held: of its unit what a filter cannot tell from tilt and noise."""
     tilt_deg, heading_deg, velocity, position, height = HELD[grade]
     tilt, unit = math.radians(tilt_deg), at_rest(GRADES[grade])
-    accel = min(unit.accel.turn_on, G * tilt)
+    accel = min(unit.accel.turn_on, STANDARD_GRAVITY * tilt)
     heading = math.radians(heading_deg)
     return Doubts(accel, unit.accel.in_run, unit.gyro.turn_on, tilt, heading, velocity, position, height)
 

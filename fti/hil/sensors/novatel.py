@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.drivers._times import LEAP_NS, SECOND_NS
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic
-from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, SPEED_OF_LIGHT, Seen
+from fti.hil.sensors.constellation import GLONASS_CHANNELS, L1_STEP_HZ, Seen
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.reception import Make, Reception
 from fti.hil.world import World

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import FOOT, STANDARD_GRAVITY
 from fti.geodesy.wgs84 import EARTH_RATE
 from fti.terrain.kernel import kernel
 
@@ -66,7 +67,7 @@ class Unit:
 
 _DEG = np.pi / 180.0
 _DEG_H, _ROOT_H = _DEG / 3600.0, 1.0 / 60.0
-_MILLI_G = 9.80665e-3
+_MILLI_G = 1e-3 * STANDARD_GRAVITY
 
 #: What the grades of ``fti.hil.sensors.imu_grades`` are to a filter: turn-on, in-run bias and scale x g as one.
 UNITS: dict[str, Unit] = {
@@ -75,7 +76,7 @@ UNITS: dict[str, Unit] = {
         gyro=Triad(white=0.002 * _DEG * _ROOT_H, bias_sd=0.0046 * _DEG_H, scale=23e-6),
     ),
     "tactical": Unit(
-        accel=Triad(white=0.065 * 0.3048 * _ROOT_H, bias_sd=1.2 * _MILLI_G, scale=0.6e-3),
+        accel=Triad(white=0.065 * FOOT * _ROOT_H, bias_sd=1.2 * _MILLI_G, scale=0.6e-3),
         gyro=Triad(white=0.125 * _DEG * _ROOT_H, bias_sd=1.2 * _DEG_H, scale=0.54e-3),
     ),
     "mems": Unit(

@@ -19,9 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.constants import FOOT
+
 Array = NDArray[np.float64]
 
-FOOT_M = 0.3048
 #: Greatest error to sigma.
 UNIFORM = 1.0 / math.sqrt(3.0)
 
@@ -36,9 +37,9 @@ class Step(NamedTuple):
 
 #: Table 1: +-2 ft up to 100 ft, 2 % up to 5000 ft, 100 ft up to 10 000 ft, then 1 %.
 HG9550 = (
-    Step(100.0 * FOOT_M, 2.0 * FOOT_M, 0.0),
-    Step(5000.0 * FOOT_M, 0.0, 0.02),
-    Step(10_000.0 * FOOT_M, 100.0 * FOOT_M, 0.0),
+    Step(100.0 * FOOT, 2.0 * FOOT, 0.0),
+    Step(5000.0 * FOOT, 0.0, 0.02),
+    Step(10_000.0 * FOOT, 100.0 * FOOT, 0.0),
     Step(math.inf, 0.0, 0.01),
 )
 

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.constants import FOOT
 from fti.ranging.error_model import RangeError
 from fti.ranging.radar.antenna import WIDE, Antenna
 from fti.ranging.radar.baseband import Baseband, hann_kernel, thermal_noise
@@ -34,7 +35,7 @@ from fti.ranging.radar.beam import Backscatter, Beam, Echoes, make_beam, range_b
 from fti.ranging.radar.dome import half_dome
 from fti.ranging.radar.doppler import range_error
 from fti.ranging.radar.edge import LeadingEdge
-from fti.ranging.radar.quantise import FOOT, QUANTISATION_FT
+from fti.ranging.radar.quantise import QUANTISATION_FT
 from fti.ranging.radar.waveform import Waveform
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.outcome import Outcome

@@ -14,7 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fti.ranging.radar.waveform import SPEED_OF_LIGHT, Array, Waveform
+from fti.constants import SPEED_OF_LIGHT
+from fti.ranging.radar.waveform import Array, Waveform
 
 
 def doppler_shift(range_rate: ArrayLike, f_c: float) -> Array:

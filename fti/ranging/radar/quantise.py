@@ -9,7 +9,6 @@ Drivers read this: it loads no numpy.
 
 from __future__ import annotations
 
-FOOT = 0.3048
 QUANTISATION_FT = ((119, 1), (199, 2), (499, 5), (999, 20), (2099, 50), (65535, 100))
 
 

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fti.constants import SPEED_OF_LIGHT
 
-SPEED_OF_LIGHT = 299_792_458.0
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

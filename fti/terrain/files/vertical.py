@@ -11,6 +11,7 @@ from typing import Any
 
 import pyproj
 
+from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.geodesy.wgs84 import SEMI_MAJOR, SEMI_MINOR
 
@@ -23,12 +24,12 @@ _MODELS = {5773: "egm96", 3855: "egm2008"}
 _FORMATS = {"DTED": "egm96", "SRTMHGT": "egm96"}
 #: Vertical datums of a DTED header that mean EGM96 (MIL-PRF-89020B).
 _DTED_DATUMS = ("MSL", "E96")
-_FOOT, _SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+_SURVEY_FOOT = 1200.0 / 3937.0
 #: GDAL calls both feet a foot here and there; they differ by 2e-6 of a height, 1.8 cm on the highest ground.
 _SAME_UNIT = 1e-4
 _UNITS = {
     **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0),
-    **dict.fromkeys(("ft", "foot", "feet", "international foot"), _FOOT),
+    **dict.fromkeys(("ft", "foot", "feet", "international foot"), FOOT),
     **dict.fromkeys(("us survey foot", "us-ft", "ftus", "foot_us", "us feet"), _SURVEY_FOOT),
 }
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fti.config import Approach
+from fti.constants import FOOT
 from fti.hil.references.approaches import RA4500, TerrainGround, draw_profile, fly, samples, simulate
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
@@ -14,7 +15,7 @@ from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
-from fti.ranging.radar.quantise import FOOT, quantise_ft
+from fti.ranging.radar.quantise import quantise_ft
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity, IntegrityState, Reason

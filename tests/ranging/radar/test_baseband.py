@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fti.constants import SPEED_OF_LIGHT
 from fti.ranging.radar.baseband import KERNEL_BINS, Baseband, hann_kernel, lowpass, thermal_noise
-from fti.ranging.radar.waveform import SPEED_OF_LIGHT, WAVEFORM_24_GHZ, Array, Waveform, delay_of_range
+from fti.ranging.radar.waveform import WAVEFORM_24_GHZ, Array, Waveform, delay_of_range
 
 RADAR = Baseband()
 

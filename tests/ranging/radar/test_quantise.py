@@ -6,8 +6,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fti.constants import FOOT
 from fti.ranging.radar.altimeter import quantised
-from fti.ranging.radar.quantise import FOOT, quantisation_step_ft, quantise_ft
+from fti.ranging.radar.quantise import quantisation_step_ft, quantise_ft
 
 
 @given(st.lists(st.floats(-10.0, 70000.0), min_size=1, max_size=30))

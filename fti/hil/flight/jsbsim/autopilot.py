@@ -15,10 +15,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from fti.constants import STANDARD_GRAVITY
 from fti.hil.flight.jsbsim.airframe import Airframe
 from fti.hil.flight.jsbsim.fdm import Controls, Sensed
 
-GRAVITY = 9.80665
 BANK_LIMIT = math.radians(30.0)
 PITCH_LIMITS = math.radians(-12.0), math.radians(15.0)
 #: Speed towards a missed height [1/s], limits of climbing and sinking [m/s], and how fast that may change [m/s^2].
@@ -100,11 +100,11 @@ class Autopilot:
 
     def _across(self, now: Sensed, side: float) -> tuple[float, float]:
         gains = self._gains
-        bank = _clip(math.atan2(side, GRAVITY), -BANK_LIMIT, BANK_LIMIT)
+        bank = _clip(math.atan2(side, STANDARD_GRAVITY), -BANK_LIMIT, BANK_LIMIT)
         missing = bank - now.roll
         self._bank_sum = _clip(self._bank_sum + gains.bank_sum * missing * self._period, -0.2, 0.2)
         aileron = gains.bank * missing + self._bank_sum - gains.bank_rate * now.roll_rate
-        turn = GRAVITY / max(now.tas, 20.0) * math.tan(now.roll)
+        turn = STANDARD_GRAVITY / max(now.tas, 20.0) * math.tan(now.roll)
         return aileron, gains.yaw_rate * (now.yaw_rate - turn * math.cos(now.roll))
 
     def _throttle(self, now: Sensed, cas: float, climb: float) -> float:

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import geodetic_from_ecef
 from fti.hil.flight.jsbsim.airframe import AIRFRAMES, INCH, Airframe
 from fti.hil.flight.jsbsim.autopilot import Autopilot
-from fti.hil.flight.jsbsim.fdm import COLUMNS, FOOT, PERIOD_S, Fdm, Row, Sensed, Start, Weather
+from fti.hil.flight.jsbsim.fdm import COLUMNS, PERIOD_S, Fdm, Row, Sensed, Start, Weather
 from fti.hil.flight.jsbsim.navigator import Navigator
 from fti.hil.flight.jsbsim.routes import Route, make_route
 from fti.hil.flight.trajectory import Samples

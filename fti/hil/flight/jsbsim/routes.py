@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.constants import STANDARD_GRAVITY
 from fti.errors import ConfigError
 from fti.hil.flight.jsbsim.airframe import Airframe
-from fti.hil.flight.jsbsim.autopilot import GRAVITY
 from fti.hil.flight.jsbsim.terrain_following import following_height
 from fti.hil.flight.jsbsim.track import STEP_M, Track
 from fti.hil.tables.dynamics import JsbsimFlight, Place
@@ -96,7 +96,7 @@ def _level(track: Track, value: float) -> Array:
 
 def _radius(flight: JsbsimFlight) -> float:
     """Radius of turns [m]."""
-    return (THINNER * flight.speed_mps) ** 2 / (GRAVITY * math.tan(BANK))
+    return (THINNER * flight.speed_mps) ** 2 / (STANDARD_GRAVITY * math.tan(BANK))
 
 
 def _up_to(alt: Array, top: Array | float) -> Array:

@@ -8,13 +8,14 @@ import sys
 import numpy as np
 import pytest
 
+from fti.constants import FOOT
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.atmosphere import Atmosphere
 from fti.geodesy.gravity import transport_rate
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.flight.jsbsim import fdm
 from fti.hil.flight.jsbsim.airframe import C310, INCH
-from fti.hil.flight.jsbsim.fdm import FOOT, PASCAL_PER_PSF, RANKINE
+from fti.hil.flight.jsbsim.fdm import PASCAL_PER_PSF, RANKINE
 from fti.hil.flight.jsbsim.flight import Flown
 from fti.hil.flight.trajectory import SplineFlight, State
 from fti.hil.sensors.inertial import specific_force_b
