@@ -10,7 +10,6 @@ device's ``max_age_ms``.
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from math import isfinite
 
@@ -20,9 +19,20 @@ from fti.geodesy.rotations import down_row
 from fti.nav.series import SECOND_NS, Series, Value, wrap
 from fti.types import Attitude, Position, Velocity
 
-#: What no place on Earth has [rad]: how some devices say that they do not know; and no part at all.
-LARGEST = {"lat": math.pi / 2, "lon": 2 * math.pi}
-MOST = sys.float_info.max
+#: What no flight has [rad, m, m/s]: how some devices say that they do not know, and what a line makes of a number.
+#: Angles of single precision are rounded beyond their end by 2e-7.
+ROUNDED = 1e-6
+MOST_SPEED = 2000.0
+LARGEST = {
+    "roll": math.pi + ROUNDED,
+    "pitch": math.pi / 2 + ROUNDED,
+    "heading": 2 * math.pi + ROUNDED,
+    "lat": math.pi / 2,
+    "lon": 2 * math.pi,
+    "alt": 1e5,
+    "track": 2 * math.pi + ROUNDED,
+    **dict.fromkeys(("north", "east", "down", "ground_speed"), MOST_SPEED),
+}
 #: One sigma of an extrapolating velocity when the source states none [m/s].
 VELOCITY_SD_UNKNOWN = 1.0
 
@@ -88,15 +98,16 @@ class Source:
         parts = (("north", north, m.sd), ("east", east, m.sd), ("down", m.down, m.sd))
         alone = (("ground_speed", m.ground_speed, m.sd), ("track", m.track, None))
         self._push(t_ns, m.valid, parts + alone)
-        self._velocity_sd = VELOCITY_SD_UNKNOWN if m.sd is None or not math.isfinite(m.sd) else m.sd
+        told = m.sd is not None and math.isfinite(m.sd) and m.sd > 0.0
+        self._velocity_sd = m.sd if told and m.sd is not None else VELOCITY_SD_UNKNOWN
 
     def _push(self, t_ns: int, valid: bool, parts: tuple[tuple[str, float | None, float | None], ...]) -> None:
         silent = not valid and all(value is None for _, value, _ in parts)
         for name, value, sd in parts:
             if value is None and not silent:
                 continue
-            known = valid and value is not None and abs(value) <= LARGEST.get(name, MOST)
-            told = sd is not None and isfinite(sd)
+            known = valid and value is not None and abs(value) <= LARGEST[name]
+            told = sd is not None and isfinite(sd) and sd > 0.0
             self._parts[name].push(t_ns, value if known else None, sd if told else None)
 
     # ---------------------------------------------------------------------------------------------------- joining
@@ -126,9 +137,9 @@ class Source:
         if lat is None or lon is None:
             return None
         arm_n, arm_e, arm_d = self._lever_arm_n(attitude)
+        place = _on_earth(lat.value - arm_n / meridian, lon.value - arm_e / parallel)
         return PositionState(
-            lat=lat.value - arm_n / meridian,
-            lon=wrap(lon.value - arm_e / parallel),
+            *place,
             alt=high.value + arm_d if high else None,
             horizontal_sd=self._grown(lat),
             vertical_sd=self._grown(high) if high else None,
@@ -140,7 +151,7 @@ class Source:
 
     def _velocity(self, t_ns: int) -> tuple[float | None, float | None, float | None]:
         north, east, down = self._at("north", t_ns), self._at("east", t_ns), self._at("down", t_ns)
-        climb = None if down else self._parts["alt"].slope(t_ns)
+        climb = None if down else _flown(self._parts["alt"].slope(t_ns))
         vertical = down.value if down else -climb if climb is not None else None
         if north and east:
             return north.value, east.value, vertical
@@ -155,7 +166,8 @@ class Source:
         if lat is None or by_lat is None or by_lon is None:
             return None, None
         meridian, parallel = _metres_per_radian(lat.value, 0.0)
-        return by_lat * meridian, by_lon * parallel
+        north, east = _flown(by_lat * meridian), _flown(by_lon * parallel)
+        return (north, east) if north is not None and east is not None else (None, None)
 
     def _lever_arm_n(self, attitude: AttitudeState | None) -> tuple[float, float, float]:
         """The sensor's lever arm in north, east, down [m]; zero as far as the attitude is unknown."""
@@ -191,6 +203,18 @@ def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
     if m.north is None and m.ground_speed is not None and m.track is not None:
         return m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
     return m.north, m.east
+
+
+def _flown(speed: float | None) -> float | None:
+    """The speed between positions, if anybody flies that fast: one of them may be wrong by a continent."""
+    return speed if speed is not None and abs(speed) <= MOST_SPEED else None
+
+
+def _on_earth(lat: float, lon: float) -> tuple[float, float]:
+    """The same place with lat in [-pi/2, pi/2], lon in [-pi, pi): who moves on over a pole is on the other side."""
+    if abs(lat) > math.pi / 2:
+        return math.copysign(math.pi, lat) - lat, wrap(lon + math.pi)
+    return lat, wrap(lon)
 
 
 def _metres_per_radian(lat: float, alt: float) -> tuple[float, float]:
