@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import types
 from collections.abc import Callable
 from pathlib import Path
@@ -15,8 +17,9 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 def kernel(function: Kernel) -> Kernel:
     """Compile on the first call, keep the code on disk, release the interpreter lock; no reordering of sums."""
     compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")(function)
-    # numba looks only at the file of the function itself: a change in a kernel that it calls would go unnoticed
-    stamp = [(path, file.st_mtime, file.st_size) for path in sorted(_files(compiled)) for file in [Path(path).stat()]]
+    # numba looks only at the file of the function itself: a change in a kernel that it calls would go unnoticed.  And it
+    # looks at the time, which some file systems know to the second: read through one, all would be compiled anew
+    stamp = [(path, _digest(path)) for path in sorted(_files(compiled))]
     compiled._cache._cache_file._source_stamp = stamp
     return cast(Kernel, compiled)
 
@@ -24,6 +27,11 @@ def kernel(function: Kernel) -> Kernel:
 def is_kept(compiled: Any) -> bool:
     """Was a kernel compiled before on this machine?  Then its code is on disk."""
     return Path(compiled._cache._cache_file._index_path).exists()
+
+
+@functools.cache
+def _digest(path: str) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _files(compiled: Any) -> set[str]:
