@@ -17,7 +17,7 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 def kernel(function: Kernel) -> Kernel:
     """Compile on the first call, keep the code on disk, release the interpreter lock; no reordering of sums."""
     compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")(function)
-    # numba looks only at the file of the function itself: a change in a kernel that it calls would go unnoticed.  And it
+    # numba looks only at the file of the function itself: a change in a kernel that it calls would go unnoticed.  It
     # looks at the time, which some file systems know to the second: read through one, all would be compiled anew
     stamp = [(path, _digest(path)) for path in sorted(_files(compiled))]
     compiled._cache._cache_file._source_stamp = stamp

@@ -40,7 +40,7 @@ def fly(folder: Path) -> flights.Flight:
 
 
 def take_kernels(folder: Path) -> None:
-    """Those compiled outside: numba takes none from a folder in which it cannot write, and compiling takes long here."""
+    """Those compiled outside: numba takes none from a folder where it cannot write, and compiling takes long here."""
     kept = folder / "kernels"
     if KERNELS.is_dir():
         shutil.copytree(KERNELS, kept)
