@@ -165,7 +165,8 @@ class Emulator:
         if self._truth is None:
             return contextlib.nullcontext()
         assert self._world is not None
-        return contextlib.closing(TruthLog(self._truth, self._world))
+        altimeters = [device for device in self.config.device if device.altimeter]
+        return contextlib.closing(TruthLog(self._truth, self._world, altimeters))
 
     def _line_faults(self) -> list[Stream]:
         buses = [link.name for link in self.config.link if link.kind == "can"]

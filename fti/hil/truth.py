@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from fti.config import Device
 from fti.hil.world import World
 from fti.logger.stream_writer import StreamWriter
 
@@ -21,6 +22,8 @@ FLUSH_EVERY = 5
 SECOND_NS = 1_000_000_000
 TOPIC = "/truth/state"
 SCENARIO_ATTACHMENT = "scenario.json"
+#: Nobody knows better where an aircraft is [m]: ``ranges_around`` of the world.
+PLACE_M = 3.0
 QUANTITIES = {
     "lat": "latitude [rad]",
     "lon": "longitude [rad]",
@@ -38,26 +41,27 @@ QUANTITIES = {
     "dh": "height above the glide path [m]",
     "deviation": "angle above the glide path as seen from its intercept point [rad]; left out behind it",
 }
-SCHEMA = {
-    "type": "object",
-    "title": "fti.Truth",
-    "properties": {
-        "t_ns": {"type": "integer", "description": "FTI time [ns]"},
-        **{name: {"type": "number", "description": text} for name, text in QUANTITIES.items()},
-    },
+#: Of each altimeter, before its name.
+RANGES = {
+    "range_": "of this altimeter's beam, without noise [m]; left out where it meets nothing",
+    "least_range_": f"the least within {PLACE_M:g} m of the place, in the same attitude [m]",
+    "most_range_": "the largest [m]",
 }
 
 
 class TruthLog:
     """The truth file of one flight; everything in it is computed before the flight begins."""
 
-    def __init__(self, path: Path, world: World) -> None:
+    def __init__(self, path: Path, world: World, altimeters: Sequence[Device] = ()) -> None:
         self._t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
         self._columns = _columns(world, self._t)
+        for device in altimeters:
+            around = world.ranges_around(self._t, device, PLACE_M)
+            self._columns |= {begin + device.name: column for begin, column in zip(RANGES, around, strict=True)}
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
         self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", world.scenario.flown.encode(), log_time=0)
-        schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(SCHEMA).encode())
+        schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(altimeters)).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)
 
     def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
@@ -99,6 +103,18 @@ class TruthStream:
         """Write the row."""
         self._log.write(self._k, self._start_ns, self._now_ns())
         self._k += 1
+
+
+def _schema(altimeters: Sequence[Device]) -> dict[str, object]:
+    ranges = {begin + device.name: text for device in altimeters for begin, text in RANGES.items()}
+    return {
+        "type": "object",
+        "title": "fti.Truth",
+        "properties": {
+            "t_ns": {"type": "integer", "description": "FTI time [ns]"},
+            **{name: {"type": "number", "description": text} for name, text in (QUANTITIES | ranges).items()},
+        },
+    }
 
 
 def _columns(world: World, t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, np.ndarray]:

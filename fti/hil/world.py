@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +22,7 @@ from fti.hil.tables.kinds import Obstacle
 from fti.nav.integrity.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
-from fti.ranging.sensor import RangingSensor, Returns, sensor_poses
+from fti.ranging.sensor import Poses, RangingSensor, Returns, sensor_poses
 from fti.ranging.weather import fog
 from fti.terrain.terrain import Terrain
 
@@ -31,6 +32,8 @@ HEAT_RATIO = 1.4
 LASER_RANGE = 2000.0
 #: Makers state the range of a laser on surfaces of this reflectance, and pulses of this length are usual [s].
 DARK, PULSE_S = 0.2, 10e-9
+#: Here, and one metre east, west, north and south of here.
+ASIDE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 
 
 def impact_pressure(tas: ArrayLike, p_static: ArrayLike, temperature: ArrayLike) -> Array:
@@ -109,12 +112,30 @@ class World:
 
     def returns(self, sensor: RangingSensor, t: Array, device: Device) -> Returns:
         """What a sensor, mounted where the device is, says at times t [s]; without the instrument's own noise."""
+        return sensor.measure(self.terrain, self._poses(t, device))
+
+    def ranges_around(self, t: Array, device: Device, within: float) -> tuple[Array, Array, Array]:
+        """Range [m] of an altimeter at times t [s], the least and the largest one ``within`` [m] of its place, in the
+        attitude of that time: what it would measure a little east, west, north, south of where it is.
+        """
+        limits = device.altimeter
+        if limits is None:
+            raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
+        is_laser = limits.kind == "laser"
+        sensor = self.laser(device) if is_laser else self._radars(math.radians(limits.beam_deg))
+        poses = self._poses(t, device)
+        found = [
+            sensor.measure(self.terrain, replace(poses, origins_l=poses.origins_l + aside)).slant_range
+            for aside in within * ASIDE
+        ]
+        return found[0], np.fmin.reduce(found), np.fmax.reduce(found)
+
+    def _poses(self, t: Array, device: Device) -> Poses:
         now = self.state(t)
         pose = (now.lat, now.lon, now.alt, now.roll, now.pitch, now.heading)
-        poses = sensor_poses(
+        return sensor_poses(
             self.terrain.frame, *pose, lever_arm_b=device.lever_arm_b, mat_bs=mounting(device), vel_n=now.vel_n
         )  # fmt: skip
-        return sensor.measure(self.terrain, poses)
 
     def ground(self, state: State) -> Array:
         """Height of the surface below the aircraft above the ellipsoid [m]."""

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from fti.config import Device
+from fti.config import Altimeter, Device
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.kinds import Obstacle
-from fti.hil.world import calibrated_airspeed, impact_pressure, with_obstacles
-from tests.hil.worlds import flat_terrain, path, world
+from fti.hil.world import World, calibrated_airspeed, impact_pressure, with_obstacles
+from tests.hil.worlds import flat_terrain, path, scenario, world
 
 DEVICE = Device(name="altimeter", link="line", driver="freeflight_ra4500")
 
@@ -83,6 +85,20 @@ def test_an_obstacle_outside_the_ground_is_refused() -> None:
         with_obstacles(flat_terrain(), path(), [box])
     with pytest.raises(ConfigError, match=r"test: fault: an obstacle 30000 m before .* is outside the terrain"):
         world(fault=(box,))
+
+
+@pytest.mark.parametrize("kind", ["laser", "radar"])
+def test_the_ranges_around_are_those_a_little_aside(kind: Literal["laser", "radar"]) -> None:
+    """On ground that falls by a tenth to the east, 3 m aside the range is another by 0.3 m, to both sides."""
+    level = flat_terrain()
+    slope = level.with_finest(np.broadcast_to(-0.1 * level.finest.east, level.finest.heights.shape).copy())
+    falling = World(scenario(flight=ApproachFlight(duration_s=5.0)), path(), slope, undulation=47.0)
+    altimeter = DEVICE.model_copy(update={"altimeter": Altimeter(kind=kind, range_m=(0.0, 2000.0))})
+    t = np.array([1.0, 2.0])
+    beam, least, most = falling.ranges_around(t, altimeter, 3.0)
+    flown = falling.laser_ranges(t, altimeter) if kind == "laser" else falling.radar_ranges(t, math.radians(40), DEVICE)
+    np.testing.assert_array_equal(beam, flown)
+    np.testing.assert_allclose((beam - least, most - beam), 0.3, atol=0.02)
 
 
 def test_the_radar_sees_the_obstacle() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,7 @@ class Truth:
 
     t : time of the flight [s]; height_agl : [m]; before_threshold : along the track [m]; offset : right of it [m]
     roll, pitch : [rad]; climb : [m/s]
+    ranges : of an altimeter's beam by its name: range, the least and the largest where it may take itself to be [m]
     """
 
     t: Array
@@ -41,6 +42,7 @@ class Truth:
     roll: Array
     pitch: Array
     climb: Array
+    ranges: Mapping[str, tuple[Array, Array, Array]] = field(default_factory=dict, kw_only=True)
 
     @property
     def end_s(self) -> float:

@@ -10,8 +10,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fti.config import Altimeter
 from fti.hil.expected.aircraft import Aircraft, Mask, Truth
 from fti.hil.expected.duties import CONFIRM_S, GROUND_WORDS, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
+from fti.nav.altimetry.validity import DEVIATION_M
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB
 from fti.terrain.surroundings import EDGE_M, inside
 from fti.types import Reason
@@ -19,6 +21,8 @@ from fti.types import Reason
 MARGIN = 0.85
 #: From a cause to the flag that a device itself raises, and until it takes it back [s].
 DEVICE_S = 2.0
+#: Latency of a sample and of what it is compared with, averaging and smoothing are no longer [s].
+EDGE_S = 0.1
 
 
 def of_flight(craft: Aircraft, truth: Truth) -> tuple[May, ...]:
@@ -48,6 +52,8 @@ def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
         return
     if craft.knows_ground:  # a wall or the edge of a wood in the beam: what it is like is no fault
         yield May(f"{HEIGHT}/{name}", 0.0, truth.end_s + NAV_S, ("dispersion", "incidence"))
+        for from_s, until_s in _runs(truth, _beside_edge(name, limits, truth)):
+            yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.DEVIATION,))
     if craft.scene:
         reach = craft.beam_reach * truth.height_agl + EDGE_M  # over which the strip runs out into the country
         near = inside(craft.scene, truth.before_threshold, truth.offset) < reach
@@ -61,6 +67,23 @@ def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
     for from_s, until_s in _runs(truth, ~measurable):
         for place in (f"{HEIGHT}/{name}", f"/{name}/"):
             yield May(place, from_s - DEVICE_S, until_s + DEVICE_S)
+
+
+def _beside_edge(name: str, limits: Altimeter, truth: Truth) -> Mask:
+    """Where the true range is another by more than a deviation may be, no farther away than the place is known and no
+    longer ago, or ahead, than a sample may be late: a small error of either is enough to predict the other side.
+    """
+    if name not in truth.ranges:
+        return np.zeros(len(truth.t), dtype=bool)
+    here, least, most = truth.ranges[name]
+    first = np.searchsorted(truth.t, truth.t - EDGE_S, "left")
+    beyond = np.searchsorted(truth.t, truth.t + EDGE_S, "right")
+    around = [slice(i, j) for i, j in zip(first, beyond, strict=True)]
+    lower, upper = (
+        np.array([pick.reduce(side[near]) for near in around]) for pick, side in ((np.fmin, least), (np.fmax, most))
+    )
+    limit = MARGIN * (limits.max_deviation_m or DEVIATION_M[limits.kind])
+    return np.asarray(np.fmax(here - lower, upper - here) > limit)
 
 
 def _beyond(truth: Truth, roll_deg: float, pitch_deg: float) -> Mask:

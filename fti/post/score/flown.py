@@ -12,7 +12,7 @@ import numpy as np
 from fti.errors import ConfigError, MissingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
-from fti.hil.truth import SCENARIO_ATTACHMENT, TOPIC
+from fti.hil.truth import RANGES, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.mcap_file import Item, McapFile
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath, load_airfield
@@ -86,10 +86,14 @@ def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) 
 
 def _truth(rows: list[Item]) -> Truth:
     states = [json.loads(item.data) for item in rows]
-    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in NAMES}
+    of_beam, least, most = RANGES
+    altimeters = sorted({key.removeprefix(of_beam) for row in states for key in row if key.startswith(of_beam)})
+    ranges = [f"{begin}{name}" for name in altimeters for begin in RANGES]
+    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in (*NAMES, *ranges)}
     t = np.array([item.log_time - rows[0].log_time for item in rows]) / SECOND_NS
     height_agl, s, y, roll, pitch, down = (columns[name] for name in NAMES)
-    return Truth(t, height_agl, s - _intercept_m(), y, roll, pitch, -down)
+    beams = {name: (columns[of_beam + name], columns[least + name], columns[most + name]) for name in altimeters}
+    return Truth(t, height_agl, s - _intercept_m(), y, roll, pitch, -down, ranges=beams)
 
 
 def _intercept_m() -> float:

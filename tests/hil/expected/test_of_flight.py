@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fti.config import Config
 from fti.hil import scenario as scenarios
-from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.aircraft import Aircraft, Array, Truth
 from fti.hil.expected.duties import May
 from fti.hil.expected.flags import told
 from fti.hil.expected.of_flight import of_flight
@@ -21,6 +22,7 @@ T = np.arange(0.0, 60.0, 0.1)
 LEVEL = Truth(T, 0 * T + 200.0, 4000.0 - 50.0 * T, *[0 * T] * 4)
 #: The middle twenty seconds.
 MIDDLE = (T >= 20.0) & (T <= 40.0)
+LASER = "/nav/height_above_ground/autopilot"
 ALTIMETER, INTEGRITY = "/nav/height_above_ground/altimeter", "/nav/clearance_integrity"
 
 
@@ -41,6 +43,41 @@ def test_uneven_ground_explains_itself_and_nothing_else(craft: Aircraft) -> None
     assert may.words == OF_GROUND
     assert may.explains(ALTIMETER, "incidence")
     assert not may.explains(ALTIMETER, "deviation")
+
+
+def beam(here: Array, aside: float | Array = 0.0) -> Truth:
+    """A flight on which the laser measures so much, and so much more to the side of it [m]."""
+    return replace(LEVEL, ranges={"autopilot": (here, here, here + aside)})
+
+
+def edges(found: tuple[May, ...]) -> list[tuple[float, float]]:
+    return [(may.from_s, may.until_s) for may in found if may.explains(LASER, "deviation")]
+
+
+def test_the_edge_of_a_wood_in_the_beam_explains_a_deviation_just_there(craft: Aircraft) -> None:
+    (edge,) = edges(of_flight(craft, beam(np.where(T < 30.0, 180.0, 199.0))))
+    assert 29.85 < edge[0] < 30.0 < edge[1] < 30.45
+    (beside,) = edges(of_flight(craft, beam(0.0 * T + 180.0, np.where(MIDDLE, 19.0, 0.0))))
+    assert 19.85 < beside[0] < 20.0
+    assert 40.0 < beside[1] < 40.45
+
+
+@pytest.mark.parametrize(
+    "here",
+    [
+        pytest.param(180.0 + 20.0 * np.sin(T), id="a slope that is climbed within a second"),
+        pytest.param(np.where(T < 30.0, 180.0, 184.0), id="an edge that is lower than the limit"),
+        pytest.param(np.where(T < 30.0, 180.0, np.nan), id="ground that ends"),
+    ],
+)
+def test_ground_without_an_edge_explains_no_deviation(craft: Aircraft, here: Array) -> None:
+    assert edges(of_flight(craft, beam(here))) == []
+
+
+def test_the_edge_in_one_beam_explains_nothing_of_another(craft: Aircraft) -> None:
+    found = of_flight(craft, beam(np.where(T < 30.0, 180.0, 199.0)))
+    assert not [may for may in found if may.explains(ALTIMETER, "deviation")]
+    assert not [may for may in found if may.explains(LASER, "stale") or may.explains(LASER, "not_nadir")]
 
 
 def test_a_height_that_stands_still_is_due_as_soon_as_the_ground_tells(craft: Aircraft) -> None:
@@ -71,7 +108,8 @@ def test_a_level_approach_explains_nothing_of_the_altimeter_and_of_integrity(cra
 def test_what_is_beyond_a_limit_is_explained_for_as_long(
     craft: Aircraft, name: str, value: float, altimeter: bool
 ) -> None:
-    found = of_flight(craft, replace(LEVEL, **{name: np.where(MIDDLE, value, 0.0)}))
+    changed: dict[str, Any] = {name: np.where(MIDDLE, value, 0.0)}
+    found = of_flight(craft, replace(LEVEL, **changed))
     (integrity,) = at(INTEGRITY, found)
     assert integrity.from_s == pytest.approx(20.0)
     assert 40.0 < integrity.until_s < 60.0

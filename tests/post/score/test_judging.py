@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from fti.config import TerrainFiles
 from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
@@ -98,6 +100,20 @@ def test_what_the_flight_explains_is_expected(setup: Setup) -> None:
     roll, banked = frozenset({"roll"}), flown(bank_s=(30.0, 32.0))
     assert score(setup, said((30.1, HEIGHT, roll), (32.1, HEIGHT, NOTHING)), banked, faults=()).holds
     assert not score(setup, said((27.1, HEIGHT, roll), (29.1, HEIGHT, NOTHING)), banked, faults=()).holds
+
+
+def test_a_deviation_is_expected_at_the_edge_in_the_beam_and_nowhere_else(setup: Setup) -> None:
+    flight, deviation = flown(), frozenset({"deviation"})
+    nav = setup.config.nav.model_copy(update={"terrain": TerrainFiles(scene="demo_country")})
+    setup = replace(setup, config=setup.config.model_copy(update={"nav": nav}))
+    here = np.where(flight.truth.t < 30.0, 160.0, 180.0)
+    over_wood = replace(flight, truth=replace(flight.truth, ranges={"altimeter": (here, here, here)}))
+    for at_s, holds in ((29.92, True), (27.0, False), (33.0, False)):
+        heard = said((at_s, HEIGHT, deviation), (at_s + 0.12, HEIGHT, NOTHING))
+        assert score(setup, heard, over_wood, faults=()).holds is holds
+        assert not score(setup, heard, faults=()).holds
+    stays = said((29.92, HEIGHT, deviation), (31.5, HEIGHT, NOTHING))
+    assert not score(setup, stays, over_wood, faults=()).holds
 
 
 def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
