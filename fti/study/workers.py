@@ -12,6 +12,7 @@ runs to that Dask scheduler; its workers need the same ``fti``.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import multiprocessing
 import os
@@ -46,7 +47,7 @@ _client: ContextVar[Any] = ContextVar("_client", default=None)
 def on_cluster(scheduler: str | None) -> Iterator[None]:
     """Within it, runs are done by the cluster of the Dask scheduler at that address; None: here.
 
-    Raises MissingError without the package ``distributed``, and for a cluster that is not there.
+    Raises MissingError without the package ``distributed``, and for a cluster that is not there or has no workers.
     """
     with contextlib.nullcontext() if scheduler is None else _connected(scheduler) as client:
         token = _client.set(client)
@@ -57,14 +58,30 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
 
 
 def _connected(scheduler: str) -> Any:
+    """A client of the cluster.
+
+    Asked first without one: a client that does not come about prints a traceback when Python ends, or waits there.
+    """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra, for who has a cluster
     except ImportError:
         raise MissingError("a cluster needs the package distributed: pip install 'fti[dask]'") from None
     try:
-        return Client(scheduler, timeout=ANSWER_S, set_as_default=False)
+        told = asyncio.run(asyncio.wait_for(_identity(scheduler), ANSWER_S))
     except (OSError, ValueError) as error:  # ValueError: no address
-        raise MissingError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+        why = str(error) or f"silent for {ANSWER_S:g} s"
+        raise MissingError(f"no Dask scheduler answers at {scheduler!r}: {why}") from error
+    if not told["workers"]:
+        raise MissingError(f"the Dask scheduler at {scheduler} has no workers: dask worker {scheduler}")
+    return Client(scheduler, timeout=ANSWER_S, set_as_default=False)
+
+
+async def _identity(scheduler: str) -> Any:
+    """What a Dask scheduler says of itself; who cannot be reached is known before who says nothing."""
+    from distributed import rpc  # noqa: PLC0415 - see above
+
+    async with rpc(scheduler, timeout=ANSWER_S / 2) as asked:
+        return await asked.identity()
 
 
 def run_all(task: Callable[[Argument], Found], arguments: Iterable[Argument], progress: Progress) -> list[Found]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -64,6 +66,7 @@ SCRIPT = """
 import sys
 from fti.study import workers
 from tests.study.tasks import waits
+import asyncio
 import functools
 workers.PATIENCE_S = -1.0
 workers.os.sched_getaffinity = lambda _: {{0, 1}}
@@ -107,8 +110,7 @@ class FakeClient:
     loop = "its own loop"
 
     def __init__(self, address: str, *, timeout: float, set_as_default: bool) -> None:
-        if address == "tcp://nobody:1":
-            raise OSError("Timed out trying to connect")
+        assert address == "tcp://somebody:8786"  # of another there is none: it would not come about
         assert (timeout > 0.0, set_as_default) == (True, False)
 
     def __enter__(self) -> FakeClient:
@@ -122,19 +124,64 @@ class FakeClient:
         return [FakeFuture(f"task-{k}", task(argument)) for k, argument in enumerate(todo)]
 
 
-def test_a_cluster_does_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+class FakeRpc:
+    """What is used of ``distributed.rpc``: who is there says who works for it."""
+
+    def __init__(self, address: str, *, timeout: float) -> None:
+        assert timeout > 0.0
+        self._address = address
+
+    async def __aenter__(self) -> FakeRpc:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        return None
+
+    async def identity(self) -> dict[str, Any]:
+        match self._address:
+            case "tcp://nobody:1":
+                raise OSError("Timed out trying to connect")
+            case "nonsense":
+                raise ValueError("missing port number")
+            case "tcp://mute:1":
+                await asyncio.sleep(60.0)
+        return {"workers": {} if self._address == "tcp://idle:1" else {"tcp://worker:1": {}}}
+
+
+@pytest.fixture
+def cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package ``distributed`` whose workers are here."""
+
     def as_completed(futures: list[FakeFuture], *, loop: str) -> list[FakeFuture]:
         assert loop == FakeClient.loop  # without it the real one asks for a client of the whole process: there is none
         return futures[::-1]
 
-    fake = types.SimpleNamespace(Client=FakeClient, as_completed=as_completed)
+    fake = types.SimpleNamespace(Client=FakeClient, rpc=FakeRpc, as_completed=as_completed)
     monkeypatch.setitem(sys.modules, "distributed", fake)
+
+
+@pytest.mark.usefixtures("cluster")
+@pytest.mark.parametrize(
+    ("address", "said"),
+    [
+        ("tcp://nobody:1", "no Dask scheduler answers at 'tcp://nobody:1': Timed out"),
+        ("nonsense", "no Dask scheduler answers at 'nonsense': missing port number"),
+        ("tcp://mute:1", "no Dask scheduler answers at 'tcp://mute:1': silent for 0.05 s"),
+        ("tcp://idle:1", "the Dask scheduler at tcp://idle:1 has no workers: dask worker tcp://idle:1"),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_a_sentence(address: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "ANSWER_S", 0.05)
+    with pytest.raises(MissingError, match=re.escape(said)), on_cluster(address):
+        pytest.fail("there is no cluster")
+
+
+@pytest.mark.usefixtures("cluster")
+def test_a_cluster_does_the_runs() -> None:
     shares: list[float] = []
     with on_cluster("tcp://somebody:8786"):
         assert [value for value, _, _ in run_all(square, range(4), shares.append)] == [0, 1, 4, 9]
     assert shares == [0.25, 0.5, 0.75, 1.0]
-    with pytest.raises(MissingError, match="tcp://nobody:1: Timed out"), on_cluster("tcp://nobody:1"):
-        pytest.fail("there is no cluster")
 
 
 def test_the_command_names_the_cluster_and_says_what_is_missing(
