@@ -122,7 +122,8 @@ class Source:
             return None
         heading = self._at("heading", t_ns)
         turned = heading.value % (2 * math.pi) if heading else None
-        return AttitudeState(roll.value, pitch.value, turned, roll.sd, pitch.sd)
+        level = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries beside 180 deg
+        return AttitudeState(level, pitch.value, turned, roll.sd, pitch.sd)
 
     def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
         """Position of P at t_ns; None unless latitude and longitude are both known."""

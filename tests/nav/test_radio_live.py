@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.nav.radio.accuracy import AltitudeSource
-from fti.nav.radio.live import RadioNavigation, RadioState, Station, fix_covariance
+from fti.nav.radio.accuracy import AltitudeSource, fix_covariance
+from fti.nav.radio.live import RadioNavigation, RadioState, Station
 from fti.types import Reason
 
 S = 1_000_000_000
@@ -184,6 +184,21 @@ def test_what_cannot_be_told_apart_is_not_valid() -> None:
     radio.take_dme(T + 5 * S + 1, "a", distance("a") + 9000.0)
     state = feed(radio, T + 5 * S, fix=False, stations="bc")
     assert (state.valid, state.reasons) == (False, (Reason.REJECTED,))
+
+
+def test_ranges_that_agree_on_another_place_are_refused_for_ten_seconds() -> None:
+    """Two wrong ranges of three: nothing is left over, and the place is kilometres off."""
+    radio = RadioNavigation(STATIONS)
+    assert feed(radio, fix=False, stations="abc").valid
+    elsewhere = Station(HERE.lat + 5e3 / 6.37e6, HERE.lon + 3e3 / 6.37e6, HERE.alt)
+    found = []
+    for second in range(1, 13):
+        for name in "abc":
+            radio.take_dme(T + second * S, name, distance(name, elsewhere))
+        radio.take_height(T + second * S, 900.0, None, GROUND, 2.0)
+        found.append(radio.at(T + second * S))
+    assert [state.valid for state in found] == [False] * 10 + [True] * 2
+    assert {state.reasons for state in found[:10]} == {(Reason.REJECTED,)}
 
 
 def test_what_is_missing_is_named() -> None:

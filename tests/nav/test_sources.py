@@ -49,6 +49,15 @@ def test_upside_down_and_straight_up_are_attitudes_in_single_precision_too() -> 
     assert found.pitch == pytest.approx(math.pi / 2)
 
 
+def test_a_roll_between_two_on_either_side_of_upside_down_is_an_angle() -> None:
+    of = source()
+    for t_ns, roll in ((NOW, 3.1), (NOW + 20 * MS, -3.0)):
+        of.push_attitude(Attitude(stamp=Stamp(t_ns), roll=roll, pitch=0.0), t_ns)
+    found = of.attitude(NOW + 15 * MS)
+    assert found is not None
+    assert found.roll == pytest.approx(-3.0 - 0.25 * (2 * math.pi - 6.1))
+
+
 @pytest.mark.parametrize("value", [1e300, -1e7, 2001.0])
 @pytest.mark.parametrize("part", ["north", "east", "down"])
 def test_a_speed_that_nobody_flies_moves_no_position(part: str, value: float) -> None:

@@ -70,3 +70,23 @@ def choose(ranges_sd: float | None, altimeter_sd: float | None) -> tuple[Altitud
         return None
     sd, source = min(known, key=lambda entry: entry[0])
     return source, sd
+
+
+def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
+    """Covariance north, east, down [m^2], shape (3, 3), of a fix by satellites in these directions [rad].
+
+    sd : of a pseudorange [m];  None where they do not fix a position.
+    """
+    level = np.cos(elevation)
+    towards_n = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
+    H = np.concatenate((-towards_n, np.ones((len(towards_n), 1))), axis=-1) / sd
+    normal = H.T @ H
+    if len(H) < 4 or np.linalg.eigvalsh(normal).min() < 1e-8:  # a sigma of 10 km
+        return None
+    return np.asarray(np.linalg.inv(normal)[:3, :3])
+
+
+def no_better(cov_n: Array, stated: Sequence[float]) -> Array:
+    """A covariance (3, 3) with no sigma smaller than the one that is stated of its axis."""
+    grown = np.maximum(np.array(stated) / np.sqrt(np.diag(cov_n)), 1.0)
+    return np.asarray(cov_n * np.outer(grown, grown))

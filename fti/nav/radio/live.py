@@ -13,14 +13,15 @@ stations are on the ground, and ranges to them say little of the height.
 
 What disagrees is refused (``agreement``); where nobody can tell what is wrong, the position is not valid.  Of the two
 solutions of two stations the one nearer to the last position is given, as long as that is not older than
-``last_age_s`` and the other side is far away; else none.
+``last_age_s`` and the other side is far away; else none.  Two wrong ranges may agree with each other: a solution
+farther from the last one than anybody flies in the time is refused, for no longer than ``jump_age_s``.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,8 +29,8 @@ import numpy as np
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
-from fti.nav.radio.accuracy import AltitudeSource, altimeter_sd, choose
-from fti.nav.radio.agreement import FIX, UNAMBIGUOUS, has_a_twin, height_sd, solve_agreeing
+from fti.nav.radio.accuracy import AltitudeSource, altimeter_sd, choose, fix_covariance, no_better
+from fti.nav.radio.agreement import FIX, TEST, UNAMBIGUOUS, has_a_twin, height_sd, solve_agreeing
 from fti.nav.radio.least_squares import Altitude, Array, Observation, Place, Slant, Solution
 from fti.nav.series import SECOND_NS
 from fti.types import Reason
@@ -57,6 +58,7 @@ class RadioSettings:
 
     ..._age_s : how old a fix, a range, a height, a velocity and a last position may be [s], and how far from a fix
                 in time its satellites: receivers tell them every second to every fifth
+    jump_age_s : for so long after the last solution one elsewhere is refused [s]
     """
 
     satellite_sd: float = 3.0
@@ -66,6 +68,7 @@ class RadioSettings:
     height_age_s: float = 0.5
     velocity_age_s: float = 10.0
     last_age_s: float = 30.0
+    jump_age_s: float = 10.0
     sky_age_s: float = 10.0
 
 
@@ -111,6 +114,12 @@ class _Height(NamedTuple):
     sd: float
 
 
+class _Last(NamedTuple):
+    t_ns: int
+    pos_e: Array
+    sd: float
+
+
 class RadioNavigation:
     """Takes what comes, in any order of time, and solves when asked.  stations : those that may be heard, by name."""
 
@@ -122,7 +131,7 @@ class RadioNavigation:
         self._fix: _Fix | None = None
         self._height: _Height | None = None
         self._velocity: tuple[int, Array] | None = None
-        self._last: tuple[int, Array] | None = None
+        self._last: _Last | None = None
 
     # ----------------------------------------------------------------------------------------------------- taking
 
@@ -140,7 +149,7 @@ class RadioNavigation:
         if abs(t_ns - told_ns) > self._settings.sky_age_s * SECOND_NS:  # others are used by now
             cov_n = None
         if cov_n is not None:
-            cov_n = _no_better(cov_n, (level, level, high))
+            cov_n = no_better(cov_n, (level, level, high))
         elif level and high:
             cov_n = np.diag(np.square([level, level, high]))
         newer = self._fix is None or t_ns > self._fix.t_ns
@@ -191,8 +200,9 @@ class RadioNavigation:
         if solution is None or (agreed and has_a_twin(observed, solution)):
             reasons = *self._missing(observed), Reason.GEOMETRY
             return RadioState(t_ns, valid=False, reasons=reasons, ranges_sd=sds[0], altimeter_sd=sds[1])
+        agreed = agreed and not self._jumps(t_ns, solution)
         if agreed:
-            self._last = t_ns, solution.x[:3]
+            self._last = _Last(t_ns, solution.x[:3], _spread(solution))
         return dataclasses.replace(
             _state(t_ns, solution, agreed), ranges_sd=sds[0], altimeter_sd=sds[1], used=tuple(observed),
             source=source if HEIGHT in observed else AltitudeSource.RANGES, refused=refused,
@@ -221,14 +231,23 @@ class RadioNavigation:
             return place.pos_e
         if not observed:
             return None
-        if self._last and abs(t_ns - self._last[0]) <= self._settings.last_age_s * SECOND_NS:
-            return self._last[1] + self._moved(self._last[0], t_ns, self._turn())
+        if self._last and abs(t_ns - self._last.t_ns) <= self._settings.last_age_s * SECOND_NS:
+            return self._last.pos_e + self._moved(self._last.t_ns, t_ns, self._turn())
         points = [o.points_e[0] for o in observed.values() if isinstance(o, Slant)]
         return np.asarray(np.mean(points, axis=0)) if len(points) >= UNAMBIGUOUS else None
 
+    def _jumps(self, t_ns: int, solution: Solution) -> bool:
+        """Whether nobody comes in the time from the last solution to this one."""
+        last = self._last
+        if last is None or abs(t_ns - last.t_ns) > self._settings.jump_age_s * SECOND_NS:
+            return False
+        way = solution.x[:3] - last.pos_e - self._moved(last.t_ns, t_ns, self._turn())
+        most = TEST * math.hypot(last.sd, _spread(solution), self._growth(last.t_ns, t_ns))
+        return not float(np.linalg.norm(way)) <= most
+
     def _turn(self) -> Array:
         """n to e, about here: a degree of latitude off turns the velocity of a few seconds by metres."""
-        near = self._last[1] if self._last else next(iter(self._stations_e.values()), np.array([1.0, 0.0, 0.0]))
+        near = self._last.pos_e if self._last else next(iter(self._stations_e.values()), np.array([1.0, 0.0, 0.0]))
         lat, lon, _ = geodetic_from_ecef(near)
         return mat_en(lat, lon)
 
@@ -255,29 +274,14 @@ class RadioNavigation:
         return tuple(reason for reason, so in table if so)
 
 
-def fix_covariance(azimuth: Array, elevation: Array, sd: float) -> Array | None:
-    """Covariance north, east, down [m^2], shape (3, 3), of a fix by satellites in these directions [rad].
-
-    sd : of a pseudorange [m];  None where they do not fix a position.
-    """
-    level = np.cos(elevation)
-    towards_n = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), -np.sin(elevation)], axis=-1)
-    H = np.concatenate((-towards_n, np.ones((len(towards_n), 1))), axis=-1) / sd
-    normal = H.T @ H
-    if len(H) < 4 or np.linalg.eigvalsh(normal).min() < 1e-8:  # a sigma of 10 km
-        return None
-    return np.asarray(np.linalg.inv(normal)[:3, :3])
+def _spread(solution: Solution) -> float:
+    """One sigma of a place, its three axes together [m]."""
+    return math.sqrt(float(np.trace(solution.cov[:3, :3])))
 
 
 def _usable(sd: float | None) -> float:
     """A sigma, or 0 for what is none."""
     return sd if sd is not None and LEAST_SD <= sd < MOST_M else 0.0
-
-
-def _no_better(cov_n: Array, stated: Sequence[float]) -> Array:
-    """A covariance (3, 3) with no sigma smaller than the one that is stated of its axis."""
-    grown = np.maximum(np.array(stated) / np.sqrt(np.diag(cov_n)), 1.0)
-    return np.asarray(cov_n * np.outer(grown, grown))
 
 
 def _fresh(entry: _Range | _Fix | _Height | None, t_ns: int, age_s: float) -> bool:
