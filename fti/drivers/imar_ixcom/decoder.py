@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fti.drivers import Counters
+from fti.drivers._belief import Belief
 from fti.drivers._framing import Framer
-from fti.drivers.imar_ixcom.belief import Belief
+from fti.drivers.imar_ixcom.belief import RANKS
 from fti.drivers.imar_ixcom.commands import decode_response
 from fti.drivers.imar_ixcom.heard import Heard
 from fti.drivers.imar_ixcom.messages import BY_NUMBER, Message
@@ -64,4 +65,5 @@ class Decoder:
         if found is None:
             return None
         told = self._heard.status(frame, message.tells_status)
-        return [*told, *self._belief.sift(message.name, found)]
+        ranks = RANKS.get(message.name)
+        return [*told, *(self._belief.sift(message.name, ranks, found) if ranks else found)]

@@ -36,6 +36,12 @@ Reading "lost_from_S_C".  One that starts again looks like a loss; a number that
     136 TERRAIN_REPORT      the autopilot's map: readings        253 STATUSTEXT  a reading with the text
     77 COMMAND_ACK          of our commands
 
+Several messages carry position and velocity, and several sensors may look down; of each quantity one source counts
+(``sources``): 33 before 32 before 24 and 113, with the sigmas and the undulation that 24 tells beside them; of the
+sensors that look down the one with the lowest ``id``.  For five seconds after it was valid the others become Readings
+("gps_raw_int_lat", "distance_sensor_1_slant_range").  Who wants the receiver beside the estimate, or each sensor by
+itself, gives the line a device for each, with ``only = ["GPS_RAW_INT"]`` or ``distance_id = 1``.
+
 ``hdg`` of 33 repeats ATTITUDE and is not taken; temperatures are the sensors' own and are not taken; SCALED_IMU2 and 3,
 and 27, 105 and 107 with another ``id`` than 0, are other sensors of the same autopilot and are counted only.  The
 emulated autopilot sends ATTITUDE (with the rates of an ImuSample of the same t_rx_ns), HIGHRES_IMU for an ImuSample
@@ -54,6 +60,7 @@ from fti.drivers.mavlink import motion, sensors, system
 from fti.drivers.mavlink.commands import COMMANDS, Options, command, poll
 from fti.drivers.mavlink.encode import Encoder
 from fti.drivers.mavlink.fields import Settings
+from fti.drivers.mavlink.sources import Sources
 from fti.drivers.mavlink.wire import FRAME_MAX, Frames, Header, crc, header, layout, message_id, payload
 from fti.types import Measurement, Reading, Stamp
 
@@ -95,6 +102,8 @@ class Decoder:
     def __init__(self, options: Options) -> None:
         self.counters = Counters()
         self._options = options
+        self._only = frozenset(options.only)
+        self._sources = Sources(options.distance_id)
         self._settings = Settings(options.height, options.raw_imu, (options.own_system, options.own_component))
         key = bytes.fromhex(options.key) if options.key else None
         self._verifies = key is not None
@@ -118,8 +127,11 @@ class Decoder:
         known = layout(self._options.dialect, head.message)
         assert known is not None
         self.counters.messages[known.name] += 1
-        reader = READERS.get(head.message)
-        found = reader(known.fields(payload(frame)), t_rx_ns, self._settings) if reader else []
+        reader = READERS.get(head.message) if not self._only or known.name in self._only else None
+        found: list[Measurement] = []
+        if reader:
+            fields = known.fields(payload(frame))
+            found = self._sources.sift(known.name, fields, reader(fields, t_rx_ns, self._settings))
         if missing:
             name = f"lost_from_{head.system}_{head.component}"
             found.append(Reading(stamp=Stamp(t_rx_ns), name=name, value=float(missing)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from pymavlink.dialects.v20 import common
 
 from fti.config import Positive, StrictModel
@@ -30,18 +30,28 @@ COMMANDS: Mapping[str, Command] = {
 KEY_DIGITS = 64
 
 
+def _check_name(name: str) -> str:
+    if all(message.msgname != name for message in dialect_map("common").values()):
+        raise ValueError(f"{name!r} is no message of MAVLink's common.xml")
+    return name
+
+
 class Options(StrictModel):
     """``system``, ``component``: only these are heard; where several vehicles are on a line, ``system`` is needed.
 
     ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``: its
-    messages are known, others are refused.  ``heartbeat_s``: we send a heartbeat so often; ``own_system``,
-    ``own_component``: under which our heartbeat and commands go out.
+    messages are known, others are refused.  ``only``: these messages become measurements, without it all;
+    ``distance_id``: of the sensors of distance only this one.
+    ``heartbeat_s``: we send a heartbeat so often; ``own_system``, ``own_component``: under which our heartbeat and
+    commands go out.
     """
 
     system: Annotated[int, Field(ge=1, le=255)] | None = None
     component: Annotated[int, Field(ge=1, le=255)] | None = None
     height: Literal["msl", "ellipsoid"] = "msl"
     raw_imu: Literal["counts", "scaled"] = "counts"
+    only: tuple[Annotated[str, AfterValidator(_check_name)], ...] = ()
+    distance_id: Annotated[int, Field(ge=0, le=255)] | None = None
     dialect: Literal["common", "ardupilotmega"] = "common"
     key: Annotated[str, Field(pattern=r"^\s*[0-9a-fA-F]{64}\s*$")] | None = None
     heartbeat_s: Positive | None = None
