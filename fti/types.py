@@ -427,7 +427,8 @@ class Reason(StrEnum):
     OFF_TRACK = "off_track"
     GAPS = "gaps"
     NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
-    PROTECTION_LEVEL = "protection_level"
+    PROTECTION_LEVEL = "protection_level"  # vertical, above the alert limit
+    POSITION_UNCERTAIN = "position_uncertain"  # by its own sigma, which the ground beside the track cannot make up for
     END = "end"  # past the glide path intercept
     GO_AROUND = "go_around"
     NOT_OBSERVABLE = "position_not_observable"

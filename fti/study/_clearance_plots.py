@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from fti.figures import BLACK, BLUE, GREEN, GREY, GROUND, ORANGE, SKY, VERMILION, label, legend_above, sheet
-from fti.hil.references.approaches import Flown, fly, simulate
+from fti.hil.references.approaches import Flown, fly, simulate, track_of
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.study import _clearance as cases
 from fti.study._clearance_faults import flown_with
@@ -55,7 +55,7 @@ def _picture(flown: Flown, title: str, subtitle: str) -> Figure:
     heights, ratios, states = figure.subplots(3, 1, sharex=True, height_ratios=(1.4, 1.0, 0.25))
     _heights(heights, flown)
     _ratios(ratios, outputs)
-    _states(states, outputs)
+    _states(states, flown, outputs)
     states.invert_xaxis()
     return figure
 
@@ -82,10 +82,12 @@ def _ratios(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
     legend_above(axes)
 
 
-def _states(axes: Axes, outputs: Sequence[ClearanceIntegrity]) -> None:
-    """The state at each output that tells where it is."""
+def _states(axes: Axes, flown: Flown, outputs: Sequence[ClearanceIntegrity]) -> None:
+    """The state at each output, where it was said: what does not judge has no window that would tell."""
+    track = track_of(flown)
     for state, colour in COLOURS.items():
-        s = _before([o.s_end for o in outputs if o.state is state and o.s_end is not None])
+        t_ns = [output.t_ns for output in outputs if output.state is state]
+        s = _before(np.interp(t_ns, track.t_ns, track.s))
         axes.plot(s, np.zeros(len(s)), "|", color=colour, ms=16, mew=2.0, label=state.value)
     axes.set(yticks=[])
     label(axes, x="distance to the threshold [m]")

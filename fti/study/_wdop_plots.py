@@ -58,7 +58,7 @@ def predicted(seed: int) -> Figure:
     for axes, name in zip(figure.subplots(2, 1, sharex=True), ("ranges", "altimeter"), strict=True):
         axes.semilogy(MINUTES, rms(found, name), color=COLOURS[name], lw=1.0, label="RMS error")
         axes.semilogy(MINUTES, rms(found, f"{name}_sd"), "--", color=BLACK, lw=1.0, label="predicted sigma")
-        label(axes, y="[m]", title=WORDS[name].capitalize())
+        label(axes, y="[m]", title=WORDS[name][0].upper() + WORDS[name][1:])
         legend_above(axes)
     figure.axes[-1].set_xlabel("time [min]")
     return figure

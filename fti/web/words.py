@@ -25,6 +25,7 @@ REASONS: dict[str, str] = {
     Reason.GAPS: "gaps in the window",
     Reason.NOT_INDEPENDENT: "altitude rests on this altimeter",
     Reason.PROTECTION_LEVEL: "protection level above alert limit",
+    Reason.POSITION_UNCERTAIN: "position too uncertain",
     Reason.END: "past the glide path intercept",
     Reason.GO_AROUND: "go-around",
     Reason.NOT_OBSERVABLE: "position not observable",

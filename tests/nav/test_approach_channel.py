@@ -1,5 +1,6 @@
 """The channel of the approach: whose altitude it is judged with."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator
 
@@ -55,6 +56,19 @@ def test_an_altitude_that_the_altimeter_holds_itself_judges_nothing(
     assert (integrity[-1].state, integrity[-1].reasons) == (IntegrityState.UNAVAILABLE, (Reason.NOT_INDEPENDENT,))
     assert min(o.s_end for o in integrity if o.valid and o.s_end is not None) > 1780.0
     assert not slopes[-1].valid
+
+
+def test_a_place_of_which_navigation_is_not_sure_is_told(
+    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+) -> None:
+    given = [
+        (height, dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=200.0)))
+        for height, nav in inputs(path, flight, lambda _: "filter")
+        if nav.position
+    ]
+    integrity, slopes = judged(ApproachChannel(reference, settings, "radar"), given)
+    assert Reason.POSITION_UNCERTAIN in integrity[-1].reasons
+    assert not any(output.valid for output in (*integrity, *slopes))
 
 
 def test_another_source_of_the_altitude_alone_begins_a_new_window(

@@ -173,6 +173,24 @@ def test_a_protection_level_above_the_alert_limit_is_unavailable_but_an_obstacle
     assert 840.0 < (alert.s_end or 0) < 900.0
 
 
+def test_a_place_that_navigation_does_not_know_is_not_vouched_for_but_an_obstacle_is_said(
+    reference: Reference, flight: Flight
+) -> None:
+    """A filter that coasts on a barometer knows its height within metres and its place within hundreds."""
+    outputs = list[ClearanceIntegrity]()
+    monitor = ClearanceMonitor(reference, SETTINGS)
+    for sample in flight(begin=2990.0, surface=lambda s: 60.0 if 860.0 < s < 900.0 else 0.0):
+        sd = 32.0 if sample.s > 1800.0 else 33.0  # 3.09 times that is 98.9 and 102 m; AL_y is 100 m
+        outputs += run(monitor, [dataclasses.replace(sample, horizontal_sd=sd)])
+    known = [o for o in outputs if 1810.0 < (o.s_end or 0.0) < 2500.0]
+    unknown = [o for o in outputs if 910.0 < (o.s_end or 0.0) < 1790.0]
+    assert {o.state for o in known} <= {IntegrityState.OK, IntegrityState.MONITOR}
+    assert {(o.state, o.reasons[0], o.valid) for o in unknown} == {
+        (IntegrityState.UNAVAILABLE, Reason.POSITION_UNCERTAIN, False)
+    }
+    assert any(o.state is IntegrityState.ALERT and Reason.OBSTACLE in o.reasons for o in outputs)
+
+
 # ---------------------------------------------------------------------------------------------------------- flights
 
 

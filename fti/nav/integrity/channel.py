@@ -143,6 +143,7 @@ def _sample(height: HeightAboveGround, nav: NavState, place: Place | None) -> Cl
         pitch=attitude.pitch,
         climb=-position.down if position.down is not None else None,
         vertical_sd=position.vertical_sd,
+        horizontal_sd=position.horizontal_sd,
     )
 
 

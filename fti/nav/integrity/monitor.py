@@ -5,8 +5,9 @@ later of the two) the window against the reference; then the alarm logic.  The h
 compensated for terrain.
 
     UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, the
-                  aircraft made no 10 m of way within 2 s, so that nothing new was judged, or the vertical protection
-                  level is above its alert limit; an ALERT is said all the same
+                  aircraft made no 10 m of way within 2 s, so that nothing new was judged, the vertical protection
+                  level is above its alert limit, or navigation itself does not hold the place to be within AL_y; an
+                  ALERT is said all the same
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
     others        see fti.nav.integrity.states; these are judgements, and ``valid`` (an ALERT too)
@@ -49,7 +50,8 @@ class ClearanceSample:
     """One altimeter sample with navigation at the time at which it was true.
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
-    s, y : path length and offset [m]                 climb : [m/s], None when unknown      roll, pitch : [rad]
+    s, y : path length and offset [m], horizontal_sd their sigma, None when not stated
+    climb : [m/s], None when unknown      roll, pitch : [rad]
     """
 
     t_ns: int
@@ -62,6 +64,7 @@ class ClearanceSample:
     pitch: float
     climb: float | None
     vertical_sd: float | None
+    horizontal_sd: float | None = None
 
 
 #: What is told of a window that was not matched.
@@ -213,12 +216,12 @@ class ClearanceMonitor:
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
         self._remember_obstacle(found)
-        protection = self._protector.of(found, x.s)
+        protection = self._protector.of(found, x.s, x.horizontal_sd)
         ratios = self._ratios(found, protection)
         window_is_new = found.first_bin + len(self.bins.z) - 1 < self._bad_bin
         state, reasons = self._logic.step(ratios, window_is_new)
-        if state is not IntegrityState.ALERT and not protection.vertical:
-            state, reasons = IntegrityState.UNAVAILABLE, (Reason.PROTECTION_LEVEL, *reasons)
+        if state is not IntegrityState.ALERT and protection.lacks:
+            state, reasons = IntegrityState.UNAVAILABLE, (*protection.lacks, *reasons)
         return self._judged(x, state, reasons, _told(found, ratios, protection))
 
     def _ratios(self, found: Statistics, protection: Protection) -> Ratios:
