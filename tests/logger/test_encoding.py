@@ -1,4 +1,4 @@
-"""Records as JSON: the bytes are those of ``json.dumps``, for whatever a record may hold."""
+"""Records as JSON: what is read again is what ``json.dumps`` would have said, for whatever a record may hold."""
 
 from __future__ import annotations
 
@@ -34,9 +34,13 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def expected(value: Any) -> bytes:
-    text = json.dumps(plain(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return text.encode(errors="replace")
+def read(data: bytes) -> str:
+    """What is said, with the order of names and those that come twice; 1 is not 1.0, and 0.0 not -0.0."""
+    return repr(json.loads(data, object_pairs_hook=list))
+
+
+def expected(value: Any) -> str:
+    return read(json.dumps(plain(value), ensure_ascii=False, allow_nan=False).encode(errors="replace"))
 
 
 class Level(IntEnum):
@@ -81,20 +85,20 @@ VALUES = st.recursive(
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
 @settings(max_examples=10)
 @given(data=st.data())
-def test_a_record_is_written_as_json_writes_it(cls: type, data: st.DataObject) -> None:
+def test_a_record_says_what_json_says(cls: type, data: st.DataObject) -> None:
     """Of the types that it declares."""
     hints = typing.get_type_hints(cls)
     record = data.draw(st.builds(cls, **{name: st.from_type(hint) for name, hint in hints.items()}))
-    assert encode(record) == expected(record)
+    assert read(encode(record)) == expected(record)
 
 
 @pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
 @settings(max_examples=10)
 @given(data=st.data())
-def test_a_record_is_written_as_json_writes_it_whatever_it_holds(cls: type, data: st.DataObject) -> None:
+def test_a_record_says_what_json_says_whatever_it_holds(cls: type, data: st.DataObject) -> None:
     """Of types that it does not declare: a driver may be wrong, and numpy's numbers are floats."""
     record = data.draw(st.builds(cls, **dict.fromkeys(typing.get_type_hints(cls), VALUES)))
-    assert encode(record) == expected(record)
+    assert read(encode(record)) == expected(record)
 
 
 @settings(max_examples=200)
@@ -104,15 +108,15 @@ def test_a_record_is_written_as_json_writes_it_whatever_it_holds(cls: type, data
 @example(())
 @example({"nan": math.nan, "a": ["nan", math.inf, (-math.inf,)]})
 @given(VALUES)
-def test_a_value_is_written_as_json_writes_it(value: object) -> None:
-    assert encode(value) == expected(value)
+def test_a_value_says_what_json_says(value: object) -> None:
+    assert read(encode(value)) == expected(value)
 
 
-def test_a_stamp_that_many_share_is_not_mixed_up_with_another() -> None:
-    stamps = [Stamp(1), Stamp(1), Stamp(2, 3, TimeScale.BOOT, 4)]
-    for stamp in [*stamps, *stamps[::-1], stamps[1]]:
-        for record in (Attitude(stamp=stamp, roll=0.5), ImuSample(stamp=stamp), stamp):
-            assert encode(record) == expected(record)
+def test_what_is_written_quickly_and_what_slowly_is_compact() -> None:
+    for largest in (2**64 - 1, 2**64):  # whole numbers of more bits are written slowly
+        found = encode({"é": Stamp(largest), "b": (1.5, "\u2028")})
+        stamp = f'{{"t_rx_ns":{largest},"t_dev_ns":null,"time_scale":null,"t_valid_ns":null}}'
+        assert found.decode() == f'{{"é":{stamp},"b":[1.5,"\u2028"]}}'
 
 
 def test_classes_of_one_field_and_of_none() -> None:
