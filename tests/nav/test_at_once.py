@@ -13,7 +13,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.expected import HEADING_SD, Expectation, Expected, warm_up
 from fti.nav.altimetry.nadir import ground_sd
 from fti.nav.altimetry.predicted import Prediction, Predictor
-from fti.nav.altimetry.variance import ErrorModel, height_variance_over, pose_cov, range_variance
+from fti.nav.altimetry.variance import ErrorModel, height_variance_over, pose_cov, range_variance_over
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.sources import AttitudeState, PositionState
@@ -98,7 +98,7 @@ def test_one_pose_at_once_is_what_the_arrays_say(ground: Ground, kind: str, mode
             (here.cosine, there.cosine, 1e-9),
             (here.incidence, there.incidence, 1e-6),
             (here.dispersion, there.dispersion, 1e-6),
-            (here.range_sd, np.sqrt(range_variance(there, errors, nearest=nearest)), 1e-6),
+            (here.range_sd, np.sqrt(range_variance_over(ground.terrain, there, errors, nearest=nearest)), 1e-6),
             (here.height_sd, np.sqrt(height_variance_over(ground.terrain, there, errors, nearest=nearest)), 1e-6),
             (here.ground_sd, ground_sd(ground.terrain, place, FLAT_SD), 1e-6),
         ]

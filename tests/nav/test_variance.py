@@ -18,6 +18,7 @@ from fti.nav.altimetry.variance import (
     pose_cov,
     range_row,
     range_variance,
+    range_variance_over,
 )
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -111,6 +112,8 @@ def test_over_a_plane_the_ground_around_says_what_the_plane_says(
     errors = ErrorModel(COV, RANGE_SD)
     around = height_variance_over(predictor.terrain, seen, errors, nearest=nearest)[0]
     assert math.sqrt(around) == pytest.approx(math.sqrt(height_variance(seen, errors, nearest=nearest)[0]), rel=WITHIN)
+    of_range = range_variance_over(predictor.terrain, seen, errors, nearest=nearest)[0]
+    assert math.sqrt(of_range) == pytest.approx(math.sqrt(range_variance(seen, errors, nearest=nearest)[0]), rel=WITHIN)
 
 
 def test_beside_a_wall_the_sigma_knows_the_wall() -> None:
@@ -125,6 +128,19 @@ def test_beside_a_wall_the_sigma_knows_the_wall() -> None:
     assert math.sqrt(height_variance(aslant, errors, nearest=False)[0]) < 0.2
     told = math.sqrt(height_variance_over(ground, aslant, errors, nearest=False)[0])
     assert told == pytest.approx(20.0 * math.sqrt(0.2119), rel=0.2)  # N beyond 0.8 sigma; M, 17 m west, beyond 2.5
+
+
+def test_beside_a_wall_a_range_is_as_uncertain_as_the_wall_is_high() -> None:
+    """Straight down 8 m from a step of 20 m, the place known to 10 m: against all that is drawn of it."""
+    heights = np.where(np.arange(401)[None, :] * 2.0 - 400.0 > 8.0, 20.0, 0.0) * np.ones((401, 1))
+    ground, cov = Terrain.from_array(heights, 2.0, east0=-400.0, north0=-400.0), pose_cov((10.0, 10.0, 2.0), 0.0)
+    seen = Predictor(ground, LASER).along([0.0, 0.0, 100.0], np.eye(3))
+    errors = ErrorModel(cov, 0.1)
+    drawn_p = np.array([0.0, 0.0, 100.0]) + np.random.default_rng(8).normal(0.0, [10.0, 10.0, 2.0], (4000, 3))
+    off = seen.slant_range - Predictor(ground, LASER).along(drawn_p, np.eye(3)).slant_range
+    told = math.sqrt(range_variance_over(ground, seen, errors, nearest=False)[0])
+    assert told == pytest.approx(float(np.sqrt(np.mean(off**2))), rel=0.1)
+    assert math.sqrt(range_variance(seen, errors, nearest=False)[0]) < 0.25 * told
 
 
 def test_correlated_pose_errors_count() -> None:

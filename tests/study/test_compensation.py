@@ -40,6 +40,7 @@ def test_one_country_holds_and_repeats_itself() -> None:
     for sensor in ("laser", "radar"):  # the ground around knows the edges of the forest
         assert 0.5 < by_id[f"sigma.{sensor}.around"] < 2.5
         assert by_id[f"sigma.{sensor}.around"] < by_id[f"sigma.{sensor}.plane"]
+    assert by_id["sigma.laser.range_around"] < by_id["sigma.laser.range_plane"]
     assert [result.value for result in compensation.study(1, 21, shares.append)] == [r.value for r in results]
 
 

@@ -1,10 +1,13 @@
-"""What errors of the pose do to a compensated height over the ground as it is, compiled: trial by trial.
+"""What errors of the pose do to a range and its compensated height over the ground as it is, compiled: trial by trial.
 
-    pencil     h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + v_D + h(M') - h(M),      v = dP + psi x w
-    nearest    h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + cos(theta) u . (dP + psi x l)
+    pencil     d(xi) - d(0) = -(v_D + h(M') - h(M)) / cos(theta),                        v = dP + psi x w
+               h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + v_D + h(M') - h(M)
+    nearest    d(xi) - d(0) = -u . (dP + psi x l)
+               h(xi) - h(0) = (h(P) - h(N))' - (h(P) - h(N)) + cos(theta) u . (dP + psi x l)
 
 xi = (dP, psi) is an error of the pose, w the way from P to M, l the lever arm.  M' is where the moved ray meets the
-ground, found by fixed-point steps; M of a nearest return stays where it is.  See ``variance.height_variance_over``.
+ground, found by fixed-point steps; M of a nearest return stays where it is.  See ``variance.height_variance_over`` and
+``variance.range_variance_over``.
 """
 
 # ruff: noqa: PLR0917 - compiled kernels take their scalars by position
@@ -59,8 +62,9 @@ def _over_nadir(q: Places, at: Array, mat_ln: Array, north: float, east: float, 
 @kernel
 def mean_square_around(
     p: Pyramid, at: Array, mat_ln: Array, lever: Array, u: Array, slant_range: float, trials: Array, nearest: bool
-) -> float:
-    """E[(h(xi) - h(0))^2] [m^2] over the trials that stay over known ground; NaN where fewer than half do.
+) -> tuple[float, float]:
+    """E[(h(xi) - h(0))^2] and E[(d(xi) - d(0))^2] [m^2] over the trials that stay over known ground; NaN where fewer
+    than half do.
 
     The large errors are the first to leave it: of the few that stay on an island in it the spread is none of the pose.
 
@@ -72,7 +76,7 @@ def mean_square_around(
     point = at + mat_ln @ way
     height = _over_nadir(q, at, mat_ln, 0.0, 0.0, 0.0)
     ground = _up(q, point, mat_ln, 0.0, 0.0, 0.0)
-    total, count = 0.0, 0
+    total, count, of_range, met = 0.0, 0, 0.0, 0
     for k in range(len(trials)):
         x, psi = trials[k, :3], trials[k, 3:]
         change = _over_nadir(q, at, mat_ln, x[0], x[1], x[2]) - height
@@ -81,25 +85,31 @@ def mean_square_around(
             [psi[1] * arm[2] - psi[2] * arm[1], psi[2] * arm[0] - psi[0] * arm[2], psi[0] * arm[1] - psi[1] * arm[0]]
         )
         if nearest:
-            change += u[2] * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2])
+            nearer = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+            change += u[2] * nearer
         else:
             risen = 0.0
             for _ in range(_FOOTPRINT_STEPS):
                 back = (v[2] + risen) / u[2]
                 risen = _up(q, point, mat_ln, v[0] - back * u[0], v[1] - back * u[1], 0.0) - ground
             change += v[2] + risen
+            nearer = (v[2] + risen) / u[2]
         if math.isfinite(change):
             total += change * change
             count += 1
-    return total / count if 2 * count >= len(trials) else math.nan
+        if math.isfinite(nearer):
+            of_range += nearer * nearer
+            met += 1
+    most = len(trials)
+    return total / count if 2 * count >= most else math.nan, of_range / met if 2 * met >= most else math.nan
 
 
 @kernel
 def mean_squares_around(
     p: Pyramid, at: Array, mats_ln: Array, levers: Array, u: Array, slant_ranges: Array, trials: Array, nearest: bool
 ) -> Array:
-    """The same of n poses (n,); trials : (n, k, 6)."""
-    found = np.empty(len(at))
+    """The same of n poses (n, 2); trials : (n, k, 6)."""
+    found = np.empty((len(at), 2))
     for i in range(len(at)):
         found[i] = mean_square_around(p, at[i], mats_ln[i], levers[i], u[i], slant_ranges[i], trials[i], nearest)
     return found

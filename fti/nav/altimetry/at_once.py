@@ -182,7 +182,9 @@ def told(
     of_range = 0.0
     for k in range(6):
         of_range += (row[k] * sds[k]) ** 2
-    of_height = mean_square_around(p, at, mat_ln, lever_n, u, slant_range, TRIALS * sds[:6], is_nearest)
+    of_height, around = mean_square_around(p, at, mat_ln, lever_n, u, slant_range, TRIALS * sds[:6], is_nearest)
+    if not is_nearest and math.isfinite(around):
+        of_range = around
     dem = -normal[2] / along
     together = math.exp(-math.hypot(way[0], way[1]) / sds[8])
     a = u[2] * u[2] if is_nearest else 1.0

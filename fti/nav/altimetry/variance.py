@@ -128,14 +128,35 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
     The formulas of h(xi) are in ``fti.nav.altimetry.around``; a = 1, of a nearest return
     cos(theta)^2.
     """
+    spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 0]
+    a = seen.cosine**2 if nearest else np.ones(len(seen))
+    return np.asarray(spread + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2)
+
+
+def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """Variance of measured minus predicted range from the ground around M, instead of a plane through it: (n,) [m^2].
+
+        Var = E[(d(xi) - d(0))^2] + (n_D s_dem / (n . u))^2 + s_range^2
+
+    On a plane it is ``range_variance``, and so it is of a nearest return, whose point stays where it is, and where the
+    ground around is not known.
+    """
+    plane = range_variance(seen, errors, nearest=nearest)
+    if nearest:
+        return plane
+    spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
+    around = spread + (dem_factor(seen, nearest=nearest) * errors.dem_sd) ** 2 + np.square(errors.range_sd)
+    return np.where(np.isfinite(around), around, plane)
+
+
+def _spread_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
+    """Of height and range by the errors of the pose (n, 2) [m^2]."""
     n = len(seen)
     trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
     at, mats, levers, rays, trials = (
         np.ascontiguousarray(x) for x in (seen.place_l, seen.mats_ln, seen.lever_n, seen.direction_n, trials)
     )
-    spread = mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, nearest)
-    a = seen.cosine**2 if nearest else np.ones(n)
-    return np.asarray(spread + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2)
+    return np.asarray(mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, nearest))
 
 
 def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
