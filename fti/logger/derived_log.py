@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from fti.logger import foxglove, schemas
+from fti.logger.blueprint import Attachment, Blueprint, Metadata
 from fti.logger.encoding import encode
 from fti.logger.schemas import EVENT_TOPIC, Schema
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
+from fti.logger.split_log import Log, SplitLog
 from fti.types import (
     Ack,
     Calibration,
@@ -106,12 +107,14 @@ class DerivedLog(Log):
         super().__init__(
             SplitLog(
                 folder,
-                "derived",
-                split_s=split_s,
-                split_mb=split_mb,
-                attachments=attachments,
-                metadata=metadata or {},
-                places=places,
+                Blueprint(
+                    "derived",
+                    split_s=split_s,
+                    split_mb=split_mb,
+                    attachments=attachments,
+                    metadata=metadata or {},
+                    places=places,
+                ),
             )
         )
         self._decimator = Decimator(decimate_hz)

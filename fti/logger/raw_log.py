@@ -9,8 +9,9 @@ from typing import Any
 
 from fti.burst import alone
 from fti.logger import schemas
+from fti.logger.blueprint import Attachment, Blueprint, Metadata
 from fti.logger.session import Kind, Numbering, SessionFolder
-from fti.logger.split_log import Attachment, Log, Metadata, SplitLog
+from fti.logger.split_log import Log, SplitLog
 
 RAW_ENCODING = "x-fti-raw"
 TICK_TOPIC = "/fti/tick"
@@ -29,7 +30,7 @@ class RawTopic:
 class RawLog(Log):
     """Writes the raw files of a session.  ``write_bursts`` and ``json`` buffer; ``flush`` writes.
 
-    folder, numbering, places : see SplitLog
+    folder : see SplitLog; numbering, places : see Blueprint
     MCAP sequence is the low 32 bits of seq; log time and publish time are the time of arrival.
     """
 
@@ -49,13 +50,15 @@ class RawLog(Log):
         super().__init__(
             SplitLog(
                 folder,
-                kind,
-                split_s=split_s,
-                split_mb=split_mb,
-                attachments=attachments,
-                metadata={**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}},
-                numbering=numbering,
-                places=places,
+                Blueprint(
+                    kind,
+                    split_s=split_s,
+                    split_mb=split_mb,
+                    attachments=attachments,
+                    metadata={**(metadata or {}), LINKS_METADATA: {topic.link: topic.kind for topic in links}},
+                    numbering=numbering,
+                    places=places,
+                ),
             )
         )
         self._write = self._log.write

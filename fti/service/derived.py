@@ -15,8 +15,8 @@ from typing import Any
 
 from fti.errors import StorageError
 from fti.logger.derived_log import DerivedLog
+from fti.logger.part import Part
 from fti.logger.places import Place
-from fti.logger.split_log import Part
 from fti.service.guard import Report, guarded
 from fti.types import Event, Measurement, Output
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fti.burst import Entry, alone
+from fti.logger.part import Part
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Part
 from fti.service.snapshot_memory import Block, FrameMemory
 
 #: The ticks may be ahead of the frames that were received with them: so many looks more at the memory.  Looks and not

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 from fti.errors import StorageError
+from fti.logger.part import Part
 from fti.logger.places import Place
 from fti.logger.raw_log import RawLog
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Part
 from fti.logger.storage import Attempt, State, StorageMachine, is_full
 from fti.service.guard import Report, guarded
 from fti.service.hygiene import step_below_reader

@@ -11,10 +11,10 @@ import pytest
 
 from fti.config import Snapshot
 from fti.errors import StorageError
+from fti.logger.part import Part
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Part
 from fti.service import snapshot as sink_module
 from fti.service.snapshot import SnapshotSink
 from tests.helpers import until

@@ -230,7 +230,7 @@ def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig]) -> 
 
 def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
     rig = make(1)
-    rig.log._log.split_ns = 10**12
+    rig.log._log.blueprint.split_ns = 10**12
     rig.settle()
     rig.feed(20)
     before = until(lambda: rig.writer.file, what="a file")
@@ -290,7 +290,7 @@ def test_a_sync_that_failed_once_is_never_believed_again(
 ) -> None:
     """The kernel tells a failed write-back once, and then finds all well."""
     rig = make(places)
-    rig.log._log.split_ns = 10**12
+    rig.log._log.blueprint.split_ns = 10**12
     rig.settle()
     sick = SickSync(rig, quick, refusals=1)
     rig.feed(20)
@@ -309,7 +309,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     """The buffers are empty then: it is what the file has taken that must be written again."""
     quick.setattr(writing, "SYNC_PERIOD_S", 1000.0)
     rig = make()
-    rig.log._log.split_ns = 10**12
+    rig.log._log.blueprint.split_ns = 10**12
     rig.settle()
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")

@@ -13,11 +13,11 @@ from typing import Any
 import pytest
 
 from fti.buffers.triple import TripleBuffer
+from fti.logger.part import Part
 from fti.logger.places import Place
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.logger.split_log import Part
 from fti.service.source import Source
 from fti.service.writing import Writer
 from tests.helpers import until

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fti.errors import MissingError, RecordingError
+from fti.logger.blueprint import FILE_METADATA, PLACE_KEY
 from fti.logger.raw_log import LINKS_METADATA, TICK_TOPIC
 from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.place import check_place
 from fti.logger.session import Kind, SessionFolder, name_parts
-from fti.logger.split_log import FILE_METADATA, PLACE_KEY
 from fti.types import TICK_LINK, RawFrame
 
 RAW, SENT = "/raw/", "/tx/"
