@@ -449,6 +449,7 @@ class Reason(StrEnum):
     TERRAIN_LOADING = "terrain_loading"
     TERRAIN_EDGE = "terrain_edge"  # beyond what the files cover
     TERRAIN_HOLE = "terrain_hole"  # the files do not know this ground
+    UNCERTAIN = "uncertain"  # place, attitude or terrain are not known well enough to tell a deviation at its limit
     # of the filters
     NO_IMU = "no_imu"
     NO_GNSS = "no_gnss"
@@ -522,7 +523,8 @@ class HeightAboveGround:
     predicted_sd : one sigma of raw - predicted [m]
     compensated, compensated_sd, compensation : height above the ground straight below ``point``, by the terrain between
                  there and what the beam sees [m], its sigma, and how
-    unchecked  : why the terrain could not be asked; what it can tell against a height is then not told
+    unchecked  : why the terrain could not be asked, or not as closely as the limits ask; what it can tell against a
+                 height is then not told
     """
 
     t_ns: int

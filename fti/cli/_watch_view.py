@@ -118,11 +118,12 @@ def _outputs(outputs: Fields) -> Table:
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:
     """What the known terrain adds to a height, or why it cannot be asked; nothing of a daemon that does not say."""
+    unchecked = output.get("unchecked_text", ())
     if output.get("predicted") is None:
-        words = ", ".join(output.get("unchecked_text", ()))
-        return (UNKNOWN, "", "", Text(words, "dim")) if words else ()
+        return (UNKNOWN, "", "", Text(", ".join(unchecked), "dim")) if unchecked else ()
     below = _metres(output["compensated"], 1), _sigma(output["compensated_sd"], "m")
-    return *below, f"predicts {_metres(output['predicted'], 1)}", Text(str(output["compensation"] or ""), "dim")
+    words = [word for word in (output["compensation"], *unchecked) if word]
+    return *below, f"predicts {_metres(output['predicted'], 1)}", Text(", ".join(words), "dim")
 
 
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:

@@ -45,6 +45,7 @@ REASONS: dict[str, str] = {
     Reason.TERRAIN_LOADING: "terrain is being loaded",
     Reason.TERRAIN_EDGE: "beyond the terrain",
     Reason.TERRAIN_HOLE: "hole in the terrain",
+    Reason.UNCERTAIN: "too uncertain to compare",
     Reason.NO_IMU: "no inertial data",
     Reason.NO_GNSS: "no GNSS",
     Reason.NO_BARO: "no pressure altitude",

@@ -125,6 +125,7 @@ def test_what_the_terrain_says_of_a_height_is_shown_or_why_it_cannot_be_asked() 
     text = rendered(make_feed(**known), 0)
     for words in ("over terrain", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
         assert words in text
+    assert "beam, too uncertain to compare" in rendered(make_feed(**{**known, "unchecked": ["uncertain"]}), 0)
     unknown = {**dict.fromkeys(known), "unchecked": ["terrain_edge"]}
     text = rendered(make_feed(**unknown), 0)
     assert "beyond the terrain" in text

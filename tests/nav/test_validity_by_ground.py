@@ -64,6 +64,14 @@ def test_a_place_that_is_not_known_makes_no_sensor_wrong() -> None:
     assert said(channel(slope), 158.0, place_sd=10.0).reasons == ()
 
 
+def test_a_gate_that_what_is_known_has_widened_says_so() -> None:
+    """8 m of deviation on a slope, the place known to 10 m: valid, and not held against the 5 m of the table."""
+    slope = np.broadcast_to(0.8 * POSTS, (len(POSTS), len(POSTS)))
+    assert said(channel(slope), 158.0, place_sd=10.0).unchecked == (Reason.UNCERTAIN,)
+    assert said(channel(slope), 150.0, place_sd=1.0).unchecked == ()
+    assert said(channel(slope, max_deviation_m=30.0), 158.0, place_sd=10.0).unchecked == ()
+
+
 def test_a_hole_under_the_aircraft_says_nothing_against_a_beam_beside_it() -> None:
     holed = level()
     holed[np.ix_(np.abs(POSTS) < 12.0, np.abs(POSTS) < 12.0)] = np.nan

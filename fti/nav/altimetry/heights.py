@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fti.config import Device
+from fti.config import Altimeter, Device
 from fti.nav.altimetry.compensation import height_at_p, mounting_of
-from fti.nav.altimetry.validity import Sample, reasons_against
+from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.types import HeightAboveGround, RadioHeight, Range, Reason
@@ -123,7 +123,7 @@ class AltimeterChannel:
             sd=sd,
             valid=not reasons,
             reasons=reasons,
-            **_told(expected, sample.value),
+            **_told(expected, sample.value, self.limits),
         )
 
     def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:
@@ -162,17 +162,19 @@ def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:
     }
 
 
-def _told(expected: Expected | Reason | None, value: float | None) -> dict[str, Any]:
+def _told(expected: Expected | Reason | None, value: float | None, limits: Altimeter) -> dict[str, Any]:
     """What the ground adds to an output."""
     if expected is None:
         return {}
     if isinstance(expected, Reason):
         return {"unchecked": (expected,)}
-    found = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
+    found: dict[str, Any] = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
     if value is None:
         return found
+    if not compares(expected.range_sd, limits):
+        found["unchecked"] = (Reason.UNCERTAIN,)
     if (by_ground := expected.compensated(value)) is None:  # the beam meets known ground, and straight below is none
-        return {**found, "unchecked": (Reason.TERRAIN_HOLE,)}
+        return {**found, "unchecked": (*found.get("unchecked", ()), Reason.TERRAIN_HOLE)}
     names = ("compensated", "compensated_sd", "compensation")
     return {**found, **dict(zip(names, by_ground, strict=True))}
 

@@ -20,7 +20,8 @@ yet be 20 m from the height straight below.  For that a sample which is used as 
 terrain, is held against the navigated height h(P) - h(N).  Where N lies is known as well as the place: where the ground
 around it is uneven the gate is narrower by as much as h(N) may be wrong (``fti.nav.altimetry.nadir.ground_sd``).
 
-A limit is kept by what is within it: nothing that is no number is.
+A limit is kept by what is within it: nothing that is no number is.  Where the sigma of the prediction widens the gate a
+sample is valid with more than the table allows: that is said with it (``compares``, reason UNCERTAIN in ``unchecked``).
 Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
 limit of incidence and of dispersion ("~ h"), these are stated.
 """
@@ -88,8 +89,16 @@ def _beyond(value: float | None, limit: float) -> bool:
 def _deviates(s: Sample, a: Altimeter) -> bool:
     if s.value is None or s.predicted is None:
         return False
-    limit = DEVIATION_M[a.kind] if a.max_deviation_m is None else a.max_deviation_m
-    return _beyond(s.value - s.predicted, max(limit, SIGMAS * s.predicted_sd))
+    return _beyond(s.value - s.predicted, max(_deviation_limit(a), SIGMAS * s.predicted_sd))
+
+
+def _deviation_limit(a: Altimeter) -> float:
+    return DEVIATION_M[a.kind] if a.max_deviation_m is None else a.max_deviation_m
+
+
+def compares(predicted_sd: float, limits: Altimeter) -> bool:
+    """Whether a deviation at its limit can be told, or what is known is so uncertain that a greater one passes [m]."""
+    return SIGMAS * predicted_sd <= _deviation_limit(limits)
 
 
 def _not_nadir(s: Sample, a: Altimeter) -> bool:

@@ -64,9 +64,10 @@ function plotted(output) {
 
 // What the known terrain adds: the height straight below and what the sensor should say, or why it cannot be asked.
 function overGround(output) {
-  if (!isNumber(output.predicted)) return (output.unchecked_text ?? []).join(", ");
+  const unchecked = (output.unchecked_text ?? []).join(", ");
+  if (!isNumber(output.predicted)) return unchecked;
   const below = isNumber(output.compensated) ? `below ${fixed(output.compensated, 1)} ${plusMinus(output.compensated_sd, 1)}, ` : "";
-  return `${below}terrain predicts ${fixed(output.predicted, 1)}`;
+  return `${below}terrain predicts ${fixed(output.predicted, 1)}${unchecked && `, ${unchecked}`}`;
 }
 
 class Sensor {
