@@ -22,7 +22,7 @@ from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, name_parts
 from fti.logger.storage import State
-from fti.service import writing
+from fti.service import stint, succession
 from fti.service.source import Source
 from fti.service.writing import Writer
 from tests.helpers import until
@@ -139,7 +139,8 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Everything fifty times as fast as it is."""
     for module, names in (
         (storage, ("SLOW_S", "PATIENCE_S", "ATTEMPT_S", "RETURN_S", "LONGEST_RETURN_S", "RECOVERED_S")),
-        (writing, ("RETRY_S", "SYNC_PERIOD_S")),
+        (stint, ("RETRY_S", "SYNC_PERIOD_S")),
+        (succession, ("RETRY_S",)),
     ):
         for name in names:
             monkeypatch.setattr(module, name, getattr(module, name) / 50)
@@ -251,7 +252,7 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """It refuses and its path is gone, so its file is let go before there is another."""
-    quick.setattr(writing, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(stint, "SYNC_PERIOD_S", 1000.0)
     rig = make(1)
     rig.settle()
     rig.feed(20)
@@ -307,7 +308,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
     """The buffers are empty then: it is what the file has taken that must be written again."""
-    quick.setattr(writing, "SYNC_PERIOD_S", 1000.0)
+    quick.setattr(stint, "SYNC_PERIOD_S", 1000.0)
     rig = make()
     rig.log._log.blueprint.split_ns = 10**12
     rig.settle()
