@@ -24,6 +24,7 @@ from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
 from fti.nav.series import SECOND_NS, Series
+from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
 from fti.nav.vertical.fallback import VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
@@ -108,7 +109,8 @@ class AidedNavigation:
         if isinstance(m, ImuSample) and device == settings.imu:
             self._take_imu(m, t_ns)
         elif isinstance(m, Attitude) and m.valid and m.roll is not None and m.pitch is not None:
-            self._navigator.take_attitude(t_ns, m.roll, m.pitch, m.heading)
+            if abs(m.roll) <= MOST["roll"] and abs(m.pitch) <= MOST["pitch"]:
+                self._navigator.take_attitude(t_ns, m.roll, m.pitch, m.heading)
         elif not _conceivable(m):
             return
         elif device in settings.gnss and isinstance(m, Velocity) and m.valid:

@@ -234,48 +234,6 @@ class SlantRange:
         return z, H, np.array([[self.sd**2]])
 
 
-@dataclass(frozen=True)
-class PositionFix:
-    """A position that something else found, with its covariance cov_n (3, 3) [m^2], north, east, down."""
-
-    lat: float
-    lon: float
-    alt: float
-    cov_n: Array
-    name: str = "fix"
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """All."""
-        return BOTH
-
-    def compute_matrices(self, here: Estimate) -> Matrices:
-        """z = mat_ne (x_measured - x)."""
-        H = np.zeros((3, here.model.size))
-        H[:, POS : POS + 3] = here.mat_en.T
-        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, self.alt) - here.y[:3])
-        return z, H, np.ascontiguousarray(self.cov_n, dtype=np.float64)
-
-
-@dataclass(frozen=True, slots=True)
-class Standstill:
-    """A pseudo measurement: the aircraft stands.  sd [m/s]."""
-
-    sd: float = 0.02
-    name: str = "standstill"
-
-    @property
-    def bounds(self) -> frozenset[str]:
-        """All: who stands does not drift."""
-        return BOTH
-
-    def compute_matrices(self, here: Estimate) -> Matrices:
-        """z = -v."""
-        H = np.zeros((3, here.model.size))
-        H[:, VEL : VEL + 3] = np.eye(3)
-        return -here.y[3:6], H, self.sd**2 * np.eye(3)
-
-
 def skew(v: Array | Vector) -> Array:
     """Matrix of v x."""
     x, y, z = v

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.nav.filter import kernels, place
-from fti.nav.filter.aiding import Aiding, GnssPosition, PositionFix, SlantRange
+from fti.nav.filter.aiding import Aiding, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start
 from fti.nav.filter.gate import rejected
@@ -222,9 +222,7 @@ def _known(aiding: Aiding) -> bool:
     if isinstance(aiding, SlantRange) and not aiding.meets:
         return False
     fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
-    if not all(_conceivable(name, getattr(aiding, name)) for name in fields):
-        return False
-    return not isinstance(aiding, PositionFix) or bool(np.all(np.linalg.eigvalsh(aiding.cov_n) > 0.0))
+    return all(_conceivable(name, getattr(aiding, name)) for name in fields)
 
 
 def _conceivable(name: str, value: object) -> bool:
