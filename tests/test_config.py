@@ -167,6 +167,10 @@ def test_the_research_aircraft_has_the_sensors_of_table_6_1() -> None:
         (changed('files = ["dem/a.npz"]', 'scene = "demo"'), ["nav.terrain.vertical", "belongs to files"]),
         (GOOD + '[nav.filter]\nimu = "imu"', ["nav.filter.imu", "'imu'", "radar, ins"]),
         (GOOD + '[nav.filter]\nimu = "ins"\naltimeters = ["ins"]', ["nav.filter.altimeters", "'ins'", "radar"]),
+        (
+            changed("altimeter = {", "rpy_bs_deg = [0, 5, 0]\naltimeter = {") + '[nav.filter]\nimu = "radar"',
+            ["device[0].rpy_bs_deg", "[0.0, 5.0, 0.0]", "inertial unit", "of its own on the same link"],
+        ),
         (GOOD + '[nav.radio]\nreceiver = "gps"', ["nav.radio.receiver", "'gps'", "radar, ins"]),
         (GOOD + '[nav.radio]\naltimeter = "ins"', ["nav.radio.altimeter", "'ins'", "radar"]),
         (

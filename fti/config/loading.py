@@ -73,7 +73,7 @@ def _check_references(config: Config, file: str) -> None:
             )
     _check_roles(config.nav, devices, file)
     _check_terrain(config.nav.terrain, file)
-    _check_filter(config.nav, devices, file)
+    _check_filter(config, devices, file)
     _check_radio(config.nav, devices, file)
     for device in config.device:
         if device.name in config.nav.altimeters and device.altimeter is None:
@@ -107,13 +107,20 @@ def _check_radio(nav: Nav, devices: list[str], file: str) -> None:
         raise ConfigError(f"{file}: {said}; there are {_listed(nav.altimeters)}")
 
 
-def _check_filter(nav: Nav, devices: list[str], file: str) -> None:
+def _check_filter(config: Config, devices: list[str], file: str) -> None:
+    nav = config.nav
     if nav.filter is None:
         return
     named = {"imu": (nav.filter.imu,), "gnss": nav.filter.gnss, "baro": filter(None, (nav.filter.baro,))}
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
             raise ConfigError(f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_listed(devices)}")
+    for i, device in enumerate(config.device):
+        if device.name == nav.filter.imu and device.altimeter and any(device.rpy_bs_deg):
+            raise ConfigError(
+                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: would turn the inertial unit of nav.filter "
+                "with its altimeter; give the altimeter a [[device]] of its own on the same link"
+            )
     if other := [name for name in nav.filter.altimeters if name not in nav.altimeters]:
         allowed = _listed(nav.altimeters)
         raise ConfigError(f"{file}: nav.filter.altimeters: {other[0]!r} is not in nav.altimeters; there are {allowed}")
