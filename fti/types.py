@@ -523,6 +523,7 @@ class HeightAboveGround:
     predicted_sd : one sigma of raw - predicted [m]
     compensated, compensated_sd, compensation : height above the ground straight below ``point``, by the terrain between
                  there and what the beam sees [m], its sigma, and how
+    wheels     : height of the wheels by ``height_agl``, as the aircraft lies [m]; None where nobody says where they are
     unchecked  : why the terrain could not be asked, or not as closely as the limits ask; what it can tell against a
                  height is then not told
     """
@@ -542,6 +543,7 @@ class HeightAboveGround:
     compensated: float | None = None
     compensated_sd: float | None = None
     compensation: Compensation | None = None
+    wheels: float | None = None
     unchecked: tuple[Reason, ...] = ()
 
 

@@ -118,8 +118,8 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     for i, device in enumerate(config.device):
         if device.name == nav.filter.imu and device.altimeter and any(device.rpy_bs_deg):
             raise ConfigError(
-                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: would turn the inertial unit of nav.filter "
-                "with its altimeter; give the altimeter a [[device]] of its own on the same link"
+                f"{file}: device[{i}].rpy_bs_deg = {list(device.rpy_bs_deg)}: would turn the inertial unit of "
+                "nav.filter with its altimeter; give the altimeter a [[device]] of its own on the same link"
             )
     if other := [name for name in nav.filter.altimeters if name not in nav.altimeters]:
         allowed = _listed(nav.altimeters)

@@ -244,11 +244,15 @@ class Radio(StrictModel):
 
 
 class Nav(StrictModel):
-    """``[nav]``: roles, each a list of devices in order of preference."""
+    """``[nav]``: roles, each a list of devices in order of preference.
+
+    wheels_b : reference point P to where the lowest wheel touches the ground, body frame [m]
+    """
 
     attitude: tuple[Name, ...] = ()
     position: tuple[Name, ...] = ()
     altimeters: tuple[Name, ...] = ()
+    wheels_b: Vector | None = None
     terrain: TerrainFiles | None = None
     filter: Filter | None = None
     radio: Radio | None = None

@@ -42,7 +42,9 @@ class Pipeline:
         roles = config.nav
         self._sources = {name: Source(devices[name]) for name in dict.fromkeys((*roles.attitude, *roles.position))}
         unchecked = Reason.TERRAIN_LOADING if roles.terrain else Reason.NO_TERRAIN
-        self._altimeters = {name: AltimeterChannel(devices[name], unchecked) for name in roles.altimeters}
+        self._altimeters = {
+            name: AltimeterChannel(devices[name], unchecked, roles.wheels_b) for name in roles.altimeters
+        }
         self._fallbacks = _fallbacks(config)
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude],

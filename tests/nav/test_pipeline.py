@@ -104,6 +104,23 @@ def test_parts_of_an_attitude_are_joined() -> None:
     assert height.height_agl == pytest.approx(100 * math.cos(0.1) * math.cos(0.2))
 
 
+def test_each_height_names_its_point_and_the_wheels_have_one_of_their_own() -> None:
+    """Antenna 2 m below P, wheels 3 m below and 1 m to the right of it: banked by 5 deg to the right they are lower."""
+    nav = {"attitude": ["ins"], "altimeters": ["radar"]}
+    bank = math.radians(5.0)
+    lowest = 98.0 + 2.0 * math.cos(bank) - (math.sin(bank) + 3.0 * math.cos(bank))
+    for wheels, expected in ({}, None), ({"wheels_b": [0.0, 1.0, 3.0]}, lowest):
+        pipeline, t = Pipeline(config(nav=nav | wheels), None), T0
+        pipeline.feed("ins", attitude(t, roll=bank))
+        (height,) = [
+            o for o in pipeline.feed("radar", RadioHeight(stamp=Stamp(t), height_agl=98.0))
+            if isinstance(o, HeightAboveGround)
+        ]  # fmt: skip
+        assert (height.raw, height.point) == (98.0, "p")
+        assert height.height_agl == pytest.approx(98.0 + 2.0 * math.cos(bank))
+        assert height.wheels == (None if expected is None else pytest.approx(expected))
+
+
 def test_without_attitude_the_height_is_unknown_and_says_why() -> None:
     pipeline = Pipeline(config(), None)
     (height,) = heights(pipeline.feed("laser", Range(stamp=Stamp(T0), slant_range=100.0)), "laser")

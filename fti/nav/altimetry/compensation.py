@@ -74,6 +74,11 @@ def _dot(a: Vector, b: Vector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def lower(arm_b: Vector, roll: float, pitch: float) -> float:
+    """How far the end of a lever arm from P [m] is below P: (0 0 1) mat_nb arm_b."""
+    return _dot(down_row(roll, pitch), arm_b)
+
+
 def tilt_of(mounting: Mounting, roll: float, pitch: float) -> float:
     """Angle between the beam axis and the vertical [rad], 0..pi."""
     return math.acos(max(-1.0, min(1.0, _dot(down_row(roll, pitch), mounting.boresight_b))))
@@ -108,7 +113,7 @@ def height_at_p(
     if slant_range < 0.0:
         raise ValueError(f"slant_range = {slant_range} m: must be >= 0")
     excess = max(0.0, tilt_of(mounting, roll, pitch) - mounting.half_beam)
-    height = slant_range * math.cos(excess) + _dot(down_row(roll, pitch), mounting.lever_arm_b)
+    height = slant_range * math.cos(excess) + lower(mounting.lever_arm_b, roll, pitch)
     if range_sd is None:
         return Height(height, None)
     by_roll, by_pitch = _attitude_gradient(slant_range, roll, pitch, mounting)

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fti.config import Altimeter, Device
-from fti.nav.altimetry.compensation import height_at_p, mounting_of
+from fti.config import Altimeter, Device, Vector
+from fti.nav.altimetry.compensation import height_at_p, lower, mounting_of
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -42,9 +42,10 @@ class AltimeterChannel:
     """Validity, compensation and age of one altimeter.
 
     unchecked : why there is no known ground to compare with, until there is one
+    wheels_b  : P to the lowest wheel, body frame [m], where that is known
     """
 
-    def __init__(self, device: Device, unchecked: Reason = Reason.NO_TERRAIN) -> None:
+    def __init__(self, device: Device, unchecked: Reason = Reason.NO_TERRAIN, wheels_b: Vector | None = None) -> None:
         if device.altimeter is None:
             raise ValueError(f"device {device.name!r} has no [device.altimeter] table")
         self._device = device
@@ -53,6 +54,7 @@ class AltimeterChannel:
         self.name = device.name
         self.limits = device.altimeter
         self._mounting = mounting_of(device)
+        self._wheels_b = wheels_b
         self._max_age_ns = round(device.max_age_ms * 1e6)
         self._started_ns: int | None = None
         self._last: Reading | None = None
@@ -123,6 +125,7 @@ class AltimeterChannel:
             sd=sd,
             valid=not reasons,
             reasons=reasons,
+            wheels=self._of_wheels(height, nav),
             **_told(expected, sample.value, self.limits),
         )
 
@@ -131,6 +134,12 @@ class AltimeterChannel:
         if self._expectation is None:
             return self._unchecked
         return self._expectation.at(nav, reading.sd) if reading else None
+
+    def _of_wheels(self, height: float | None, nav: NavState) -> float | None:
+        """Height of the wheels [m], of one of P."""
+        if height is None or nav.attitude is None or self._wheels_b is None:
+            return None
+        return height - lower(self._wheels_b, nav.attitude.roll, nav.attitude.pitch)
 
     def _compensated(self, reading: Reading | None, nav: NavState) -> tuple[float | None, float | None]:
         attitude = nav.attitude
