@@ -2,8 +2,9 @@
 
 Into a copy: from files that are cut off, have flipped bits or holes, everything that is there, chunk by chunk, past
 all damage, as finished files in a new folder (default: SESSION_recovered beside SESSION).  The input is never
-changed.  A chunk whose checksum does not hold is left out, so that no message is invented; messages that no checksum
-proves (the last seconds of a file that was not finished) are taken and counted.  What is missing is printed, and
+changed.  A chunk whose checksum does not hold is left out, so that no message is invented, unless it would hold with
+one bit the other way: then that bit is turned back, which is told.  Messages that no checksum proves (of such a chunk;
+the last seconds of a file that was not finished) are taken and counted.  What is missing is printed, and
 stands in recovered.json in the new folder and in each file.  Exit code 0: nothing is missing; 3: something is.
 
 In place: a torn rest at the end is cut off, and the file gets its index, summary and footer, so that every reader
@@ -93,7 +94,14 @@ def as_text(report: Report) -> Iterator[str]:
         yield f"numbers {gap.first}-{gap.last} are missing, between {_time(gap.after_ns)} and {_time(gap.before_ns)}"
     if len(report.gaps) > SHOWN:
         yield f"and {len(report.gaps) - SHOWN} more ranges of numbers; see recovered.json"
-    yield "nothing is missing" if report.complete else "not everything is there"
+    yield _verdict(report)
+
+
+def _verdict(report: Report) -> str:
+    if report.complete:
+        return "nothing is missing"
+    lost = report.gaps or any(file.lost for file in report.files)
+    return "not everything is there" if lost else "nothing is missing; of what was mended nothing is proved"
 
 
 def _file_text(file: FileReport) -> Iterator[str]:
@@ -104,6 +112,10 @@ def _file_text(file: FileReport) -> Iterator[str]:
     )
     if not file.summary:
         yield "  has no summary that holds: whether more followed at its end cannot be known"
+    for byte in file.flipped[:SHOWN]:
+        yield f"  a bit of byte {byte} was turned back, so that the checksum of its chunk holds: likely, not proved"
+    if len(file.flipped) > SHOWN:
+        yield f"  and {len(file.flipped) - SHOWN} more bits; see recovered.json"
     for damage in file.damages[:SHOWN]:
         yield f"  bytes {damage.begin}-{damage.end - 1} are lost, {_between(damage.after_ns, damage.before_ns)}"
     if len(file.damages) > SHOWN:

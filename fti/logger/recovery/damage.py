@@ -1,10 +1,11 @@
 """Walk through a file that may be damaged: what is there and proved, what is there and unproved, what is lost.
 
-A chunk whose checksum holds is taken whole.  A chunk whose checksum does not hold is lost: nothing in it can be
-proved, and no message is invented.  Unproved, and counted as such, are the messages of a chunk without checksum (the
-open chunk of a file that was not finished), of a chunk that the end of the file cuts off, and messages that stand
-outside of chunks; of these all whole records are taken up to the first that makes no sense, and where one makes none,
-the one before it is not taken either: the damage may begin in it.
+A chunk whose checksum holds is taken whole.  Where it would hold with one bit the other way, that bit is turned back
+and the chunk is taken, unproved, for other damage may look like that (``flipped_bit``).  A chunk whose checksum does
+not hold otherwise is lost: nothing in it can be proved, and no message is invented.  Unproved, and counted as such, are
+besides the messages of a chunk without checksum (the open chunk of a file that was not finished), of a chunk that the
+end of the file cuts off, and messages that stand outside of chunks; of these all whole records are taken up to the
+first that makes no sense, and where one makes none, the one before it is not taken either: the damage may begin in it.
 
 Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
 open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
@@ -24,8 +25,11 @@ from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
 from fti.logger.reading.told import Told
 from fti.logger.records import HEAD, MAGIC, Op
 from fti.logger.recovery.content import Content
+from fti.logger.recovery.flipped_bit import turn_back
 
 BLOCK = 4 * 2**20
+#: Where a chunk's checksum stands in it.
+CRC_AT = HEAD.size + 24
 #: Begin of a chunk, an attachment, metadata or the end of the data, shorter than 2^40 bytes.
 _CANDIDATE = re.compile(rb"[\x06\x09\x0c\x0f](?=[\s\S]{5}\x00\x00\x00)")
 _BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
@@ -33,13 +37,17 @@ _BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
 
 @dataclass(frozen=True, slots=True)
 class Messages:
-    """Records of a chunk, or outside of chunks (head is None).  proved : their checksum holds."""
+    """Records of a chunk, or outside of chunks (head is None).
+
+    proved : their checksum holds; flipped : the byte of the file in which a bit was turned back, so that it does
+    """
 
     begin: int
     end: int
     content: Content
     proved: bool
     head: ChunkHead | None = None
+    flipped: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +155,8 @@ class Walk:
             found = Messages(head.at, head.end, content, True, head) if content.whole else None
         elif head.compression:
             found = self._unproved_packed(head, stored)
+        elif stored is None and head.crc and head.end <= self._limit:
+            found = self._mended(head)
         else:
             found = self._unproved(head, stored)
         self._found = found if found and self._agrees(found.content) else None
@@ -157,6 +167,18 @@ class Walk:
         return all(self.channels.get(key, record) == record for key, record in content.channels.items()) and all(
             self.schemas.get(key, record) == record for key, record in content.schemas.items()
         )
+
+    def _mended(self, head: ChunkHead) -> Messages | None:
+        """A chunk of which one bit was flipped."""
+        if head.size > MAX_RECORD:
+            return None
+        stored = bytearray(self._source.read(head.begin, head.size))
+        flipped = turn_back(stored, head.crc)
+        content = Content(None)
+        if flipped is None or not content.feed(bytes(stored)).whole:
+            return None
+        place = head.begin + flipped if flipped < head.size else head.at + CRC_AT
+        return Messages(head.at, head.end, content, False, head, place)
 
     def _unproved_packed(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
         if stored is None:
@@ -242,7 +264,7 @@ class Walk:
         head = chunk_head(self._source, at)
         if head:
             chunk = self._chunk(head)
-            return bool(chunk and chunk.content.messages)
+            return bool(chunk and chunk.content.messages and chunk.flipped is None)
         end = record_end(self._source, at, self._limit)
         if end is None:
             return False

@@ -42,6 +42,7 @@ class FileReport:
     """What was found in one file.
 
     messages : taken; unproved : those among them without a checksum that holds; chunks : taken with their checksum.
+    flipped : the bytes of the file in which a bit was turned back, one in each of so many chunks, all of them unproved.
     told_messages, missing_chunks : what the summary, if it was whole, told of besides.
     """
 
@@ -57,13 +58,19 @@ class FileReport:
     told_messages: int | None = None
     missing_chunks: list[ChunkPlace] = field(default_factory=list)
     damages: list[Damage] = field(default_factory=list)
+    flipped: list[int] = field(default_factory=list)
     #: The summary was whole, and all that it tells of was taken.
     all_told: bool = False
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing; damage may still have hit indexes and other things that were made anew."""
-        return self.all_told or not (self.damages or self.missing_messages)
+        """Nothing is lost nor mended; damage may still have hit indexes and other things that were made anew."""
+        return not (self.lost or self.flipped)
+
+    @property
+    def lost(self) -> bool:
+        """Something is missing."""
+        return not self.all_told and bool(self.damages or self.missing_messages)
 
     @property
     def missing_messages(self) -> int | None:
@@ -84,7 +91,7 @@ class Report:
 
     @property
     def complete(self) -> bool:
-        """Nothing is missing."""
+        """Nothing is missing, and nothing was mended."""
         return not self.gaps and all(file.complete for file in self.files)
 
     def as_json(self) -> dict[str, Any]:
@@ -218,6 +225,8 @@ class _Salvage:
         report.messages += content.messages
         report.chunks += piece.proved
         report.unproved += 0 if piece.proved else content.messages
+        if piece.flipped is not None:
+            report.flipped.append(piece.flipped)
         self._note_times(content.times)
 
     def _declare(self, channel_id: int) -> None:
@@ -275,4 +284,5 @@ class _Salvage:
             "complete": str(report.complete).lower(),
             "missing_messages": "unknown" if report.missing_messages is None else str(report.missing_messages),
             "damages": json.dumps([asdict(damage) for damage in report.damages]),
+            "flipped": json.dumps(report.flipped),
         }

@@ -262,6 +262,7 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     (begin, end), held = original.chunks[2]
     data = bytearray(original.data)
     data[begin + 100] ^= 4
+    data[begin + 200] ^= 4
     (session / "s_0_000.mcap").write_bytes(data)
     done: list[int] = []
     report = salvage_session(session, tmp_path / "out", done.append)
@@ -277,6 +278,24 @@ def test_what_is_missing_is_told(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "recovered.json").read_text()) == report.as_json()
     assert done == sorted(done) and done[-1] == len(data)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["recovered.json", "s_0_000.mcap"]
+
+
+@pytest.mark.parametrize("place", [52, 90, 400, 690, 33])  # the first byte of the records, others, one of the checksum
+def test_one_flipped_bit_is_turned_back_and_told(tmp_path: Path, place: int) -> None:
+    """The chunk is there, but not as proved, nor the file as complete."""
+    original = Original(write_own(tmp_path / "whole.mcap"))
+    (begin, _), held = original.chunks[2]
+    data = bytearray(original.data)
+    data[begin + place] ^= 16
+    found, report = recovered(bytes(data), tmp_path)
+    assert found == original.messages
+    assert (report.unproved, report.missing_messages, report.damages) == (len(held), 0, [])
+    assert report.flipped == [begin + (33 if place == 33 else place)]
+    assert not report.complete
+    data[begin + 150] ^= 1
+    found, report = recovered(bytes(data), tmp_path)
+    assert found == original.must_hold((begin, begin + 1))
+    assert report.flipped == []
 
 
 def test_frames_for_which_no_trigger_came_are_not_missing(tmp_path: Path) -> None:
@@ -339,3 +358,10 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "are lost, after 1970-01-01T00:00:01.0" in lines and "not everything is there" in lines
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--in-place"]) == 0
     assert "is finished" in capsys.readouterr().out
+    (tmp_path / "a_000.mcap").write_bytes(whole[:2500] + bytes([whole[2500] ^ 2]) + whole[2501:])
+    assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "d")]) == 3
+    lines = capsys.readouterr().out
+    assert (
+        "a bit of byte 2500 was turned back" in lines
+        and "nothing is missing; of what was mended nothing is proved" in lines
+    )
