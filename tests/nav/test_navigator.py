@@ -386,6 +386,23 @@ def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: Sta
     assert {Reason.DIVERGED, Reason.RESET} <= reasons
 
 
+def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flight: State) -> None:
+    """100 m/s^2 for a sample are metres a second that nobody flew; without a sigma for it what aids was refused."""
+    navigator, felt, turned, worst = begun(flight), specific_force_b(flight), angular_rate_b(flight), 0.0
+    for k, t in enumerate(flight.t.tolist()):
+        spike = [0.0, 0.0, -100.0] if k == 200 else [0.0, 0.0, 0.0]
+        navigator.take_inertial(ns(t), felt[k] + spike, turned[k])
+        if k % 10 == 0:
+            for aiding in gnss(flight, k):
+                navigator.take(ns(t), aiding)
+        told = navigator.output(ns(t))
+        if told.valid and k >= 200:
+            assert told.reasons == ()
+            assert told.alt is not None and told.vertical_sd is not None
+            worst = max(worst, abs(told.alt - float(flight.alt[k])) / told.vertical_sd)
+    assert worst < 3.0
+
+
 def test_random_rubbish_raises_nothing(flight: State) -> None:
     """A thousand calls with times and values from anywhere."""
     rng = np.random.default_rng(8)

@@ -96,6 +96,18 @@ def test_level_flight_stays_level() -> None:
     assert state.alt_sd is not None and state.alt_sd < 3.0
 
 
+def test_a_jump_of_what_is_felt_that_nobody_flew_is_in_the_sigma() -> None:
+    flight = Flight()
+    flight.go(60.0)
+    flight.channel.take_imu(flight.t_ns + S // RATE_HZ, felt(100.0), 0.0, 0.0, HERE)
+    flight.t_ns += S // RATE_HZ
+    for _ in range(20):
+        state = flight.go(0.5, satellites=False)
+        assert state.alt is not None and state.alt_sd is not None
+        assert abs(state.alt - ALT) < 3.0 * state.alt_sd
+        assert state.valid
+
+
 def test_the_altimeter_holds_what_the_channel_alone_loses() -> None:
     flights = {name: Flight() for name in ("held", "alone")}
     for flight in flights.values():

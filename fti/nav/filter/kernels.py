@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Of an estimate's row: position, velocity, quaternion e; accelerometer and gyro bias b; extras.
 QUAT, ACCEL_BIAS, GYRO_BIAS, EXTRAS = 6, 10, 13, 16
+#: No airframe changes more from one sample to the next [m/s^2, rad/s].
+SHOCK, SHOCK_TURN = 30.0, 2.0
 
 
 @kernel
@@ -52,10 +54,27 @@ def step(  # noqa: PLR0917
     for i in range(3):
         P[VEL + i, VEL + i] += accel * seconds
         P[TURN + i, TURN + i] += gyro * seconds
+    _shake(P, began, ended, seconds)
     if biased:
         _wander_biases(y, P, unit, seconds)
     for i in range(len(drifts)):
         _wander(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], drifts[i, 1] + speed * drifts[i, 2], seconds)
+
+
+@kernel
+def _shake(P: Array, began: Array, ended: Array, seconds: float) -> None:
+    """What is felt has jumped: how much of it was flown between two samples, and how much a bit that fell over, nobody
+    knows.
+    """
+    for i in range(3):
+        jumped = np.abs(ended[i] - began[i]) - SHOCK
+        turned = np.abs(ended[3 + i] - began[3 + i]) - SHOCK_TURN
+        if jumped > 0.0:
+            for k in range(3):  # body axes: it may be any of the three
+                P[VEL + k, VEL + k] += (jumped * seconds) ** 2
+        if turned > 0.0:
+            for k in range(3):
+                P[TURN + k, TURN + k] += (turned * seconds) ** 2
 
 
 @kernel

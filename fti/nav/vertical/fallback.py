@@ -46,6 +46,8 @@ BEGIN = 2
 CLIMB_SD_UNKNOWN, SD_UNKNOWN = 10.0, 10.0
 #: No height or sigma [m], climb or speed [m/s], specific force [m/s^2] of a flight is larger.
 MOST_M, MOST_SPEED, MOST_FORCE = 1e6, 1e4, 1e3
+#: No airframe changes more from one sample to the next [m/s^2].
+SHOCK = 30.0
 #: A sigma that is smaller [m, m/s] is none.
 LEAST_SD = 1e-3
 #: So long after its last measurement an aiding is still named [s].
@@ -124,7 +126,15 @@ class VerticalFallback:
         self._imu_ns = t_ns
         if self._channel is not None and t_ns > self._channel.t_ns:
             accel = vertical_acceleration(accel_b, roll, pitch, place, self._channel.alt)
+            self._shake(accel, (t_ns - self._channel.t_ns) / SECOND_NS)
             self._channel.advance(t_ns, accel)
+
+    def _shake(self, accel: float, dt: float) -> None:
+        """A jump of what is felt makes the climb as uncertain as it would be wrong, if nobody flew it."""
+        assert self._channel is not None and self._filter is not None
+        jumped = abs(accel - (self._channel.accel or accel)) - SHOCK
+        if jumped > 0.0:
+            self._filter.P[CLIMB, CLIMB] += (jumped * dt) ** 2
 
     def take_satellites(
         self, t_ns: int, alt: float, sd: float | None, climb: float | None, climb_sd: float | None

@@ -54,17 +54,17 @@ class InertialHeight:
 
     def __init__(self, t_ns: int, alt: float, climb: float) -> None:
         self.t_ns, self.alt, self.climb = t_ns, alt, climb
-        self._accel: float | None = None
+        self.accel: float | None = None
         self._times = [t_ns]
         self._past = [(alt, climb)]
 
     def advance(self, t_ns: int, accel: float) -> None:
         """To t_ns, later than the last time, where the vertical acceleration is ``accel`` [m/s^2]."""
         dt = (t_ns - self.t_ns) / SECOND_NS
-        before = accel if self._accel is None else self._accel
+        before = accel if self.accel is None else self.accel
         self.alt += dt * (self.climb + dt * (2.0 * before + accel) / 6.0)
         self.climb += 0.5 * dt * (before + accel)
-        self.t_ns, self._accel = t_ns, accel
+        self.t_ns, self.accel = t_ns, accel
         self._times.append(t_ns)
         self._past.append((self.alt, self.climb))
         if len(self._times) > 2 * KEEP:
