@@ -21,29 +21,9 @@ from fti.logger.schemas import TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import Segment, flown_segments, recorded_setup, reprocess
 from fti.service.ground import load_ground
+from tests.small_config import LINE, radar_altimeter
 
-CONFIG = """
-[session]
-name = "small"
-
-[[link]]
-name = "line"
-kind = "serial"
-port = "/dev/unused"
-
-[[device]]
-name = "altimeter"
-link = "line"
-driver = "freeflight_ra4500"
-max_age_ms = 100
-
-[device.altimeter]
-kind = "radar"
-range_m = [0.5, 762]
-
-[nav]
-altimeters = ["altimeter"]
-"""
+CONFIG = LINE + radar_altimeter(max_age_ms=100) + '\n[nav]\naltimeters = ["altimeter"]\n'
 START_NS = 1_700_000_000_000_000_000
 TICK_NS = 20_000_000
 FRAMES = 400

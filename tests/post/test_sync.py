@@ -20,23 +20,10 @@ from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.types import DeviceTime, Stamp, TimeScale
+from tests.small_config import LINE, device
 from tests.web.chromium import Chromium
 
-CONFIG = """
-[session]
-name = "small"
-
-[[link]]
-name = "line"
-kind = "serial"
-port = "/dev/unused"
-
-[[device]]
-name = "receiver"
-link = "line"
-driver = "nmea0183"
-latency_ms = 60
-"""
+CONFIG = LINE + device("receiver", "nmea0183", latency_ms=60)
 SECOND_NS = 1_000_000_000
 MS = 1_000_000
 FTI_0 = 1_700_000_000 * SECOND_NS

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fti import config as configuration
 from fti.drivers import nmea0183
 from fti.service.binding import bind_devices
 from fti.service.chain import Chain
@@ -16,26 +13,12 @@ from fti.service.clock_health import clock_health
 from fti.service.diagnosis import Diagnosis
 from fti.service.health import LATE_NS, HealthBoard
 from fti.types import DeviceTime, RawFrame, Stamp, TimeScale
+from tests.small_config import LINE, device, parsed
 
 SECOND_NS = 1_000_000_000
 MS = 1_000_000
 FTI_0 = 1_800_000_000 * SECOND_NS
 AHEAD_NS = 250 * MS
-CONFIG = """
-[session]
-name = "small"
-
-[[link]]
-name = "line"
-kind = "serial"
-port = "/dev/unused"
-
-[[device]]
-name = "receiver"
-link = "line"
-driver = "nmea0183"
-use_device_time = {used}
-"""
 
 
 def known(**changes: Any) -> dict[str, Any]:
@@ -45,8 +28,7 @@ def known(**changes: Any) -> dict[str, Any]:
 
 def listen(used: bool, seconds: int) -> tuple[Diagnosis, int]:
     """A receiver that says its time once a second, 250 ms ahead of FTI time; one message in ten is 80 ms late."""
-    text = CONFIG.format(used=str(used).lower())
-    config = configuration.parse(tomllib.loads(text), text, Path("small.toml"))
+    config = parsed(LINE + device("receiver", "nmea0183", use_device_time=used))
     chain = Chain(config, bind_devices(config), None)
     diagnosis = Diagnosis(config, chain)
     encoder = nmea0183.make_encoder(nmea0183.Options())

@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fti import config as configuration
 from fti.drivers import nmea0183
 from fti.service.binding import bind_devices
 from fti.service.chain import Chain
 from fti.service.diagnosis import Diagnosis
 from fti.types import DeviceTime, RawFrame, Stamp, TimeScale
+from tests.small_config import LINE, device, parsed
 
 SECOND_NS = 1_000_000_000
 BEGIN_NS = 1_800_000_000 * SECOND_NS
 RATE_HZ = 5
 REPORT_S = 0.5
-CONFIG = """
-[session]
-name = "small"
-
-[[link]]
-name = "line"
-kind = "serial"
-port = "/dev/unused"
-
-[[device]]
-name = "receiver"
-link = "line"
-driver = "nmea0183"
-rate_hz = 5.0
-"""
+CONFIG = LINE + device("receiver", "nmea0183", rate_hz=5.0)
 
 
 class Navigation:
     """A receiver that sends at ``sent_hz`` from the beginning on, and a navigation that counts what it is told to."""
 
     def __init__(self, sent_hz: float) -> None:
-        config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("small.toml"))
+        config = parsed(CONFIG)
         self._chain = Chain(config, bind_devices(config), None)
         self._diagnosis = Diagnosis(config, self._chain)
         self._messages = _messages(sent_hz)
