@@ -128,7 +128,7 @@ async def test_when_the_session_ends_nothing_is_sent_nor_a_greeting(peer: Peer) 
 
 
 async def test_who_waits_for_a_turn_while_the_device_dies_is_told(peer: Peer) -> None:
-    async with running(link(peer, half_duplex=True, quiet_ms=200, answer_ms=0)) as (opened, _):
+    async with running(link(peer, half_duplex=True, quiet_ms=1000, answer_ms=0)) as (opened, _):
         sending = asyncio.create_task(opened.send(b"x", 30.0))
         await asyncio.sleep(0)
         peer.die()

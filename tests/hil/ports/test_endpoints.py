@@ -15,7 +15,7 @@ from fti.errors import MissingError
 from fti.hil.ports.endpoints import UdpEndpoint, make_endpoint, opened, until
 from fti.hil.ports.lawicel import Adapter
 from tests.e2e.harness import free_udp_port
-from tests.helpers import until_async
+from tests.helpers import PATIENCE_S, until_async
 from tests.links.bench import running
 
 FRAMES = [
@@ -137,9 +137,9 @@ async def test_python_can_opens_it_hears_it_and_is_answered(tmp_path: Path) -> N
         )
         await end.reader_ready()
         end.send(FRAMES[0])
-        first = await asyncio.to_thread(bus.recv, 10.0)
+        first = await asyncio.to_thread(bus.recv, PATIENCE_S)
         await asyncio.to_thread(bus.send, can.Message(arbitration_id=0x55, data=b"\x09", is_extended_id=False))
-        second = await asyncio.to_thread(bus.recv, 10.0)
+        second = await asyncio.to_thread(bus.recv, PATIENCE_S)
         await asyncio.to_thread(bus.shutdown)
     assert first is not None
     assert (first.arbitration_id, bytes(first.data), first.is_extended_id) == (0x123, b"\x01\x02\x03", False)
