@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fti.hil.references.theory import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.ground_track import Leg
 from fti.nav.integrity.reference import Detection, Reference
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
@@ -20,6 +21,7 @@ def summary(reference: Reference) -> list[str]:
     return [
         f"airfield     {airfield.name}, surveyed {airfield.survey_date}",
         f"glide path   {airfield.glide_deg} deg, course {airfield.course_deg} deg, TCH {airfield.tch_m} m",
+        *_track(airfield.leg or ()),
         f"sensor       {header.sensor.kind}, beam {header.sensor.beam_deg} deg",
         f"profile      {profile.surface} of {profile.date}, s -200 to {profile.s_max_m + 200:.0f} m, step "
         f"{profile.ds_m} m, from {profile.made_from}, {profile.draws} draws, seed {profile.seed}",
@@ -34,6 +36,16 @@ def summary(reference: Reference) -> list[str]:
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
+
+
+def _track(legs: Sequence[Leg]) -> Iterator[str]:
+    """The ground track where it is more than a straight line."""
+    begin = 0.0
+    for leg in legs:
+        way = f"track        {begin:.0f} to {begin + leg.length_m:.0f} m before the intercept point: "
+        side = "right" if (leg.radius_m or 0.0) > 0.0 else "left"
+        yield way + (f"to the {side}, radius {abs(leg.radius_m):g} m" if leg.radius_m else "straight")
+        begin += leg.length_m
 
 
 def _beside(detection: Detection | None) -> Iterator[str]:

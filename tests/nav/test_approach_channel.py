@@ -20,6 +20,20 @@ Inputs = list[tuple[HeightAboveGround, NavState]]
 JUDGED = {IntegrityState.OK, IntegrityState.MONITOR}
 
 
+def height_of(x: ClearanceSample) -> HeightAboveGround:
+    """What the altimeter says there."""
+    return HeightAboveGround(
+        t_ns=x.t_ns,
+        t_valid_ns=x.t_valid_ns,
+        sensor="radar",
+        raw=x.agl,
+        height_agl=x.agl,
+        sd=0.5,
+        valid=True,
+        reasons=(),
+    )
+
+
 def inputs(path: ApproachPath, flight: Flight, altitude_source: Callable[[float], str]) -> Inputs:
     """A nominal approach; altitude_source : of the path length."""
     found: Inputs = []
@@ -27,11 +41,7 @@ def inputs(path: ApproachPath, flight: Flight, altitude_source: Callable[[float]
         lat, lon = (float(v) for v in path.geodetic(x.s, x.y))
         place = PositionState(lat, lon, x.alt, 1.0, 1.0, 0.0, 0.0, 3.0, x.t_ns)
         attitude = AttitudeState(x.roll, x.pitch, math.radians(path.airfield.course_deg), 1e-3, 1e-3)
-        height = HeightAboveGround(
-            t_ns=x.t_ns, t_valid_ns=x.t_valid_ns, sensor="radar", raw=x.agl, height_agl=x.agl, sd=0.5,
-            valid=True, reasons=(),
-        )  # fmt: skip
-        found.append((height, NavState(x.t_ns, attitude, place, "ins", "ins", altitude_source(x.s))))
+        found.append((height_of(x), NavState(x.t_ns, attitude, place, "ins", "ins", altitude_source(x.s))))
     return found
 
 
@@ -68,7 +78,8 @@ def test_a_place_of_which_navigation_is_not_sure_is_told(
     ]
     integrity, slopes = judged(ApproachChannel(reference, settings, "radar"), given)
     assert Reason.POSITION_UNCERTAIN in integrity[-1].reasons
-    assert not any(output.valid for output in (*integrity, *slopes))
+    assert not any(output.valid for output in integrity)
+    assert not any(slope.valid for slope in slopes)
 
 
 def test_another_source_of_the_altitude_alone_begins_a_new_window(

@@ -121,7 +121,8 @@ MODELS = {"ra4500": RA4500, "laser": LASER}
 class Flown:
     """One approach, arrays of shape (n,).
 
-    vertical_sd : what navigation says of its height [m]      t : [s]      roll, pitch : [rad]      climb : [m/s]
+    vertical_sd : what navigation says of its height [m]      t : [s]      climb : [m/s]
+    roll : beyond the bank of the track, pitch : [rad]
     s, y, alt   : truth [m]      nav_s, nav_y, nav_alt : as navigated [m]      agl : raw height as measured, at P [m]
     """
 
@@ -167,7 +168,7 @@ class TerrainGround:
         terrain = self.terrains[rng.integers(len(self.terrains))]
         s, y, alt, roll, pitch, crab = pose
         lat, lon = self.path.geodetic(s, y)
-        heading = np.deg2rad(self.path.airfield.course_deg) + crab
+        heading = self.path.course(s) + crab
         poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading)
         return self.altimeter.beam().measure(terrain, poses).slant_range
 
@@ -192,7 +193,8 @@ def simulate(
     s = s_max - speed * t
     y = slow(t, spread.track, spread.period, rng) + (offset(s) if offset else 0.0)
     alt = flown_altitude(ground.path, s, slow(t, spread.height, spread.period, rng))
-    roll = slow(t, spread.roll, 5.0, rng)
+    off = slow(t, spread.roll, 5.0, rng)
+    roll = ground.path.bank(s) + off
     pitch = spread.pitch_mean + slow(t, spread.pitch, 10.0, rng)
     crab = slow(t, spread.crab, spread.period, rng)
     lag = rng.normal(0.0, spread.latency)
@@ -206,7 +208,7 @@ def simulate(
     nav = [slow(t, sd, spread.period, rng) for sd in (*(spread.nav_horizontal,) * 2, spread.nav_vertical)]
     climb = np.gradient(alt, t)
     shown = altimeter.quantise(np.maximum(np.nan_to_num(agl), 0.0))
-    columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], roll, pitch, climb)
+    columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], off, pitch, climb)
     return Flown(spread.nav_vertical, *(column[seen] for column in columns))
 
 
@@ -237,6 +239,7 @@ def draw_profile(ground: Ground, s: Array, rng: np.random.Generator) -> Array:
     pose = np.outer(rng.normal(0.0, sds), np.ones_like(s))
     pose[0] += s
     pose[2] = flown_altitude(ground.path, pose[0], pose[2])
+    pose[3] += ground.path.bank(s)
     pose[4] += spread.pitch_mean
     measured = _projected(ground.altimeter, ground.ranges(pose, rng), pose[3], pose[4])
     return np.asarray(pose[2] - measured + _dem_error(s, spread, rng))

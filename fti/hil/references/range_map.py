@@ -1,8 +1,9 @@
 """What an altimeter sees along an approach, traced once on a lattice: thousands of approaches by looking it up.
 
-The lattice holds z = alt - range on the glide path over s (5 m), y (10 m), roll and pitch (3 deg); between its points
-it is linear, beyond it its edge counts: more than 4 sigma of a nominal track, 2 to 3 of its attitude.  z hardly depends
-on the height flown, or on the crab of a round beam: these are left out.  A test says how far it is from tracing.
+The lattice holds z = alt - range on the glide path over s (5 m), y (10 m), roll off the track's bank and pitch (3 deg);
+between its points it is linear, beyond it its edge counts: over 4 sigma of a nominal track, 2 to 3 of its attitude.
+z hardly depends on the height flown, or on the crab of a round beam: these are left out.  A test says how far it is
+from tracing.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class MappedGround:
         """Ranges [m] along poses, rows s, y, alt, roll, pitch, crab; NaN where the lattice has none."""
         lattice = self.lattices[rng.integers(len(self.lattices))]
         s, y, alt, roll, pitch = pose[:5]
-        return np.asarray(alt - _look_up(lattice, s, y, roll, pitch - NOMINAL.pitch_mean))
+        off = roll - self.path.bank(s)
+        return np.asarray(alt - _look_up(lattice, s, y, off, pitch - NOMINAL.pitch_mean))
 
 
 def map_ground(ground: TerrainGround, s_max: float, told: Callable[[float], None]) -> MappedGround:
@@ -61,6 +63,7 @@ def _axes(s_max: float) -> tuple[Array, Array, Array, Array]:
 def _trace(ground: TerrainGround, s_max: float) -> Array:
     s, y, roll, pitch = np.meshgrid(*_axes(s_max), indexing="ij")
     alt = flown_altitude(ground.path, s, np.zeros_like(s))
+    roll += ground.path.bank(s)
     pose = np.stack([axis.ravel() for axis in (s, y, alt, roll, pitch + NOMINAL.pitch_mean, np.zeros_like(s))])
     return np.asarray(alt - ground.ranges(pose, np.random.default_rng(0)).reshape(s.shape))
 

@@ -29,6 +29,7 @@ from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
 from fti.hil.references.profile import DS_M, Surface, binned, correlation_length, lagged_products, surface_of
 from fti.hil.sensors.errors import slow
 from fti.logger.reading.recording import Recording
+from fti.nav.altimetry.heights import BY_GROUND
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.reference import MARGIN_M, Reference, fits, grid
 from fti.nav.integrity.window import BACKWARD_M
@@ -132,9 +133,9 @@ def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> 
     heights, solutions = list[tuple[float, ...]](), list[tuple[float, ...]]()
     for topic, _, _, _, data in recording.messages("/nav/"):
         if topic == HEIGHT + sensor:
-            heights += _numbers(json.loads(data), ("t_valid_ns", "height_agl"))
+            heights += _heights(json.loads(data))
         elif topic == SOLUTION and (solution := json.loads(data)).get("altitude_source") not in NOT_DEVICES:
-            solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"))
+            solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"), solution["valid"])
     if not heights or not solutions:
         raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
     return list(split(_joined(np.array(heights), np.array(solutions), path), s_max))
@@ -154,8 +155,13 @@ def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
         )
 
 
-def _numbers(output: dict[str, Any], names: Sequence[str]) -> Iterator[tuple[float, ...]]:
-    if output["valid"] and all(output[name] is not None for name in names):
+def _heights(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
+    """As the monitor takes them: what only the known ground speaks against is there, as a wood that has grown."""
+    yield from _numbers(output, ("t_valid_ns", "height_agl"), BY_GROUND.issuperset(output["reasons"]))
+
+
+def _numbers(output: dict[str, Any], names: Sequence[str], used: bool) -> Iterator[tuple[float, ...]]:
+    if used and all(output[name] is not None for name in names):
         yield tuple(float(output[name]) for name in names)
 
 
@@ -171,7 +177,7 @@ def _joined(heights: Array, solutions: Array, path: ApproachPath) -> Pass:
     used = (
         near
         & (np.abs(y) <= settings.y_max_m)
-        & (np.abs(roll) <= np.radians(settings.max_roll_deg))
+        & (np.abs(roll - path.bank(s)) <= np.radians(settings.max_roll_deg))
         & (np.abs(pitch) <= np.radians(settings.max_pitch_deg))
     )
     return Pass(t[used].astype(np.int64), s[used], (alt - heights[:, 1])[used])

@@ -61,7 +61,7 @@ class ApproachChannel:
         self._follow_sources(nav)
         place = self._place(nav)
         held = nav.altitude_source in self._held
-        sample = None if held else _sample(height, nav, place)
+        sample = None if held else self._sample(height, nav, place)
         if sample is None:
             if place is not None:
                 self._monitor.follow(place.s)
@@ -92,6 +92,26 @@ class ApproachChannel:
         if position is None or position.alt is None:
             return None
         return Place(*self._monitor.path.along_one(position.lat, position.lon), position.alt)
+
+    def _sample(self, height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:
+        attitude, position = nav.attitude, nav.position
+        if not stands_alone(height) or height.height_agl is None or height.t_valid_ns is None:
+            return None
+        if place is None or position is None or attitude is None:
+            return None
+        return ClearanceSample(
+            t_ns=height.t_ns,
+            t_valid_ns=height.t_valid_ns,
+            s=place.s,
+            y=place.y,
+            alt=place.alt,
+            agl=height.height_agl,
+            roll=attitude.roll - self._monitor.path.bank_one(place.s),
+            pitch=attitude.pitch,
+            climb=-position.down if position.down is not None else None,
+            vertical_sd=position.vertical_sd,
+            horizontal_sd=position.horizontal_sd,
+        )
 
     def _with_slope(self, integrity: ClearanceIntegrity | None, place: Place | None) -> Outputs:
         if integrity is None:
@@ -124,27 +144,6 @@ def _held_by(config: Config, altimeter: str) -> frozenset[str]:
     own, radio = config.nav.filter, config.nav.radio
     held = {FILTER, VERTICAL} if own and altimeter in own.altimeters else set[str]()
     return frozenset(held | ({RADIO} if radio and radio.altimeter == altimeter else set()))
-
-
-def _sample(height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:
-    attitude, position = nav.attitude, nav.position
-    if not stands_alone(height) or height.height_agl is None or height.t_valid_ns is None:
-        return None
-    if place is None or position is None or attitude is None:
-        return None
-    return ClearanceSample(
-        t_ns=height.t_ns,
-        t_valid_ns=height.t_valid_ns,
-        s=place.s,
-        y=place.y,
-        alt=place.alt,
-        agl=height.height_agl,
-        roll=attitude.roll,
-        pitch=attitude.pitch,
-        climb=-position.down if position.down is not None else None,
-        vertical_sd=position.vertical_sd,
-        horizontal_sd=position.horizontal_sd,
-    )
 
 
 def _missing(nav: NavState) -> tuple[Reason, ...]:

@@ -51,7 +51,7 @@ class ClearanceSample:
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
     s, y : path length and offset [m], horizontal_sd their sigma, None when not stated
-    climb : [m/s], None when unknown      roll, pitch : [rad]
+    climb : [m/s], None when unknown      roll : beyond the bank of the track there, pitch : [rad]
     """
 
     t_ns: int

@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from fti.config import Approach
 from fti.constants import FOOT
-from fti.hil.references.approaches import RA4500, TerrainGround, draw_profile, fly, samples, simulate
+from fti.hil.references.approaches import RA4500, AltimeterModel, TerrainGround, draw_profile, fly, samples, simulate
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
+from fti.nav.integrity.ground_track import Leg
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
 from fti.ranging.radar.quantise import quantise_ft
@@ -124,6 +126,35 @@ def test_120_m_beside_the_track_is_seen(monitor: ClearanceMonitor, ground: Terra
     beside: Callable[[np.ndarray], np.ndarray] = lambda s: np.full_like(s, side)  # noqa: E731
     flown = simulate(ground, START, np.random.default_rng([FRESH, 30]), offset=beside)
     assert IntegrityState.ALERT in {o.state for o in fly(monitor, flown)}
+
+
+@dataclass
+class Plane:
+    """Level ground that remembers the poses that were asked for."""
+
+    path: ApproachPath
+    altimeter: AltimeterModel = RA4500
+    poses: list[np.ndarray] = field(default_factory=list)
+
+    def ranges(self, pose: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        self.poses.append(pose)
+        return np.asarray(pose[2] - 300.0)
+
+
+def test_the_sensor_turns_with_an_arc_of_the_track(path: ApproachPath) -> None:
+    """Poses bank as the track does; what the monitor is told is the roll beyond it."""
+    leg = Leg(length_m=3000.0, radius_m=-3000.0, bank_deg=7.0)
+    bent = ApproachPath(path.airfield.model_copy(update={"leg": (leg,)}))
+    rolls, told = [], []
+    for way in (path, bent):
+        plane = Plane(way)
+        flown = simulate(plane, 2500.0, np.random.default_rng(1), s_end=500.0)
+        draw_profile(plane, np.arange(500.0, 2500.0, 5.0), np.random.default_rng(2))
+        rolls.append([pose[3] for pose in plane.poses])
+        told.append(flown.roll)
+    for straight, turning in zip(*rolls, strict=True):
+        np.testing.assert_allclose(np.degrees(turning - straight), -7.0, atol=1e-9)
+    np.testing.assert_array_equal(told[0], told[1])
 
 
 def test_the_same_seed_is_the_same_flight(ground: TerrainGround) -> None:

@@ -144,8 +144,10 @@ def test_sessions_are_read_at_the_times_of_the_heights(
         place = {"lat": lat[k], "lon": lon[k], "alt": flown.nav_alt[k], "roll": 0.01, "pitch": 0.02}
         outputs.append(("/nav/nav_solution", {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "valid": True, **place}))
     for k in range(len(flown.t)):
-        stamp = {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "height_agl": flown.agl[k], "valid": k % 50 != 0}
-        outputs.append(("/nav/height_above_ground/radar", stamp))
+        stamp = {"t_valid_ns": 10**18 + int(flown.t[k] * 1e9), "height_agl": flown.agl[k]}
+        # one in 50 is refused; the known ground speaks against others, which the monitor takes all the same
+        reasons = ["device_flag"] if k % 50 == 0 else ["deviation"] * (k % 10 == 0)
+        outputs.append(("/nav/height_above_ground/radar", {**stamp, "valid": not reasons, "reasons": reasons}))
     fake = FakeRecording(outputs)
     open_fake: Callable[[Path], FakeRecording] = lambda folder: fake  # noqa: E731
     monkeypatch.setattr("fti.hil.references.recordings.Recording.open", open_fake)

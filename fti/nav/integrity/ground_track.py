@@ -1,0 +1,129 @@
+"""The published ground track: legs from the intercept point outwards, straight or arcs, each tangent to the next.
+
+In a plane with its origin in the intercept point, a back along the final course, b to its right:
+
+    s     path length outwards from the intercept point [m]       y     offset right of the track, as it is flown [m]
+    theta direction of the track outwards from the a axis: theta' = 1 / R, R > 0 where a turn to the right is flown
+    place of (s, y)     p(s) + y r(theta)       r = (-sin theta, cos theta)       course at s = final course - theta
+    bank at s           that of the legs, rolled in and out at a steady rate over ROLL_IN_M
+
+Behind the last leg, and beyond the intercept point, the track is straight.  A place belongs to the part of the track
+that is nearest.  Source: plane geometry; legs as the RF and TF of ARINC 424, whose lengths and radii charts give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from fti.config import Positive, StrictModel
+
+Array = NDArray[np.float64]
+
+#: On which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
+ROLL_IN_M = 300.0
+#: How far the track goes on straight behind its last leg, and beyond the intercept point [m].
+ON_M = 1e6
+
+
+class Leg(StrictModel):
+    """A leg of the ground track.
+
+    length_m : along it      radius_m : of an arc, > 0 where it is flown to the right, < 0 to the left; none: straight
+    bank_deg : with which the arc is flown: atan(v^2 / (g R)), 10.4 deg for 60 m/s and 2000 m
+    """
+
+    length_m: Positive
+    radius_m: Annotated[float, Field(ge=-1e5, le=1e5)] | None = None
+    bank_deg: Annotated[float, Field(gt=0, le=30)] | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> Leg:
+        if (self.radius_m is None) != (self.bank_deg is None):
+            raise ValueError("an arc needs radius_m and bank_deg, a straight leg has neither")
+        if self.radius_m is not None and (abs(self.radius_m) < 300.0 or self.length_m > math.pi * abs(self.radius_m)):
+            raise ValueError("an arc must have a radius of 300 m at least, and turn by 180 deg at most")
+        return self
+
+
+class GroundTrack:
+    """The track of legs, first that at the intercept point."""
+
+    def __init__(self, legs: Sequence[Leg]) -> None:
+        lengths = [ON_M, *(leg.length_m for leg in legs), ON_M]
+        self._bends = np.array([0.0, *(1.0 / leg.radius_m if leg.radius_m else 0.0 for leg in legs), 0.0])
+        self._lengths = np.array(lengths)
+        self._begins = np.cumsum([-ON_M, *lengths[:-1]])
+        self._thetas = np.cumsum([0.0, *(self._bends * self._lengths)[:-1]])
+        banks = np.array([math.radians(leg.bank_deg or 0.0) for leg in legs])
+        self._ends = self._begins[1:]
+        self._banked = np.concatenate(([0.0], np.cumsum(np.sign(self._bends[1:-1]) * banks * self._lengths[1:-1])))
+        self._starts = self._chained()
+
+    def _chained(self) -> Array:
+        """Where each leg begins, shape (legs, 2)."""
+        places = [np.array([-ON_M, 0.0])]
+        for k in range(len(self._bends) - 1):
+            places.append(self._along_leg(k, self._lengths[k], places[k]))
+        return np.array(places)
+
+    def _along_leg(self, k: int, u: Array | float, start: Array) -> Array:
+        """The place u [m] along leg k."""
+        theta, bend = self._thetas[k], self._bends[k]
+        turned = np.asarray(bend * u / 2.0)  # the chord has the direction in its middle
+        chord = np.asarray(u * np.sinc(turned / np.pi))
+        direction = np.stack((np.cos(theta + turned), np.sin(theta + turned)), axis=-1)
+        return np.asarray(start + chord[..., None] * direction)
+
+    def theta(self, s: Array) -> Array:
+        """Direction outwards from the final course's [rad] at path lengths s."""
+        k = np.clip(np.searchsorted(self._begins, s, side="right") - 1, 0, len(self._begins) - 1)
+        return np.asarray(self._thetas[k] + self._bends[k] * (s - self._begins[k]))
+
+    def bank(self, s: Array) -> Array:
+        """Roll with which the track is flown [rad], to the right positive."""
+        ahead, behind = (np.interp(s + sign * ROLL_IN_M / 2, self._ends, self._banked) for sign in (1, -1))
+        return np.asarray((ahead - behind) / ROLL_IN_M)
+
+    def place(self, s: Array, y: Array) -> tuple[Array, Array]:
+        """a and b [m] of path lengths s and offsets y."""
+        k = np.clip(np.searchsorted(self._begins, s, side="right") - 1, 0, len(self._begins) - 1)
+        found = np.zeros((*np.shape(s), 2))
+        for leg in range(len(self._begins)):
+            there = k == leg
+            found[there] = self._along_leg(leg, s[there] - self._begins[leg], self._starts[leg])
+        theta = self.theta(s)
+        return found[..., 0] - y * np.sin(theta), found[..., 1] + y * np.cos(theta)
+
+    def along(self, a: Array, b: Array) -> tuple[Array, Array]:
+        """s and y of places: of the part of the track that is nearest."""
+        best_s, best_y, best = np.zeros_like(a), np.zeros_like(a), np.full_like(a, np.inf)
+        for s, y, distance in self._on_each(np.stack((a, b), axis=-1)):
+            nearer = distance < best
+            best_s, best_y = np.where(nearer, s, best_s), np.where(nearer, y, best_y)
+            best = np.minimum(best, distance)
+        known = np.isfinite(a + b)
+        return np.where(known, best_s, np.nan), np.where(known, best_y, np.nan)
+
+    def _on_each(self, p: Array) -> Iterator[tuple[Array, Array, Array]]:
+        """For each leg: s and y of its nearest place, and how far that is."""
+        for k, start in enumerate(self._starts):
+            u = np.clip(self._project(k, p - start), 0.0, self._lengths[k])
+            theta = self._thetas[k] + self._bends[k] * u
+            beside = p - self._along_leg(k, u, start)
+            y = beside[..., 1] * np.cos(theta) - beside[..., 0] * np.sin(theta)
+            yield self._begins[k] + u, y, np.hypot(beside[..., 0], beside[..., 1])
+
+    def _project(self, k: int, v: Array) -> Array:
+        """How far along leg k, or beyond its ends, the foot of a place is that lies at v from its begin."""
+        theta, bend = self._thetas[k], self._bends[k]
+        forward = v[..., 0] * math.cos(theta) + v[..., 1] * math.sin(theta)
+        right = v[..., 1] * math.cos(theta) - v[..., 0] * math.sin(theta)
+        if bend == 0.0:
+            return np.asarray(forward)
+        return np.asarray(np.arctan2(bend * forward, 1.0 - bend * right) / bend)
