@@ -30,17 +30,14 @@ from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.keeping import Keeper, RecorderMail
 from fti.service.preparation import Preparation
+from fti.service.session_end import SessionEnd
 from fti.service.session_places import SessionPlaces
 from fti.service.terrain_trial import TerrainTrial
 
 HEALTH_PERIOD_S = 0.5
-NAVIGATION_END_S = 20.0
 #: The recorder has a stand-in; it is started when the others have had time to start.
 STANDBY_S = 2.0
 MOST_STARTS = 2
-DISPLAY_END_S = 3.0
-#: States of the storage in which a place may hold whoever looks at it.
-SICK = ("slow", "gone", "fallback", "error")
 RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
@@ -58,8 +55,6 @@ class Supervisor:
         self._announce = announce
         self._preparation = Preparation(config, epoch_ns)
         self._stop = asyncio.Event()
-        self._hurry = asyncio.Event()
-        self._recorded = asyncio.Event()
         self.recording = asyncio.Event()
         self.failed = False
         self.displayed = asyncio.Event()
@@ -81,6 +76,7 @@ class Supervisor:
         self._keeper = Keeper(
             self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
         )
+        self._ending = SessionEnd(self._children, self._keeper, self._ring, self._places, announce)
 
     def _describe_session(self) -> dict[str, Any]:
         session = self._config.session
@@ -131,7 +127,7 @@ class Supervisor:
 
     def stop(self) -> None:
         """End the session in good order; called again, shorten what comes after the raw file."""
-        (self._hurry if self._stop.is_set() else self._stop).set()
+        (self._ending.hurry if self._stop.is_set() else self._stop).set()
 
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
@@ -140,7 +136,7 @@ class Supervisor:
                 await self._record(duration_s)
         finally:
             self._run_dir.withdraw()
-            await asyncio.to_thread(self._close_own_files)
+            await asyncio.to_thread(self._ending.close_own_files, self._board.recorder.get("storage", {}))
             if self._hub:
                 self._hub.close()
             self._ring.close()
@@ -149,7 +145,9 @@ class Supervisor:
         self._keeper.start(self._children[0])
         watching = asyncio.create_task(self._keeper.watch(), name="watch")
         telling = asyncio.create_task(self._tell(), name="health")
-        closing = asyncio.create_task(self._close_killed_sessions(), name="repair")
+        closing = asyncio.create_task(
+            self._ending.close_killed_sessions(self.recording, self._bulletin.report), name="repair"
+        )
         try:
             await self._wait_for_end(duration_s)
         finally:
@@ -210,7 +208,7 @@ class Supervisor:
         if child.name == DISPLAY:
             self._desk.hear_page(message)
         if "stopped" in message:
-            self._recorded.set()
+            self._ending.recorded.set()
 
     def _show(self, message: Message) -> None:
         display = self._child(DISPLAY)
@@ -261,43 +259,10 @@ class Supervisor:
             turn += 1
             await asyncio.sleep(HEALTH_PERIOD_S)
 
-    # ------------------------------------------------------------------------------------------------- ending
-
     async def _end(self) -> None:
-        self._keeper.stopping = True
         self._commander.close()
         self._board.session["state"] = "stopping"
-        await self._end_recorder()
-        await self._end_child(NAVIGATION, {"hurry": True}, NAVIGATION_END_S)
-        display = self._child(DISPLAY)
-        if display and display.channel:
-            display.channel.send({"stop": True})
-        await self._end_child(DISPLAY, {"stop": True}, DISPLAY_END_S)
-        self._announce(f"recorded {self.folder.path}")
-
-    async def _end_recorder(self) -> None:
-        """However long it takes: what the buffers hold must come to the medium."""
-        recorder = self._children[0]
-        if recorder.channel:
-            recorder.channel.send({"stop": True})
-        code = await ending.await_recorder(recorder, self._recorded, self._announce)
-        if code:
-            self._announce(f"error: recorder: ended with {ending.describe_exit(code)} before it had closed its files")
-        if not self._recorded.is_set():
-            self._ring.end()
-        recorder.state = ProcessState.STOPPED
-
-    async def _end_child(self, name: str, shorten: Message, patience_s: float) -> None:
-        child = self._child(name)
-        if child:
-            await ending.end_child(child, patience_s, self._announce, lambda: shorten if self._hurry.is_set() else None)
-            self._keeper.hear_out(child)
-
-    async def _close_killed_sessions(self) -> None:
-        """Not before this session records."""
-        await self.recording.wait()
-        with guarded("repair", self._bulletin.report):
-            await asyncio.to_thread(self._places.repair_others, lambda: not self._hurry.is_set())
+        await self._ending.end_children()
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
         """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""
@@ -305,15 +270,3 @@ class Supervisor:
             await self._cancel(closing)
         else:
             await closing
-
-    def _close_own_files(self) -> None:
-        """What a killed child left open, where the medium is well; a session that has not begun leaves nothing."""
-        storage = self._board.recorder.get("storage", {})
-        well = self._places.folders
-        if storage.get("state") in SICK:
-            well = [folder for folder in well if folder == Path(storage["file"] or "").parent]
-        with guarded("repair", self._report_to_user):
-            self._places.close_files(well)
-
-    def _report_to_user(self, unit: str, error: Exception) -> None:
-        self._announce(f"error: {unit}: {error}")
