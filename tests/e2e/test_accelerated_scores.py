@@ -11,13 +11,13 @@ from fti.hil import scenario as scenarios
 from tests.e2e.conftest import ELSEWHERE, flown
 from tests.e2e.flights import fly_faster
 
-pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
+pytestmark = pytest.mark.timeout(900)
 
 #: As long as it takes until something of each has been judged [s]; at full scale they are flown to their ends.
 DURATIONS = {
     "fallbacks": 56.0,
     "gnss_degraded": 12.0,
-    "gnss_offset": 24.0,
+    "gnss_offset": 48.0,
     "gnss_outages": 45.0,
     "jsbsim_approach": 12.0,
     "jsbsim_go_around": 12.0,

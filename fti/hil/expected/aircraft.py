@@ -19,6 +19,7 @@ from fti.hil.tables.bases import OnLinks
 from fti.hil.tables.kinds import CanStatus
 from fti.hil.tables.schema import SensorSettings
 from fti.service.binding import BoundDevice
+from fti.terrain.surroundings import EDGE_M, inside
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -168,6 +169,13 @@ class Aircraft:
         """The CAN links that a fault without names is on."""
         buses = [link for link in self._config.link if link.kind == "can"]
         return [link.name for link in buses if link.interface == "slcan" or not isinstance(fault, CanStatus)]
+
+    def beyond_ground(self, truth: Truth) -> Mask:
+        """Where a beam may reach the edge of the emulator's ground, over which the strip runs out into the country."""
+        if not self.scene:
+            return np.zeros(len(truth.t), dtype=bool)
+        reach = self.beam_reach * truth.height_agl + EDGE_M
+        return np.asarray(inside(self.scene, truth.before_threshold, truth.offset) < reach)
 
     @property
     def beam_reach(self) -> float:

@@ -11,9 +11,7 @@ from fti.hil.expected.duties import (
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
     CONFIRM_S,
-    DEVIATION_M,
     DOUBT_S,
-    GROUND_WORDS,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
@@ -28,9 +26,11 @@ from fti.hil.expected.duties import (
     WINDOW_S,
     Case,
     Duty,
+    Found,
     May,
     Told,
 )
+from fti.hil.expected.ground_flags import drawn_away, in_fog, stands_still, wrong_value
 from fti.hil.tables.bases import OnDevices, OnQuantity
 from fti.hil.tables.kinds import (
     BitErrors,
@@ -55,8 +55,6 @@ from fti.hil.tables.kinds import (
     WrongChecksum,
     WrongLabel,
 )
-
-Found = tuple[list[Duty], str]
 
 
 def on_device(fault: OnDevices, case: Case) -> Told:
@@ -134,22 +132,16 @@ def _has_no_fix(fault: GnssOutage, case: Case) -> Found:
     return duties, ""
 
 
-def _in_fog(fault: Fog, case: Case) -> Found:
-    if not case.craft.is_laser(case.name):
-        return [], ""
-    if fault.echo_m is not None:
-        return [], "fog that is taken for the ground"
-    blind = case.truth.span(
-        (case.truth.height_agl > fault.visibility_m)
-        & (case.truth.t >= fault.from_s)
-        & (case.truth.t < fault.to_s)
-        & (case.truth.height_agl < case.craft.range_m(case.name))
-    )
-    if blind is None:
-        return [], ""
-    soon = case.craft.period_s(case.name) + NAV_S
-    words = ("no_return", "device_flag")
-    return [Duty(f"{HEIGHT}/{case.name}", words, blind[0], blind[1], soon, 2 * soon)], ""
+def _is_worse(fault: GnssDegraded, case: Case) -> Found:
+    """A receiver states its standard deviation with each position, where its protocol has a place for it."""
+    if not case.craft.is_receiver(case.name):
+        return [], "a position without a standard deviation"
+    stated = {"horizontal": fault.horizontal_m, "vertical": fault.vertical_m}
+    soon = case.craft.period_s(case.name) + SILENT_S  # positions may be rarer than its other messages
+    place = f"/{case.name}/position"
+    return [
+        replace(case.duty(f"{place}.{axis}_sd", within_s=soon, clears_s=0.0), value=sd) for axis, sd in stated.items()
+    ], ""
 
 
 def _is_frozen(fault: Freeze, case: Case) -> Found:
@@ -216,20 +208,6 @@ def _comes_in_bursts(fault: Burst, case: Case) -> Found:
     return _stale(case), ""
 
 
-def _stands_still(fault: Stuck, case: Case) -> Found:
-    """Known ground shows it of an altimeter, as soon as the true height is another one."""
-    craft, truth = case.craft, case.truth
-    limits = craft.altimeter(case.name)
-    inside = (truth.t >= fault.from_s) & (truth.t < fault.to_s)
-    if limits is None or case.name not in craft.altimeters or not craft.knows_ground or not inside.any():
-        return [], "values that stand still with fresh times"
-    stood = float(truth.height_agl[inside][0])
-    shown = truth.span(inside & (abs(truth.height_agl - stood) > DEVIATION_M) & (truth.height_agl < limits.range_m[1]))
-    if shown is None or stood > limits.range_m[1]:
-        return [], "a height that stands still and is not wrong by much"
-    return [Duty(f"{HEIGHT}/{case.name}", GROUND_WORDS, *shown, SILENT_S, fault.to_s - shown[0] + SILENT_S)], ""
-
-
 def _nobody_knows(what: str) -> Callable[[Any, Case], Found]:
     return lambda fault, case: ([], what)
 
@@ -239,13 +217,13 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
     (Cut, _is_silent),
     (Breaker | BrownOut, _has_no_power),
     (Freeze, _is_frozen),
-    (Stuck, _stands_still),
+    (Stuck, stands_still),
     (Invalid, _says_so),
     (GnssOutage, _has_no_fix),
-    (OnQuantity | Forced, _nobody_knows("a wrong value of one device: nothing compares it with another's")),
-    (GnssDegraded, _nobody_knows("a position that says that it is worse")),
-    (GnssOffset, _nobody_knows("a position that is drawn away")),
-    (Fog, _in_fog),
+    (OnQuantity, wrong_value),
+    (GnssDegraded, _is_worse),
+    (GnssOffset, drawn_away),
+    (Fog, in_fog),
     (ClockJump, _clock_jumps),
     (ClockDrift, _clock_drifts),
     (BitErrors | LostHeader | Truncated | WrongChecksum, _is_damaged),

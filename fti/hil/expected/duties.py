@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fti.hil.expected.aircraft import Aircraft, Truth
@@ -47,6 +48,8 @@ class Duty:
     until_s, clears_s : it must have gone at the latest so long after until_s
     ports             : only real ports can show it
     clock             : only while the clock of this device is known; "" : always
+    value             : instead of a word, this number, within a tenth, at a channel (topic and field); what stands
+                        there afterwards is not judged
     """
 
     place: str
@@ -57,6 +60,7 @@ class Duty:
     clears_s: float
     ports: bool = False
     clock: str = ""
+    value: float | None = None
 
     @property
     def is_due(self) -> bool:
@@ -94,6 +98,10 @@ class Told:
     duties: tuple[Duty, ...]
     may: tuple[May, ...]
     unknown: str = ""
+
+
+#: What is due of a fault; and what nobody knows yet, in words.
+Found = tuple[Sequence[Duty], str]
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ from fti.hil.expected.aircraft import Aircraft, Mask, Truth
 from fti.hil.expected.duties import CONFIRM_S, GROUND_WORDS, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
 from fti.nav.altimetry.validity import DEVIATION_M
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB
-from fti.terrain.surroundings import EDGE_M, inside
 from fti.types import Reason
 
 MARGIN = 0.85
@@ -54,11 +53,8 @@ def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
         yield May(f"{HEIGHT}/{name}", 0.0, truth.end_s + NAV_S, ("dispersion", "incidence"))
         for from_s, until_s in _runs(truth, _beside_edge(name, limits, truth)):
             yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.DEVIATION,))
-    if craft.scene:
-        reach = craft.beam_reach * truth.height_agl + EDGE_M  # over which the strip runs out into the country
-        near = inside(craft.scene, truth.before_threshold, truth.offset) < reach
-        for from_s, until_s in _runs(truth, near):
-            yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.TERRAIN_EDGE, *GROUND_WORDS))
+    for from_s, until_s in _runs(truth, craft.beyond_ground(truth)):
+        yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.TERRAIN_EDGE, *GROUND_WORDS))
     for from_s, until_s in _runs(truth, _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)):
         yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S)
     least, most = limits.range_m

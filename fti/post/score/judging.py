@@ -187,7 +187,7 @@ def _rows(index: int, fault: Fault, one: Told, evidence: _Evidence) -> Iterator[
     elif not one.duties:
         yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
     for duty in one.duties:
-        flag = f"{duty.place} {' or '.join(duty.words)}"
+        flag = f"{duty.place} {' or '.join(duty.words) if duty.value is None else f'= {duty.value:g}'}"
         row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
         judged = _judged(row, duty, evidence)
         yield replace(judged, verdict=Verdict.LATE_BENCH) if _is_excused(judged, evidence) else judged
@@ -209,7 +209,8 @@ def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:
         return replace(row, verdict=Verdict.PORTS)
     if duty.clock and not evidence.said.knows_clock(duty.clock, duty.from_s):
         return replace(row, verdict=Verdict.NOT_DUE)
-    spans = evidence.said.at(duty.place, duty.words)
+    said = evidence.said
+    spans = said.at(duty.place, duty.words) if duty.value is None else said.near(duty.place, duty.value)
     standing = [span for span in spans if span.until_s > duty.from_s and span.from_s < duty.until_s]
     return _timed(row, duty, standing, evidence) if standing else replace(row, verdict=Verdict.MISSING)
 
@@ -217,6 +218,9 @@ def _judged(row: Row, duty: Duty, evidence: _Evidence) -> Row:
 def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: _Evidence) -> Row:
     """How long it took to stand, and to go; a pause of the bench in either is allowed for."""
     after_s = max(standing[0].from_s - duty.from_s, 0.0)
+    if duty.value is not None:
+        within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
+        return replace(row, verdict=Verdict.LATE if after_s > within_s else Verdict.FOUND, after_s=after_s)
     gone_s = max(max(span.until_s for span in standing) - duty.until_s, 0.0)
     within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
     clears_s = duty.clears_s + evidence.paused(duty.until_s, duty.until_s + gone_s)

@@ -49,6 +49,8 @@ JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
 STATUS, HOLD_S = "/device_status", 2.0
 #: The same word again after a shorter time has stood all along [s].
 MERGE_S = 1.0
+#: What is rounded on the wire is the same number within this share.
+NEAR = 0.1
 WARNING = 3
 #: Navigation is later than that only when it has no time [s].
 LAG_S = 0.5
@@ -74,7 +76,7 @@ class Said:
     """Everything that was said.
 
     spans  : (place, word) -> when it stood, in order
-    values : what ``[[expect]]`` asks for: channel -> (time [s], value)
+    values : what is asked for: channel -> (time [s], value)
     clocks : device -> since when its clock is known [s]
     pauses : in which the recorder stood still
     behind : in which navigation was later than it may be
@@ -101,6 +103,18 @@ class Said:
             before = NOTHING
         self._change(t, place, before, words)
         self._stand[place] = t, words
+
+    def near(self, channel: str, value: float) -> list[Span]:
+        """When this number, or one within a tenth of it, stood at a channel of which the values are kept."""
+        spans = list[Span]()
+        for t, said in self.values[channel]:
+            is_near = isinstance(said, int | float) and abs(said - value) <= NEAR * abs(value)
+            stands = bool(spans) and math.isinf(spans[-1].until_s)
+            if is_near and not stands:
+                spans.append(Span(t))
+            elif stands and not is_near:
+                spans[-1].until_s = t
+        return spans
 
     def finish(self) -> None:
         """No message comes any more."""
@@ -137,11 +151,15 @@ def _is_at(where: str, place: str) -> bool:
 
 
 def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
-    """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field."""
+    """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field.
+
+    Beside them the standard deviations that devices state with a position are kept.
+    """
     ports = recording.metadata.get("fti", {}).get("accelerated") != "true"
     said = Said(ports=ports, began_s=math.inf, spoke_s=-math.inf)
     wanted: dict[str, list[str]] = defaultdict(list)
-    for channel in channels:
+    stated = [f"/{device.name}/position.{axis}_sd" for device in config.device for axis in ("horizontal", "vertical")]
+    for channel in {*channels, *stated}:
         topic, _, name = channel.rpartition(".")
         wanted[topic].append(name)
     reader = _Reader(config)

@@ -49,12 +49,12 @@ def test_the_flight_is_as_long_as_the_tables(name: str) -> None:
 
 def test_a_false_signal_begins_where_the_receiver_is() -> None:
     """200 m north and 60 m up in 40 s, from 20 s on; to other devices nothing happens."""
-    offset, rate = faults("gnss_offset").offset_n(T)
+    offset, rate = GnssFaults("receiver", shipped("gnss_offset").fault).offset_n(T)
     assert not offset[T <= 20.0].any()
     np.testing.assert_allclose(np.diff(offset, axis=0)[20:59], rate[21:60])
     np.testing.assert_allclose(offset[(T >= 60.0) & (T < 75.0)], [[200.0, 0.0, -60.0]] * 15)
     assert not offset[T >= 75.0].any()
-    others = GnssFaults("autopilot", shipped("gnss_offset").fault)
+    others = GnssFaults("ins", shipped("gnss_offset").fault)
     assert not others.offset_n(T)[0].any()
 
 

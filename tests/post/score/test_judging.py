@@ -116,6 +116,19 @@ def test_a_deviation_is_expected_at_the_edge_in_the_beam_and_nowhere_else(setup:
     assert not score(setup, stays, over_wood, faults=()).holds
 
 
+@pytest.mark.parametrize(
+    ("sd", "at_s", "verdict"),
+    [(5.0, 20.1, Verdict.FOUND), (5.2, 20.1, Verdict.FOUND), (3.0, 20.1, Verdict.MISSING), (5.0, 24.0, Verdict.LATE)],
+)
+def test_a_number_that_must_be_stated_is_looked_for(setup: Setup, sd: float, at_s: float, verdict: Verdict) -> None:
+    worse = {"kind": "gnss_degraded", "devices": ("gnss",), "from_s": 20.0, "to_s": 30.0}
+    heard = said()
+    for axis in ("horizontal", "vertical"):
+        heard.values[f"/gnss/position.{axis}_sd"] = [(19.0, 2.0), (at_s, sd), (31.0, 2.0)]
+    found = score(setup, heard, faults=({**worse, "horizontal_m": 5.0, "vertical_m": 5.0},))
+    assert {row.verdict for row in found.rows} == {verdict}
+
+
 def test_what_is_said_before_the_daemon_knows_anything_is_no_flag(setup: Setup) -> None:
     assert score(setup, said((-1.0, HEIGHT, STALE), (3.0, HEIGHT, NOTHING)), faults=()).holds
 

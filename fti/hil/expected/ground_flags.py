@@ -1,0 +1,108 @@
+"""What known ground says of an altimeter that measures something else, and of a place that is another.
+
+Due is what is wrong by more than ``DEVIATION_M``; what is less wrong may be told all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fti.hil.expected.aircraft import Array, Mask
+from fti.hil.expected.duties import DEVIATION_M, HEIGHT, NAV_S, SILENT_S, Case, Duty, Found
+from fti.hil.faults.gnss import GnssFaults
+from fti.hil.tables.bases import OnQuantity
+from fti.hil.tables.kinds import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Stuck, WrongUnit
+from fti.types import Reason
+
+#: What an altimeter measures.
+RANGES = frozenset({"range.slant_range", "radio_height.height_agl"})
+
+
+def wrong_value(fault: OnQuantity, case: Case) -> Found:
+    """A range is held against the ground, nothing else against anything."""
+    nobody = "a wrong value of one device: nothing compares it with another's"
+    return _range_says(case, _said(fault, case), nobody) if fault.quantity in RANGES else ([], nobody)
+
+
+def stands_still(fault: Stuck, case: Case) -> Found:
+    """Known ground shows it of an altimeter, as soon as the true range is another one."""
+    inside, true = _inside(case), _true_range(case)
+    stood = float(true[inside][0]) if inside.any() else np.nan
+    return _range_says(case, np.full(len(true), stood), "values that stand still with fresh times")
+
+
+def in_fog(fault: Fog, case: Case) -> Found:
+    """A laser sees no ground; or takes the fog for it."""
+    craft, t = case.craft, case.truth.t
+    if not craft.is_laser(case.name):
+        return [], ""
+    if fault.echo_m is not None:
+        echo = np.interp(t, (fault.from_s, fault.to_s), fault.echo_m)
+        return _range_says(case, echo, "fog that is taken for the ground")
+    true = _true_range(case)
+    blind = case.truth.span((true > fault.visibility_m) & _inside(case) & (true < craft.range_m(case.name)))
+    if blind is None:
+        return [], ""
+    soon = craft.period_s(case.name) + NAV_S
+    return [Duty(f"{HEIGHT}/{case.name}", ("no_return", "device_flag"), *blind, soon, 2 * soon)], ""
+
+
+def drawn_away(fault: GnssOffset, case: Case) -> Found:
+    """The height of the place that counts is wrong: every altimeter over known ground says another one."""
+    craft, truth = case.craft, case.truth
+    down = GnssFaults(case.name, [fault]).offset_n(truth.t)[0][:, 2]
+    wrong = (abs(down) > DEVIATION_M) & _inside(case) & ~craft.beyond_ground(truth)
+    told = [name for name in craft.altimeters if "position" in craft.preferred_for(case.name) and craft.knows_ground]
+    duties = [duty for name in told for duty in _deviates(name, case, wrong & _measures(name, case))]
+    return duties, "" if duties else "a position that is drawn away"
+
+
+def _range_says(case: Case, said: Array, otherwise: str) -> Found:
+    """A range [m] at the times of the truth that is not the true one.  otherwise : where nothing compares it"""
+    craft, limits = case.craft, case.craft.altimeter(case.name)
+    if limits is None or case.name not in craft.altimeters or not craft.knows_ground:
+        return [], otherwise
+    is_range = (said >= limits.range_m[0]) & (said <= limits.range_m[1])
+    known = _inside(case) & _measures(case.name, case) & ~craft.beyond_ground(case.truth)
+    duties = _deviates(case.name, case, known & is_range & (abs(said - _true_range(case)) > DEVIATION_M))
+    return duties, "" if duties else "a range that is not wrong by much"
+
+
+def _deviates(name: str, case: Case, where: Mask) -> Sequence[Duty]:
+    shown = case.truth.span(where)
+    if shown is None:
+        return []
+    return [Duty(f"{HEIGHT}/{name}", (Reason.DEVIATION,), *shown, SILENT_S, case.until_s - shown[0] + SILENT_S)]
+
+
+def _said(fault: OnQuantity, case: Case) -> Array:
+    """The range that the device tells [m]; of a noisy one what it is off by usually."""
+    true, since = _true_range(case), case.truth.t - fault.from_s
+    match fault:
+        case Bias():
+            return true + fault.value
+        case Ramp():
+            return true + fault.rate * since
+        case Noise():
+            return true + fault.sd
+        case WrongUnit():
+            return true * fault.factor
+        case Forced():
+            return np.full(len(true), fault.value)
+    raise AssertionError(f"nobody states what {type(fault).__name__} makes of a range")
+
+
+def _true_range(case: Case, name: str = "") -> Array:
+    """Of its beam where the truth has it, else the height [m]."""
+    return case.truth.ranges.get(name or case.name, (case.truth.height_agl,))[0]
+
+
+def _measures(name: str, case: Case) -> Mask:
+    """Is the ground in its range?"""
+    return np.asarray(_true_range(case, name) < case.craft.range_m(name))
+
+
+def _inside(case: Case) -> Mask:
+    return np.asarray((case.truth.t >= case.from_s) & (case.truth.t < case.until_s))

@@ -1,0 +1,106 @@
+"""What known ground must say of an altimeter that is wrong, and of a place that is another one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.hil import scenario as scenarios
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.duties import Told
+from fti.hil.expected.flags import told
+from fti.hil.tables.kinds import Bias, Fog, Forced, GnssDegraded, GnssOffset, Noise, Ramp, WrongUnit
+from fti.service.binding import bind_devices
+
+T = np.arange(0.0, 60.0, 0.1)
+LEVEL = Truth(T, 0 * T + 200.0, 4000.0 - 50.0 * T, *[0 * T] * 4)
+RADIO, LASER = "/nav/height_above_ground/altimeter", "/nav/height_above_ground/autopilot"
+WHEN: dict[str, Any] = {"from_s": 20.0, "to_s": 40.0}
+OF_LASER: dict[str, Any] = {"devices": ("autopilot",), "quantity": "range.slant_range", **WHEN}
+NOBODY, LITTLE = "nothing compares it", "not wrong by much"
+
+
+def craft_of(name: str) -> Aircraft:
+    scenario = scenarios.load(scenarios.find(name))
+    config = scenarios.load_config(scenario)
+    return Aircraft(config, bind_devices(config), scenario)
+
+
+@pytest.fixture(scope="module")
+def craft() -> Aircraft:
+    return craft_of("nominal")
+
+
+def due(found: list[Told]) -> list[tuple[str, tuple[str, ...], float, float]]:
+    """Place, words, and from when until when [s], to a tenth."""
+    return [(d.place, d.words, round(d.from_s, 1), round(d.until_s, 1)) for one in found for d in one.duties]
+
+
+@pytest.mark.parametrize(
+    ("fault", "from_s"),
+    [
+        (Bias(kind="bias", value=50.0, **OF_LASER), 20.0),
+        (Ramp(kind="ramp", rate=-6.0, **OF_LASER), 25.1),  # 30 m after 5 s
+        (WrongUnit(kind="wrong_unit", factor=0.3048, **OF_LASER), 20.0),
+        (Forced(kind="forced", value=40.0, **OF_LASER), 20.0),
+        (Noise(kind="noise", sd=50.0, **OF_LASER), 20.0),
+        (Fog(kind="fog", devices=("autopilot",), visibility_m=20.0, echo_m=(75.0, 5.0), **WHEN), 20.0),
+    ],
+    ids=lambda value: getattr(value, "kind", None),
+)
+def test_a_wrong_range_must_be_seen(craft: Aircraft, fault: Any, from_s: float) -> None:
+    assert due(told(fault, craft, LEVEL)) == [(LASER, ("deviation",), from_s, 39.9)]
+
+
+@pytest.mark.parametrize(
+    ("fault", "unknown"),
+    [
+        (Bias(kind="bias", value=20.0, **OF_LASER), LITTLE),
+        (Bias(kind="bias", value=150.0, **OF_LASER), LITTLE),  # beyond what the device may range: that is told instead
+        (Forced(kind="forced", value=190.0, **OF_LASER), LITTLE),
+        (Bias(kind="bias", devices=("ahrs",), quantity="attitude.roll", value=0.5, **WHEN), NOBODY),
+    ],
+)
+def test_what_is_little_or_is_compared_with_nothing_is_not_due(craft: Aircraft, fault: Any, unknown: str) -> None:
+    (one,) = told(fault, craft, LEVEL)
+    assert one.duties == ()
+    assert unknown in one.unknown
+
+
+def test_without_known_ground_nobody_knows() -> None:
+    wrong = Bias(kind="bias", value=50.0, **{**OF_LASER, "devices": ("laser",)})
+    (one,) = told(wrong, craft_of("gauntlet_serial"), LEVEL)
+    assert one.duties == ()
+    assert NOBODY in one.unknown
+
+
+def test_the_range_of_the_beam_counts_where_the_truth_has_it(craft: Aircraft) -> None:
+    """Banked over a slope the beam is 70 m longer than the aircraft is high."""
+    beam = 0 * T + 270.0
+    banked = replace(LEVEL, ranges={"autopilot": (beam, beam, beam)})
+    assert told(Forced(kind="forced", value=200.0, **OF_LASER), craft, LEVEL)[0].duties == ()
+    assert due(told(Forced(kind="forced", value=200.0, **OF_LASER), craft, banked)) == [
+        (LASER, ("deviation",), 20.0, 39.9)
+    ]
+
+
+def test_a_place_that_is_drawn_up_is_seen_by_the_altimeter_where_it_counts(craft: Aircraft) -> None:
+    drawn = GnssOffset(kind="gnss_offset", devices=("receiver",), up_m=60.0, north_m=100.0, over_s=10.0, **WHEN)
+    above = replace(LEVEL, offset=0 * T)
+    assert due(told(drawn, craft_of("fallbacks"), above)) == [(RADIO, ("deviation",), 25.1, 39.9)]
+    (beside,) = told(drawn.model_copy(update={"devices": ("gnss",)}), craft, LEVEL)  # the inertial system is preferred
+    assert beside.duties == ()
+    assert "drawn away" in beside.unknown
+
+
+def test_a_receiver_says_how_bad_it_is_and_others_cannot(craft: Aircraft) -> None:
+    worse = GnssDegraded(kind="gnss_degraded", horizontal_m=5.0, vertical_m=7.0, **WHEN)
+    found = {one.subject: one for one in told(worse, craft, LEVEL)}
+    assert {(d.place, d.value) for d in found["gnss"].duties} == {
+        ("/gnss/position.horizontal_sd", 5.0),
+        ("/gnss/position.vertical_sd", 7.0),
+    }
+    assert {name for name, one in found.items() if one.unknown} == {"ins", "ahrs"}
