@@ -1,4 +1,4 @@
-"""Pictures of the compensated approach (source 003, fig. 7.5 to 7.7)."""
+"""Pictures of the compensated approach (source 003, fig. 7.5 to 7.8)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fti.figures import BLACK, BLUE, GREY, GROUND, ORANGE, VERMILION, label, legend_above, sheet
 from fti.study import approach
+from fti.study._approach_heights import WAYS
 from fti.study._pattern import Pattern, make_pattern
 from fti.terrain.country import RUNWAY_M
 
@@ -67,6 +68,28 @@ def heights(seed: int) -> Figure:
     label(attitude, "time [s]", "[deg]")
     legend_above(attitude)
     figure.align_ylabels()
+    return figure
+
+
+def height_channel(seed: int) -> Figure:
+    """Fig. 7.8: error and sigma of the height of a filter, by GNSS alone, with the raw and the compensated radar."""
+    pattern = make_pattern(seed)
+    found, t = approach.aided(pattern, seed), pattern.flight.t[1:-1]
+    figure = sheet(
+        "Height of an inertial system aided by GNSS, and by a radar altimeter too",
+        "The same inertial data and GNSS three times; sigma is what the filter says. Elevation: the surface itself.",
+        width=10.0,
+        height=8.0,
+    )
+    panels = figure.subplots(len(WAYS), 1, sharex=True)
+    limit = 1.1 * max(float(np.max(np.abs(one.error))) for one in found.values())
+    for axes, (way, one), colour in zip(panels, found.items(), (GREY, VERMILION, BLUE), strict=True):
+        axes.fill_between(t, -one.sd, one.sd, color=colour, alpha=0.25, lw=0.0, label="one sigma")
+        axes.plot(t, one.error, color=colour, lw=1.0, label=f"{way}, RMS {np.sqrt(np.mean(one.error**2)):.2f} m")
+        axes.set_ylim(-limit, limit)
+        label(axes, y="error [m]")
+        legend_above(axes)
+    label(panels[-1], x="time [s]")
     return figure
 
 

@@ -11,6 +11,9 @@ of noise; half power 35 and 26 deg off the boresight (the narrow antenna, 15 deg
     same          the surface and the very beam: the model inverts itself, and what is left is the noise
     dem           an elevation model with 1.5 m of noise (half of its variance over 30 m, half over 300 m), 10 m beside
                   the truth in a random direction; the measurement in the steps of the instrument, 2 to 100 ft
+
+And what it is for (fig. 7.8): the height of an inertial system that GNSS and the altimeter aid (``_approach_heights``),
+RMS error, and error over the sigma that the filter says.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from fti.nav.altimetry.compensation import height_over_ground
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import NARROW, WIDE
 from fti.study import REPORTED, Draw, Progress, Result
+from fti.study._approach_heights import WAYS, Channel, channels
 from fti.study._pattern import MODEL_ORDER, Pattern, exact, instrument, make_pattern
 from fti.study._statistics import pooled_ratio, ratio_bound
 from fti.study.workers import run_all
@@ -60,25 +64,43 @@ class Errors(NamedTuple):
         return float(np.mean(self.compensated[both] ** 2)), float(np.mean(self.raw[both] ** 2))
 
 
-#: Mean squares of a pattern by (antenna, what it was compensated with).
-Run = dict[tuple[str, str], tuple[float, float]]
+class Run(NamedTuple):
+    """Mean squares of a pattern.
+
+    altimeter : of compensated and raw [m^2], by (antenna, what it was compensated with)
+    aided     : of the height's error [m^2] and of error over sigma, by what aids
+    """
+
+    altimeter: dict[tuple[str, str], tuple[float, float]]
+    aided: dict[str, tuple[float, float]]
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """``runs`` patterns."""
     flown = run_all(fly, range(seed, seed + runs), progress)
-    return [result for key in flown[0] for result in _judged([run[key] for run in flown], *key, seed)]
+    judged = [
+        result for key in flown[0].altimeter for result in _judged([run.altimeter[key] for run in flown], *key, seed)
+    ]
+    return judged + [_aided([run.aided[way] for run in flown], way) for way in WAYS]
 
 
 def fly(seed: int) -> Run:
     """The pattern of that seed, by each antenna."""
     pattern = make_pattern(seed)
     known = elevation_model(pattern.surface, np.random.default_rng([seed, 14]))
-    return {
+    altimeter = {
         (antenna, kind): errors.mean_squares()
         for number, antenna in enumerate(ANTENNAS)
         for kind, errors in measured(pattern, known, antenna, np.random.default_rng([seed, 15, number])).items()
     }
+    return Run(altimeter, {way: one.mean_squares() for way, one in aided(pattern, seed).items()})
+
+
+def aided(pattern: Pattern, seed: int) -> dict[str, Channel]:
+    """The height of an inertial system, by what aids it, with the wide antenna."""
+    rng = np.random.default_rng([seed, 15, 0])
+    told = instrument(ANTENNAS["wide"], rng).measure(pattern.surface, pattern.flight.poses(), rng).slant_range
+    return channels(pattern, told, seed)
 
 
 def elevation_model(surface: Terrain, rng: Rng) -> Terrain:
@@ -122,8 +144,19 @@ def _judged(squares: list[tuple[float, float]], antenna: str, kind: str, seed: i
     return [Result(f"T13.{kind}", text, ratio, f"<= {LIMITS[kind]:.2f}, bound", bound <= LIMITS[kind])]
 
 
+def _aided(squares: list[tuple[float, float]], way: str) -> Result:
+    rms, ratio = np.sqrt(np.mean(squares, axis=0)).tolist()
+    name = way.replace(", ", "_").replace(" ", "_").lower()
+    text = f"height of an inertial system, {way}; {len(squares)} terrains: RMS error [m]; error / sigma {ratio:.2f}"
+    return Result(f"T13.filter.{name}", text, rms, REPORTED, holds=True)
+
+
 def drawings(seed: int) -> dict[str, Draw]:
-    """Pictures like fig. 7.5 to 7.7, of the pattern with this seed."""
+    """Pictures like fig. 7.5 to 7.8, of the pattern with this seed."""
     from fti.study import _approach_plots as plots  # noqa: PLC0415 - matplotlib is loaded by who draws
 
-    return {"track": lambda: plots.track(seed), "heights": lambda: plots.heights(seed)}
+    return {
+        "track": lambda: plots.track(seed),
+        "heights": lambda: plots.heights(seed),
+        "filter": lambda: plots.height_channel(seed),
+    }

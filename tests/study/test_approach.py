@@ -9,19 +9,20 @@ import numpy as np
 import pytest
 
 from fti.figures import write
-from fti.study import _approach_plots, _pattern, approach
+from fti.study import _approach_heights, _approach_plots, _pattern, approach
 from fti.study._pattern import THRESHOLD_M, make_pattern
 from fti.study._statistics import ratio_bound, ratio_interval
 
-COARSE_S = 6.0
+COARSE_S = 2.5
 
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The wide antenna, and a measurement in 6 s."""
+    """The wide antenna, and a measurement in 2.5 s."""
     monkeypatch.setattr(approach, "ANTENNAS", {"wide": approach.ANTENNAS["wide"]})
     monkeypatch.setattr(approach, "make_pattern", functools.partial(make_pattern, every_s=COARSE_S))
     monkeypatch.setattr(_pattern, "CELL_M", 20.0)
+    monkeypatch.setattr(_approach_heights, "MODEL_ORDER", 8)
     monkeypatch.setattr(_approach_plots, "FINE_S", COARSE_S)
     monkeypatch.setattr(_approach_plots, "STEP_M", 50.0)
 
@@ -34,6 +35,7 @@ def test_one_pattern_holds_and_repeats_itself() -> None:
     assert shares == [1.0]
     by_id = {result.id: result.value for result in results}
     assert by_id["T13.same"] < by_id["T13.independent"] < by_id["T13.dem"]
+    assert by_id["T13.filter.radar_compensated"] < 1.0 < by_id["T13.filter.radar_raw"]
     assert [result.value for result in approach.study(1, 13, shares.append)] == [r.value for r in results]
 
 

@@ -1,0 +1,144 @@
+"""The height of an inertial system on the pattern: by GNSS alone, with the radar as it is, with what is made of it.
+
+Source 003, fig. 7.8.  One filter of nine states and biases, three times with the same inertial data and the same GNSS
+(2 m / 3 m, of which 1.5 m / 2.5 m are slow); the altimeter aids once a second:
+
+    raw          what it says is the height straight below, with the noise that its maker states
+    compensated  for attitude, terrain and beam, predicted at the filter's own estimate with another beam of 2051 rays,
+                 with the sigma that the ground around gives (``height_variance_over``)
+
+The elevation is the surface itself.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.flight.trajectory import Samples, SplineFlight, State
+from fti.nav.altimetry.compensation import height_over_ground
+from fti.nav.altimetry.predicted import Predictor
+from fti.nav.altimetry.variance import ErrorModel, height_variance_over
+from fti.nav.filter.aiding import GnssPosition, GnssVelocity, TerrainAltitude
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.states import ALTIMETER_DRIFT, GNSS_DRIFTS, Extra, Model
+from fti.ranging.radar.altimeter import RadarAltimeter
+from fti.ranging.radar.antenna import WIDE
+from fti.study._filter_flights import (
+    INERTIAL_S,
+    PURE,
+    SECOND_NS,
+    VELOCITY_SD,
+    Case,
+    drawn_start,
+    gauss_markov,
+    matched_unit,
+    moved,
+)
+from fti.study._pattern import MODEL_ORDER, NOISE_M, Pattern
+from fti.terrain.terrain import Terrain
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+
+#: Sigma of what the model of a beam leaves with exact knowledge (T13.independent) [m].
+BEAM_SD = 1.8
+WHITE_SD = (np.sqrt(2.0**2 - 1.5**2), np.sqrt(3.0**2 - 2.5**2))
+#: Measurements until the filter has settled.
+SETTLE = 10
+WAYS = ("GNSS alone", "radar, raw", "radar, compensated")
+
+
+class Channel(NamedTuple):
+    """Estimate minus truth of the height, up, and its sigma, at the times of the measurements (n,) [m]."""
+
+    error: Array
+    sd: Array
+
+    def mean_squares(self) -> tuple[float, float]:
+        """Of the error [m^2], and of error over sigma, without the first ``SETTLE``."""
+        error, sd = self.error[SETTLE:], self.sd[SETTLE:]
+        return float(np.mean(error**2)), float(np.mean((error / sd) ** 2))
+
+
+def channels(pattern: Pattern, told: Array, seed: int) -> dict[str, Channel]:
+    """Of each way.  told : what the radar said on the pattern (n,) [m], NaN where nothing"""
+    flight, surface = _flight(pattern), pattern.surface
+    model = Model(PURE, extras={**GNSS_DRIFTS, Extra.ALTIMETER: ALTIMETER_DRIFT})
+    rng = np.random.default_rng([seed, 78])
+    t = np.arange(flight.begin, flight.end - INERTIAL_S, INERTIAL_S)
+    state, fixes = flight.state(t), flight.state(pattern.flight.t[1:-1])
+    felt = np.concatenate(matched_unit(Case("approach", model, aided=True, outages=False), state, rng)[:2], axis=1)
+    start, gnss = drawn_start(flight.state(t[:1]), rng), _gnss(fixes, rng)
+    predictor = Predictor(surface, RadarAltimeter(antenna=WIDE, order=MODEL_ORDER))
+
+    def aiding(way: str, here: Estimate, value: float) -> TerrainAltitude | None:
+        if way == WAYS[0] or not np.isfinite(value):
+            return None
+        return _raw(surface, here, value) if way == WAYS[1] else _compensated(predictor, here, value)
+
+    found: dict[str, Channel] = {}
+    for way in WAYS:
+        navigator = Navigator(model)
+        navigator.begin(_ns(t[0]), start, felt[0, :3], felt[0, 3:])
+        heights, k = list[tuple[float, float]](), 1
+        for i, at in enumerate(fixes.t.tolist()):
+            while k < len(t) and t[k] <= at + INERTIAL_S:
+                navigator.take_inertial(_ns(t[k]), felt[k, :3], felt[k, 3:])
+                k += 1
+            for one in gnss[i]:
+                navigator.take(_ns(at), one)
+            here = navigator.at(_ns(at))
+            assert here is not None
+            if height := aiding(way, here, float(told[i + 1])):
+                navigator.take(_ns(at), height)
+                here = navigator.at(_ns(at))
+                assert here is not None
+            heights.append((here.place[2] - float(fixes.alt[i]), float(here.sd_n[2])))
+        found[way] = Channel(*np.array(heights).T)
+    return found
+
+
+def _ns(t: float) -> int:
+    return round(t * SECOND_NS)
+
+
+def _flight(pattern: Pattern) -> SplineFlight:
+    """The same over the Earth, for inertial sensors."""
+    flown = pattern.flight
+    lat, lon, alt = pattern.surface.frame.to_geodetic(flown.origins_l)
+    return SplineFlight.from_samples(Samples(flown.t, lat, lon, alt, flown.roll, flown.pitch, flown.heading))
+
+
+def _gnss(state: State, rng: Rng) -> list[tuple[GnssPosition, GnssVelocity]]:
+    n = len(state.t)
+    slow = [gauss_markov(drift, state.t, np.zeros(n), rng) for drift in GNSS_DRIFTS.values()]
+    level, high = WHITE_SD
+    offset = np.stack(slow, axis=1) + rng.normal(0.0, (level, level, high), (n, 3))
+    place = np.stack(moved(state, offset), axis=1).tolist()
+    vel = (state.vel_n + rng.normal(0.0, VELOCITY_SD, (n, 3))).tolist()
+    return [
+        (
+            GnssPosition(lat, lon, alt, float(level), float(high)),
+            GnssVelocity(north, east, down, VELOCITY_SD),
+        )
+        for (lat, lon, alt), (north, east, down) in zip(place, vel, strict=True)
+    ]
+
+
+def _raw(surface: Terrain, here: Estimate, value: float) -> TerrainAltitude | None:
+    ground = float(surface.height(*here.place[:2]))
+    return TerrainAltitude(value + ground, NOISE_M, value) if np.isfinite(ground) else None
+
+
+def _compensated(predictor: Predictor, here: Estimate, value: float) -> TerrainAltitude | None:
+    seen = predictor.at(*here.place, *here.rpy, here.vel_n)
+    pose = here.cov_n[np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])]
+    errors = ErrorModel(pose, float(np.hypot(NOISE_M, BEAM_SD)))
+    height = float(height_over_ground(value, seen)[0])
+    sd = float(np.sqrt(height_variance_over(predictor.terrain, seen, errors, nearest=True)[0]))
+    alt = height + float(predictor.terrain.height(*here.place[:2]))
+    return TerrainAltitude(alt, sd, height) if np.isfinite(alt + sd) else None
