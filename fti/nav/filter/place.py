@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import BOWRING_STEPS, ECC2_SQ, ECC_SQ, FLATTENING, SEMI_MAJOR, SEMI_MINOR
+from fti.geodesy.wgs84 import BOWRING_STEPS, SEMI_MAJOR
+from fti.nav.inertial.ellipsoid import normal_at
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -19,17 +20,7 @@ Array = NDArray[np.float64]
 @kernel
 def geodetic(y: Array) -> tuple[float, float, float]:
     """lat, lon [rad], alt above the ellipsoid [m] of the position that begins a row, e frame [m]."""
-    p, z = np.hypot(y[0], y[1]), y[2]
-    up, across = z, (1.0 - FLATTENING) * p
-    sin_lat, cos_lat = 0.0, 1.0
-    for _ in range(BOWRING_STEPS):
-        norm = np.hypot(up, across)
-        sin_lat = z + ECC2_SQ * SEMI_MINOR * (up / norm) ** 3
-        cos_lat = p - ECC_SQ * SEMI_MAJOR * (across / norm) ** 3
-        up, across = (1.0 - FLATTENING) * sin_lat, cos_lat
-    norm = np.hypot(sin_lat, cos_lat)
-    sin_lat, cos_lat = sin_lat / norm, cos_lat / norm
-    alt = p * cos_lat + z * sin_lat - SEMI_MAJOR * np.sqrt(1.0 - ECC_SQ * sin_lat**2)
+    sin_lat, cos_lat, alt = normal_at(np.hypot(y[0], y[1]), y[2], BOWRING_STEPS)
     return np.arctan2(sin_lat, cos_lat), np.arctan2(y[1], y[0]), alt
 
 

@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.gravity import FREE_AIR, somigliana
-from fti.geodesy.wgs84 import EARTH_RATE, ECC2_SQ, ECC_SQ, FLATTENING, SEMI_MAJOR, SEMI_MINOR
+from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
+from fti.nav.inertial.ellipsoid import normal_at
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -175,18 +176,9 @@ def _rates(y: Array, sensors: Array, rates: Array) -> None:
 
 @kernel
 def gravity_e(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Normal gravity at x_e [m], e frame [m/s^2]; the latitude as in ``fti.geodesy.wgs84.geodetic_from_ecef``."""
+    """Normal gravity at x_e [m], e frame [m/s^2]."""
     across = np.hypot(x, y)
-    up, level = z, (1.0 - FLATTENING) * across
-    sin_lat, cos_lat = 0.0, 1.0
-    for _ in range(BOWRING_STEPS):
-        norm = np.hypot(up, level)
-        sin_lat = z + ECC2_SQ * SEMI_MINOR * (up / norm) ** 3
-        cos_lat = across - ECC_SQ * SEMI_MAJOR * (level / norm) ** 3
-        up, level = (1.0 - FLATTENING) * sin_lat, cos_lat
-    norm = np.hypot(sin_lat, cos_lat)
-    sin_lat, cos_lat = sin_lat / norm, cos_lat / norm
-    alt = across * cos_lat + z * sin_lat - SEMI_MAJOR * np.sqrt(1.0 - ECC_SQ * sin_lat**2)
+    sin_lat, cos_lat, alt = normal_at(across, z, BOWRING_STEPS)
     gravity = _somigliana(sin_lat**2) - FREE_AIR * alt
     outwards = -gravity * cos_lat / across if across > 0.0 else 0.0
     return outwards * x, outwards * y, -gravity * sin_lat
