@@ -14,6 +14,7 @@ from fti.config import Device
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
 from fti.geodesy.rotations import mat_from_rpy
+from fti.hil.faults.words import describe
 from fti.hil.flight.making import Around, make_flight
 from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
@@ -71,16 +72,18 @@ class World:
         try:
             self.terrain = with_obstacles(terrain, path, scenario.obstacles)
         except ValueError as error:
-            raise ConfigError(f"{scenario.title}: fault: {error}") from None
+            raise ConfigError(f"{scenario.where}: fault: {error}") from None
         self.undulation = undulation
         station = path.airfield.threshold_alt_m - undulation
         self.atmosphere = Atmosphere(air.qnh_hpa * 100.0, air.isa_deviation_k, station)
         made = make_flight(scenario, Around(path, self.terrain, self.atmosphere, undulation, progress))
         self._flight = made.flight
         self._surfaces_t, self._surfaces = made.surfaces_t, made.surfaces
-        #: What is to be told of the flight before it begins.
-        self.remarks = made.remarks + look_around(made.flight, terrain, scenario.title)
         self.duration = self._flight.end
+        #: What is to be told of the flight before it begins.
+        self.remarks = (
+            made.remarks + look_around(made.flight, terrain, scenario.where) + _never(scenario, self.duration)
+        )
         self._radars = functools.cache(NearestReturn)
 
     def state(self, t: Array) -> State:
@@ -140,6 +143,15 @@ class World:
     def ground(self, state: State) -> Array:
         """Height of the surface below the aircraft above the ellipsoid [m]."""
         return self.terrain.height(state.lat, state.lon)
+
+
+def _never(scenario: Scenario, duration: float) -> tuple[str, ...]:
+    """Faults that the flight does not live to see, which may be a mistake: it is as long as its route."""
+    return tuple(
+        f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s: the flight is over after {duration:.0f} s"
+        for i, fault in enumerate(scenario.fault)
+        if not isinstance(fault, Obstacle) and fault.from_s >= duration
+    )
 
 
 def mounting(device: Device) -> Array:

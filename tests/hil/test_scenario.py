@@ -10,9 +10,11 @@ import pytest
 
 from fti.errors import ConfigError, MissingError
 from fti.hil import scenario as scenarios
+from fti.hil.scenario import Scenario
 from fti.hil.sensors import MODELS
 from fti.hil.tables.kinds import CanStatus, Invalid, StatusFlag
 from fti.links.slcan_status import FLAGS
+from tests.helpers import ROOT
 
 MINIMAL = 'title = "t"\ndescription = "d"\nconfig = "demo.toml"\n'
 
@@ -65,6 +67,42 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
 def test_mistakes_are_named(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         scenarios.load(written(tmp_path, text))
+
+
+def expecting(tmp_path: Path, channel: str) -> Scenario:
+    config = f'config = "{ROOT / "configs" / "demo.toml"}"\n'
+    file = tmp_path / "typo.toml"
+    file.write_text(f'title = "t"\ndescription = "d"\n{config}[[expect]]\nchannel = "{channel}"\nat_s = 1\nvalue = 1\n')
+    return scenarios.load(file)
+
+
+@pytest.mark.parametrize(
+    ("channel", "said"),
+    [
+        ("/nav/glide_slope.dotz", "there is no field 'dotz'; there are t_ns, .*dots"),
+        ("/nav/glideslope.dots", "/nav has no 'glideslope'; it may have height_above_ground, "),
+        ("/nav/height_above_ground/ins.raw", "it must name one of nav.altimeters: altimeter, autopilot"),
+        ("/nav/height_above_ground.raw", "it must name one of nav.altimeters"),
+        ("/laser/range.slant_range", "there is no 'laser'; there are nav, fti, altimeter"),
+        ("/gnss/position/gga.lat", "nothing is below it: 'gga'"),
+    ],
+)
+def test_what_is_expected_of_no_channel_is_named_with_the_file(tmp_path: Path, channel: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=rf"typo.toml: expect\[0\].channel = '{channel}': {said}"):
+        scenarios.load_config(expecting(tmp_path, channel))
+
+
+@pytest.mark.parametrize(
+    "channel",
+    [
+        "/nav/glide_slope.dots",
+        "/nav/height_above_ground/altimeter.raw",
+        "/gnss/position.horizontal_sd",
+        "/fti/clock.t_ns",
+    ],
+)
+def test_what_is_expected_of_a_channel_may_stand_there(tmp_path: Path, channel: str) -> None:
+    assert scenarios.load_config(expecting(tmp_path, channel))
 
 
 def test_a_fault_of_a_device_that_is_not_there_is_named() -> None:

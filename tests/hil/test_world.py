@@ -87,6 +87,13 @@ def test_an_obstacle_outside_the_ground_is_refused() -> None:
         world(fault=(box,))
 
 
+def test_a_fault_behind_the_end_of_the_flight_is_told() -> None:
+    cut = {"kind": "cut", "devices": ("altimeter",), "to_s": 60.0}
+    (remark,) = world(fault=({**cut, "from_s": 50.0},)).remarks
+    assert remark == "fault[0], cable cut, begins at 50 s: the flight is over after 10 s"
+    assert world(fault=({**cut, "from_s": 9.0},)).remarks == ()
+
+
 @pytest.mark.parametrize("kind", ["laser", "radar"])
 def test_the_ranges_around_are_those_a_little_aside(kind: Literal["laser", "radar"]) -> None:
     """On ground that falls by a tenth to the east, 3 m aside the range is another by 0.3 m, to both sides."""

@@ -93,7 +93,7 @@ def _waypoints(table: WaypointFlight, scenario: Scenario, around: Around) -> Mad
     try:
         return Made(waypoint_flight(waypoints, math.radians(table.bank_deg), scenario.air.wind_n))
     except ValueError as error:
-        raise ConfigError(f"{scenario.title}: flight.{error}") from None
+        raise ConfigError(f"{scenario.where}: flight.{error}") from None
 
 
 def _recorded(table: RecordedFlight, scenario: Scenario, around: Around) -> Made:
@@ -107,7 +107,7 @@ def _jsbsim(table: JsbsimFlight, scenario: Scenario, around: Around) -> Made:
     try:
         flown = fly(table, air, around.path, around.terrain, around.progress)
     except ConfigError as error:
-        raise ConfigError(f"{scenario.title}: {error}") from None
+        raise ConfigError(f"{scenario.where}: {error}") from None
     flight = SplineFlight.from_samples(flown.samples).during(0.0, flown.duration)
     remark = f"the {table.aircraft} of JSBSim flies the route {table.route} in {flown.duration:.0f} s"
     return Made(flight, (remark,), flown.samples.t, flown.surfaces())

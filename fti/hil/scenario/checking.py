@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from fti.config import CanLink, Config
 from fti.errors import ConfigError
 from fti.hil.faults.fitting import why_not
+from fti.hil.scenario import channels
 from fti.hil.tables.bases import OnDevices, OnLinks
 from fti.hil.tables.kinds import CanStatus, OfBytes, OfClock
 from fti.hil.tables.schema import Scenario
@@ -15,21 +16,24 @@ from fti.service.binding import BoundDevice, bind_devices
 
 def check(scenario: Scenario, config: Config) -> None:
     """Raises ConfigError that names the place in the scenario, and what there is."""
-    _check_names(f"{scenario.title}: sensor", "device", scenario.sensor, [d.name for d in config.device], config)
-    _check_names(f"{scenario.title}: port", "link", scenario.port, [link.name for link in config.link], config)
+    _check_names(f"{scenario.where}: sensor", "device", scenario.sensor, [d.name for d in config.device], config)
+    _check_names(f"{scenario.where}: port", "link", scenario.port, [link.name for link in config.link], config)
     for link in config.link:
         if link.name in scenario.port:
-            scenario.port[link.name].check(link, f"{scenario.title}: port.{link.name}")
+            scenario.port[link.name].check(link, f"{scenario.where}: port.{link.name}")
     has_wire = any(isinstance(fault, OfBytes | OfClock) for fault in scenario.fault)
     bound = bind_devices(config) if has_wire else []
     for i, fault in enumerate(scenario.fault):
-        where = f"{scenario.title}: fault[{i}]"
+        where = f"{scenario.where}: fault[{i}]"
         if isinstance(fault, OnDevices):
             _check_names(f"{where}.devices", "device", fault.devices, [d.name for d in config.device], config)
             if isinstance(fault, OfBytes | OfClock):
                 _check_fits(where, fault, bound)
         elif isinstance(fault, OnLinks):
             _check_links(f"{where}.links", fault, config)
+    for i, expectation in enumerate(scenario.expect):
+        if wrong := channels.why_not(expectation.channel, config):
+            raise ConfigError(f"{scenario.where}: expect[{i}].channel = {expectation.channel!r}: {wrong}")
 
 
 def _check_links(where: str, fault: OnLinks, config: Config) -> None:

@@ -19,7 +19,7 @@ FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
 def load(path: Path) -> Scenario:
     """Read and check a scenario.  Raises ConfigError or MissingError."""
     table, _ = configuration.read_toml(path)
-    scenario = configuration.bind(Scenario, table, str(path))
+    scenario = configuration.bind(Scenario, table, str(path)).of_file(str(path))
     _check(scenario, path)
     found = {"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}
     return _with_profile(scenario.model_copy(update=found), path)

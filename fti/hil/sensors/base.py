@@ -79,7 +79,7 @@ class Sensor:
         self.t = sample_times(self.rate_hz, world.duration, shift_s, self.drift_ppm)
         if not len(self.t):
             raise ConfigError(
-                f"{world.scenario.title}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
+                f"{world.scenario.where}: sensor.{self.name}: no sample in a flight of {world.duration:g} s, "
                 f"the first one would be after {shift_s:g} s"
             )
         self._times: list[float] = self.t.tolist()

@@ -24,7 +24,7 @@ def check_numbers(sensors: Sequence[Sensor], world: World) -> None:
     for i, fault in enumerate(world.scenario.fault):
         if isinstance(fault, OnQuantity):
             named = [s for s in sensors if fault.may_be_on(s.name)]
-            _check(f"{world.scenario.title}: fault[{i}].quantity", fault, {s.name: _look(s, world) for s in named})
+            _check(f"{world.scenario.where}: fault[{i}].quantity", fault, {s.name: _look(s, world) for s in named})
 
 
 def _check(where: str, fault: OnQuantity, told: dict[str, list[Measurement]]) -> None:

@@ -62,5 +62,5 @@ def _refuse_themselves(units: Sequence[str], scenario: Scenario) -> None:
     for i, fault in enumerate(scenario.fault):
         for name in fault.devices if isinstance(fault, OfPower) else ():
             if name in units:
-                where = f"{scenario.title}: fault[{i}].devices"
+                where = f"{scenario.where}: fault[{i}].devices"
                 raise ConfigError(f"{where}: {name!r} is a power unit: it feeds itself and has no breaker")

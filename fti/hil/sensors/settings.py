@@ -40,4 +40,4 @@ def _given(scenario: Scenario, name: str) -> dict[str, Any]:
 
 
 def _bound(kind: type[Kind], scenario: Scenario, name: str, table: dict[str, Any]) -> Kind:
-    return configuration.bind(kind, table, scenario.title, f"sensor.{name}")
+    return configuration.bind(kind, table, scenario.where, f"sensor.{name}")

@@ -40,7 +40,7 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from fti.config import Name, Positive, StrictModel
 from fti.hil.ports.outside import Port
@@ -127,6 +127,17 @@ class Scenario(StrictModel):
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
     profile: str | None = None
+    _file: str = PrivateAttr("")
+
+    def of_file(self, file: str) -> Scenario:
+        """The same, which knows where it was read from."""
+        self._file = file
+        return self
+
+    @property
+    def where(self) -> str:
+        """Where it stands, for what is wrong with it: its file, or its title when it has none."""
+        return self._file or self.title
 
     @model_validator(mode="before")
     @classmethod
