@@ -5,9 +5,9 @@
 Faults of clock and values count from the time of the sample, those of bytes and lines from when a message leaves.
 Nothing is opened here and nobody waits: ``due_s`` says when ``step`` has something to give.
 
-The messages of a cycle can be made before they are due (``make_ahead``), so that at their instant they only leave.
-What goes wrong with bytes and lines goes wrong then all the same; and a device that was switched off and on since has
-forgotten what it had made.  Made at their instant are those of a device
+The messages of the next cycles can be made before they are due (``make_ahead``), so that at their instant they only
+leave.  What goes wrong with bytes and lines goes wrong then all the same; and a device that was switched off and on
+since has forgotten what it had made.  Made at their instant are those of a device
 
     that is told something in flight    answers and messages keep their order, and settings act with the next message
     of which the scenario takes power   what it would have said without is not computed
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import struct
 from array import array
+from collections import deque
 from collections.abc import Callable
 
 from fti.drivers import Encoder
@@ -55,7 +56,7 @@ class DeviceLine:
         self._values = DeviceFaults(sensor.name, faults, seed)
         self._stages = stages_of(sensor.bound, faults, seed, end_s)
         self._k = 0
-        self._made: list[bytes] | None = None
+        self._made: deque[list[bytes]] = deque()  # of the cycles from the next one on
         self._made_by: Encoder = sensor.encoder
         self._answers: list[bytes] = []  # to what it was told since it has made what is not due yet
         self._looks_ahead = not sensor.is_live and not any(
@@ -76,35 +77,63 @@ class DeviceLine:
         """When the device itself has the next thing to say [s]; None when it has said everything."""
         return self._cycles_s[self._k] if self._k < len(self._cycles_s) else None
 
+    @property
+    def unmade_s(self) -> float | None:
+        """When the first cycle is due that could be made ahead and is not [s]; None when there is none."""
+        k = self._k + len(self._made)
+        return self._cycles_s[k] if self._looks_ahead and k < len(self._cycles_s) else None
+
     def step(self, start_ns: int) -> list[bytes]:
         """What leaves at ``due_s``.  start_ns : FTI time of the beginning of the flight."""
         t, cycle_s = self.due_s(), self.cycle_s
         assert t is not None
         messages = []
         if cycle_s is not None and cycle_s <= t:
-            if self._is_powered(t):
-                messages = self._completed(start_ns) + self._answers
-            self._made, self._answers = None, []
+            messages = self._leaving(start_ns) if self._is_powered(t) else self._forgotten()
             self._k += 1
         return self._spoiled(t, messages)
 
-    def make_ahead(self, start_ns: int) -> None:
-        """Make what leaves in the next cycle, if this device may."""
-        if self._looks_ahead and self._made is None and self.cycle_s is not None and self._is_powered(None):
-            self._made, self._made_by = self._cycle(self._k, start_ns), self.sensor.encoder
+    def make_ahead(self, start_ns: int, until_s: float = float("inf")) -> bool:
+        """Make what leaves in the first cycle that is not made, if it is due until then; was it made?"""
+        self._forget_of_others()
+        unmade_s = self.unmade_s
+        if unmade_s is None or unmade_s > until_s or not self._is_powered(None):
+            return False
+        self._made.append(self._cycle(self._k + len(self._made), start_ns))
+        return True
 
     def complete(self, start_ns: int) -> None:
         """Make what leaves at ``due_s``, unless it is made or nothing does: ``step`` has nothing more to make then."""
         t, cycle_s = self.due_s(), self.cycle_s
         if t is not None and cycle_s is not None and cycle_s <= t and self._is_powered(t):
-            self._completed(start_ns)
+            self._make_due(start_ns)
 
-    def _completed(self, start_ns: int) -> list[bytes]:
-        """The messages of the cycle that is due; those that were made before a restart are made anew."""
-        if self._made is None or self._made_by is not self.sensor.encoder:
-            self._made, self._answers = self._answers + self._cycle(self._k, start_ns), []
+    def _make_due(self, start_ns: int) -> None:
+        """Make the messages of the cycle that is due, unless they are."""
+        self._forget_of_others()
+        if not self._made:
+            self._made.append(self._answers + self._cycle(self._k, start_ns))
+            self._answers = []
+
+    def _forget_of_others(self) -> None:
+        """What was made before a restart is made anew."""
+        if self._made_by is not self.sensor.encoder:
+            self._made.clear()
             self._made_by = self.sensor.encoder
-        return self._made
+
+    def _leaving(self, start_ns: int) -> list[bytes]:
+        """The messages of the cycle that is due; behind the last that was made before an answer, the answer."""
+        self._make_due(start_ns)
+        messages = self._made.popleft()
+        if self._answers and not self._made:
+            messages, self._answers = messages + self._answers, []
+        return messages
+
+    def _forgotten(self) -> list[bytes]:
+        """Without power nothing leaves, and nothing is kept."""
+        self._made.clear()
+        self._answers = []
+        return []
 
     def respond(self, data: bytes, t: float) -> list[bytes]:
         """What it answers at t [s] to bytes from the daemon; before the flight begins (t < 0) nothing goes wrong."""
@@ -114,7 +143,7 @@ class DeviceLine:
         if t < 0.0:
             return answers
         self._looks_ahead = False
-        if self._made is not None:
+        if self._made:
             self._answers += answers
             return []
         return self._spoiled(t, answers)

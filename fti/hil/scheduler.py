@@ -3,7 +3,7 @@
 Each stream names its next instant; a heap holds one entry per stream.  Nothing is sent early, nothing is left out, and
 how late each message goes out is kept, because a bench that is late must say so: what its own making takes at its
 instant belongs to that.  How fine a sleep is, is the loop's: ``fti.hil.looping``.  Where there is time until the next
-instant, messages are made ahead: the soonest of those whose making fits in.
+instant, messages are made ahead, several of a stream in a row: the soonest of those whose making fits in.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ from typing import Protocol, runtime_checkable
 
 from fti.hil.lateness import Histogram, Lateness
 
-#: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
-MAX_SLEEP_S = 0.05
+#: Longest sleep [s], so that a request to stop is seen, and what may be made ahead.
+MAX_SLEEP_S = 0.02
+#: So many messages are sent before other tasks are let in.
 BURST = 32
 #: Messages are made so much before their instant at most [s]: so long an answer of their device may have to wait.
-AHEAD_S = 0.2
+#: A stream goes on with making when what it has made lasts for less than half of that.
+AHEAD_S = 0.1
 
 
 class Stream(Protocol):
@@ -43,41 +45,52 @@ class Metered(Protocol):
 
 @runtime_checkable
 class Preparing(Protocol):
-    """A stream that can make its next message before it is due."""
+    """A stream that can make its next messages before they are due."""
 
-    def prepare(self, within_s: float) -> bool:
-        """Make it, unless that takes longer than within_s [s]; false when it was not tried for that."""
+    def unmade_s(self) -> float | None:
+        """Instant of the first message that could be made ahead and is not; None when there is none."""
+
+    def prepare(self, within_s: float, until_s: float) -> bool:
+        """Make messages that are due until then, in no more than within_s [s]; was one made?"""
 
     def complete(self) -> None:
-        """It is due: make it, unless it is made."""
+        """The next message is due: make it, unless it is made."""
 
 
 class Unmade:
-    """The next messages of all streams that can make them ahead, soonest first, until they are made."""
+    """The first messages that are not made, of all streams that can make them ahead, soonest first."""
 
     def __init__(self, streams: Sequence[Stream]) -> None:
         self._makers = {i: stream for i, stream in enumerate(streams) if isinstance(stream, Preparing)}
+        self._first: dict[int, float | None] = dict.fromkeys(self._makers)
         self._waiting: list[tuple[float, int]] = []
+        for i in self._makers:
+            self.look(i)
 
-    def add(self, due: float | None, index: int) -> None:
-        """The next message of a stream; None when there is none.  The one before it has left."""
-        if index in self._makers and due is not None:
-            insort(self._waiting, (due, index))
+    def look(self, index: int) -> None:
+        """A stream has made or sent something: which is the first now?"""
+        if index not in self._makers:
+            return
+        first, before = self._makers[index].unmade_s(), self._first[index]
+        if first != before:
+            if before is not None:
+                self._waiting.remove((before, index))
+            if first is not None:
+                insort(self._waiting, (first, index))
+            self._first[index] = first
 
-    def complete(self, due: float, index: int) -> None:
-        """It is due: it is made now, unless it was before."""
-        if (due, index) in self._waiting:
-            self._waiting.remove((due, index))
+    def complete(self, index: int) -> None:
+        """Its next message is due: it is made now, unless it was before."""
         if index in self._makers:
             self._makers[index].complete()
 
-    def make(self, within_s: float, until_s: float) -> bool:
-        """Make the soonest one that is due until then and for which there is time; false when there is none."""
-        for entry in self._waiting:
-            if entry[0] > until_s:
+    def make(self, now: float, within_s: float) -> bool:
+        """Make messages of the soonest stream for which there is time; false when there is none."""
+        for first, i in self._waiting:
+            if first > now + 0.5 * AHEAD_S:
                 return False
-            if self._makers[entry[1]].prepare(within_s):
-                self._waiting.remove(entry)
+            if self._makers[i].prepare(within_s, now + AHEAD_S):
+                self.look(i)
                 return True
         return False
 
@@ -113,18 +126,16 @@ class Scheduler:
         heapq.heapify(heap)
         meters = [stream if isinstance(stream, Metered) else None for stream in streams]
         self._unmade = Unmade(streams if self._ahead else ())
-        for first, i in heap:
-            self._unmade.add(first, i)
         sent = 0
         while heap and heap[0][0] <= until_s and not stop.is_set():
             due, i = heap[0]
             if await self._waited(due) or stop.is_set():
                 continue
-            self._unmade.complete(due, i)
+            self._unmade.complete(i)
             self._note(due, meters[i])
             await streams[i].send()
             following = streams[i].due_s()
-            self._unmade.add(following, i)
+            self._unmade.look(i)
             if following is None:
                 heapq.heappop(heap)
             else:
@@ -145,6 +156,6 @@ class Scheduler:
         left = due - now
         if left <= 0:
             return False
-        if not self._unmade.make(left, now + AHEAD_S):
+        if not self._unmade.make(now, left):
             await self._sleep(min(left, MAX_SLEEP_S))
         return True

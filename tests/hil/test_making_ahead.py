@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import math
 import time
 from collections.abc import Sequence
@@ -40,11 +39,13 @@ FAULTS: tuple[Fault, ...] = (
 )
 
 
-def ahead(line: DeviceLine) -> Flight:
-    """Each message is made as soon as the one before it has left."""
+def ahead(line: DeviceLine, depth: int = 5) -> Flight:
+    """Messages are made as soon as those before them have left, so many at once."""
     found: Flight = []
     while (t := line.due_s()) is not None:
-        line.make_ahead(START_NS)
+        if line.unmade_s == line.cycle_s:
+            for _ in range(depth):
+                line.make_ahead(START_NS)
         if messages := line.step(START_NS):
             found.append((t, messages))
     return found
@@ -78,8 +79,9 @@ def switched(*, makes_ahead: bool, off: Sequence[int], on: Sequence[int]) -> lis
     """Thirty cycles of a device that counts its messages; it is switched before those cycles."""
     hand, found = Hand(device("mavlink"), scenario()), []
     for k in range(30):
-        if makes_ahead:
-            hand.line.make_ahead(START_NS)
+        while makes_ahead and (hand.line.unmade_s or 0.0) < hand.line.sensor.due[k + 4]:
+            if not hand.line.make_ahead(START_NS):
+                break
         if k in off:
             hand.on = False
         if k in on:
@@ -101,24 +103,24 @@ def test_a_device_that_got_power_again_between_two_messages_begins_anew() -> Non
     assert at_once[10] != switched(makes_ahead=False, off=[], on=[])[10]
 
 
-def commanded(*, makes_ahead: bool) -> tuple[list[bytes], list[bytes]]:
-    """A command to a magnetometer before its tenth message; what it answers at once, and what leaves then."""
+def commanded(made: int) -> tuple[list[bytes], list[list[bytes]]]:
+    """A command to a magnetometer that has made so many messages; what it answers at once, and what leaves then."""
     line = DeviceLine(device("honeywell_hmr2300"), scenario())
-    for k in range(11):
-        if makes_ahead:
-            line.make_ahead(START_NS)
-        if k == 10:
-            at_once = line.respond(honeywell_hmr2300.command("average", {"state": "on"}), line.due_s() or 0.0)
-        leaves = line.step(START_NS)
-    return at_once, leaves
+    assert all(line.make_ahead(START_NS) for _ in range(made))
+    at_once = line.respond(honeywell_hmr2300.command("average", {"state": "on"}), 0.0)
+    return at_once, [line.step(START_NS) for _ in range(5)]
 
 
-def test_an_answer_waits_for_the_message_that_was_made_before_it() -> None:
-    answers, _ = commanded(makes_ahead=False)
-    held_back, leaves = commanded(makes_ahead=True)
+def test_an_answer_waits_for_the_messages_that_were_made_before_it() -> None:
+    answers, unasked = commanded(0)
     assert answers
-    assert held_back == []
-    assert leaves == [*fly("honeywell_hmr2300")[10][1], *answers]
+    assert all(unasked)
+    before = [messages for _, messages in fly("honeywell_hmr2300")[:5]]
+    for made in (1, 3):
+        held_back, leaves = commanded(made)
+        assert held_back == []
+        assert leaves[:made] == [*before[: made - 1], [*before[made - 1], *answers]]
+        assert leaves[made:] == unasked[made:]
 
 
 def test_who_is_told_something_in_flight_makes_nothing_ahead_any_more() -> None:
@@ -145,16 +147,33 @@ class Sink:
     def send(self, data: bytes) -> None: ...
 
 
+class Slow:
+    """A second passes with each message that a device makes."""
+
+    def __init__(self, patch: pytest.MonkeyPatch, name: str) -> None:
+        self.now, self.sensor = 0.0, device(name)
+        self._measure = self.sensor.measure
+        patch.setattr(self.sensor, "measure", self._slowly)
+        patch.setattr(time, "monotonic", lambda: self.now)
+        patch.setattr(time, "thread_time", lambda: self.now)
+
+    def _slowly(self, k: int, start_ns: int) -> list[Measurement]:
+        self.now += 1.0
+        return self._measure(k, start_ns)
+
+
 def test_what_took_long_is_made_in_a_long_gap_alone_until_that_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    readings = itertools.count(0.0, 1.0)  # each making takes a second
-    monkeypatch.setattr(time, "perf_counter", lambda: next(readings))
-    stream = SensorStream(DeviceLine(device("mavlink"), scenario()), cast("Endpoint", Sink()), START_NS)
-    assert stream.prepare(0.5)
-    assert not stream.prepare(0.5)
-    assert stream.prepare(1.5)
-    for _ in range(20):  # 0.95^20 = 0.36
+    slow = Slow(monkeypatch, "mavlink")
+    stream = SensorStream(DeviceLine(slow.sensor, scenario()), cast("Endpoint", Sink()), START_NS)
+    first_s = stream.due_s() or 0.0
+    assert stream.prepare(0.5, first_s)
+    assert not stream.prepare(0.5, math.inf)
+    assert not stream.prepare(1.5, first_s)  # that is made
+    assert stream.prepare(3.5, math.inf)
+    assert slow.now == pytest.approx(4.0)  # three more: the fourth would have ended 0.5 s late
+    for _ in range(50):  # 0.98^50 = 0.36
         asyncio.run(stream.send())
-    assert stream.prepare(0.5)
+    assert stream.prepare(0.5, math.inf)
 
 
 Sent = list[tuple[int, str, bytes]]
@@ -195,49 +214,58 @@ class Made:
     early : so long before its instant each was made ahead [s]
     """
 
-    def __init__(self, now: list[float], cost: float, shift: float, period: float = 0.01) -> None:
-        self.now, self.cost, self.shift, self.period = now, cost, shift, period
-        self.k, self.is_made = 0, False
+    def __init__(self, now: list[float], cost: float, shift: float, period: float = 0.01, count: int = 20) -> None:
+        self.now, self.cost, self.shift, self.period, self.count = now, cost, shift, period, count
+        self.k = self.made = 0
         self.late: list[float] = []
         self.early: list[float] = []
 
+    def _due_s(self, k: int) -> float | None:
+        return self.shift + self.period * k if k < self.count else None
+
     def due_s(self) -> float | None:
-        return self.shift + self.period * self.k if self.k < 20 else None
+        return self._due_s(self.k)
+
+    def unmade_s(self) -> float | None:
+        return self._due_s(self.made)
 
     def note(self, due_s: float, late_s: float) -> None:
         self.late.append(late_s)
 
-    def prepare(self, within_s: float) -> bool:
-        if self.cost > within_s:
-            return False
-        assert not self.is_made
-        self.early.append((self.due_s() or 0.0) - self.now[0])
-        self.now[0] += self.cost
-        self.is_made = True
-        return True
+    def prepare(self, within_s: float, until_s: float) -> bool:
+        begin, before = self.now[0], self.made
+        while self.now[0] + self.cost <= begin + within_s and (self.unmade_s() or math.inf) <= until_s:
+            self.early.append((self.unmade_s() or 0.0) - self.now[0])
+            self.now[0] += self.cost
+            self.made += 1
+        return self.made > before
 
     def complete(self) -> None:
-        if not self.is_made:
+        if self.made == self.k:
             self.now[0] += self.cost
-            self.is_made = True
+            self.made += 1
 
     async def send(self) -> None:
-        if not self.is_made:
-            self.now[0] += self.cost
-        self.k, self.is_made = self.k + 1, False
+        self.complete()
+        self.k += 1
+
+
+def flown(now: list[float], *streams: Made, ahead: bool = True) -> None:
+    """All of them by the scheduler; sleeping moves the time."""
+
+    async def sleep(seconds: float) -> None:
+        now[0] += seconds
+
+    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=ahead).run(streams, asyncio.Event()))
+    assert [len(stream.late) for stream in streams] == [stream.count for stream in streams]
+    assert all(late >= 0.0 for stream in streams for late in stream.late)
 
 
 def latest(*, ahead: bool) -> tuple[float, float]:
     """Two streams, of which the first takes 4 ms and the other is due 1 ms behind it; how late each was at most [s]."""
     now = [0.0]
-
-    async def sleep(seconds: float) -> None:
-        now[0] += seconds
-
-    streams = [Made(now, 0.004, 0.009), Made(now, 0.0001, 0.010)]
-    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=ahead).run(streams, asyncio.Event()))
-    assert [len(stream.late) for stream in streams] == [20, 20]
-    assert all(late >= 0.0 for stream in streams for late in stream.late)
+    streams = Made(now, 0.004, 0.009), Made(now, 0.0001, 0.010)
+    flown(now, *streams, ahead=ahead)
     first, second = (max(stream.late) for stream in streams)
     return first, second
 
@@ -250,27 +278,29 @@ def test_what_is_made_in_a_gap_makes_nobody_wait() -> None:
     assert second < 1e-9
 
 
+def test_a_fast_stream_is_on_time_where_no_gap_holds_a_message_of_it() -> None:
+    """For 40 ms another one is due each 40 us; a message of the fast one takes 50 us."""
+    now = [0.0]
+    fast = Made(now, 50e-6, 0.2, period=1.0 / 1200.0, count=400)
+    other = Made(now, 1e-6, 0.3, period=40e-6, count=1000)
+    flown(now, fast, other)
+    assert max(fast.late) < 1e-9
+    assert max(other.late) < 1e-9
+
+
 def test_what_had_no_gap_is_made_at_its_instant_and_the_next_one_once() -> None:
     """It takes 4 ms, and the first one is due after 1 ms."""
     now = [0.0]
-
-    async def sleep(seconds: float) -> None:
-        now[0] += seconds
-
     stream = Made(now, 0.004, 0.001)
-    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([stream], asyncio.Event()))
+    flown(now, stream)
     assert stream.late == pytest.approx([0.004, *[0.0] * 19], abs=1e-9)  # its own making, too, makes it late
 
 
 def test_nothing_is_made_long_before_its_instant() -> None:
     """An answer waits for what its device has made: of a slow one it came a period late."""
     now = [0.0]
-
-    async def sleep(seconds: float) -> None:
-        now[0] += seconds
-
     slow, fast = Made(now, 0.001, 0.5, period=5.0), Made(now, 0.001, 0.5, period=0.01)
-    asyncio.run(Scheduler(lambda: now[0], sleep, ahead=True).run([slow, fast], asyncio.Event()))
+    flown(now, slow, fast)
     assert len(slow.early) == len(fast.early) == 20
     assert max(slow.early) <= AHEAD_S
     assert max(slow.late) < 1e-9
@@ -299,14 +329,18 @@ def test_what_a_device_makes_at_its_instant_makes_it_late(monkeypatch: pytest.Mo
 
 
 def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
-    streams = [Made([0.0], 0.004, 0.01), Made([0.0], 0.001, 0.02), Made([0.0], 0.001, 0.03)]
+    """None of two messages is made twice; what is not due within half of AHEAD_S is left for later."""
+    now = [0.0]
+    streams = [
+        Made(now, cost, shift, period=1.0, count=1) for cost, shift in ((4e-3, 0.01), (1e-3, 0.02), (1e-3, 0.08))
+    ]
     unmade = Unmade(streams)
-    for i, stream in enumerate(streams):
-        unmade.add(stream.due_s(), i)
-    assert unmade.make(0.002, math.inf)
-    assert [stream.is_made for stream in streams] == [False, True, False]
-    unmade.complete(0.01, 0)
-    assert [stream.is_made for stream in streams] == [True, True, False]
-    assert unmade.make(1.0, math.inf)
-    assert not unmade.make(1.0, math.inf)
-    assert [stream.is_made for stream in streams] == [True, True, True]
+    assert unmade.make(0.0, 0.002)
+    assert [stream.made for stream in streams] == [0, 1, 0]
+    unmade.complete(0)
+    unmade.look(0)
+    assert [stream.made for stream in streams] == [1, 1, 0]
+    assert not unmade.make(0.02, 1.0)
+    assert unmade.make(0.04, 1.0)
+    assert not unmade.make(0.04, 1.0)
+    assert [stream.made for stream in streams] == [1, 1, 1]

@@ -69,6 +69,7 @@ class RawReceiver:
         self._cycles = rng.integers(-1_000_000, 1_000_000, len(self._sky.keys))
         self._rng = rng
         self._every = max(round(bound.device.rate_hz or self.rate_hz), 1)
+        self._seen = [self._look(k) for k in range(0, len(t), self._every)]
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """The solution, and what is due beside it: the sky, the clock and the ranges."""
@@ -84,7 +85,7 @@ class RawReceiver:
 
     def _raw(self, k: int, stamp: Stamp) -> list[Measurement]:
         gps_ns = (stamp.t_dev_ns or 0) - GPS_EPOCH_UTC_NS + LEAP_NS
-        seen, tracked = self._look(k), self._reception.tracked(k)
+        seen, tracked = self._seen[k // self._every], self._reception.tracked(k)
         used = tracked[seen.which]
         cn0 = np.where(used, self._cn0(seen), 0.0)
         offset = float((self._offset[k] + 0.5 * self.STEP_S) % self.STEP_S - 0.5 * self.STEP_S)
