@@ -179,6 +179,6 @@ def gravity_e(x: float, y: float, z: float) -> tuple[float, float, float]:
     """Normal gravity at x_e [m], e frame [m/s^2]."""
     across = np.hypot(x, y)
     sin_lat, cos_lat, alt = normal_at(across, z, BOWRING_STEPS)
-    gravity = _somigliana(sin_lat**2) - FREE_AIR * alt
+    gravity = float(_somigliana(sin_lat**2)) - FREE_AIR * alt
     outwards = -gravity * cos_lat / across if across > 0.0 else 0.0
     return outwards * x, outwards * y, -gravity * sin_lat
