@@ -587,7 +587,7 @@ class GlideSlope:
     """Deviation from the published glide path.
 
     s, y        : path length before the intercept point and offset right of the track [m]
-    dh, dh_nav  : height above the path from the altimeter and from navigation [m]
+    dh, dh_nav  : height above the path from the altimeter and from navigation [m]; dh_sd : one sigma of dh [m]
     deviation   : angle above (+) the path as seen from the intercept point [rad]; sd : one sigma [rad]
     dots        : deviation / 0.12 g, clamped to +-2; clamped : it was
     """
@@ -599,6 +599,7 @@ class GlideSlope:
     s: float | None = None
     y: float | None = None
     dh: float | None = None
+    dh_sd: float | None = None
     dh_nav: float | None = None
     deviation: float | None = None
     sd: float | None = None

@@ -47,7 +47,7 @@ def test_needle_height_and_navigation_stand_side_by_side(path: ApproachPath) -> 
 def test_below_150_m_there_are_only_metres(path: ApproachPath) -> None:
     found = glide_slope(OK, path, Place(149.0, 0.0, 210.0), HIGH)
     assert (found.valid, found.reasons, found.deviation, found.dots) == (False, (Reason.BELOW_150_M,), None, None)
-    assert found.dh == 10.0
+    assert (found.dh, found.dh_sd) == (10.0, 1.0)
     assert glide_slope(OK, path, Place(150.0, 0.0, 210.0), HIGH).valid
 
 

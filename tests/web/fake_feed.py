@@ -114,6 +114,7 @@ class Approach:
             s=s,
             y=8.0 * math.sin(s / 700.0),
             dh=dh,
+            dh_sd=1.2,
             dh_nav=dh + 0.6,
             deviation=deviation,
             sd=1.2 / s,

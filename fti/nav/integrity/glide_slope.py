@@ -91,6 +91,7 @@ def glide_slope(
         s=place.s if place else None,
         y=place.y if place else None,
         dh=height.dh if height else None,
+        dh_sd=height.sd if height else None,
         dh_nav=place.alt - float(path.alt_path(place.s)) if place else None,
     )
     if height is None or place is None or place.s < LEAST_S:

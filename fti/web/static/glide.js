@@ -48,7 +48,7 @@ export class Glide {
 
   #showFigures(output) {
     this.deviation.show(fixed(degrees(output.deviation), 2, { sign: true }), plusMinus(degrees(output.sd), 2));
-    this.dh.show(fixed(output.dh, 1, { sign: true }));
+    this.dh.show(fixed(output.dh, 1, { sign: true }), plusMinus(output.dh_sd, 1));
     this.distance.show(fixed(output.s, 0));
     this.offset.show(fixed(output.y, 0, { sign: true }));
     this.dhNav.show(fixed(output.dh_nav, 1, { sign: true }));
