@@ -32,6 +32,9 @@ ABOVE, LEVER_B = 300.0, (4.0, -1.0, 2.0)
 #: 2 m, 1.5 m of elevation, 0.3 m of the instrument, half a degree.
 POSITION_SD, DEM_SD, RANGE_SD, ATTITUDE_SD = 2.0, 1.5, 0.3, math.radians(0.5)
 WITHIN = 0.05
+#: Full width of a beam, slope and look [deg]: inside a very wide one, and beyond the edge of a usual one.
+WIDE = [(140.0, slope, tilt) for slope in (0.0, 15.0, 30.0) for tilt in (0.0, 15.0, 30.0)]
+WIDE += [(40.0, 0.0, 30.0), (40.0, 10.0, 30.0), (40.0, 0.0, 40.0), (40.0, 20.0, 15.0)]
 
 
 def sloping(slope: float, half: float = 2000.0) -> Terrain:
@@ -96,6 +99,22 @@ def test_a_nearest_return_has_no_attitude_but_its_lever_arm(slope_deg: float, lo
     told = math.sqrt(range_variance(truth, ErrorModel(COV, 0.0, DEM_SD), nearest=True)[0])
     assert told == pytest.approx(np.std(found.slant_range), rel=WITHIN)
     assert told < 0.5 * ABOVE * ATTITUDE_SD + 2.5
+
+
+@pytest.mark.parametrize(("beam_deg", "slope_deg", "look_deg"), WIDE)
+def test_range_and_height_of_a_wide_beam_within_5_percent(beam_deg: float, slope_deg: float, look_deg: float) -> None:
+    """Inside the beam, and at its edge, where the ray turns with the aircraft: there sigmas were 4 to 29 % small."""
+    slope, pitch, n = np.radians(slope_deg), np.radians(look_deg), 2000
+    predictor, mat_nb = look(pitch, 2.0, NearestReturn(beam_width=math.radians(beam_deg), rings=10), slope)
+    found, _ = drawn(predictor, mat_nb, np.random.default_rng(4), COV, n)
+    truth = predictor.along([0.0, 0.0, ABOVE], mat_nb)
+    noise = RANGE_SD * np.random.default_rng(5).standard_normal(n)
+    errors = ErrorModel(COV, RANGE_SD, DEM_SD, dem_length=math.inf)
+    off = truth.slant_range + noise - found.slant_range
+    told = math.sqrt(range_variance(truth, errors, nearest=True)[0])
+    assert told == pytest.approx(np.std(off), rel=WITHIN)
+    height = found.height_p + off * found.cosine
+    assert math.sqrt(height_variance(truth, errors, nearest=True)[0]) == pytest.approx(np.std(height), rel=WITHIN)
 
 
 @pytest.mark.parametrize("slope_deg", [0.0, 15.0, 30.0])

@@ -24,6 +24,7 @@ from fti.terrain.pyramid import Places, Pyramid, heights_at, layers_at
 from fti.terrain.surface import Posts, surface
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 #: Fixed-point steps of a footprint: each contracts with slope x tangent of the look, 0.33 at 30 deg each.
 _FOOTPRINT_STEPS = 4
@@ -106,10 +107,10 @@ def mean_square_around(
 
 @kernel
 def mean_squares_around(
-    p: Pyramid, at: Array, mats_ln: Array, levers: Array, u: Array, slant_ranges: Array, trials: Array, nearest: bool
+    p: Pyramid, at: Array, mats_ln: Array, levers: Array, u: Array, slant_ranges: Array, trials: Array, nearest: Mask
 ) -> Array:
-    """The same of n poses (n, 2); trials : (n, k, 6)."""
+    """The same of n poses (n, 2); trials : (n, k, 6);  nearest : (n,)."""
     found = np.empty((len(at), 2))
     for i in range(len(at)):
-        found[i] = mean_square_around(p, at[i], mats_ln[i], levers[i], u[i], slant_ranges[i], trials[i], nearest)
+        found[i] = mean_square_around(p, at[i], mats_ln[i], levers[i], u[i], slant_ranges[i], trials[i], nearest[i])
     return found

@@ -21,6 +21,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
 from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
 from fti.nav.altimetry.nadir import POSITION_SD_UNKNOWN
+from fti.nav.altimetry.predicted import AT_EDGE
 from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -100,6 +101,10 @@ class Seeing(ABC):
     def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
 
+    def is_at_edge(self, ray_s: Array) -> bool:
+        """Whether a ray lies at the edge of the beam, and turns with it; no other beam has one that is sharp."""
+        return False
+
 
 class Pencil(Seeing):
     """A laser."""
@@ -130,6 +135,10 @@ class NearestReturn(Seeing):
         off = math.hypot(x, y)
         scale = math.sin(off) / off if off > 0.0 else 1.0
         return found, np.array([x * scale, y * scale, math.cos(off)]), spread, Validity(what)
+
+    def is_at_edge(self, ray_s: Array) -> bool:
+        """Beyond it nothing is heard."""
+        return bool(ray_s[2] <= math.cos(AT_EDGE * self._half))
 
 
 class WholeBeam(Seeing):
@@ -186,8 +195,8 @@ class Expectation:
         found, ray_s, spread, validity = self._seeing.look(at_l + mat_ln @ lever_n, mat_ls, mat_ln @ vel_n)
         if validity is not Validity.VALID:
             return REASONS[validity]
-        sds = self._sds(position, attitude, range_sd)
-        told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, self._nearest)
+        sds, stays = self._sds(position, attitude, range_sd), self._nearest and not self._seeing.is_at_edge(ray_s)
+        told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
         return self._expected(found, spread, told)
 
     def _expected(self, found: float, spread: float, told: Array) -> Expected:

@@ -36,6 +36,8 @@ Codes = NDArray[np.uint8]
 
 #: P over N is found by fixed-point steps that contract with slope x lean of the plumb line, 1e-3 each.
 _NADIR_STEPS = 3
+#: From which share of half the width on a ray lies at the edge of its beam.
+AT_EDGE = 0.999
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,8 @@ class Prediction:
     place_l     : P (n, 3), east, north, up of the terrain's frame [m];  point_l : M in the same frame
     mats_ln     : (n, 3, 3), north, east, down at P to that frame
     validity    : numbers of ``fti.ranging.sensor.Validity`` (n,)
+    at_edge     : whether the ray lies at the edge of a beam that tells its nearest return (n,): the ground comes nearer
+                  beyond, and the ray turns with the aircraft
     """
 
     slant_range: Array
@@ -68,6 +72,7 @@ class Prediction:
     point_l: Array
     mats_ln: Array
     validity: Codes
+    at_edge: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.slant_range)
@@ -163,6 +168,7 @@ class Predictor:
             point_l=point_l,
             mats_ln=mats_ln,
             validity=returns.validity,
+            at_edge=_at_edge(self.sensor, returns),
         )
 
 
@@ -183,6 +189,12 @@ def _over_nadir(terrain: Terrain, points_l: Array, downs_l: Array) -> Array:
         east, north = (points_l[:, k] + height * downs_l[:, k] for k in (0, 1))
         height = (points_l[:, 2] - terrain.up(east, north)) / -downs_l[:, 2]
     return height
+
+
+def _at_edge(sensor: RangingSensor, returns: Returns) -> NDArray[np.bool_]:
+    if not isinstance(sensor, NearestReturn):
+        return np.zeros(len(returns.slant_range), dtype=np.bool_)
+    return np.asarray(returns.direction_s[:, 2] <= np.cos(AT_EDGE * 0.5 * sensor.beam_width))
 
 
 def _dispersion(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: Returns) -> Array:

@@ -129,7 +129,7 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
     cos(theta)^2.
     """
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 0]
-    a = seen.cosine**2 if nearest else np.ones(len(seen))
+    a = np.where(_stays(seen, nearest=nearest), seen.cosine**2, 1.0)
     return np.asarray(spread + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2)
 
 
@@ -142,21 +142,20 @@ def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, 
     ground around is not known.
     """
     plane = range_variance(seen, errors, nearest=nearest)
-    if nearest:
-        return plane
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
     around = spread + (dem_factor(seen, nearest=nearest) * errors.dem_sd) ** 2 + np.square(errors.range_sd)
-    return np.where(np.isfinite(around), around, plane)
+    return np.where(np.isfinite(around) & ~_stays(seen, nearest=nearest), around, plane)
 
 
 def _spread_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Of height and range by the errors of the pose (n, 2) [m^2]."""
     n = len(seen)
+    stays = _stays(seen, nearest=nearest)
     trials = np.broadcast_to(TRIALS @ _root(errors.pose_cov), (n, *TRIALS.shape))
     at, mats, levers, rays, trials = (
         np.ascontiguousarray(x) for x in (seen.place_l, seen.mats_ln, seen.lever_n, seen.direction_n, trials)
     )
-    return np.asarray(mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, nearest))
+    return np.asarray(mean_squares_around(terrain.pyramid, at, mats, levers, rays, seen.slant_range, trials, stays))
 
 
 def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
@@ -189,8 +188,15 @@ def _root(cov: Array) -> Array:
 
 def _normal_along(seen: Prediction, *, nearest: bool) -> tuple[Array, Array]:
     """n and n . u of (1)."""
-    normal = seen.direction_n if nearest else seen.normal_n
+    normal = np.where(_stays(seen, nearest=nearest)[:, None], seen.direction_n, seen.normal_n)
     return normal, np.sum(normal * seen.direction_n, axis=-1)
+
+
+def _stays(seen: Prediction, *, nearest: bool) -> NDArray[np.bool_]:
+    """Whether the point that is seen stays where it is when the pose changes (n,); a pencil's moves, and one at the
+    edge of a beam.
+    """
+    return np.asarray(~seen.at_edge & nearest)
 
 
 def _quadratic(row: Array, cov: Array) -> Array:
