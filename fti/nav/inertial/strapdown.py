@@ -23,7 +23,9 @@ the equations in n; tests/nav/test_strapdown.py.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +44,7 @@ POINTS = 6
 #: Rows of the memory of a step.
 MEMORY = 7
 
-_somigliana = kernel(somigliana)
+_somigliana = cast(Callable[[float], float], kernel(somigliana))  # of one point
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +181,6 @@ def gravity_e(x: float, y: float, z: float) -> tuple[float, float, float]:
     """Normal gravity at x_e [m], e frame [m/s^2]."""
     across = np.hypot(x, y)
     sin_lat, cos_lat, alt = normal_at(across, z, BOWRING_STEPS)
-    gravity = float(_somigliana(sin_lat**2)) - FREE_AIR * alt
+    gravity = _somigliana(sin_lat**2) - FREE_AIR * alt
     outwards = -gravity * cos_lat / across if across > 0.0 else 0.0
     return outwards * x, outwards * y, -gravity * sin_lat
