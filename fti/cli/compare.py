@@ -69,7 +69,7 @@ def _verdict(first: LinkHash | None, second: LinkHash | None) -> str:
 
 
 def _as_text(first: dict[str, LinkHash], second: dict[str, LinkHash] | None, verdicts: dict[str, str]) -> list[str]:
-    links = first | (second or {})
+    links = first | {link: of for link, of in (second or {}).items() if link not in first}
     width = max(map(len, links), default=0)
     return [
         f"{link:{width}} {of.kind:6} {of.frames:9} frames {of.bytes:12} bytes  "

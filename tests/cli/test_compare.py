@@ -60,6 +60,15 @@ def test_each_link_has_its_verdict(
     assert code == (0 if set(verdicts.values()) == {"EQUAL"} else 1)
 
 
+def test_beside_what_differs_stand_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = record(tmp_path, FRAMES), record(tmp_path, {**FRAMES, "line": [b"abcde"]})
+    assert main(["compare", first, second]) == 1
+    line = capsys.readouterr().out.splitlines()[0]
+    for data, frames in ((b"abcdef", 2), (b"abcde", 1)):
+        assert hashlib.sha256(data).hexdigest()[:16] in line
+        assert f"{frames} frames" in line
+
+
 def test_single_links_are_compared_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = record(tmp_path, FRAMES), record(tmp_path, {"line": FRAMES["line"]})
     assert main(["compare", first, second, "--only", "line"]) == 0
