@@ -50,8 +50,9 @@ def run(args: argparse.Namespace) -> int:
     from fti.hil import scenario as scenarios
 
     if args.list:
-        for name in scenarios.shipped():
-            print(f"{name:20} {scenarios.load(scenarios.find(name)).title}")
+        names = scenarios.shipped()
+        for name in names:
+            print(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
         return 0
     if args.scenario is None:
         raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped())}")
