@@ -68,7 +68,7 @@ class Framer:
         buffer += data
         counters.bytes_in += len(data)
         while buffer:
-            seen = self._look()
+            seen = self._look() if len(buffer) >= self._limit else self._measure(buffer)
             if isinstance(seen, Skip):
                 counters.skipped[seen.reason] += seen.size
                 self._drop(seen.size)
@@ -84,9 +84,8 @@ class Framer:
         counters.held = len(buffer)
 
     def _look(self) -> int | Skip:
-        window = self._buffer if len(self._buffer) <= self._limit else self._buffer[: self._limit]
-        seen = self._measure(window)
-        return seen or (Skip(1, "too_long") if len(window) >= self._limit else 0)
+        """At as much as may be held: what is no frame by then is none."""
+        return self._measure(self._buffer[: self._limit]) or Skip(1, "too_long")
 
     def _drop(self, count: int) -> None:
         del self._buffer[:count]

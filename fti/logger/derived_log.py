@@ -37,26 +37,26 @@ LOCATION_TOPIC = "/nav/location"
 PENDING_LIMIT = 2**20
 
 
-def _part_of(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
-    """What tells streams of this class on one topic apart, decimated one by one: whose it is, what a message carries.
+def _part_of(kind: Any) -> Callable[[Any], object]:
+    """What tells streams of this class on one topic apart, decimated one by one: whose it is, what a message lacks.
 
     Roll, pitch and heading of an ARINC 429 line come as three streams of Attitude.
     """
     names = [field.name for field in dataclasses.fields(kind) if field.default is None]
     whose = WHOSE.get(kind)
     if whose:
-        return lambda m: (getattr(m, whose), *[getattr(m, name) is not None for name in names])
+        return lambda m: (getattr(m, whose), *[getattr(m, name) is None for name in names])
     if len(names) > 1:
-        values = operator.attrgetter(*names)
-        return lambda m: tuple([value is not None for value in values(m)])
-    return lambda m: tuple([getattr(m, name) is not None for name in names])
+        values, nones = operator.attrgetter(*names), (None,) * len(names)
+        return lambda m: tuple(map(operator.is_, values(m), nones))
+    return lambda m: [getattr(m, name) is None for name in names] == [True]
 
 
 #: What of its device a measurement is of.
 WHOSE = {SurfaceDeflection: "surface", Reading: "name", DmeRange: "station"}
-PART_OF = {kind: _part_of(kind) for kind in typing.get_args(Measurement)}
 #: Of these every one is kept.
 KEPT = (Ack, Calibration)
+PART_OF = {kind: _part_of(kind) for kind in typing.get_args(Measurement) if kind not in KEPT}
 
 
 @cache
@@ -76,14 +76,15 @@ class Decimator:
 
     def __init__(self, rate_hz: float) -> None:
         self._period_ns = round(SECOND_NS / rate_hz)
+        self._early_ns = self._period_ns // 2
         self._due: dict[object, int] = {}
 
     def wants(self, stream: object, t_ns: int) -> bool:
         """Is this one to be kept?"""
         due = self._due.get(stream, t_ns)
-        if t_ns < due - self._period_ns // 2:
+        if t_ns < due - self._early_ns:
             return False
-        self._due[stream] = max(due, t_ns) + self._period_ns
+        self._due[stream] = (due if due > t_ns else t_ns) + self._period_ns
         return True
 
 
@@ -128,10 +129,9 @@ class DerivedLog(Log):
 
     def wants(self, device: str, measurement: Measurement) -> bool:
         """Is this one kept?  To be asked once for each, in order; for those who let measurements wait."""
-        if isinstance(measurement, KEPT):
-            return True
         kind = type(measurement)
-        return self._decimator.wants((device, kind, PART_OF[kind](measurement)), measurement.stamp.t_rx_ns)
+        part_of = PART_OF.get(kind)
+        return part_of is None or self._decimator.wants((device, kind, part_of(measurement)), measurement.stamp.t_rx_ns)
 
     def keep(self, device: str, measurement: Measurement) -> None:
         """``measurement`` for one that is wanted."""

@@ -35,9 +35,11 @@ class Mountings:
     def turn(self, device: str, m: Measurement) -> Measurement:
         """The measurement in the body frame; the same one where the case is aligned with the aircraft."""
         mat = self._mats.get(device)
-        if mat is not None and isinstance(m, MagneticField):
+        if mat is None:
+            return m
+        if isinstance(m, MagneticField):
             return dataclasses.replace(m, field_b=_turned(mat, m.field_b))
-        if mat is not None and isinstance(m, ImuSample):
+        if isinstance(m, ImuSample):
             accel, gyro = (None if v is None else _turned(mat, v) for v in (m.accel_b, m.gyro_b))
             return dataclasses.replace(m, accel_b=accel, gyro_b=gyro)
         return m

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from math import isfinite
+from math import inf
 
 from fti.config import Device
 from fti.geodesy.one_point import radii
@@ -107,7 +107,7 @@ class Source:
             if value is None and not silent:
                 continue
             known = valid and value is not None and abs(value) <= LARGEST[name]
-            told = sd is not None and isfinite(sd) and sd > 0.0
+            told = sd is not None and 0.0 < sd < inf
             self._parts[name].push(t_ns, value if known else None, sd if told else None)
 
     # ---------------------------------------------------------------------------------------------------- joining

@@ -42,11 +42,10 @@ class Listener:
     decoder: Decoder
     messages: int = 0
     last_ns: int | None = None
+    name: str = field(init=False)  # of the device
 
-    @property
-    def name(self) -> str:
-        """Name of the device."""
-        return self.bound.device.name
+    def __post_init__(self) -> None:
+        self.name = self.bound.device.name
 
     def start_afresh(self, reason: str) -> None:
         """Another decoder goes on; what this one had begun with is skipped for that reason."""

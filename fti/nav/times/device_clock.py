@@ -242,7 +242,7 @@ class DeviceClock:
             self.segments.pop()
             segment, late = self._begin(t_rx_ns, t_dev_ns), 0.0
         self._watch(segment, t_rx_ns, t_dev_ns, near=abs(late) <= near)
-        if self._away_for(t_rx_ns) >= RENEW_NS and self._away >= AWAY_MESSAGES:
+        if self._away >= AWAY_MESSAGES and self._away_for(t_rx_ns) >= RENEW_NS:
             self._renew(t_rx_ns, t_dev_ns)
             return None
         if not -near <= late <= self._max_age_ns - self._latency_ns:
@@ -283,7 +283,8 @@ class DeviceClock:
         """How long no message was near the line, and how many were from before the newest."""
         if near:
             segment.newest_ns = max(segment.newest_ns, t_dev_ns)
-            self._forget_doubts()
+            if self._away:
+                self._forget_doubts()
             return
         self._away_since = t_rx_ns if self._away_since is None else self._away_since
         self._away += 1

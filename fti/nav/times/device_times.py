@@ -9,7 +9,7 @@ import dataclasses
 import operator
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 from fti.config import Device
 from fti.nav.times.device_clock import ARRIVAL_SD_NS, WINDOW_S, ClockState, DeviceClock
@@ -48,17 +48,19 @@ def restamped(m: Measurement, stamp: Stamp) -> Measurement:
     """The same measurement with another stamp: ``dataclasses.replace`` in a quarter of the time."""
     kind: Any = type(m)
     twin, others = _twin_of(kind)
-    made = twin(stamp, *others(m))
+    made: Measurement = twin(stamp, *others(m))
     made.__class__ = kind
-    return cast("Measurement", made)
+    return made
 
 
 def dated(stamp: Stamp, t_valid_ns: int) -> Stamp:
     """The same stamp with its time of validity."""
-    twin, _ = _twin_of(Stamp)
-    made = twin(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
+    made: Stamp = _new_stamp(stamp.t_rx_ns, stamp.t_dev_ns, stamp.time_scale, t_valid_ns)
     made.__class__ = Stamp
-    return cast("Stamp", made)
+    return made
+
+
+_new_stamp, _ = _twin_of(Stamp)
 
 
 class DeviceTimes:

@@ -214,8 +214,9 @@ def _peak(spectrum: Array, at: int) -> float:
     top = float(spectrum[at])
     inner = min(max(at, 1), len(spectrum) - 2)
     around = spectrum[inner - 1 : inner + 2]
+    left, middle, right = around.tolist()
     rise = 0.0
-    if around[1] == top and around.min() > 0.0:
+    if middle == top and min(left, middle, right) > 0.0:
         left, middle, right = np.log(around).tolist()
         bend = 2.0 * middle - left - right
         rise = (right - left) ** 2 / (8.0 * bend) if bend > 0.0 else 0.0
@@ -224,5 +225,8 @@ def _peak(spectrum: Array, at: int) -> float:
 
 def _strongest(rays: NDArray[np.intp], off: Array, powers: Array) -> int:
     """The ray that gives most of the power at the edge; any where there is none."""
+    if not len(rays):
+        return 0
     share = powers * hann_kernel(off)
-    return int(rays[np.argmax(share)]) if share.any() else 0
+    most = share.argmax()
+    return int(rays[most]) if share[most] else 0
