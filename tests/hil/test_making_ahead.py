@@ -103,6 +103,15 @@ def test_a_device_that_got_power_again_between_two_messages_begins_anew() -> Non
     assert at_once[10] != switched(makes_ahead=False, off=[], on=[])[10]
 
 
+def test_what_it_had_made_for_later_is_not_kept_without_power() -> None:
+    hand = Hand(device("honeywell_hmr2300"), scenario())
+    assert all(hand.line.make_ahead(START_NS) for _ in range(3))
+    hand.on = False
+    assert hand.line.step(START_NS) == []
+    hand.on = True
+    assert hand.line.step(START_NS) == fly("honeywell_hmr2300")[1][1]
+
+
 def commanded(made: int) -> tuple[list[bytes], list[list[bytes]]]:
     """A command to a magnetometer that has made so many messages; what it answers at once, and what leaves then."""
     line = DeviceLine(device("honeywell_hmr2300"), scenario())
@@ -286,6 +295,7 @@ def test_a_fast_stream_is_on_time_where_no_gap_holds_a_message_of_it() -> None:
     flown(now, fast, other)
     assert max(fast.late) < 1e-9
     assert max(other.late) < 1e-9
+    assert max(fast.early) > 0.75 * AHEAD_S  # once it makes, it goes on
 
 
 def test_what_had_no_gap_is_made_at_its_instant_and_the_next_one_once() -> None:
