@@ -61,6 +61,7 @@ class Faulty(NamedTuple):
     warned_s   : from the first sample over the limit to an output that vouches for nothing
                  (NaN where one of both has not been)
     observable : a shift was, in the window before the fault
+    again      : after an ALERT it was trusted again (OK, MONITOR) while still over its limit
     """
 
     seen: bool
@@ -70,6 +71,7 @@ class Faulty(NamedTuple):
     size_s: float
     warned_s: float
     observable: bool
+    again: bool = False
 
 
 #: A flight with the fault, and the fault over its limit, shape (n,).
@@ -203,6 +205,7 @@ def faulty(argument: tuple[str, int, int]) -> Faulty:
         size_s=_until(judged, full, _is_alert),
         warned_s=_until(judged, first, _warns),
         observable=is_observable(before[-1]),
+        again=_trusted_again(judged, flown, over_limit),
     )
 
 
@@ -218,6 +221,16 @@ def _when(flown: Flown, holds: NDArray[np.bool_]) -> float:
 def _until(outputs: Sequence[ClearanceIntegrity], begin: float, holds: Callable[[ClearanceIntegrity], bool]) -> float:
     """From ``begin`` to the first output for which it holds [s]; NaN without one, or without a beginning."""
     return next((seconds(o) - begin for o in outputs if seconds(o) >= begin and holds(o)), math.nan)
+
+
+def _trusted_again(outputs: Sequence[ClearanceIntegrity], flown: Flown, over_limit: Array) -> bool:
+    """Whether an output behind an ALERT trusts what is over its limit just then."""
+    alert = next((k for k, output in enumerate(outputs) if _is_alert(output)), len(outputs))
+    return any(
+        over_limit[min(int(np.searchsorted(flown.t, seconds(o))), len(over_limit) - 1)] >= 1.0
+        for o in outputs[alert:]
+        if o.state in TRUSTED
+    )
 
 
 def _is_alert(output: ClearanceIntegrity) -> bool:

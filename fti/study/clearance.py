@@ -21,7 +21,8 @@ told as ``size_p50`` and ``size_p95``, of those that are seen, and for 50 m besi
 longer than a window and 1 s.  Where a fault grows, the new count begins sooner, and is the stricter one.
 
 ``misled`` is what a time to alert is for: approaches with an error over its limit on which, that time later, there had
-been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).
+been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).  ``again`` is the other
+way to it: those on which an ALERT ended while the error was still over its limit.
 """
 
 from __future__ import annotations
@@ -119,7 +120,12 @@ def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
     judged = dataclasses.replace(late, target=f"<= {limit:.2g} s", holds=late.value <= limit)
     results[results.index(late)] = judged
     misled = [not run.warned_s <= limit for run in over]
-    return [*results, _share(f"{name}.misled", f"over its limit for {limit:.2g} s, and trusted", misled)]
+    again = [run.again for run in over]
+    return [
+        *results,
+        _share(f"{name}.misled", f"over its limit for {limit:.2g} s, and trusted", misled),
+        _share(f"{name}.again", "trusted again after an ALERT, and still over its limit", again),
+    ]
 
 
 def _parts(flown: Sequence[Faulty]) -> dict[str, Sequence[Faulty]]:

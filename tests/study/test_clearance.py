@@ -156,6 +156,28 @@ def test_times_begin_where_the_fault_is_over_its_limit_and_not_where_it_begins(m
     monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 0.9), 3000.0))
     found = faulty(("along_60", 1, 1))
     assert (found.seen, found.over, math.isnan(found.delay_s), math.isnan(found.warned_s)) == (True, False, True, True)
+    assert not found.again
+
+
+@pytest.mark.parametrize(("trusted", "again"), [((), False), ((22,), False), ((22, 24), True)])
+def test_an_alert_that_ends_before_the_error_does_is_told(
+    trusted: tuple[int, ...], again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ALERT comes at 23 s; what was trusted before it is another question."""
+    outputs = [
+        ClearanceIntegrity(
+            t_ns=START_NS + k * 10**9, t_valid_ns=None, reasons=(), valid=True, t1_ratio=0.5,
+            state=IntegrityState.OK if k in trusted else IntegrityState.ALERT if k == 23 else IntegrityState.CAUTION,
+        )
+        for k in range(1, 30)
+    ]  # fmt: skip
+    flown = level(np.arange(4190.0, 2000.0, -1.0))
+    monkeypatch.setattr(_clearance_faults, "flown_with", lambda *given: (flown, np.full_like(flown.s, 1.1), 3000.0))
+    monkeypatch.setattr(_clearance_faults, "fly", lambda *given: outputs)
+    found = faulty(("along_60", 1, 1))
+    assert found.again is again
+    shown = by_id(clearance._detected("along_60", [found, found._replace(again=False)]))
+    assert shown["along_60.again"].value == again / 2
 
 
 def level(s: np.ndarray) -> Flown:
