@@ -2,10 +2,11 @@
 
     python -m tests.run
 
-The flights take minutes of real time and less than a core; they judge when things happen.  So they go on beside the
-quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other work on
-the machine does, too).  Then come the end-to-end tests that wait most of the time, two at a time, file by file; then
-those that judge moments or need both cores, one after another.  Only the files that have a marker are collected for it.
+The flights and a replay take minutes of real time and less than a core; they judge when things happen.  So they go on
+beside the quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other
+work on the machine does, too); while a quick test waits for a process of its own, three others go on.  Then come the
+end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
+cores, one after another.  Only the files that have a marker are collected for it.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from typing import IO
 from tests.helpers import KERNELS, ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
-TWO_AT_A_TIME = ("-n", "2")
-GIVING_WAY, FIRST = 5, -5
+QUICK, WAITING = ("-n", "4"), ("-n", "3", "--dist", "loadfile")
+GIVING_WAY, FIRST = 10, -5
 #: Once, before five processes would do it side by side.
 WARM_UP = """
 from fti import config
@@ -66,12 +67,15 @@ def marked(marker: str) -> list[str]:
     return [str(file.relative_to(ROOT)) for file in files if f"mark.{marker}" in file.read_text()]
 
 
-def beside(told: Part, other: Part) -> list[int]:
-    """Two parts at a time; what the other says is printed in the end.  Returns exit codes."""
-    with tempfile.NamedTemporaryFile(suffix=".txt") as said, ThreadPoolExecutor(1) as pool:
-        going_on = pool.submit(other.run, said.file)
-        codes = [told.run(), going_on.result()]
-        print(Path(said.name).read_text(), flush=True)
+def beside(told: Part, *others: Part) -> list[int]:
+    """Several parts at a time; what the others say is printed in the end.  Returns exit codes."""
+    with contextlib.ExitStack() as stack:
+        said = [stack.enter_context(tempfile.NamedTemporaryFile(suffix=".txt")) for _ in others]
+        pool = stack.enter_context(ThreadPoolExecutor(len(others)))
+        going_on = [pool.submit(other.run, file.file) for other, file in zip(others, said, strict=True)]
+        codes = [told.run(), *(other.result() for other in going_on)]
+        for file in said:
+            print(Path(file.name).read_text(), flush=True)
     return codes
 
 
@@ -79,16 +83,17 @@ def main() -> int:
     """Every part happens, unless they are interrupted; the first failure is the exit code."""
     interrupts: list[int] = []  # every process of the group is told; each ends in good order
     signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # two tests at a time have the processors already
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # tests side by side have the processors already
     os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))
     print("== compiled kernels", flush=True)
     subprocess.run([sys.executable, "-c", WARM_UP], cwd=ROOT, check=False)
-    quick = Part("quick tests", (*TWO_AT_A_TIME, "-m", "not e2e"), GIVING_WAY)
+    quick = Part("quick tests", (*QUICK, "-m", "not e2e"), GIVING_WAY)
     flights = Part("flights", ("-m", "flight", *marked("flight")), FIRST)
-    others = "e2e and not flight and not alone"
-    together = Part("end to end", ("-m", others, *TWO_AT_A_TIME, "--dist", "loadfile", *marked("e2e")))
+    replays = Part("replays", ("-m", "replay", *marked("replay")), FIRST)
+    others = "e2e and not flight and not replay and not alone"
+    together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
     moments = Part("one after another", ("-m", "alone", *marked("alone")))
-    codes = beside(quick, flights)
+    codes = beside(quick, flights, replays)
     codes += [part.run() for part in (together, moments) if not interrupts]
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 

@@ -25,7 +25,7 @@ from tests.e2e.killing import Frames, read_as_it_lies, read_finished
 from tests.helpers import until
 from tests.processes import children_of, command_of
 
-pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.e2e, pytest.mark.timeout(600)]
 KILL_TOLERANCE_NS = 50_000_000
 RESTART_NS = 1_000_000_000
 SEED = 20261121
@@ -109,6 +109,7 @@ def test_nothing_downstream_touches_the_recording(tmp_path: Path, harm: Callable
         _assert_complete(session, feeder)
 
 
+@pytest.mark.alone
 def test_a_killed_recorder_loses_at_most_its_last_moments_and_comes_back(
     tmp_path: Path, heartbeats: Heartbeats
 ) -> None:
@@ -176,6 +177,7 @@ def _last_time(path: Path) -> int:
     return last
 
 
+@pytest.mark.alone
 def test_a_power_cut_is_closed_by_the_next_start(tmp_path: Path, scale: int, heartbeats: Heartbeats) -> None:
     """Again and again in one directory, each time at another moment; nothing that was whole in a file is lost."""
     chance, cut, lost = Random(SEED), list[tuple[Path, Frames]](), list[tuple[int, int]]()

@@ -23,7 +23,7 @@ from fti.logger.session import SessionFolder
 from tests.e2e.harness import FTI, START_S, daemon, free_udp_port, fti
 from tests.helpers import until
 
-pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
+pytestmark = [pytest.mark.e2e, pytest.mark.replay, pytest.mark.timeout(3600)]
 
 START_NS = 1_700_000_000_000_000_000
 MINUTE_S, TEN_MINUTES_S = 60.0, 600.0

@@ -3,24 +3,39 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.helpers import ROOT
+from tests.helpers import KERNELS, ROOT
 
 RUNNER = ROOT / "tests" / "vcan" / "run"
 NOT_INSTALLED = 77
+
+
+def inside_runs(module: str, out: Path) -> list[str]:
+    """The command that runs a module inside, which writes ``found.json``.
+
+    It has the kernels that were compiled outside, where it can write: numba takes none from elsewhere, and to compile
+    them takes most of a minute inside.
+    """
+    kept = out / "kernels"
+    if KERNELS.is_dir():
+        shutil.copytree(KERNELS, kept)
+    return [str(RUNNER), str(out), "env", f"NUMBA_CACHE_DIR={kept}", sys.executable, "-m", module, f"{out}/found.json"]
 
 
 @pytest.fixture(scope="session")
 def inside(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the probes saw inside, by probe."""
     out = tmp_path_factory.mktemp("vcan")
-    command = [str(RUNNER), str(out), sys.executable, "-m", "tests.vcan.probe", str(out / "found.json")]
-    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    done = subprocess.run(
+        inside_runs("tests.vcan.probe", out), check=False, cwd=ROOT, capture_output=True, text=True, timeout=100
+    )
     if done.returncode == NOT_INSTALLED:
         pytest.skip(done.stderr.strip())
     assert done.returncode == 0, done.stdout + done.stderr

@@ -6,14 +6,12 @@ python -m tests.vcan.probe_gauntlet OUT    writes what ``fti score`` said to OUT
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import sys
 import tempfile
 from pathlib import Path
 
 from tests.e2e import flights, harness
-from tests.helpers import KERNELS, ROOT, until
+from tests.helpers import ROOT, until
 
 #: Everything is slow here, and takes as long as it takes.
 for module in (flights, harness):
@@ -39,19 +37,10 @@ def fly(folder: Path) -> flights.Flight:
     return flights.Flight(session, truth)
 
 
-def take_kernels(folder: Path) -> None:
-    """Those compiled outside: numba takes none from a folder where it cannot write, and compiling takes long here."""
-    kept = folder / "kernels"
-    if KERNELS.is_dir():
-        shutil.copytree(KERNELS, kept)
-    os.environ["NUMBA_CACHE_DIR"] = str(kept)
-
-
 def probe() -> dict[str, object]:
     """Exit code and words of the score; flown again where the bench was too late for a judgement."""
     for _ in range(ATTEMPTS):
         with tempfile.TemporaryDirectory() as folder:
-            take_kernels(Path(folder))
             flight = fly(Path(folder))
             done = harness.fti("score", NAME, str(flight.session), "--truth", str(flight.truth), timeout=300)
             frames = {link: len(flight.arrivals(link)) for link in ("air_can", "pickup_can")}

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.helpers import ROOT
-from tests.vcan.conftest import NOT_INSTALLED, RUNNER
+from tests.vcan.conftest import NOT_INSTALLED, inside_runs
 
 pytestmark = [pytest.mark.e2e, pytest.mark.alone, pytest.mark.socketcan, pytest.mark.timeout(1500)]
 
 
 def test_the_daemon_said_what_the_scenario_expects(tmp_path: Path) -> None:
-    command = [str(RUNNER), str(tmp_path), sys.executable, "-m", "tests.vcan.probe_gauntlet", f"{tmp_path}/found.json"]
+    command = inside_runs("tests.vcan.probe_gauntlet", tmp_path)
     roomy = {**os.environ, "UML_TIMEOUT": "1400", "UML_MEM": "2G"}
     done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=1450, env=roomy)
     if done.returncode == NOT_INSTALLED:
