@@ -172,8 +172,8 @@ def _clock_drifts(fault: ClockDrift, case: Case) -> Found:
 
 
 def _is_damaged(fault: Any, case: Case) -> Found:
-    """Bytes are refused; of a share of messages nothing else follows."""
-    if case.craft.is_on_can(case.name):
+    """Bytes are refused; of a share of messages nothing else follows.  On CAN that is a frame that is too short."""
+    if case.craft.is_on_can(case.name) and not isinstance(fault, Truncated):
         return [], "wrong data in a frame whose checksum is good"
     if isinstance(fault, BitErrors) and _wrong_bits(fault, case) < BITS:
         return [], "fewer wrong bits than can be relied upon"

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import typing
+from typing import Any
 
+import numpy as np
 import pytest
 
+from fti.hil import scenario as scenarios
+from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.device_flags import RULES
+from fti.hil.expected.flags import told
 from fti.hil.tables import kinds
 from fti.hil.tables.bases import OnDevices
-from fti.hil.tables.kinds import FaultKind
+from fti.hil.tables.kinds import BitErrors, FaultKind, Truncated
+from fti.service.binding import bind_devices
 
+WHEN: dict[str, Any] = {"devices": ("air_data",), "from_s": 20.0, "to_s": 26.0}
+BAD_BITS = BitErrors(kind="bit_errors", rate=0.01, **WHEN)
 OF_DEVICES = [
     kind
     for group in (kinds.OfValues, kinds.OfClock, kinds.OfBytes, kinds.OfPower)
@@ -29,3 +37,16 @@ def test_all_kinds_are_of_the_world_of_a_device_or_of_a_line() -> None:
     stated = {typing.get_args(kind.model_fields["kind"].annotation)[0] for kind in OF_DEVICES}
     others = {"obstacle", "off_track", "babbling", "bus_off", "can_status"}
     assert stated | others == {kind.value for kind in FaultKind}
+
+
+@pytest.mark.parametrize(("fault", "due"), [(Truncated(kind="truncated", **WHEN), True), (BAD_BITS, False)])
+def test_of_what_is_damaged_on_a_bus_a_frame_that_is_too_short_must_be_refused(fault: kinds.Fault, due: bool) -> None:
+    """Wrong data in a whole frame are another value, for all that anybody knows."""
+    scenario = scenarios.load(scenarios.find("nominal"))
+    config = scenarios.load_config(scenario)
+    t = np.arange(0.0, 60.0, 0.1)
+    (one,) = told(fault, Aircraft(config, bind_devices(config), scenario), Truth(t, *[0 * t] * 6))
+    assert [(duty.place, duty.words) for duty in one.duties] == [
+        ("/fti/health/devices/air_data", ("damaged bytes",)) for _ in range(due)
+    ]
+    assert bool(one.unknown) is not due
