@@ -10,10 +10,10 @@
 Pure: the same calls give the same answers, to the last bit.  What is no number, comes twice, from before the horizon or
 out of order is refused and counted (``refused``); nothing raises.
 
-Mode: WAITING for inputs, ALIGNING when they come, AIDED, COASTING where nothing has bounded the horizontal or the
-height for ``COAST_NS``, INVALID where nothing is felt any more or the position has become too uncertain.  A gap of
-inertial samples, a clock that jumps, or numbers that leave the world begin anew, with the reason RESET until it is
-aligned.
+Mode: WAITING for inputs, ALIGNING when they come and until the next position, height and velocity agree, AIDED,
+COASTING where nothing has bounded the horizontal or the height for ``COAST_NS``, INVALID where nothing is felt any more
+or the position has become too uncertain.  A gap of inertial samples, a clock that jumps, or numbers that leave the
+world begin anew, with the reason RESET until it is aligned.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ MOST_FELT = np.array([500.0] * 3 + [50.0] * 3)
 MOST_ALT, MOST_SPEED = 1e5, 2000.0
 #: No number of a measurement in SI units is larger.
 LARGEST = 1e9
+#: What must be believed once before an alignment counts, by the ends of its names.
+CONFIRMING = (".position", ".height", ".velocity")
 #: Sigma of a device's attitude that states none [rad].
 ATTITUDE_SD = (math.radians(0.5), math.radians(0.5), math.radians(2.0))
 
@@ -64,12 +66,13 @@ class Navigator:
         self._newest_ns: int | None = None
         self._backwards = 0
         self._restarted: Reason | None = None
+        self._unconfirmed = False
 
     # ---------------------------------------------------------------------------------------------------- taking
 
     def begin(self, t_ns: int, start: Start, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
         """Begin with a known state at an inertial sample."""
-        self._newest_ns, self._restarted = t_ns, None
+        self._newest_ns, self._restarted, self._unconfirmed = t_ns, None, False
         felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
         self._timeline = Timeline(start.estimate(t_ns, felt, self.model))
 
@@ -92,6 +95,8 @@ class Navigator:
         self._timeline.step(t_ns, felt)
         if not _sane(self._timeline.newest.estimate):
             self._restart(Reason.DIVERGED)
+        elif self._unconfirmed:
+            self._confirm()
 
     def take(self, t_ns: int, aiding: Aiding) -> None:
         """What aids, true at t_ns; level and height of a position are judged each for itself."""
@@ -140,6 +145,8 @@ class Navigator:
             again = (Reason.RESET,) if self._restarted else ()
             mode = FilterMode.WAITING if Reason.NO_GNSS in self._missing else FilterMode.ALIGNING
             return mode, (Reason.ALIGNING, *self._missing, *again)
+        if self._unconfirmed:
+            return FilterMode.ALIGNING, (Reason.ALIGNING,)
         newest = self._timeline.newest
         reasons = (Reason.REJECTED,) if rejected(newest.standings) else ()
         if max(newest.estimate.sd_n[:3]) > MOST_SD:
@@ -184,6 +191,16 @@ class Navigator:
             self._missing = (start,)
             return
         self.begin(t_ns, start, felt[:3], felt[3:])
+        self._unconfirmed = True
+
+    def _confirm(self) -> None:
+        """One fix is no fix: what it began with was wrong where the next one is refused, or that one is."""
+        assert self._timeline is not None
+        standings = {n: s for n, s in self._timeline.newest.standings.items() if n.endswith(CONFIRMING)}
+        if any(s.refused_since_ns is not None for s in standings.values()):
+            self._restart(Reason.REJECTED)
+        elif {n.rsplit(".", 1)[1] for n in standings} == {"position", "height", "velocity"}:
+            self._unconfirmed = False
 
     def _step_back(self) -> None:
         """A sample from the past: one is refused, many are a clock that has jumped."""
