@@ -16,13 +16,12 @@ from typing import Protocol, runtime_checkable
 
 from fti.hil.lateness import Histogram, Lateness
 
-#: Longest sleep [s], so that a request to stop is seen, and what may be made ahead.
-MAX_SLEEP_S = 0.02
-#: So many messages are sent before other tasks are let in.
+#: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
+MAX_SLEEP_S = 0.05
 BURST = 32
 #: Messages are made so much before their instant at most [s]: so long an answer of their device may have to wait.
-#: A stream goes on with making when what it has made lasts for less than half of that.
-AHEAD_S = 0.1
+#: A stream goes on with making when what it has made lasts no longer than REFILL_S, which no sleep passes over.
+AHEAD_S, REFILL_S = 0.1, 0.06
 
 
 class Stream(Protocol):
@@ -87,7 +86,7 @@ class Unmade:
     def make(self, now: float, within_s: float) -> bool:
         """Make messages of the soonest stream for which there is time; false when there is none."""
         for first, i in self._waiting:
-            if first > now + 0.5 * AHEAD_S:
+            if first > now + REFILL_S:
                 return False
             if self._makers[i].prepare(within_s, now + AHEAD_S):
                 self.look(i)

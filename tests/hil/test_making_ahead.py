@@ -339,10 +339,10 @@ def test_what_a_device_makes_at_its_instant_makes_it_late(monkeypatch: pytest.Mo
 
 
 def test_the_soonest_that_fits_is_made_first_and_each_once() -> None:
-    """None of two messages is made twice; what is not due within half of AHEAD_S is left for later."""
+    """None of two messages is made twice; what is not due within REFILL_S is left for later."""
     now = [0.0]
     streams = [
-        Made(now, cost, shift, period=1.0, count=1) for cost, shift in ((4e-3, 0.01), (1e-3, 0.02), (1e-3, 0.08))
+        Made(now, cost, shift, period=1.0, count=1) for cost, shift in ((4e-3, 0.01), (1e-3, 0.02), (1e-3, 0.09))
     ]
     unmade = Unmade(streams)
     assert unmade.make(0.0, 0.002)
