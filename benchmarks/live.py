@@ -5,9 +5,12 @@
 The demonstration's aircraft at its full rates: emulator, recorder, navigation and bus are processes of this machine.
 The radar altimeter is expected with its whole beam (2051 rays) over known terrain, and the filter runs.  A delay counts
 from the kernel's stamp of the altimeter's bytes to the arrival of the output at a subscriber of the bus; what is
-repeated because nothing new was said does not count.  Reprocessing then takes the same session: by one core, the
-seconds are the processor's; the whole command, and what of it is loading the kernels, reading, decoding, navigation
-(``Pipeline``) and the rest.
+repeated because nothing new was said does not count.  The recorder hands on what has come with its beat of 20 ms, so a
+delay depends on how the altimeter's clock stands to that: here it is so much fast that it passes through whole beats.
+
+Reprocessing then takes the same session: by one core, the seconds are the processor's.  The pipeline is what lies
+between bytes and outputs, ``Chain``: decoding, stamping, navigation (``Pipeline``).  The whole command reads and writes
+files, too.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +37,8 @@ from fti.drivers import Decoder
 from fti.logger.reading.recording import Recording
 from fti.nav.pipeline import Pipeline
 from fti.nav.warm import warm_up
-from fti.post.reprocess import Setup, recorded_setup, reprocess
+from fti.post.reprocess import Setup, recorded_setup, reprocess, seldom_searched
+from fti.service.chain import Chain
 from fti.types import TICK_LINK, Measurement, RawFrame
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,6 +49,9 @@ HEIGHT = "/nav/height_above_ground/altimeter"
 SETTLE_S = 10.0
 START_S = 120.0
 P50_MS, P99_MS, LEAST_SPEED = 20.0, 50.0, 20.0
+#: How much the altimeter's clock is fast, and how long that takes through one beat of the recorder [s].
+FAST_PPM = 800
+BEAT_PASSED_S = 0.02 / (1e-6 * FAST_PPM)
 
 
 def write_config(folder: Path) -> Path:
@@ -56,6 +64,15 @@ def write_config(folder: Path) -> Path:
     text = text.replace('kind = "radar"', 'kind = "radar"\nmodel = "beam"')
     text = text.replace('"profiles/', f'"{ROOT / "configs" / "profiles"}/') + "\n[display]\nenabled = false\n"
     path = folder / "live.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def write_scenario(folder: Path, config: Path) -> Path:
+    """The nominal approach of that configuration, with an altimeter whose clock is fast."""
+    text = (ROOT / "configs" / "scenarios" / "nominal.toml").read_text(encoding="utf-8")
+    path = folder / "passing_beats.toml"
+    text = text.replace('"../demo.toml"', f'"{config}"') + f"\n[sensor.altimeter]\ndrift_ppm = {FAST_PPM}\n"
     path.write_text(text, encoding="utf-8")
     return path
 
@@ -86,18 +103,24 @@ class Listener:
         self._subscriber.close()
 
     def settled_ms(self, topic: str) -> list[float]:
-        """Delays after the start, in order of size [ms]."""
+        """Delays after the start, of as many whole beats passed as there are, in order of size [ms]."""
         found = self.delays.get(topic, [])
-        begin = found[0][0] + int(SETTLE_S * 1e9) if found else 0
-        return sorted(delay / 1e6 for at, delay in found if at >= begin)
+        if not found:
+            return []
+        begin, last = found[0][0] + int(SETTLE_S * 1e9), found[-1][0]
+        passed = max((last - begin) // int(BEAT_PASSED_S * 1e9), 1)
+        end = begin + passed * int(BEAT_PASSED_S * 1e9)
+        return sorted(delay / 1e6 for at, delay in found if begin <= at <= end)
 
 
 def fly(folder: Path, duration_s: float) -> tuple[Path, Listener]:
     """Emulator and daemon; returns the session and what was heard."""
     config, links, run_dir = write_config(folder), folder / "links", folder / "run"
-    common = ["--config", str(config), "--links", str(links), "--wait", "--duration", str(duration_s)]
+    arguments = ["--links", str(links), "--wait", "--duration", str(duration_s)]
     with subprocess.Popen(
-        [*FTI, "hil", "nominal", *common], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [*FTI, "hil", str(write_scenario(folder, config)), *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     ) as hil:
         wait_for(links.is_dir)
         arguments = ["--out", str(folder / "out"), "--links", str(links), "--origin", "hil", "--run-dir", str(run_dir)]
@@ -119,11 +142,34 @@ def wait_for(condition: Any) -> None:
         time.sleep(0.1)
 
 
-def reprocessed(session: Path, folder: Path) -> tuple[float, dict[str, float]]:
-    """Seconds of the flight, and of the processor for ``fti reprocess`` and for its parts alone.
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Seconds of the processor for a session of so many seconds.
 
-    What is not counted by itself, stamps, queues and the derived file, is what is left of the whole.
+    command              : ``fti reprocess``, with the kernels, which are loaded once
+    navigation, decoding : parts of the pipeline
     """
+
+    flown_s: float
+    command_s: float
+    loading_s: float
+    reading_s: float
+    pipeline_s: float
+    decoding_s: float
+    navigation_s: float
+
+    def rows(self) -> Iterator[tuple[str, float]]:
+        """What the command consists of; indented what a part of it consists of."""
+        yield "loading kernels", self.loading_s
+        yield "reading", self.reading_s
+        yield "pipeline", self.pipeline_s
+        yield "  decoding", self.decoding_s
+        yield "  navigation", self.navigation_s
+        yield "writing", self.command_s - self.loading_s - self.reading_s - self.pipeline_s
+
+
+def reprocessed(session: Path, folder: Path) -> Cost:
+    """Reprocess, and then do each part alone; what is not counted by itself is writing."""
     recording = Recording.open(session)
     setup = recorded_setup(recording, session)
     ground = setup.load_ground()
@@ -131,21 +177,31 @@ def reprocessed(session: Path, folder: Path) -> tuple[float, dict[str, float]]:
     running = seconds(lambda: reprocess(recording, setup, folder, as_flown=False, progress=lambda seq: None))
     reading = seconds(lambda: sum(1 for _ in recording.frames()))
     frames = list(recording.frames())
-    parts = {
-        "loading kernels": starting,
-        "reading": reading,
-        "decoding": seconds(lambda: decode_all(setup, frames)),
-        "navigation": navigation_s(setup, list(measured(setup, frames))),
-    }
-    flown_s = (frames[-1].t_rx_ns - frames[0].t_rx_ns) / 1e9
-    return flown_s, {**parts, "stamping and writing": starting + running - sum(parts.values())}
+    chain = setup.make_chain()
+    chain.give_ground(ground, None, 0, frames[0].t_rx_ns)
+    return Cost(
+        flown_s=(frames[-1].t_rx_ns - frames[0].t_rx_ns) / 1e9,
+        command_s=starting + running,
+        loading_s=starting,
+        reading_s=reading,
+        pipeline_s=seconds(lambda: feed_all(chain, frames)),
+        decoding_s=seconds(lambda: decode_all(setup, frames)),
+        navigation_s=navigation_s(setup, list(measured(setup, frames))),
+    )
 
 
 def seconds(run: Callable[[], Any]) -> float:
-    """Seconds of the processor that it takes."""
-    begin = time.process_time()
-    run()
-    return time.process_time() - begin
+    """Seconds of the processor that it takes, with objects looked through as seldom as reprocessing does."""
+    with seldom_searched():
+        begin = time.process_time()
+        run()
+        return time.process_time() - begin
+
+
+def feed_all(chain: Chain, frames: list[RawFrame]) -> None:
+    """Bytes to outputs."""
+    for frame in frames:
+        chain.feed(frame)
 
 
 def decode_all(setup: Setup, frames: list[RawFrame]) -> None:
@@ -162,13 +218,15 @@ def navigation_s(setup: Setup, events: list[tuple[int, list[tuple[str, Measureme
     """Seconds of the processor for navigation alone, of the measurements of a session."""
     pipeline = Pipeline(setup.config, setup.reference)
     pipeline.give_ground(setup.load_ground())
-    begin = time.process_time()
-    for t_ns, found in events:
-        for device, measurement in found:
-            pipeline.feed(device, measurement)
-        if not found:
-            pipeline.tick(t_ns)
-    return time.process_time() - begin
+
+    def feed() -> None:
+        for t_ns, found in events:
+            for device, measurement in found:
+                pipeline.feed(device, measurement)
+            if not found:
+                pipeline.tick(t_ns)
+
+    return seconds(feed)
 
 
 def measured(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, list[tuple[str, Measurement]]]]:
@@ -180,14 +238,12 @@ def measured(setup: Setup, frames: list[RawFrame]) -> Iterator[tuple[int, list[t
             yield frame.t_rx_ns, products.measurements
 
 
-def tell(flown_s: float, parts: dict[str, float]) -> tuple[float, float]:
-    """Print what each part costs; returns how many times real time the whole and navigation alone are."""
-    whole = sum(parts.values())
-    print(f"reprocessing {flown_s:.0f} s takes {whole:.2f} s of one core: {flown_s / whole:.1f} x real time")
-    for name, part in parts.items():
-        told = f"{part:6.2f} s  {1e3 * part / flown_s:6.1f} ms per s of flight"
-        print(f"  {name:<21}{told}  {100 * part / whole:3.0f} %  alone {flown_s / part:6.1f} x")
-    return flown_s / whole, flown_s / parts["navigation"]
+def tell(cost: Cost) -> None:
+    """Print what each part costs, and how many times real time it is alone."""
+    print(f"reprocessing {cost.flown_s:.0f} s, times real time on one core")
+    for name, part_s in (("the whole command", cost.command_s), *cost.rows()):
+        told = f"{part_s:6.2f} s  {1e3 * part_s / cost.flown_s:6.1f} ms per s of flight"
+        print(f"  {name:<21}{told}  {100 * part_s / cost.command_s:3.0f} %  {cost.flown_s / part_s:6.1f} x")
 
 
 def main() -> int:
@@ -207,9 +263,10 @@ def main() -> int:
             print(f"{topic}: {len(delays)} new outputs, p50 {p50:.1f} ms, p99 {p99:.1f} ms, longest {most:.1f} ms")
         holds = len(delays) > 50 and p50 <= P50_MS and p99 <= P99_MS
         verdict.judge(f"bytes to integrity on the bus: p50 <= {P50_MS:g} ms, p99 <= {P99_MS:g} ms", holds)
-        whole, alone = tell(*reprocessed(session, folder / "again"))
-    verdict.judge(f"navigation >= {LEAST_SPEED:g} x real time on one core", alone >= LEAST_SPEED)
-    verdict.judge(f"all of reprocessing >= {LEAST_SPEED:g} x real time on one core", whole >= LEAST_SPEED)
+        cost = reprocessed(session, folder / "again")
+        tell(cost)
+    holds = cost.flown_s / cost.pipeline_s >= LEAST_SPEED
+    verdict.judge(f"the pipeline >= {LEAST_SPEED:g} x real time on one core", holds)
     return verdict.code
 
 

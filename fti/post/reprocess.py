@@ -185,7 +185,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         attachments=[(name, "text/plain", text.encode()) for name, text in texts.items()],
         metadata={"fti": {**recording.metadata.get("fti", {}), "reprocessed": "true"}},
     )
-    with _seldom_searched():
+    with seldom_searched():
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
@@ -201,7 +201,7 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
 
 
 @contextmanager
-def _seldom_searched() -> Iterator[None]:
+def seldom_searched() -> Iterator[None]:
     """Measurements are in no cycles: to look for those after every 700 of them is a tenth of the time."""
     before = gc.get_threshold()
     gc.set_threshold(GARBAGE, *before[1:])
