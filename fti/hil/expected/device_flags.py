@@ -10,7 +10,6 @@ from fti.hil.expected.duties import (
     BITS,
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
-    CONFIRM_S,
     DOUBT_S,
     HEALTH_S,
     HEIGHT,
@@ -20,7 +19,6 @@ from fti.hil.expected.duties import (
     RATE_SHARE,
     RENEWED_S,
     SILENT_S,
-    SLOWEST_MPS,
     SOLUTION,
     UNIT_S,
     WINDOW_S,
@@ -29,6 +27,7 @@ from fti.hil.expected.duties import (
     Found,
     May,
     Told,
+    doubted_s,
 )
 from fti.hil.expected.ground_flags import drawn_away, in_fog, stands_still, wrong_value
 from fti.hil.tables.bases import OnDevices, OnQuantity
@@ -255,7 +254,7 @@ def _in_health(fault: OnDevices) -> tuple[str, ...]:
 def consequences(case: Case, *in_health: str) -> Iterator[May]:
     """Where a fault of a device may show, and until when.  in_health : the words that health may say; none: any"""
     craft, name, begin, end = case.craft, case.name, case.from_s, case.until_s + case.craft.boot_s(case.name)
-    age, window = craft.max_age_s(name) + 1.0, craft.window_m / SLOWEST_MPS + CONFIRM_S
+    age = craft.max_age_s(name) + 1.0
     health = WINDOW_S + HEALTH_S + 1.0 + (_learned_s(case) if craft.says_time(name) else 0.0)
     yield May(f"/{name}/", begin, end + age + craft.FIX_S)
     yield May(case.health, begin, end + health, in_health)
@@ -268,4 +267,4 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
     if name in craft.sources:
         yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, "/fti/event/nav"))
     if name in craft.altimeters or name in craft.sources:
-        yield May(INTEGRITY, begin, end + age + craft.FIX_S + window)
+        yield May(INTEGRITY, begin, end + age + craft.FIX_S + doubted_s(craft))

@@ -41,6 +41,11 @@ RATE_SHARE = 0.5
 BITS = 20.0
 
 
+def doubted_s(craft: Aircraft) -> float:
+    """So long behind a cause the integrity monitor may speak of it [s]: it leaves the window, and a new one is calm."""
+    return 2 * craft.window_m / SLOWEST_MPS + CONFIRM_S
+
+
 @dataclass(frozen=True, slots=True)
 class Duty:
     """A flag that must be raised: one of ``words`` at ``place`` within ``within_s`` of ``from_s``.

@@ -45,6 +45,7 @@ from fti.hil.expected.duties import (
     Duty,
     May,
     Told,
+    doubted_s,
 )
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.bases import OnLinks
@@ -75,11 +76,12 @@ def _obstacle(fault: Obstacle, craft: Aircraft, truth: Truth) -> Told:
     if beside is None:
         return Told("flight", (), ())
     begin, end = beside
-    window = craft.window_m / SLOWEST_MPS + CONFIRM_S
-    may = (May(INTEGRITY, begin, end + 2 * window), *_against_ground(craft, begin, end))
+    last = end + doubted_s(craft)
+    may = (May(INTEGRITY, begin, last), *_against_ground(craft, begin, end))
     if above is None:  # the flight ended with the obstacle ahead, where the beam saw it
         return Told("flight", (), may)
-    duty = Duty(INTEGRITY, ("obstacle",), above[0], above[0] + window, CONFIRM_S, end - above[0] + window)
+    left = above[0] + craft.window_m / SLOWEST_MPS  # the window, at the earliest
+    duty = Duty(INTEGRITY, ("obstacle",), above[0], left, CONFIRM_S, last - left)
     seen = fault.height_m >= OBSTACLE_M and abs(fault.right_m) <= fault.width_m / 2 and craft.has_approach
     duties = (duty, *_deviations(craft, truth, above)) if seen else ()
     unknown = "" if seen else f"lower than {OBSTACLE_M:g} m, beside the track, or without an approach"
@@ -110,8 +112,7 @@ def _off_track(fault: OffTrack, craft: Aircraft, truth: Truth) -> Told:
         return Told("flight", (), (May(INTEGRITY, fault.from_s, fault.to_s + fault.turn_s),))
     begin, end = beyond
     duty = Duty(INTEGRITY, ("off_track",), begin, end, NAV_S + SILENT_S, NAV_S + SILENT_S)
-    window = craft.window_m / SLOWEST_MPS + CONFIRM_S
-    return Told("flight", (duty,), (May(INTEGRITY, begin, end + window),))
+    return Told("flight", (duty,), (May(INTEGRITY, begin, end + doubted_s(craft)),))
 
 
 # --------------------------------------------------------------------------------------------------- of a line

@@ -12,7 +12,7 @@ import numpy as np
 
 from fti.config import Altimeter
 from fti.hil.expected.aircraft import Aircraft, Mask, Truth
-from fti.hil.expected.duties import CONFIRM_S, GROUND_WORDS, HEIGHT, INTEGRITY, NAV_S, SILENT_S, SLOWEST_MPS, May
+from fti.hil.expected.duties import GROUND_WORDS, HEIGHT, INTEGRITY, NAV_S, SILENT_S, May, doubted_s
 from fti.nav.altimetry.validity import DEVIATION_M
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB
 from fti.types import Reason
@@ -33,7 +33,7 @@ def of_flight(craft: Aircraft, truth: Truth) -> tuple[May, ...]:
 
 
 def _of_approach(craft: Aircraft, truth: Truth) -> Iterator[May]:
-    """The integrity monitor refuses what is no approach, and needs a window of one to know again."""
+    """The integrity monitor refuses what is no approach, and needs a window of one to know again, or two."""
     limits = craft.approach
     if limits is None:
         return
@@ -41,7 +41,7 @@ def _of_approach(craft: Aircraft, truth: Truth) -> Iterator[May]:
     turned = _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)
     climbing = truth.climb > MARGIN * GO_AROUND_CLIMB
     for from_s, until_s in _runs(truth, off | turned | climbing):
-        yield May(INTEGRITY, from_s, until_s + craft.window_m / SLOWEST_MPS + CONFIRM_S + SILENT_S)
+        yield May(INTEGRITY, from_s, until_s + doubted_s(craft) + SILENT_S)
 
 
 def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:

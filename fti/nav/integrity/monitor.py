@@ -119,9 +119,8 @@ class ClearanceMonitor:
     def restart(self) -> None:
         """Begin with an empty window, as after a change of the source of the height."""
         self._window.clear()
-        self._logic = AlarmLogic()
+        self._logic = AlarmLogic(self._window.length)
         self._updated: tuple[int, float] | None = None
-        self._bad_bin = len(self.reference.s)
 
     # ------------------------------------------------------------------------------------------------- stepping
 
@@ -212,14 +211,13 @@ class ClearanceMonitor:
         if not self._window.is_full(x.s):
             return self._judged(x, IntegrityState.ACQUIRE, (), NOTHING)
         if has_gaps(self.bins):
+            self._logic.skip()
             return self._judged(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NOTHING)
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
-        self._remember_obstacle(found)
         protection = self._protector.of(found, x.s, x.horizontal_sd)
         ratios = self._ratios(found, protection)
-        window_is_new = found.first_bin + len(self.bins.z) - 1 < self._bad_bin
-        state, reasons = self._logic.step(ratios, window_is_new)
+        state, reasons = self._logic.step(ratios, x.s)
         if state is not IntegrityState.ALERT and protection.lacks:
             state, reasons = IntegrityState.UNAVAILABLE, (*protection.lacks, *reasons)
         return self._judged(x, state, reasons, _told(found, ratios, protection))
@@ -230,12 +228,6 @@ class ClearanceMonitor:
         observable = found.observability >= self._observable and protection.along
         t2 = found.t2 / limits.t2 if observable else None
         return Ratios(found.t1 / limits.t1, t2, found.t3 / limits.t3, found.t4 / limits.t4)
-
-    def _remember_obstacle(self, found: Statistics) -> None:
-        """The newest bin at which T4 was over its limit."""
-        over = np.flatnonzero(found.obstacle > self._limits.t4)
-        if len(over):
-            self._bad_bin = min(self._bad_bin, found.first_bin + int(over[0]))
 
     # ---------------------------------------------------------------------------------------------------- output
 

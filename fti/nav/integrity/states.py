@@ -2,11 +2,12 @@
 
 ALERT    T4 over its limit in 2 consecutive updates, or T1, T2 or T3 in 2 of 3
 CAUTION  T2 or T3 over its limit once
-ALERT -> OK when every T_i is below 0.8 of its limit, in 3 consecutive updates, for a window that holds no sample
-         at which T4 was over.  (T1 to T3 are sums over the whole window: they fall when the affected samples
-         have left it, so this is one window and less than a second after the last of them.)
-MONITOR instead of OK while the shift is not observable: T2 is then not judged, and an ALERT that T2 caused does not
-end, for not seeing the shift is not seeing that it has gone.
+ALERT -> OK when every T_i was below 0.8 of its limit over one whole new window, whichever test the ALERT is of: in each
+         update of a way as long as the window, so that nothing in the last one's window is older than the first one.
+         (T1 to T3 are sums over a window, and may be small for a moment while their cause is still there.)
+         Updates that could not be judged are none of these: the way begins again.
+MONITOR instead of OK while the shift is not observable: T2 is then not judged, and for an ALERT that T2 caused the
+window begins again, for not seeing the shift is not seeing that it has gone.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from dataclasses import dataclass
 from fti.types import IntegrityState, Reason
 
 CALM_RATIO = 0.8
-CALM_UPDATES = 3
 MEMORY = 3
 
 TESTS = (Reason.ABSOLUTE_MATCH, Reason.SHIFTED, Reason.HEIGHT_ERROR, Reason.OBSTACLE)
@@ -39,19 +39,18 @@ class Ratios:
 
 
 class AlarmLogic:
-    """Hysteresis and confirmation."""
+    """Hysteresis and confirmation.  window_m : length of the window [m]"""
 
-    def __init__(self) -> None:
+    def __init__(self, window_m: float) -> None:
+        self._window_m = window_m
         self._recent: deque[frozenset[Reason]] = deque(maxlen=MEMORY)
         self._causes: frozenset[Reason] = frozenset()
-        self._calm = 0
+        self._calm_from: float | None = None
 
-    def step(self, ratios: Ratios, window_is_new: bool) -> tuple[IntegrityState, tuple[Reason, ...]]:
-        """The state after an update.  window_is_new : the window holds no sample at which T4 was over."""
+    def step(self, ratios: Ratios, s: float) -> tuple[IntegrityState, tuple[Reason, ...]]:
+        """The state after an update at path length s [m]."""
         self._recent.append(ratios.over(1.0))
-        blind = ratios.t2 is None and Reason.SHIFTED in self._causes
-        self._calm = 0 if blind or ratios.over(CALM_RATIO) else self._calm + 1
-        if self._calm >= CALM_UPDATES and window_is_new:
+        if self._is_calm_for_a_window(ratios, s):
             self._causes = frozenset()
         self._causes |= self._confirmed()
         not_observable = (Reason.NOT_OBSERVABLE,) if ratios.t2 is None else ()
@@ -61,6 +60,18 @@ class AlarmLogic:
         if doubts:
             return IntegrityState.CAUTION, _ordered(doubts) + not_observable
         return (IntegrityState.MONITOR if not_observable else IntegrityState.OK), not_observable
+
+    def skip(self) -> None:
+        """An update that could not be judged."""
+        self._calm_from = None
+
+    def _is_calm_for_a_window(self, ratios: Ratios, s: float) -> bool:
+        blind = ratios.t2 is None and Reason.SHIFTED in self._causes
+        if blind or ratios.over(CALM_RATIO):
+            self._calm_from = None
+            return False
+        self._calm_from = s if self._calm_from is None else self._calm_from
+        return self._calm_from - s >= self._window_m
 
     def _confirmed(self) -> frozenset[Reason]:
         recent = list(self._recent)

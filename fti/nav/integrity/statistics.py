@@ -47,8 +47,6 @@ class Statistics:
     shift_resolution : s_s [m], infinite over level ground
     shift, _sd   : d^ and its sigma [m]; None when the best shift is the last one tried
     height_error, _sd : b(0) and s_b [m]
-    first_bin    : index of the newest bin on the reference's grid
-    obstacle     : what T4 is the greatest of, per bin of the last 50 m, newest first; -inf without a sample
     """
 
     t1: float
@@ -61,8 +59,6 @@ class Statistics:
     shift_sd: float | None
     height_error: float
     height_error_sd: float
-    first_bin: int
-    obstacle: Array
 
 
 class Matcher:
@@ -102,8 +98,6 @@ class Matcher:
             shift_sd=shift_sd,
             height_error=height_error,
             height_error_sd=height_error_sd,
-            first_bin=bins.first,
-            obstacle=obstacle,
         )
 
     def _best_shift(self, mismatch: Array) -> tuple[float | None, float | None]:
