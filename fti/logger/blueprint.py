@@ -18,6 +18,8 @@ Metadata = Mapping[str, Mapping[str, str]]
 #: What each file says of itself: kind, session; ``place_0``, ``place_1``: the folders in which parts may lie.
 FILE_METADATA = "fti.file"
 PLACE_KEY = "place_"
+#: What a file that was recovered from a damaged one says of that.
+RECOVERED_METADATA = "fti.recovered"
 
 
 class Blueprint:

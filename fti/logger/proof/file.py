@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fti.logger import records
-from fti.logger.blueprint import FILE_METADATA
+from fti.logger.blueprint import FILE_METADATA, RECOVERED_METADATA
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
@@ -58,6 +58,7 @@ class ProofFile:
 
     messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
     size     : so far it was read [B]; it may have grown since
+    doubts   : what is not known of it because it was made by a recovery
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,6 +69,7 @@ class ProofFile:
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
         self.metadata: dict[str, dict[str, str]] = {}
+        self.doubts: list[str] = []
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
@@ -203,13 +205,23 @@ class ProofFile:
         if op == Op.METADATA:
             body = source.read(at + _HEAD, end - at - _HEAD)
             name, begin = read_text(body, 0)
-            self.metadata[name] = _table(body, begin)
+            self.metadata[name] = table = _table(body, begin)
+            if name == RECOVERED_METADATA:
+                self._doubt(table)
         elif op == Op.DATA_END:
             self._ended = True
             self._check_metadata()
             self._check_data_crc(source, at)
         elif op == Op.FOOTER:
             self._check_summary_crc(source, at)
+
+    def _doubt(self, recovered: dict[str, str]) -> None:
+        """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
+        unproved = recovered.get("unproved", "?")
+        if unproved != "0":
+            self.doubts.append(f"was recovered, {unproved} messages of it without a checksum that held")
+        if recovered.get("complete") != "true":
+            self.doubts.append("was recovered from a file of which not everything was whole")
 
     def _take_index(self, found: bytes, at: int) -> None:
         channel = int.from_bytes(found[_HEAD : _HEAD + 2], "little")

@@ -98,6 +98,8 @@ class _Verification:
         if file.broken:
             being = f"{path.name}: is being written" if is_being_written(path) else f"{path.name}: {file.broken}"
             files.add(Verdict.LOSS, being)
+        for doubt in file.doubts:
+            files.add(Verdict.LOSS, f"{path.name}: {doubt}")
         for fault in self._read_officially(file):
             official.add(Verdict.REFUTED, f"{path.name}: {fault}")
         self._done += size

@@ -11,6 +11,7 @@ from typing import Any
 
 from fti.errors import StorageError
 from fti.logger import records
+from fti.logger.blueprint import RECOVERED_METADATA
 from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
@@ -22,7 +23,6 @@ from fti.logger.recovery.numbers_found import Gap, NumbersFound
 from fti.logger.recovery.rebuilt import Rebuilt
 from fti.logger.session import name_parts
 
-METADATA = "fti.recovered"
 REPORT = "recovered.json"
 Progress = Callable[[int], None]
 
@@ -205,7 +205,7 @@ class _Salvage:
             else:
                 self._note_lost(piece)
         self._compare()
-        self._rebuilt.metadata(records.metadata(METADATA, self._summary()))
+        self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, self._summary()))
         self._rebuilt.finish()
         return self._report
 

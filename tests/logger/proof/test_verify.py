@@ -24,6 +24,7 @@ from fti.logger.proof.verify import verify
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head
+from fti.logger.recovery.salvage import salvage_session
 from fti.logger.session import SessionFolder
 from tests.logger.small_session import STARTED, TURN, Recorder, Table, make, open_log, time_of
 
@@ -97,6 +98,26 @@ def test_a_whole_session_holds(folder: SessionFolder, capsys: pytest.CaptureFixt
     text = capsys.readouterr().out
     assert "all holds: 3 files, 500 numbered messages" in text
     assert "/tx/radar" in text and "/tx/ins" not in text  # nothing was sent there
+
+
+def test_a_copy_of_a_recovery_is_not_whole_where_a_checksum_did_not_hold(folder: SessionFolder, tmp_path: Path) -> None:
+    """Its own checksums hold; a copy of the copy says so as well, one of a sound session is whole."""
+    make(folder)
+    sound = salvage_session(folder.path, tmp_path / "sound", print)
+    assert sound.complete and verify(Recording.open(tmp_path / "sound")).holds
+    path = folder.files("raw")[0]
+    with Source(path) as source:
+        chunk_at = next(at for at in range(source.size) if (head := chunk_head(source, at)) and head.content(source))
+        head = chunk_head(source, chunk_at)
+    assert head
+    content = bytearray(path.read_bytes())
+    content[head.end - 1] ^= 4  # of the last message
+    path.write_bytes(content)
+    for session, out in ((folder.path, tmp_path / "copy"), (tmp_path / "copy", tmp_path / "again")):
+        salvage_session(session, out, print)
+        report = verify(Recording.open(out))
+        assert report.verdict is Verdict.LOSS
+        assert any("messages of it without a checksum that held" in text for text in report.findings)
 
 
 def test_accounts_are_made_again_from_the_frames(folder: SessionFolder) -> None:
