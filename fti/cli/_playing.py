@@ -13,8 +13,8 @@ from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 from fti.errors import MissingError
-from fti.hil.lateness import Lateness
 from fti.hil.report import Report
+from fti.lateness import Lateness
 
 #: Each ends the playing in good order; the last one is a terminal that is closed.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

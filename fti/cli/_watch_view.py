@@ -57,7 +57,14 @@ def _banner(health: Fields) -> Text:
     text.append(f"  {session.get('name', UNKNOWN)}  ", "bold")
     text.append(str(session.get("state", UNKNOWN)), "green" if session.get("state") == "recording" else "bold red")
     size_mb = (storage.get("file_bytes") or 0) / 1e6
-    return text.append(f"  {size_mb:.1f} MB, {_number(storage.get('free_mb'), 0)} MB free")
+    text.append(f"  {size_mb:.1f} MB, {_number(storage.get('free_mb'), 0)} MB free")
+    return text.append(_delay(health.get("navigation", {})))
+
+
+def _delay(navigation: Fields) -> str:
+    """From a frame's stamp to what navigation made of it."""
+    delay = navigation.get("output_delay")
+    return f"  outputs p50 {_number(delay['p50_ms'], 0)}, p99 {_number(delay['p99_ms'], 0)} ms" if delay else ""
 
 
 def _alarms(alarms: list[Fields]) -> Iterator[Text]:

@@ -18,7 +18,6 @@ import numpy as np
 from fti.config import Config
 from fti.hil.bench import Bench
 from fti.hil.device_line import DeviceLine
-from fti.hil.lateness import Histogram
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.power import PowerUnit
 from fti.hil.report import Report, lateness_by_link
@@ -34,6 +33,7 @@ from fti.hil.tables.flights import WaypointFlight
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.hil.truth import TruthLog
 from fti.hil.world import World
+from fti.lateness import Histogram
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain import scenes
 from fti.terrain.surroundings import demo_country

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from fti.errors import MissingError
-from fti.hil.lateness import Histogram, Lateness
 from fti.hil.ports.endpoints import Endpoint
+from fti.lateness import Histogram, Lateness
 from fti.types import RawFrame
 
 SECOND_NS = 1_000_000_000

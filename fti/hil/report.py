@@ -7,8 +7,9 @@ from dataclasses import asdict, dataclass, field
 from itertools import groupby
 from typing import Any
 
-from fti.hil.lateness import Histogram, Lateness, Meter, Rate
 from fti.hil.ports.sent import Sent
+from fti.hil.rates import Meter, Rate
+from fti.lateness import Histogram, Lateness
 
 
 @dataclass(frozen=True, slots=True)

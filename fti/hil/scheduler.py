@@ -14,7 +14,7 @@ from bisect import insort
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Protocol, runtime_checkable
 
-from fti.hil.lateness import Histogram, Lateness
+from fti.lateness import Histogram, Lateness
 
 #: Longest sleep [s], so that a request to stop is seen; and messages sent before other tasks are let in.
 MAX_SLEEP_S = 0.05

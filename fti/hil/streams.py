@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from fti.canframe import STANDARD_MASK, pack_can
 from fti.hil.device_line import DeviceLine
-from fti.hil.lateness import Meter
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint
+from fti.hil.rates import Meter
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.links.slcan_status import FLAGS
 

@@ -65,7 +65,12 @@ class HealthBoard:
         if silent_ns <= LATE_NS or not navigation:
             return navigation, devices
         hint = f"navigation has said nothing for {silent_ns / 1e9:.0f} s"
-        late = {**navigation, "lag_ms": navigation["lag_ms"] + silent_ns / 1e6, "hint": hint}
+        late = {
+            **navigation,
+            "lag_ms": navigation["lag_ms"] + silent_ns / 1e6,
+            "output_delay": None,
+            "hint": hint,
+        }
         gone = {"state": LinkState.SILENT, "hint": hint, "clocks": []}
         return late, {name: {**device, **gone} for name, device in devices.items()}
 

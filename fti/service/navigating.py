@@ -20,6 +20,7 @@ from fti.service.derived import DerivedWriter
 from fti.service.diagnosis import Diagnosis
 from fti.service.ground import GroundLoading
 from fti.service.orders import NavigationOrder
+from fti.service.output_delay import OutputDelay
 from fti.service.patience import Patience, Skips
 from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, Output, RawFrame
 
@@ -57,6 +58,7 @@ class Navigator:
         self._last_seq = resumed.next_seq - 1
         self._resumed = resumed.position > 0
         self._last_ns = clock.now_ns()
+        self._delay = OutputDelay(self._last_ns)
         self._hurry = False
         self._fault_told: str | None = None
 
@@ -148,7 +150,10 @@ class Navigator:
             return  # sent by us: recorded, not received
         frame = RawFrame(self._links[index], seq, t_rx_ns, data)
         self._diagnosis.listen(frame)
-        self._deliver(self._chain.feed(frame))
+        products = self._chain.feed(frame)
+        self._deliver(products)
+        if products.outputs:
+            self._delay.add(t_rx_ns, self._clock.now_ns())
 
     def _deliver(self, products: Products) -> None:
         for device, measurement in products.measurements:
@@ -205,6 +210,7 @@ class Navigator:
                     "devices": self._diagnosis.devices(now),
                     "navigation": {
                         "lag_ms": max(0.0, (now - self._last_ns) / 1e6),
+                        "output_delay": self._delay.percentiles(now),
                         "ring_lost_frames": self._reader.lost_frames,
                         "last_seq": self._last_seq,
                         "terrain": self._loading.state if self._loading else None,

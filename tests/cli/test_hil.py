@@ -15,8 +15,9 @@ import pytest
 
 from fti.cli._playing import ports_in, until_stopped
 from fti.cli.main import main
-from fti.hil.lateness import Histogram, Rate
+from fti.hil.rates import Rate
 from fti.hil.report import Report
+from fti.lateness import Histogram
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
 from tests.hil.worlds import world

@@ -104,6 +104,7 @@ def test_values_links_and_origin_are_shown() -> None:
     text = rendered(make_feed(), 0)
     for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):
         assert words in text
+    assert "outputs p50 9, p99 17 ms" in text
     assert STRUCK not in text
 
 

@@ -11,12 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fti.hil.device_line import DeviceLine
-from fti.hil.lateness import BINS, Histogram, Meter
 from fti.hil.ports.endpoints import Endpoint
 from fti.hil.ports.sent import Sent
+from fti.hil.rates import Meter
 from fti.hil.report import Report, lateness_by_link
 from fti.hil.streams import SensorStream
 from fti.hil.tables.kinds import Burst
+from fti.lateness import BINS, Histogram
 from tests.hil.faults.flown import device
 from tests.hil.worlds import scenario
 

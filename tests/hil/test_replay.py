@@ -27,12 +27,12 @@ from fti.cli._playing import until_stopped
 from fti.config import Config
 from fti.errors import MissingError
 from fti.hil.ahead import chosen
-from fti.hil.lateness import Histogram
 from fti.hil.playback import FrameStream, Transport
 from fti.hil.recorded import recorded_config
 from fti.hil.replay import Replay, length_s
 from fti.hil.report import Report
 from fti.hil.status import describe_replay
+from fti.lateness import Histogram
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder

@@ -41,7 +41,8 @@ def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
 
 def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
     link, device = {"state": "good", "hint": ""}, _device("noise")
-    said = {"navigation": {"lag_ms": 20.0}, "devices": {"d": device}}
+    delay = {"p50_ms": 8.0, "p99_ms": 15.0, "max_ms": 21.0}
+    said = {"navigation": {"lag_ms": 20.0, "output_delay": delay}, "devices": {"d": device}}
     board = HealthBoard({"state": "recording"}, {"links": {"a": link}}, said)
     now = board.compose(0, [])
     assert (now["navigation"]["lag_ms"], now["devices"]["d"]["state"], now["links"]["a"]["state"]) == (
@@ -50,7 +51,9 @@ def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
         "noise",
     )
     late = board.compose(LATE_NS + 10**9, [])
+    assert now["navigation"]["output_delay"] == delay
     assert late["navigation"]["lag_ms"] == 20 + LATE_NS / 1e6 + 1000
+    assert late["navigation"]["output_delay"] is None
     assert late["devices"]["d"]["state"] == "silent"
     assert "said nothing" in late["devices"]["d"]["hint"]
     assert late["links"]["a"]["state"] == "good"  # its bytes still come

@@ -238,7 +238,12 @@ def make_health(t: float, t_ns: int, started_ns: int) -> dict[str, Any]:
             "state": "ok",
             "hint": "",
         },
-        "navigation": {"lag_ms": 11.0 + 3 * math.sin(t), "ring_lost_frames": 0, "last_seq": int(t * 450)},
+        "navigation": {
+            "lag_ms": 11.0 + 3 * math.sin(t),
+            "output_delay": {"p50_ms": 9.2, "p99_ms": 17.4, "max_ms": 22.1},
+            "ring_lost_frames": 0,
+            "last_seq": int(t * 450),
+        },
     }
 
 

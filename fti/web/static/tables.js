@@ -47,8 +47,9 @@ export class Devices extends Table {
     this.showRows(health?.devices ?? {}, silence);
     const navigation = health?.navigation;
     if (!navigation) return;
-    const { lag_ms: lag, ring_lost_frames: lost } = navigation;
-    setText(this.heading.side, `navigation ${fixed(lag, 0)} ms behind · ring lost ${lost}`);
+    const { lag_ms: lag, output_delay: delay, ring_lost_frames: lost } = navigation;
+    const out = delay ? `outputs after ${fixed(delay.p50_ms, 0)} ms, p99 ${fixed(delay.p99_ms, 0)} · ` : "";
+    setText(this.heading.side, `${out}navigation ${fixed(lag, 0)} ms behind · ring lost ${lost}`);
   }
 }
 
