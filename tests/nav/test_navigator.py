@@ -414,6 +414,26 @@ def test_a_wrong_fix_to_begin_with_is_never_told(flight: State) -> None:
     assert valid > 300
 
 
+@pytest.mark.parametrize("first", ["sound", "wrong"])
+def test_another_receiver_that_is_wrong_does_not_keep_it_from_aligning(flight: State, first: str) -> None:
+    """300 m to the east of the sound one, in turns with it, each with its own fixes four times a second."""
+    navigator, felt, turned = Navigator(Model(extras=GNSS_DRIFTS)), specific_force_b(flight), angular_rate_b(flight)
+    valid = 0
+    for k, t in enumerate(flight.t[:400].tolist()):
+        navigator.take_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
+        if k % 5 == 0:
+            wrong = (k % 10 == 0) == (first == "wrong")
+            name = "other" if wrong else "gnss"
+            position, velocity = gnss(flight, k, 300.0 if wrong else 0.0)
+            navigator.take(ns(t), replace(position, name=f"{name}.position"))
+            navigator.take(ns(t), replace(velocity, name=f"{name}.velocity"))
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+        valid += navigator.output(ns(t)).valid
+    assert valid > 380
+    names = {"sound": "other.position", "wrong": "gnss.position"}  # nobody knows which of two is wrong: it is named
+    assert navigator.output(ns(t)).rejected == (names[first],)
+
+
 def test_a_bit_that_fell_over_in_one_inertial_sample_is_known_and_forgotten(flight: State) -> None:
     """100 m/s^2 for a sample are metres a second that nobody flew; without a sigma for it what aids was refused."""
     navigator, felt, turned, worst = begun(flight), specific_force_b(flight), angular_rate_b(flight), 0.0

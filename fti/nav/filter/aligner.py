@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fti.geodesy.rotations import rpy_from_mat
 from fti.geodesy.wgs84 import radii
-from fti.nav.filter.aiding import GnssPosition, GnssVelocity, Vector
+from fti.nav.filter.aiding import GnssHeight, GnssPosition, GnssVelocity, Vector
 from fti.nav.filter.estimate import Start
 from fti.nav.inertial.alignment import HEADING_SD, LEAST_SPEED, TILT_SD, attitude_in_flight
 from fti.types import Reason
@@ -60,6 +60,13 @@ class Aligner:
     def note_attitude(self, t_ns: int, attitude: Attitude, sd: Vector) -> None:
         """Roll, pitch, heading or None [rad] of a device, and their sigma."""
         self._attitude = t_ns, attitude, sd
+
+    @property
+    def names(self) -> frozenset[str]:
+        """What the state to begin with is made from: names of a position, its height and a velocity."""
+        assert self._position is not None
+        position = self._position[1]
+        return frozenset((position.name, GnssHeight(position).name, self._velocities[-1][1].name))
 
     def start(self, t_ns: int) -> Start | Reason:
         """The state at t_ns, or what is missing."""

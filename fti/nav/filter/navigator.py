@@ -66,13 +66,13 @@ class Navigator:
         self._newest_ns: int | None = None
         self._backwards = 0
         self._restarted: Reason | None = None
-        self._unconfirmed = False
+        self._unconfirmed = frozenset[str]()  # names of what it began with, until they agree
 
     # ---------------------------------------------------------------------------------------------------- taking
 
     def begin(self, t_ns: int, start: Start, accel_b: ArrayLike, gyro_b: ArrayLike) -> None:
         """Begin with a known state at an inertial sample."""
-        self._newest_ns, self._restarted, self._unconfirmed = t_ns, None, False
+        self._newest_ns, self._restarted, self._unconfirmed = t_ns, None, frozenset()
         felt = np.concatenate((np.asarray(accel_b, dtype=np.float64), np.asarray(gyro_b, dtype=np.float64)))
         self._timeline = Timeline(start.estimate(t_ns, felt, self.model))
 
@@ -191,16 +191,20 @@ class Navigator:
             self._missing = (start,)
             return
         self.begin(t_ns, start, felt[:3], felt[3:])
-        self._unconfirmed = True
+        self._unconfirmed = self._aligner.names
 
     def _confirm(self) -> None:
-        """One fix is no fix: what it began with was wrong where the next one is refused, or that one is."""
+        """One fix is no fix: of the devices that it began with the next one must agree, or one of the two is wrong.
+
+        What another device says may be what is wrong, and hinders nobody; it confirms as well.
+        """
         assert self._timeline is not None
-        standings = {n: s for n, s in self._timeline.newest.standings.items() if n.endswith(CONFIRMING)}
-        if any(s.refused_since_ns is not None for s in standings.values()):
+        standings = self._timeline.newest.standings
+        believed = [name for name, s in standings.items() if s.believed_ns is not None]
+        if not self._unconfirmed.isdisjoint(rejected(standings)):
             self._restart(Reason.REJECTED)
-        elif {n.rsplit(".", 1)[1] for n in standings} == {"position", "height", "velocity"}:
-            self._unconfirmed = False
+        elif all(any(name.endswith(kind) for name in believed) for kind in CONFIRMING):
+            self._unconfirmed = frozenset()
 
     def _step_back(self) -> None:
         """A sample from the past: one is refused, many are a clock that has jumped."""
