@@ -449,7 +449,7 @@ class Reason(StrEnum):
     TERRAIN_LOADING = "terrain_loading"
     TERRAIN_EDGE = "terrain_edge"  # beyond what the files cover
     TERRAIN_HOLE = "terrain_hole"  # the files do not know this ground
-    UNCERTAIN = "uncertain"  # place, attitude or terrain are not known well enough to tell a deviation at its limit
+    UNCERTAIN = "uncertain"  # place, attitude or terrain are so uncertain that a deviation of twice its limit passes
     # of the filters
     NO_IMU = "no_imu"
     NO_GNSS = "no_gnss"
@@ -524,8 +524,8 @@ class HeightAboveGround:
     compensated, compensated_sd, compensation : height above the ground straight below ``point``, by the terrain between
                  there and what the beam sees [m], its sigma, and how
     wheels     : height of the wheels by ``height_agl``, as the aircraft lies [m]; None where nobody says where they are
-    unchecked  : why the terrain could not be asked, or not as closely as the limits ask; what it can tell against a
-                 height is then not told
+    unchecked  : why the terrain could not be asked, or not nearly as closely as the limits ask; what it can tell
+                 against a height is then not told
     """
 
     t_ns: int

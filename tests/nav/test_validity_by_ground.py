@@ -65,10 +65,11 @@ def test_a_place_that_is_not_known_makes_no_sensor_wrong() -> None:
 
 
 def test_a_gate_that_what_is_known_has_widened_says_so() -> None:
-    """8 m of deviation on a slope, the place known to 10 m: valid, and not held against the 5 m of the table."""
+    """8 m of deviation on a slope, the place known to 10 m: a gate of 24 m, and 5 m in the table; by 4 m 9.6 m."""
     slope = np.broadcast_to(0.8 * POSTS, (len(POSTS), len(POSTS)))
     assert said(channel(slope), 158.0, place_sd=10.0).unchecked == (Reason.UNCERTAIN,)
-    assert said(channel(slope), 150.0, place_sd=1.0).unchecked == ()
+    assert said(channel(slope), 150.0, place_sd=4.0).unchecked == ()
+    assert said(channel(slope), 150.0, place_sd=4.5).unchecked == (Reason.UNCERTAIN,)
     assert said(channel(slope, max_deviation_m=30.0), 158.0, place_sd=10.0).unchecked == ()
 
 

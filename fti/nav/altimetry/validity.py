@@ -21,7 +21,8 @@ terrain, is held against the navigated height h(P) - h(N).  Where N lies is know
 around it is uneven the gate is narrower by as much as h(N) may be wrong (``fti.nav.altimetry.nadir.ground_sd``).
 
 A limit is kept by what is within it: nothing that is no number is.  Where the sigma of the prediction widens the gate a
-sample is valid with more than the table allows: that is said with it (``compares``, reason UNCERTAIN in ``unchecked``).
+sample is valid with more than the table allows.  Where the gate lets even twice the limit pass, that is said with it
+(``compares``, reason UNCERTAIN in ``unchecked``); not at the first metre, or it would stand on every height.
 Source: Spiegel 2018, section 3.1, tables 3.2, 7.16 and 7.20; age as the design's section 2 asks; the source gives no
 limit of incidence and of dispersion ("~ h"), these are stated.
 """
@@ -40,6 +41,8 @@ DEVIATION_M = {"laser": 5.0, "radar": 10.0}
 INCIDENCE_DEG = {"laser": 75.0, "radar": 60.0}
 #: A deviation that the errors known of place, attitude, terrain and device explain so often is not held against it.
 SIGMAS = 3.0
+#: A sample is compared as long as one that is off by so many times the limit is refused.
+COMPARED = 2.0
 ATTITUDE_DEG, NADIR_M = 10.0, 10.0
 
 
@@ -97,8 +100,11 @@ def _deviation_limit(a: Altimeter) -> float:
 
 
 def compares(predicted_sd: float, limits: Altimeter) -> bool:
-    """Whether a deviation at its limit can be told, or what is known is so uncertain that a greater one passes [m]."""
-    return SIGMAS * predicted_sd <= _deviation_limit(limits)
+    """Whether a deviation of twice its limit is refused.  predicted_sd : one sigma of measured - predicted [m]
+
+    Else what is known is so uncertain that the ground says next to nothing of the sample.
+    """
+    return SIGMAS * predicted_sd <= COMPARED * _deviation_limit(limits)
 
 
 def _not_nadir(s: Sample, a: Altimeter) -> bool:
