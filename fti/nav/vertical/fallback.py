@@ -132,7 +132,8 @@ class VerticalFallback:
     def _shake(self, accel: float, dt: float) -> None:
         """A jump of what is felt makes the climb as uncertain as it would be wrong, if nobody flew it."""
         assert self._channel is not None and self._filter is not None
-        jumped = abs(accel - (self._channel.accel or accel)) - SHOCK
+        before = self._channel.accel
+        jumped = 0.0 if before is None else abs(accel - before) - SHOCK
         if jumped > 0.0:
             self._filter.P[CLIMB, CLIMB] += (jumped * dt) ** 2
 
