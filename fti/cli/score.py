@@ -104,7 +104,7 @@ def _judge(scenario: Scenario, recording: Recording, setup: Setup, args: argpars
     from fti.cli._reading import reading
     from fti.post.score.flown import find_truths, read_flown
     from fti.post.score.judging import judge
-    from fti.post.score.said import read_said
+    from fti.post.score.messages import read_said
 
     flights = [read_flown(file, scenario) for file in find_truths(recording, Path(args.truth) if args.truth else None)]
     channels = [expectation.channel for expectation in scenario.expect]

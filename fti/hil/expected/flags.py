@@ -1,6 +1,6 @@
 """What the daemon must say of each fault, and how soon: the flags of ``FaultKind``.
 
-A flag is a word at a place of the recorded session (``fti.post.score.said``):
+A flag is a word at a place of the recorded session (``fti.post.score.messages``):
 
 place                                words
 -----------------------------------  ----------------------------------------------------------------------------------

@@ -1,65 +1,26 @@
-"""What the daemon said, from the recorded session alone: at each place words, and from when until when they stood.
+"""What the daemon said: at each place words, and from when until when they stood.
 
-A word stands from the message that has it until the first at the same place that has not.  What a count says (errors of
-a line, refused bytes) stands from the report in which it has grown until the first in which it has not.
+A word stands from the message that has it until the first at the same place that has not.
 """
 
 from __future__ import annotations
 
-import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from fti.config import Config
-from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
-from fti.logger.reading.recording import Recording
-from fti.nav.navigation import FILTER, RADIO
-from fti.post.score.flown import PAUSE_S, Flown, Pause
-from fti.service.diagnosis import NO_FRAME_REASONS
-from fti.types import IntegrityState, Reason
+from fti.post.score.flown import Pause
 
-EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
-#: What only says where the aircraft is, and is no flag.
-PLACE = frozenset(
-    (
-        Reason.OUTSIDE_PROFILE,
-        Reason.END,
-        Reason.GO_AROUND,
-        Reason.NOT_OBSERVABLE,
-        Reason.NO_PROFILE,
-        Reason.ABOVE_RANGE,
-        Reason.BELOW_RANGE,
-        Reason.BELOW_150_M,
-    )
-)
-#: What is missing when nothing in the configuration has a role.
-NEEDED = {
-    "attitude": (Reason.NO_ATTITUDE,),
-    "position": (Reason.NO_POSITION, Reason.NO_ALTITUDE, Reason.NO_VELOCITY),
-}
-#: Why nothing is known to compare a height with, where that depends on the place.
-UNKNOWN_GROUND = {Reason.TERRAIN_EDGE, Reason.TERRAIN_HOLE}
-#: Sources of a role that are no device.
-NO_DEVICE = (FILTER, RADIO)
-JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
 #: A device's status stands until the next one, but some devices say only once what has happened [s].
 STATUS, HOLD_S = "/device_status", 2.0
 #: The same word again after a shorter time has stood all along [s].
 MERGE_S = 1.0
 #: What is rounded on the wire is the same number within this share.
 NEAR = 0.1
-WARNING = 3
-#: Navigation is later than that only when it has no time [s].
-LAG_S = 0.5
-#: Why a decoder gives up half a message; and no more bytes than this are one [bytes].
-PAUSE, TORN_BYTES = "pause", 64
-CLOCK_KNOWN = "clock known"
 
 Words = frozenset[str]
-Statement = tuple[str, Words]
 NOTHING: Words = frozenset()
 
 
@@ -148,161 +109,3 @@ class Said:
 
 def _is_at(where: str, place: str) -> bool:
     return where.startswith(place) if place.endswith("/") else where == place
-
-
-def read_said(recording: Recording, config: Config, flown: Flown, channels: Iterable[str]) -> Said:
-    """What was said from the beginning of a flight to its end.  channels : of ``[[expect]]``, topic and field.
-
-    Beside them the standard deviations that devices state with a position are kept.
-    """
-    ports = recording.metadata.get("fti", {}).get("accelerated") != "true"
-    said = Said(ports=ports, began_s=math.inf, spoke_s=-math.inf)
-    wanted: dict[str, list[str]] = defaultdict(list)
-    stated = [f"/{device.name}/position.{axis}_sd" for device in config.device for axis in ("horizontal", "vertical")]
-    for channel in {*channels, *stated}:
-        topic, _, name = channel.rpartition(".")
-        wanted[topic].append(name)
-    reader = _Reader(config)
-    for topic, t_ns, data in _messages(recording):
-        t = flown.seconds(t_ns)
-        if t > flown.truth.end_s:
-            continue
-        if topic == TICK:
-            reader.tick(t, said)
-            continue
-        if topic == HEALTH:
-            reader.lag(t, data, said)
-        for place, words in reader.read(topic, data):
-            said.take(t, place, words - {CLOCK_KNOWN})
-            if CLOCK_KNOWN in words:
-                said.clocks.setdefault(place.rpartition("/")[2], t)
-        if topic in wanted and t >= 0.0:
-            content = json.loads(data)
-            for name in wanted[topic]:
-                said.values[f"{topic}.{name}"].append((t, content.get(name)))
-    said.finish()
-    return said
-
-
-def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
-    """Topic, log time and data of all that is said; events stand in both files, and the raw one has them all."""
-    for topic, t_ns, _, _, data in recording.messages("/fti/", kind="raw"):
-        yield topic, t_ns, data
-    for topic, t_ns, _, _, data in recording.messages(kind="derived"):
-        if not topic.startswith("/fti/"):
-            yield topic, t_ns, data
-
-
-class _Reader:
-    """Knows what the messages of each topic say."""
-
-    def __init__(self, config: Config) -> None:
-        self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
-        self._idle = PLACE | {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
-        self._devices = {device.name for device in config.device}
-        self._counts: dict[str, int] = {}
-        self._ticked: float | None = None
-
-    def tick(self, t: float, said: Said) -> None:
-        """The recorder ticks every 20 ms; where it did not, it stood still."""
-        if self._ticked is not None and t - self._ticked > PAUSE_S:
-            said.pauses.append(Pause(self._ticked, t))
-        self._ticked = t
-
-    def lag(self, t: float, data: bytes, said: Said) -> None:
-        """Since when navigation speaks, and when it was behind: then it judges devices by what it has not seen yet.
-
-        Health knows how late it is also while it says nothing, and then has a hint beside it.
-        """
-        navigation = json.loads(data)["navigation"]
-        lag_ms = navigation.get("lag_ms")
-        if lag_ms is None:
-            return
-        said.began_s = min(said.began_s, t)
-        if "hint" not in navigation:
-            said.spoke_s = t
-        if lag_ms / 1e3 > LAG_S:
-            said.behind.append(Pause(t - lag_ms / 1e3, t))
-
-    def read(self, topic: str, data: bytes) -> Iterator[Statement]:
-        """What a message says, at each place that it tells of."""
-        if topic.startswith("/nav/"):
-            yield from self._navigation(topic, data)
-        elif topic in (HEALTH, LEDGER, EVENT):
-            rules: Mapping[str, Callable[[Any], Iterator[Statement]]] = {
-                HEALTH: self._health,
-                LEDGER: self._ledger,
-                EVENT: _event,
-            }
-            yield from rules[topic](json.loads(data))
-        elif topic.split("/")[1] in self._devices:
-            yield topic, _device(topic, data)
-
-    def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
-        if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
-            return
-        content = json.loads(data)
-        words = frozenset(content["reasons"]) - self._idle
-        if topic == SOLUTION:
-            words |= frozenset(self._sources(content))
-        elif topic.startswith(HEIGHT):
-            words |= UNKNOWN_GROUND & set(content["unchecked"])
-        elif topic == INTEGRITY:
-            words |= {content["state"]} & set(JUDGED)
-        yield topic, words
-
-    def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:
-        """The roles that the preferred device does not have, and those that no device has."""
-        for role, preferred in self._roles.items():
-            source = content[f"{role}_source"]
-            if preferred and source != preferred[0]:
-                yield f"{role} not from {preferred[0]}"
-            if source in NO_DEVICE:
-                yield f"{role} from {source}"
-
-    def _health(self, content: Mapping[str, Any]) -> Iterator[Statement]:
-        for name, device in content["devices"].items():
-            place = f"{DEVICES}/{name}"
-            words = {device["state"]} - {"good"}
-            words |= {CLOCK_KNOWN for clock in device["clocks"] if clock["drift_ppm"] is not None}
-            words |= {"clock away" for clock in device["clocks"] if clock["state"] == "away"}
-            skipped = device.get("skipped", {})
-            yield place, frozenset(words | ({"damaged bytes"} if self._is_damaged(place, skipped) else set()))
-        for name, link in content["links"].items():
-            own = {"absent", "denied", "busy", "silent"} & {link["state"]}
-            yield f"{LINKS}/{name}", frozenset(own)
-
-    def _ledger(self, content: Mapping[str, Any]) -> Iterator[Statement]:
-        for name, link in content["links"].items():
-            place = f"{LEDGER}/{name}"
-            grown = [error for error, n in link.get("errors", {}).items() if self._grows(f"{place}/{error}", n)]
-            lost = [reason for reason, n in link["dropped"].items() if self._grows(f"{place}/{reason}", n["frames"])]
-            yield place, frozenset((*grown, *lost))
-
-    def _is_damaged(self, place: str, skipped: Mapping[str, int]) -> bool:
-        """Were bytes refused?  One message in two pieces, with a pause between, is a machine that had no time."""
-        refused = sum(n for reason, n in skipped.items() if reason not in NO_FRAME_REASONS or reason == "no_sync")
-        few = refused - self._counts.get(place, refused) <= TORN_BYTES
-        torn = self._grows(f"{place}/{PAUSE}", skipped.get(PAUSE, 0))
-        return self._grows(place, refused) and not (few and torn)
-
-    def _grows(self, key: str, count: int) -> bool:
-        before = self._counts.get(key, count)
-        self._counts[key] = count
-        return count > before
-
-
-def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
-    """Warnings and errors; each stands for a moment."""
-    if content["level"] >= WARNING:
-        place = f"{EVENT}/{content['name']}"
-        yield place, frozenset((content["message"],))
-        yield place, NOTHING
-
-
-def _device(topic: str, data: bytes) -> Words:
-    """What a device says of itself, or of a measurement."""
-    if topic.endswith(STATUS):
-        content = json.loads(data)
-        return NOTHING if content["ok"] else frozenset(("invalid", *content["flags"]))
-    return frozenset(("invalid",)) if b'"valid":false' in data else NOTHING

@@ -13,7 +13,7 @@ from fti.logger.reading.recording import Recording
 from fti.post.reprocess import recorded_setup
 from fti.post.score.flown import read_flown
 from fti.post.score.judging import Score, judge
-from fti.post.score.said import read_said
+from fti.post.score.messages import read_said
 from tests.hil.worlds import flat_terrain, path, scenario
 
 DURATION_S = 38.0

@@ -9,7 +9,8 @@ import pytest
 
 from fti import config as configuration
 from fti.post.score.flown import Pause
-from fti.post.score.said import Said, _Reader
+from fti.post.score.messages import Reader
+from fti.post.score.said import Said
 from tests.helpers import ROOT
 
 DAMAGED = "damaged bytes"
@@ -17,7 +18,7 @@ DAMAGED = "damaged bytes"
 
 def words(*skipped: dict[str, int]) -> list[bool]:
     """Whether each of a row of health reports calls the altimeter's bytes damaged."""
-    reader = _Reader(configuration.load(ROOT / "configs" / "demo.toml"))
+    reader = Reader(configuration.load(ROOT / "configs" / "demo.toml"))
     said = []
     for counts in skipped:
         device = {"state": "good", "clocks": [], "skipped": counts}
@@ -41,7 +42,7 @@ def test_damaged_is_what_is_refused_but_not_one_message_in_two_pieces(counts: di
 
 
 def test_navigation_began_with_its_first_word_and_was_behind_by_its_lag() -> None:
-    reader = _Reader(configuration.load(ROOT / "configs" / "demo.toml"))
+    reader = Reader(configuration.load(ROOT / "configs" / "demo.toml"))
     said = Said(began_s=math.inf)
     silent = {"lag_ms": 4000.0, "hint": "navigation has said nothing for 4 s"}
     for t, navigation in ((1.0, {}), (9.0, {"lag_ms": 800.0}), (10.0, {"lag_ms": 20.0}), (14.0, silent)):
