@@ -182,6 +182,7 @@ def test_a_place_that_navigation_does_not_know_is_not_vouched_for_but_an_obstacl
         outputs += run(monitor, [dataclasses.replace(sample, horizontal_sd=sd)])
     known = [o for o in outputs if 1810.0 < (o.s_end or 0.0) < 2500.0]
     unknown = [o for o in outputs if 910.0 < (o.s_end or 0.0) < 1790.0]
+    assert known
     assert {o.state for o in known} <= {IntegrityState.OK, IntegrityState.MONITOR}
     assert {(o.state, o.reasons[0], o.valid) for o in unknown} == {
         (IntegrityState.UNAVAILABLE, Reason.POSITION_UNCERTAIN, False)
