@@ -10,7 +10,7 @@ first that makes no sense, and where one makes none, the one before it is not ta
 Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
 open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
 for one: where the lengths of the damaged chunk agree, what is found in it must lead exactly to its end; where the
-summary is whole, only what stands where the summary tells is looked at.
+summary is whole, only what stands where the summary tells is looked at, and there a flipped bit is turned back, too.
 """
 
 from __future__ import annotations
@@ -264,7 +264,7 @@ class Walk:
         head = chunk_head(self._source, at)
         if head:
             chunk = self._chunk(head)
-            return bool(chunk and chunk.content.messages and chunk.flipped is None)
+            return bool(chunk and chunk.content.messages and (chunk.flipped is None or self._places))
         end = record_end(self._source, at, self._limit)
         if end is None:
             return False

@@ -298,6 +298,22 @@ def test_one_flipped_bit_is_turned_back_and_told(tmp_path: Path, place: int) -> 
     assert report.flipped == []
 
 
+def test_a_flipped_bit_behind_other_damage_is_turned_back_where_the_summary_tells_of_the_chunk(tmp_path: Path) -> None:
+    """Without the summary, what looks like a chunk with one wrong bit may be anything: it is lost with the rest."""
+    original = Original(write_own(tmp_path / "whole.mcap"))
+    (begin, end), lost = original.chunks[2]
+    (following, _), _ = original.chunks[3]
+    data = bytearray(original.data)
+    data[begin : begin + 9] = bytes(9)
+    data[following + 400] ^= 16
+    found, report = recovered(bytes(data), tmp_path)
+    assert found == original.must_hold((begin, end))
+    assert (report.flipped, report.missing_messages, report.complete) == ([following + 400], len(lost), False)
+    found, report = recovered(bytes(data[:-30]), tmp_path)
+    assert found == original.must_hold((begin, following + 1))
+    assert report.flipped == [] and not report.complete
+
+
 def test_frames_for_which_no_trigger_came_are_not_missing(tmp_path: Path) -> None:
     folder = SessionFolder.create(tmp_path, "s", STARTED)
     removed = [seq for seq in range(100) if TURN[seq % len(TURN)] != "/fti/tick"]
