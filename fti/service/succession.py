@@ -137,7 +137,7 @@ class Succession:
 
     def _replace(self, before: Writing | None, stint: Writing, part: Part) -> bool:
         with self._deciding:
-            if not self._machine.opened(time.monotonic(), stint.attempt.place) or self._finished:
+            if self._finished or not self._machine.opened(time.monotonic(), stint.attempt.place):
                 return False
         self.log.adopt(part)
         self._restart(doubtful=before is None or before.refused or before.carrying)

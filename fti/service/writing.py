@@ -17,7 +17,7 @@ import time
 from fti.errors import StorageError
 from fti.service.guard import guarded
 from fti.service.stint import Stint
-from fti.service.succession import FLUSH_PERIOD_S, LAST_CHANCE_S, Succession
+from fti.service.succession import FLUSH_PERIOD_S, LAST_CHANCE_S, Succession, Writing
 
 #: How often the storage should be tended [s].
 TEND_PERIOD_S = 0.1
@@ -55,8 +55,14 @@ class Writer(Succession):
                 time.sleep(FLUSH_PERIOD_S)
                 continue
             stint.join(FLUSH_PERIOD_S)
-            if not stint.is_alive() and stint is self._stint:
+            if not stint.is_alive() and self._is_last(stint):
                 return
+
+    def _is_last(self, stint: Writing) -> bool:
+        """Is it still the one that writes?  Then nobody takes over from it any more: its thread would not leave."""
+        with self.turn:
+            self._finished = stint is self._stint
+            return self._finished
 
     def finish(self) -> None:
         """Record the last notes and close the file; after ``stop``."""

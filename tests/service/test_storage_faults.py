@@ -21,9 +21,10 @@ from fti.logger.places import Place
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, name_parts
-from fti.logger.storage import State
+from fti.logger.storage import Attempt, State
 from fti.service import stint, succession
 from fti.service.source import Source
+from fti.service.stint import Stint
 from fti.service.writing import Writer
 from tests.helpers import until
 
@@ -80,6 +81,7 @@ class Rig:
         places = [Place.of(folder) for folder in self.folders]
         self.writer = Writer(self.log, [source], places, 0.0, self._report)
         self.seq = 0
+        self._ended = False
         self._stop = threading.Event()
         self._tending = threading.Thread(target=self._tend, name="tending")
         self._tending.start()
@@ -126,12 +128,17 @@ class Rig:
 
     def close(self) -> None:
         """End everything."""
-        if not self._stop.is_set():
+        if not self._ended:
+            self._ended = True
             self.set(*["good"] * len(self.folders))
-            self._stop.set()
-            self._tending.join()
+            self.end_tending()
             self.writer.stop()
             self.writer.finish()
+
+    def end_tending(self) -> None:
+        """No attempt begins any more but those of the writer's end."""
+        self._stop.set()
+        self._tending.join()
 
 
 @pytest.fixture
@@ -329,6 +336,19 @@ def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]
     assert "no medium is mounted on /proc" in rig.writer.state()[1]
     assert not rig.folders[0].exists()
     rig.writer._places = [Place.of(rig.folders[0])]
+
+
+def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = make()
+    rig.feed(10)
+    rig.settle()
+    rig.end_tending()
+    last = rig.writer.file
+    rig.writer.stop()
+    monkeypatch.setattr(rig.writer._machine, "opened", lambda now, place: True)
+    Stint(rig.writer, Attempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
+    assert rig.writer.file == last
+    assert rig.finish() == list(range(rig.seq))
 
 
 @settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
