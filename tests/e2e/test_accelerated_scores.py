@@ -8,6 +8,8 @@ import pytest
 
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
+from fti.nav.altimetry import validity
+from fti.types import Reason
 from tests.e2e.conftest import ELSEWHERE, flown
 from tests.e2e.flights import fly_faster
 
@@ -45,6 +47,16 @@ def test_the_daemon_said_what_the_scenario_expects(
     code, said = main(["score", name, str(flight.session)]), capsys.readouterr()
     assert code == 0, said.out + said.err
     assert "holds: " in said.out
+
+
+def test_a_daemon_that_believes_every_range_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rules = tuple(rule for rule in validity.RULES if rule[0] is not Reason.DEVIATION)
+    monkeypatch.setattr(validity, "RULES", rules)
+    flight = fly_faster("gnss_offset", tmp_path, DURATIONS["gnss_offset"])
+    assert main(["score", "gnss_offset", str(flight.session)]) == 1
+    assert "0 of 1 expected flags found in time; 1 missing" in capsys.readouterr().out
 
 
 def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:

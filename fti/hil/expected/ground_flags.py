@@ -74,7 +74,7 @@ def _deviates(name: str, case: Case, where: Mask) -> Sequence[Duty]:
     shown = case.truth.span(where)
     if shown is None:
         return []
-    return [Duty(f"{HEIGHT}/{name}", (Reason.DEVIATION,), *shown, SILENT_S, case.until_s - shown[0] + SILENT_S)]
+    return [Duty(f"{HEIGHT}/{name}", (Reason.DEVIATION,), *shown, SILENT_S, case.until_s - shown[1] + SILENT_S)]
 
 
 def _said(fault: OnQuantity, case: Case) -> Array:

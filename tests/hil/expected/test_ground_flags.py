@@ -55,6 +55,15 @@ def test_a_wrong_range_must_be_seen(craft: Aircraft, fault: Any, from_s: float) 
     assert due(told(fault, craft, LEVEL)) == [(LASER, ("deviation",), from_s, 39.9)]
 
 
+def test_it_must_be_gone_a_second_after_the_fault(craft: Aircraft) -> None:
+    """However long it stood, and however early the fault was no longer to be seen."""
+    low = replace(LEVEL, height_agl=np.where(T < 30.0, 200.0, 50.0))
+    for truth in (LEVEL, low):
+        (one,) = told(Forced(kind="forced", value=40.0, **OF_LASER), craft, truth)
+        (duty,) = one.duties
+        assert duty.until_s + duty.clears_s == pytest.approx(WHEN["to_s"] + 1.0)
+
+
 @pytest.mark.parametrize(
     ("fault", "unknown"),
     [
