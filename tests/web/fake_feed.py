@@ -78,7 +78,7 @@ class Approach:
         if agl > 300.0:
             lost = {**common, "valid": False, "reasons": (Reason.ABOVE_RANGE, Reason.NO_RETURN)}
             return HeightAboveGround(sensor="laser_altimeter", raw=None, height_agl=None, sd=None, **lost)
-        return self._height("laser_altimeter", agl / math.cos(roll), 0.2, common)
+        return self._height("laser_altimeter", agl / math.cos(roll), 0.2, {**common, "unchecked": (Reason.UNCERTAIN,)})
 
     def _integrity(self, t: float, s: float, dh: float, common: dict[str, Any]) -> ClearanceIntegrity:
         state = IntegrityState.ACQUIRE if t < 6.0 else IntegrityState.MONITOR if t % 40 < 8 else IntegrityState.OK

@@ -91,10 +91,11 @@ async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: 
     assert await page.eval("document.documentElement.scrollWidth") == 1024
 
 
-#: Numbers that reach beyond their panel, and panels that hide a part of what is in them.
+#: Numbers that reach beyond their panel, remarks that are shortened, panels that hide a part of what is in them.
 CUT_OFF = """[
-    ...[...document.querySelectorAll('b, dd, td.number, span.ground')].filter((e) =>
+    ...[...document.querySelectorAll('b, dd, td.number, span.ground, .fallbacks span')].filter((e) =>
         e.getBoundingClientRect().right > e.closest('.panel, #banner').getBoundingClientRect().right),
+    ...[...document.querySelectorAll('.sensor span, h2 .note')].filter((e) => e.scrollWidth > e.clientWidth),
     ...[...document.querySelectorAll('.panel')].filter((e) => e.scrollHeight > e.clientHeight),
 ].map((e) => e.id || e.textContent)"""
 

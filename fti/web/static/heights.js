@@ -64,10 +64,13 @@ function plotted(output) {
 
 // What the known terrain adds: the height straight below and what the sensor should say, or why it cannot be asked.
 function overGround(output) {
-  const unchecked = (output.unchecked_text ?? []).join(", ");
-  if (!isNumber(output.predicted)) return unchecked;
+  if (!isNumber(output.predicted)) return uncheckedOf(output);
   const below = isNumber(output.compensated) ? `below ${fixed(output.compensated, 1)} ${plusMinus(output.compensated_sd, 1)}, ` : "";
-  return `${below}terrain predicts ${fixed(output.predicted, 1)}${unchecked && `, ${unchecked}`}`;
+  return `${below}terrain predicts ${fixed(output.predicted, 1)}`;
+}
+
+function uncheckedOf(output) {
+  return (output.unchecked_text ?? []).join(", ");
 }
 
 class Sensor {
@@ -79,11 +82,12 @@ class Sensor {
     this.sd = h("span", { class: "sd" });
     this.raw = h("b", { "data-testid": `${id}-raw` }, "–");
     this.ground = h("span", { class: "ground", "data-testid": `${id}-ground` });
+    this.remark = h("span", { class: "remark", "data-testid": `${id}-remark` });
     this.verdict = h("span", { class: "verdict", "data-testid": `${id}-verdict` });
     this.root = h(
       "div",
       { class: "sensor", "data-testid": id },
-      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.verdict),
+      h("div", { class: "label" }, h("strong", {}, this.swatch, title(name)), this.remark, this.verdict),
       h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
       h("div", { class: "raw" }, h("span", {}, "raw"), this.raw, h("span", { class: "unit" }, "m")),
       this.ground,
@@ -96,6 +100,7 @@ class Sensor {
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.raw, fixed(output.raw, 1));
     setText(this.ground, overGround(output));
+    setText(this.remark, isNumber(output.predicted) ? uncheckedOf(output) : "");
     showValidity(output, [this.value, this.sd, this.raw], this.verdict);
   }
 }

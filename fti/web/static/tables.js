@@ -48,8 +48,9 @@ export class Devices extends Table {
     const navigation = health?.navigation;
     if (!navigation) return;
     const { lag_ms: lag, output_delay: delay, ring_lost_frames: lost } = navigation;
-    const out = delay ? `outputs after ${fixed(delay.p50_ms, 0)} ms, p99 ${fixed(delay.p99_ms, 0)} · ` : "";
-    setText(this.heading.side, `${out}navigation ${fixed(lag, 0)} ms behind · ring lost ${lost}`);
+    const out = delay ? `outputs ${fixed(delay.p50_ms, 0)}, p99 ${fixed(delay.p99_ms, 0)} ms · ` : "";
+    setText(this.heading.side, `${out}${fixed(lag, 0)} ms behind · ring lost ${lost}`);
+    setAttribute(this.heading.side, "title", "from a frame's stamp to what came of it; how far navigation is behind");
   }
 }
 
