@@ -17,7 +17,8 @@ of errors on its line: of these no number of frames is known.
 
 Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
 refuted (does not hold).  A single file of a session is proved as far as it goes; a session whose medium was changed is
-proved from all places together.
+proved from all places together.  Of a copy that fti recover made, loss is also what had no checksum that held: the
+checksums of the copy are new.
 Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted.
 
   fti verify data/da42_20260102T030405Z_0
