@@ -54,7 +54,7 @@ def _beside(detection: Detection | None) -> Iterator[str]:
         return
     yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
     for y, row in zip(detection.y_m, detection.pd, strict=True):
-        yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are an ALERT"
+        yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are over a limit"
 
 
 def plot(reference: Reference) -> list[str]:

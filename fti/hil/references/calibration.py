@@ -3,8 +3,9 @@
     limits    t_i = quantile 1 - Pfa / 4 of the maxima of T_i over whole nominal approaches, all windows, dependence
               included (``fti.hil.references.tails``), with a 95 % bootstrap interval
     verified  other nominal approaches through the whole logic, states included: how many had an ALERT
-    Pd        share of windows in ALERT when the aircraft flies 50, 100, 200 m beside the track and navigation says on
-              it, by the part of the way in which they end
+    Pd        share of windows with a test over its limit when the aircraft flies 50, 100, 200 m beside the track and
+              navigation says on it, by the part of the way in which they end; each window for itself: how long an ALERT
+              lasts that an earlier one has raised is not in it
 
 Source: Spiegel 2018, 7.2.2; limits calibrated instead of chosen.
 """
@@ -63,7 +64,7 @@ def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_al
     mapped = map_ground(ground, plan.s_max, functools.partial(progress, "range map"))
     reference = calibrate(mapped, surface, plan, progress, run_all)
     offsets = [(sign * y, run) for y in BESIDE_M for sign in (-1, 1) for run in range(plan.beside_runs // 2)]
-    task = functools.partial(_alerts_beside, ground, plan, reference)
+    task = functools.partial(_seen_beside, ground, plan, reference)
     found = run_all(task, offsets, functools.partial(progress, "beside the track"))
     header = reference.header.model_copy(update={"detection": _detection(plan, found)})
     return dataclasses.replace(reference, header=header)
@@ -184,8 +185,8 @@ def _parts(plan: Plan) -> Array:
     return np.asarray(PART_M * np.arange(math.ceil(plan.s_max / PART_M), 0, -1))
 
 
-def _alerts_beside(ground: Ground, plan: Plan, reference: Reference, flight: tuple[float, int]) -> Array:
-    """Windows in ALERT and windows judged, by part, shape (2, parts), flown ``flight[0]`` m beside the track."""
+def _seen_beside(ground: Ground, plan: Plan, reference: Reference, flight: tuple[float, int]) -> Array:
+    """Windows over a limit and windows judged, by part, shape (2, parts), flown ``flight[0]`` m beside the track."""
     beside, run = flight
     rng = plan.rng(6, round(abs(beside)), int(beside > 0), run)
     flown = simulate(ground, plan.s_max, rng, offset=lambda s: np.full_like(s, beside))
@@ -194,7 +195,8 @@ def _alerts_beside(ground: Ground, plan: Plan, reference: Reference, flight: tup
     for output in fly(make_monitor(reference), flown):
         if output.valid and output.s_end is not None:
             part = len(counts[0]) - 1 - int(output.s_end // PART_M)
-            counts[:, part] += output.state is IntegrityState.ALERT, 1
+            ratios = (output.t1_ratio, output.t2_ratio, output.t3_ratio, output.t4_ratio)
+            counts[:, part] += any(ratio is not None and ratio > 1.0 for ratio in ratios), 1
     return counts
 
 

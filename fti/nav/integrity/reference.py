@@ -88,7 +88,7 @@ class Limits(StrictModel):
 
 
 class Detection(StrictModel):
-    """Pd(y | window): share of windows in ALERT when the aircraft flies y beside the track and navigation says on it.
+    """Pd(y | window): share of windows over a limit when the aircraft flies y beside the track, navigation on it.
 
     y_m : offsets to either side; s_m : begin of each part of the way, in which the windows end, descending
     pd  : a row for each offset, a figure for each part
