@@ -1,10 +1,13 @@
 """Calibration: sigma factors, and small references."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.special import gammaincinv
 
 from fti.errors import ConfigError
+from fti.hil.references import calibration
 from fti.hil.references.approaches import RA4500, TerrainGround
 from fti.hil.references.calibration import make_reference
 from fti.hil.references.plan import Plan
@@ -12,6 +15,10 @@ from fti.hil.references.profile import few_draws_factor
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.nav.integrity.reference import Reference
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
+from fti.types import ClearanceIntegrity, IntegrityState
+from tests.helpers import ROOT
+
+DEMO = ROOT / "configs" / "profiles" / "demo.csv"
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +59,22 @@ def test_detection_beside_the_track_is_tabulated(ground: TerrainGround) -> None:
     assert np.shape(found.pd) == (3, 2)
     assert min(found.pd[2]) > 0.5  # 200 m beside: the ground is another one
     assert all(0.0 <= share <= 1.0 for row in found.pd for share in row)
+
+
+def test_detection_counts_windows_over_a_limit_and_not_an_alert_that_lasts(
+    ground: TerrainGround, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four windows of the last kilometre one is over T1 and one over T2, and the ALERT lasts through all."""
+    judged = partial(
+        ClearanceIntegrity, t_ns=1, t_valid_ns=1, state=IntegrityState.ALERT, reasons=(), valid=True,
+        t2_ratio=None, t3_ratio=0.1, t4_ratio=0.9,
+    )  # fmt: skip
+    outputs = [judged(s_end=900.0, t1_ratio=t1) for t1 in (1.1, 0.7, 0.7)]
+    outputs.append(judged(s_end=100.0, t1_ratio=0.7, t2_ratio=1.2))
+    reference = Reference.parse(DEMO.read_text(), str(DEMO))
+    monkeypatch.setattr(calibration, "fly", lambda *given: outputs)
+    counts = calibration._seen_beside(ground, plan(1500.0, 2), reference, (50.0, 0))
+    np.testing.assert_array_equal(counts, [[0.0, 2.0], [0.0, 4.0]])
 
 
 def test_the_same_seed_is_the_same_reference(ground: TerrainGround) -> None:
