@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 
 #: On which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
 ROLL_IN_M = 300.0
+#: The tightest arc [m]: a place 150 m beside the track must lie clearly on this side of its centre, and with 25 deg of bank
+#: nobody turns tighter above 37 m/s.
+LEAST_RADIUS_M = 300.0
 #: How far the track goes on straight behind its last leg, and beyond the intercept point [m].
 ON_M = 1e6
 
@@ -46,8 +49,10 @@ class Leg(StrictModel):
     def _whole(self) -> Leg:
         if (self.radius_m is None) != (self.bank_deg is None):
             raise ValueError("an arc needs radius_m and bank_deg, a straight leg has neither")
-        if self.radius_m is not None and (abs(self.radius_m) < 300.0 or self.length_m > math.pi * abs(self.radius_m)):
-            raise ValueError("an arc must have a radius of 300 m at least, and turn by 180 deg at most")
+        if self.radius_m is not None and (
+            abs(self.radius_m) < LEAST_RADIUS_M or self.length_m > math.pi * abs(self.radius_m)
+        ):
+            raise ValueError(f"an arc must have a radius of {LEAST_RADIUS_M:g} m at least, and turn by 180 deg at most")
         return self
 
 
