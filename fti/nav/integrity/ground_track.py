@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 
 #: On which the bank of a turn is rolled in or out [m]: 5 s at 60 m/s.
 ROLL_IN_M = 300.0
-#: The tightest arc [m]: a place 150 m beside the track must lie clearly on this side of its centre, and with 25 deg of bank
-#: nobody turns tighter above 37 m/s.
+#: The tightest arc [m]: a place 150 m beside the track must lie clearly on this side of its centre, and with 25 deg of
+#: bank nobody turns tighter above 37 m/s.
 LEAST_RADIUS_M = 300.0
 #: How far the track goes on straight behind its last leg, and beyond the intercept point [m].
 ON_M = 1e6

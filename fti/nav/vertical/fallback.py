@@ -46,8 +46,8 @@ BEGIN = 2
 CLIMB_SD_UNKNOWN, SD_UNKNOWN = 10.0, 10.0
 #: No height or sigma [m], climb or speed [m/s], specific force [m/s^2] of a flight is larger.
 MOST_M, MOST_SPEED, MOST_FORCE = 1e6, 1e4, 1e3
-#: A greater change from one sample to the next [m/s^2] may be no motion, as in ``filter.kernels``: gusts and stick change
-#: a tenth of it in 10 ms.  Who vibrates more loses certainty, not the height.
+#: A greater change from one sample to the next [m/s^2] may be no motion, as in ``filter.kernels``: gusts and stick
+#: change a tenth of it in 10 ms.  Who vibrates more loses certainty, not the height.
 SHOCK = 30.0
 #: A sigma that is smaller [m, m/s] is none.
 LEAST_SD = 1e-3
