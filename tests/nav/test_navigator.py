@@ -391,6 +391,21 @@ def test_what_leads_out_of_the_world_is_not_told_until_it_is_noticed(flight: Sta
     assert {Reason.DIVERGED, Reason.RESET} <= reasons
 
 
+def test_a_place_without_a_height_does_not_hide_the_height_of_its_epoch(flight: State) -> None:
+    """Two sentences of NMEA at one time, the one without a height first: it aligns, and the height is believed."""
+    navigator, felt, turned = Navigator(Model(extras=GNSS_DRIFTS)), specific_force_b(flight), angular_rate_b(flight)
+    for k, t in enumerate(flight.t[:100].tolist()):
+        navigator.take_attitude(ns(t), float(flight.roll[k]), float(flight.pitch[k]), float(flight.heading[k]))
+        if k % 10 == 0:
+            position, velocity = gnss(flight, k)
+            for aiding in (replace(position, alt=None), velocity, position, position):
+                navigator.take(ns(t), aiding)
+        navigator.take_inertial(ns(t), felt[k], turned[k])
+    assert navigator.mode(ns(t)) == (FilterMode.AIDED, ())
+    verdicts = [v.name for v in navigator.drain()]
+    assert verdicts.count("gnss.height") == verdicts.count("gnss.position") == verdicts.count("gnss.velocity") > 5
+
+
 def test_a_wrong_fix_to_begin_with_is_never_told(flight: State) -> None:
     """80 m/s of climb in the first velocity: 80 m of height had been valid, and two metres sure."""
     navigator, felt, turned, valid = (

@@ -102,14 +102,18 @@ class Timeline:
             del self._entries[:past], self._entry_times[:past]
 
     def take(self, t_ns: int, *parts: Aiding) -> bool:
-        """Take what aids, in parts of one time; False when it is too old, there already, or there are too many."""
-        if t_ns <= self.oldest_ns or any(self._has(t_ns, part.name) for part in parts):
+        """Take what aids, in parts of one time; False when it is too old, all there already, or there are too many.
+
+        A part that is there stays: of an NMEA epoch one sentence has the place alone, another one the height, too.
+        """
+        new = [part for part in parts if not self._has(t_ns, part.name)]
+        if t_ns <= self.oldest_ns or not new:
             return False
         if len(self._entries) - bisect_right(self._entry_times, self._times[-1]) >= MOST_WAITING:
             return False
         at = bisect_right(self._entry_times, t_ns)
-        self._entries[at:at] = [Entry(t_ns, part) for part in parts]
-        self._entry_times[at:at] = [t_ns] * len(parts)
+        self._entries[at:at] = [Entry(t_ns, part) for part in new]
+        self._entry_times[at:at] = [t_ns] * len(new)
         first = bisect_left(self._times, t_ns)
         if first < len(self._times):
             self._late = first if self._late is None else min(first, self._late)
