@@ -144,6 +144,7 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
     pauses = tuple(merged((*flown.pauses, *said.pauses, *said.behind)))
     may = [*of_flight(craft, flown.truth), *_allowed([one for _, one in belongs], pauses)]
     evidence = _Evidence(said, flown.truth.end_s, (*pauses, Pause(0.0, said.began_s)))
+    belongs = _held_on(belongs)
     return Score(
         scenario,
         flown,
@@ -153,6 +154,25 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
         tuple(_meet(expectation, evidence) for expectation in scenario.expect),
         pauses,
     )
+
+
+def _held_on(belongs: Sequence[tuple[int, Told]]) -> list[tuple[int, Told]]:
+    """The same; a flag that another fault raises before it must have gone need not go until that one ends."""
+    duties = sorted((duty for _, one in belongs for duty in one.duties), key=lambda duty: duty.from_s)
+    return [
+        (i, replace(one, duties=tuple(replace(duty, until_s=_until_s(duty, duties)) for duty in one.duties)))
+        for i, one in belongs
+    ]
+
+
+def _until_s(duty: Duty, duties: Sequence[Duty]) -> float:
+    """When nothing raises its flag any more [s].  duties : of all faults, in order of ``from_s``"""
+    until_s = duty.until_s
+    for other in duties:
+        same = other.place == duty.place and not set(other.words).isdisjoint(duty.words)
+        if same and duty.from_s <= other.from_s <= until_s + duty.clears_s:
+            until_s = max(until_s, other.until_s)
+    return until_s
 
 
 def _allowed(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[May]:

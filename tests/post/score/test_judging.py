@@ -90,6 +90,13 @@ def test_a_flag_that_stays_does_not_clear_and_is_not_expected(setup: Setup) -> N
     assert rest.from_s > 24.0
 
 
+def test_a_flag_that_the_next_fault_raises_goes_with_that(setup: Setup) -> None:
+    heard = said((20.6, HEIGHT, STALE), (26.1, HEIGHT, NOTHING))
+    at_once, later = ({**CUT, "from_s": from_s, "to_s": from_s + 3.0} for from_s in (23.0, 25.5))
+    assert score(setup, heard, faults=(CUT, at_once)).holds
+    assert height_verdict(score(setup, heard, faults=(CUT, later))) is Verdict.STAYS
+
+
 def test_a_flag_without_a_cause_is_not_expected(setup: Setup) -> None:
     found = score(setup, said((12.0, HEIGHT, STALE), (12.5, HEIGHT, NOTHING)), faults=())
     assert not found.holds
