@@ -49,8 +49,9 @@ SEED = 31
 #: Nominal approaches for each faulty one, and for each that joins late.
 NOMINAL_PER_FAULT, NOMINAL_PER_JOINED = 15, 60
 OBSTACLE_S, SPEED_MS, LATER_S = 2.0, 60.0, 1.0
-#: The late approach is trusted again so soon behind its joining [m]: what was beside the track leaves the window, a whole
-#: new one must be calm, and what a turn takes.  (700 m, one window and the turn, while an ALERT ended after three updates.)
+#: The late approach is trusted again so soon behind its joining [m]: what was beside the track leaves the window, a
+#: whole new one must be calm, and what a turn takes.  (700 m, one window and the turn, while an ALERT ended after three
+#: updates.)
 TRUSTED_AGAIN_M = 2 * WINDOW_M + 300.0
 #: Faults that reach a size at a place; the others are there from the start, or grow on.
 SIZED = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
