@@ -31,7 +31,7 @@ from fti.hil.tables.bases import OnLinks
 from fti.hil.tables.dynamics import JsbsimFlight
 from fti.hil.tables.flights import WaypointFlight
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
-from fti.hil.truth import TruthLog
+from fti.hil.truth import TruthLog, TruthRows
 from fti.hil.world import World
 from fti.lateness import Histogram
 from fti.nav.integrity.approach import ApproachPath, load_airfield
@@ -62,6 +62,7 @@ class Emulator:
         self.ready = asyncio.Event()
         self.config, self.scenario, self.bench = config, scenario, bench
         self._truth, self._world = truth, world
+        self._truth_rows: TruthRows | None = None
         self._sensors: list[Sensor] | None = None
         self.power = PowerUnit(())
         self._endpoints: dict[str, Endpoint] = {}
@@ -113,6 +114,10 @@ class Emulator:
         self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
         self.power = distribute(self._sensors, self.scenario)
         check_numbers(self._sensors, self._world)
+        if self._truth:
+            progress("truth")
+            altimeters = [device for device in self.config.device if device.altimeter]
+            self._truth_rows = TruthRows(self._world, altimeters)
 
     def start(self) -> None:
         """Let the flight begin (as soon as the endpoints are there)."""
@@ -162,11 +167,9 @@ class Emulator:
         return {link.name: self.bench.make_endpoint(link, respond(link.name)) for link in self.config.link}
 
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
-        if self._truth is None:
+        if self._truth is None or self._truth_rows is None:
             return contextlib.nullcontext()
-        assert self._world is not None
-        altimeters = [device for device in self.config.device if device.altimeter]
-        return contextlib.closing(TruthLog(self._truth, self._world, altimeters))
+        return contextlib.closing(TruthLog(self._truth, self._truth_rows))
 
     def _line_faults(self) -> list[Stream]:
         buses = [link.name for link in self.config.link if link.kind == "can"]

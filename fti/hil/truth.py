@@ -49,31 +49,46 @@ RANGES = {
 }
 
 
-class TruthLog:
-    """The truth file of one flight; everything in it is computed before the flight begins."""
+class TruthRows:
+    """What stands in the truth file of one flight; everything is computed before the flight begins.
 
-    def __init__(self, path: Path, world: World, altimeters: Sequence[Device] = ()) -> None:
-        self._t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
-        self._columns = _columns(world, self._t)
+    That takes a second of a core, in which whoever comes before others would keep others from theirs.
+    """
+
+    def __init__(self, world: World, altimeters: Sequence[Device] = ()) -> None:
+        self.altimeters, self.flown = altimeters, world.scenario.flown
+        self.t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
+        self._columns = _columns(world, self.t)
         for device in altimeters:
-            around = world.ranges_around(self._t, device, PLACE_M)
+            around = world.ranges_around(self.t, device, PLACE_M)
             self._columns |= {begin + device.name: column for begin, column in zip(RANGES, around, strict=True)}
+
+    def row(self, k: int) -> dict[str, float]:
+        """What is known of row k."""
+        known = {name: float(column[k]) for name, column in self._columns.items()}
+        return {name: value for name, value in known.items() if math.isfinite(value)}
+
+
+class TruthLog:
+    """The truth file of one flight."""
+
+    def __init__(self, path: Path, rows: TruthRows) -> None:
+        self._rows = rows
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
-        self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", world.scenario.flown.encode(), log_time=0)
-        schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(altimeters)).encode())
+        self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.flown.encode(), log_time=0)
+        schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(rows.altimeters)).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)
 
     def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
         """The rows as a stream of the scheduler, for a flight that begins at start_ns; now_ns : FTI time [ns]."""
-        return TruthStream(self, self._t, start_ns, now_ns)
+        return TruthStream(self, self._rows.t, start_ns, now_ns)
 
     def write(self, k: int, start_ns: int, now_ns: int) -> None:
         """Write row k of a flight that began at start_ns, at now_ns."""
-        t_ns = start_ns + round(float(self._t[k]) * SECOND_NS)
-        known = {name: float(column[k]) for name, column in self._columns.items()}
-        row = {name: value for name, value in known.items() if math.isfinite(value)}
-        self._writer.write(self._channel, t_ns, json.dumps({"t_ns": t_ns, **row}).encode(), k, now_ns)
+        t_ns = start_ns + round(float(self._rows.t[k]) * SECOND_NS)
+        row = {"t_ns": t_ns, **self._rows.row(k)}
+        self._writer.write(self._channel, t_ns, json.dumps(row).encode(), k, now_ns)
         if k % FLUSH_EVERY == 0:
             self._writer.flush()
 

@@ -115,6 +115,17 @@ async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) 
     assert report.lateness.messages > 0
 
 
+async def test_who_sends_before_others_computes_no_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = demo_config(tmp_path)
+    emulator, world = make(tmp_path, config, duration_s=0.5)
+    emulator.prepare()
+    for name in ("state", "ground", "ranges_around"):
+        monkeypatch.delattr(World, name)
+    emulator.start()
+    assert (await emulator.run()).lateness.messages > 0
+    assert not hasattr(world, "ranges_around")
+
+
 async def test_a_cut_device_is_silent_and_the_others_are_not(tmp_path: Path) -> None:
     config = demo_config(tmp_path)
     cut = Cut(kind="cut", devices=("altimeter",), from_s=0.0, to_s=100.0)

@@ -13,7 +13,7 @@ from fti import config, drivers
 from fti.config import Device
 from fti.errors import ConfigError
 from fti.hil.sensors import MODELS, Sensor
-from fti.hil.truth import TruthLog
+from fti.hil.truth import TruthLog, TruthRows
 from fti.hil.world import World
 from fti.logger.reading.mcap_file import McapFile
 from fti.service.binding import BoundDevice
@@ -73,7 +73,7 @@ def test_it_is_told_how_much_of_it(leaving: World) -> None:
 
 
 def test_the_truth_leaves_out_what_nobody_knows(leaving: World, tmp_path: Path) -> None:
-    log = TruthLog(tmp_path / "truth.mcap", leaving)
+    log = TruthLog(tmp_path / "truth.mcap", TruthRows(leaving))
     rows = round(leaving.duration * 25)
     for k in (10, rows - 10):
         log.write(k, 0, 0)
