@@ -2,9 +2,9 @@
 
     python -m tests.run
 
-The flights and a replay take minutes of real time and less than a core; they judge when things happen.  So they go on
-beside the quick tests, which wait for conditions and never for a time, and which give way to them (nice; as root, other
-work on the machine does, too); while a quick test waits for a process of its own, three others go on.  Then come the
+The quick tests wait for conditions and never for a time: while one waits for a process of its own, three others go on.
+Behind them the flights and a replay, minutes of real time and less than a core, judge when things happen; beside the
+quick tests ptys and media stood still for a second now and then, which no score can tell from a device. Then come the
 end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
 cores, one after another.  Only the files that have a marker are collected for it.
 """
@@ -27,7 +27,7 @@ from tests.helpers import KERNELS, ROOT
 
 PYTEST = [sys.executable, "-m", "pytest"]
 QUICK, WAITING = ("-n", "4"), ("-n", "3", "--dist", "loadfile")
-GIVING_WAY, FIRST = 10, -5
+FIRST = -5
 #: Once, before five processes would do it side by side.
 WARM_UP = """
 from fti import config
@@ -87,13 +87,15 @@ def main() -> int:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))
     print("== compiled kernels", flush=True)
     subprocess.run([sys.executable, "-c", WARM_UP], cwd=ROOT, check=False)
-    quick = Part("quick tests", (*QUICK, "-m", "not e2e"), GIVING_WAY)
+    quick = Part("quick tests", (*QUICK, "-m", "not e2e"))
     flights = Part("flights", ("-m", "flight", *marked("flight")), FIRST)
     replays = Part("replays", ("-m", "replay", *marked("replay")), FIRST)
     others = "e2e and not flight and not replay and not alone"
     together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
     moments = Part("one after another", ("-m", "alone", *marked("alone")))
-    codes = beside(quick, flights, replays)
+    codes = [quick.run()]
+    if not interrupts:
+        codes += beside(flights, replays)
     codes += [part.run() for part in (together, moments) if not interrupts]
     return INTERRUPTED if interrupts else next((code for code in codes if code), 0)
 

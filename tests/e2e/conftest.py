@@ -35,7 +35,7 @@ def flown(config: pytest.Config) -> dict[str, float | None]:
 
 @pytest.fixture(scope="session")
 def flights(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> dict[str, Flight]:
-    """Every scenario once: those in real time two at a time, beside the last of them the others, in turn."""
+    """Every scenario once: those in real time three at a time, beside the last of them the others, in turn."""
     folder = tmp_path_factory.mktemp("flights")
     durations = flown(pytestconfig)
     faster = [name for name in FASTER if durations[name] is not None]
@@ -43,7 +43,7 @@ def flights(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Confi
     def fly_all_faster() -> dict[str, Flight]:
         return {name: fly_faster(name, folder / name, durations[name]) for name in faster}
 
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(3) as pool:
         jobs = {name: pool.submit(fly, name, folder / name, s) for name, s in durations.items() if name not in faster}
         others = pool.submit(fly_all_faster)
         try:
