@@ -1,15 +1,17 @@
 """Recover what a damaged recording holds, or close files that a kill left open.
 
-Into a copy: from files that are cut off, have flipped bits or holes, everything that is there, chunk by chunk, past
-all damage, as finished files in a new folder (default: SESSION_recovered beside SESSION).  The input is never
-changed.  A chunk whose checksum does not hold is left out, so that no message is invented, unless it would hold with
-one bit the other way: then that bit is turned back, which is told.  Messages that no checksum proves (of such a chunk;
-the last seconds of a file that was not finished) are taken and counted.  What is missing is printed, and
-stands in recovered.json in the new folder and in each file.  Exit code 0: nothing is missing; 3: something is.
+Without --in-place: copies everything that can be read from files that are cut off, have flipped bits or zeroed pages,
+past all damage, as finished files into a new folder (default: SESSION_recovered beside SESSION).  The input is never
+changed.  Records whose checksum does not hold are left out, so that no message is invented.  Where the checksum would
+hold with one bit the other way, that bit is turned back and reported.  Messages that no checksum proves (of such
+records, or behind the last flush of an unfinished file) are taken and counted.  What is missing is printed, and stands
+in recovered.json in the new folder and in each file.  Exit code 0: nothing is missing and everything is proved; 3:
+something is missing, unproved, or not proved complete, as of every file without a summary.
 
-In place: a torn rest at the end is cut off, and the file gets its index, summary and footer, so that every reader
-takes it.  Whole records are never removed.  A file that is being written, or is damaged in its middle, is left as it
-is.  The next ``fti run`` does the same for all sessions in its directory.
+With --in-place: a file that a kill or a power cut left open gets its index, summary and footer, so that every reader
+takes it.  No byte is taken away: what is no whole record at its end is kept in FILE.rest-at-OFFSET.bin beside it.  A
+file that is being written, or is damaged before its end, is left as it is.  The next `fti run` does the same for all
+sessions in its directory.
 
   fti recover data/da42_20260102T030405Z_0
   fti recover broken.mcap --out saved --json
@@ -62,8 +64,10 @@ def _close(session: str) -> int:
             continue
         if closed is None:
             print(f"{path}: is finished")
-        else:
-            print(f"{path}: closed with {closed.messages} messages; {closed.dropped_bytes} torn bytes cut off")
+            continue
+        print(closed.describe_loss() or f"{path}: closed")
+        print(f"{path}: holds {closed.messages} messages")
+        code = 3 if closed.describe_loss() else code
     return code
 
 
@@ -100,8 +104,11 @@ def as_text(report: Report) -> Iterator[str]:
 def _verdict(report: Report) -> str:
     if report.complete:
         return "nothing is missing"
-    lost = report.gaps or any(file.lost for file in report.files)
-    return "not everything is there" if lost else "nothing is missing; of what was mended nothing is proved"
+    if report.gaps or any(file.lost for file in report.files):
+        return "not everything is there"
+    if any(not file.summary for file in report.files):
+        return "not proved complete: a file has no summary that holds, more may have followed at its end"
+    return "nothing is missing; not everything is proved"
 
 
 def _file_text(file: FileReport) -> Iterator[str]:
@@ -110,8 +117,12 @@ def _file_text(file: FileReport) -> Iterator[str]:
         f"{file.file}: {file.messages} messages{unproved}, "
         f"{file.attachments} attachments, {file.metadata} metadata records recovered"
     )
+    if file.unproved_ns is not None:
+        yield f"  the first unproved message is of {_time(file.unproved_ns)}"
     if not file.summary:
-        yield "  has no summary that holds: whether more followed at its end cannot be known"
+        yield "  has no summary that holds: not proved complete, more may have followed at its end"
+    for name in file.altered_metadata:
+        yield f"  its metadata {name} is not as it was written"
     for byte in file.flipped[:SHOWN]:
         yield f"  a bit of byte {byte} was turned back, so that the checksum of its chunk holds: likely, not proved"
     if len(file.flipped) > SHOWN:

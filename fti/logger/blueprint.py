@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fti.logger.places import MEGABYTE
 from fti.logger.schemas import Schema
-from fti.logger.seal import sealed
+from fti.logger.seal import altered, sealed
 from fti.logger.session import Kind, Numbering
 from fti.logger.stream_writer import StreamWriter
 
@@ -20,6 +20,13 @@ FILE_METADATA = "fti.file"
 PLACE_KEY = "place_"
 #: What a file that was recovered from a damaged one says of that.
 RECOVERED_METADATA = "fti.recovered"
+#: What a file says that its writer did not finish and that was closed later.
+CLOSED_METADATA = "fti.closed"
+
+
+def altered_tables(tables: Metadata) -> list[str]:
+    """Names of the metadata tables of a file that are not as they were written."""
+    return altered(FILE_METADATA, tables, (CLOSED_METADATA, RECOVERED_METADATA))
 
 
 class Blueprint:

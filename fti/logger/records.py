@@ -16,7 +16,7 @@ SECTOR = 512
 
 
 class Op(IntEnum):
-    """Opcodes of the records.  PADDING lies in the range that the specification leaves to applications."""
+    """Opcodes of the records.  Those from 0x80 on lie in the range that the specification leaves to applications."""
 
     HEADER = 0x01
     FOOTER = 0x02
@@ -34,6 +34,7 @@ class Op(IntEnum):
     SUMMARY_OFFSET = 0x0E
     DATA_END = 0x0F
     PADDING = 0x80
+    CHECKPOINTS = 0x81
 
 
 HEAD = struct.Struct("<BQ")  # opcode, length of the body

@@ -6,7 +6,7 @@ The first table of a file holds the checksum of every other one, as it stands in
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from fti.logger import records
 
@@ -34,6 +34,26 @@ def broken(first: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
         if name != key and told != _sum_of(name, tables.get(name, {})):
             wrong.append(name)
     return wrong
+
+
+def self_sealed(name: str, table: Mapping[str, str]) -> dict[str, str]:
+    """A table that is added later than the others, with its own checksum."""
+    return {**table, SEAL: _sum_of(name, table)}
+
+
+def altered(first: str, tables: Mapping[str, Mapping[str, str]], later: Collection[str]) -> list[str]:
+    """Names of the tables that are not as they were written; later : those that are self-sealed."""
+    sealed_first = {name: table for name, table in tables.items() if name not in later}
+    return [
+        *broken(first, sealed_first),
+        *(name for name in later if name in tables and not is_intact(name, tables[name])),
+    ]
+
+
+def is_intact(name: str, table: Mapping[str, str]) -> bool:
+    """Is a self-sealed table as it was written?  One without a checksum was written by fti 0.1."""
+    own = {key: value for key, value in table.items() if key != SEAL}
+    return SEAL not in table or table[SEAL] == _sum_of(name, own)
 
 
 def _sum_of(name: str, table: Mapping[str, str]) -> str:

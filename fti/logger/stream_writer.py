@@ -1,9 +1,11 @@
 """The MCAP writer of the recorder: what has been flushed survives a kill, and is readable while the file grows.
 
-A flush appends the buffered records to the open, uncompressed chunk with one write, and then patches length, size
-and times of the chunk's head with a second one.  The first flush of a chunk writes head and records together.  At
-every moment the file is therefore: whole records, a chunk whose head covers whole records that are there, and
-perhaps records that no head covers yet.  An open chunk has checksum 0 (not checked); closing it sets the checksum.
+A flush appends the buffered records to the open, uncompressed chunk with one write, and then patches length, size,
+times and checksum of the chunk's head with a second one.  The first flush of a chunk writes head and records together.
+At every moment the file is therefore: whole records, a chunk whose head covers and proves whole records that are there,
+and perhaps records that no head covers yet.  A sync notes size and checksum of the open chunk in the next slot of the
+record before it (``checkpoints``): what a power cut or a damaged byte takes away is no more than came since, or between
+two syncs.
 
 Schemas and channels are repeated in every chunk that uses them, so that a damaged chunk costs one chunk.
 The writer holds an exclusive ``flock`` on the file while it is open; repair leaves such a file alone.
@@ -22,8 +24,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from fti.errors import StorageError
-from fti.logger import records
+from fti.logger import checkpoints, records
 from fti.logger.burst_records import NO_TIME, Share, forget, pack_shares
+from fti.logger.checkpoints import SLOT_BYTES, SLOTS, Checkpoint
+from fti.logger.folder_sync import sync_folder
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.summary import Summary
 
@@ -64,6 +68,8 @@ class StreamWriter:
         self._size = 0  # bytes of records in the file's open chunk
         self._crc = 0
         self._stale = False  # the head does not cover all that is in the file
+        self._slots = 0  # checkpoints of this chunk
+        self._checked_size = 0  # bytes of records before the last of them
         self._first = NO_TIME
         self._last = 0
         self._index: dict[int, array[int]] = {}
@@ -174,21 +180,33 @@ class StreamWriter:
         When that fails the file takes nothing any more: the kernel tells once that it could not write, forgets what it
         was, and the next call would find all well (fsync(2)).
         """
+        self._checkpoint()
         try:
             self._attempt(lambda: os.fdatasync(self._fd))
             if not self._entry_synced:
-                self._attempt(lambda: _sync_folder(self.path.parent))
+                self._attempt(lambda: sync_folder(self.path.parent))
                 self._entry_synced = True
         except StorageError as error:
             self._given_up = self._given_up or f"{error}, and a part of it may be lost"
             raise
+
+    def _checkpoint(self) -> None:
+        """Note size and checksum of the open chunk; one whose slots are all filled ends here."""
+        if self._chunk_at is None or self._checked_size == self._size:
+            return
+        if self._slots == SLOTS:
+            self.close_chunk()
+            return
+        entry = checkpoints.slot(Checkpoint(self._size, self._crc))
+        at = self._chunk_at - (SLOTS - self._slots) * SLOT_BYTES
+        self._attempt(lambda: _write_all(self._fd, entry, at))
+        self._slots, self._checked_size = self._slots + 1, self._size
 
     def close_chunk(self) -> None:
         """Flush; give the open chunk its checksum and its message index.  The next message begins a new chunk."""
         self._commit()
         if self._chunk_at is None:
             return
-        self._patch(self._crc)
         tail, offsets = self._summary.chunk_tail(self._end, self._index)
         self._append(tail)
         self._summary.add_chunk(self._chunk_at, self._size, (self._first, self._last), self._index, offsets)
@@ -234,24 +252,25 @@ class StreamWriter:
         """Append what is buffered, then let the head of the chunk cover it."""
         pending = self._pending
         if pending:
+            crc = zlib.crc32(pending, self._crc)
             if self._chunk_at is None:
-                pad = records.padding(self._end)
-                at = self._end + len(pad)
-                self._append(pad + records.chunk_head(self._first, self._last, len(pending), 0) + pending)
+                before = records.padding(self._end + checkpoints.RECORD_BYTES) + checkpoints.empty_record()
+                at = self._end + len(before)
+                self._append(before + records.chunk_head(self._first, self._last, len(pending), crc) + pending)
                 self._chunk_at = at
             else:
                 self._append(pending)
                 self._stale = True
-            self._crc = zlib.crc32(pending, self._crc)
+            self._crc = crc
             self._size += len(pending)
             pending.clear()
         if self._stale:
-            self._patch(0)
+            self._patch()
             self._stale = False
 
-    def _patch(self, crc: int) -> None:
+    def _patch(self) -> None:
         assert self._chunk_at is not None
-        at, head = self._chunk_at, records.chunk_head(self._first, self._last, self._size, crc)
+        at, head = self._chunk_at, records.chunk_head(self._first, self._last, self._size, self._crc)
         self._attempt(lambda: _write_all(self._fd, head, at))
 
     def _append(self, data: bytes | bytearray) -> None:
@@ -305,14 +324,3 @@ def _write_all(fd: int, data: bytes | bytearray, offset: int) -> None:
             if written == 0:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             done += written
-
-
-def _sync_folder(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some file systems have nothing to sync there
-            raise
-    finally:
-        os.close(fd)

@@ -52,8 +52,9 @@ class SessionPlaces:
             for directory in self.directories
             for found in repair.close_all(directory, in_use=self.folders, goes_on=goes_on)
         ]
-        for fault in (c.fault for c in closed if c.fault):
-            self._announce(f"warning: {fault}")
+        for found in closed:
+            if text := found.describe_loss():
+                self._announce(f"error: {text}" if found.fault else f"warning: {text}")
         for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
             self._announce(f"closed {count} files of {folder}, which a killed session had left open")
 

@@ -359,7 +359,7 @@ def test_a_medium_that_refuses_loses_nothing(
         refusals += medium.refused
         assert promised == len(MESSAGES)
         assert read_closed(path) == MESSAGES
-    assert refusals >= (250 if stays else 30)
+    assert refusals >= (200 if stays else 25)
 
 
 def _fill_against_refusals(writer: StreamWriter, path: Path, medium: SickMedium) -> int:
@@ -414,7 +414,7 @@ def test_a_torn_append_is_cut_by_the_next(tmp_path: Path, monkeypatch: pytest.Mo
     assert (tmp_path / "a.mcap").stat().st_size > 5000
     writer.write(channel, 1, b"small")
     writer.flush()
-    assert (tmp_path / "a.mcap").stat().st_size < 200
+    assert (tmp_path / "a.mcap").stat().st_size < 1300
     writer.close()
     assert read_closed(tmp_path / "a.mcap") == [("/a", 1, 1, 0, b"small")]
 

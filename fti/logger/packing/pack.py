@@ -17,12 +17,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from fti.errors import RecordingError, StorageError
+from fti.logger.folder_sync import sync_folder
 from fti.logger.lock import locked
 from fti.logger.packing.layout import original
 from fti.logger.packing.writer import LAYOUT, METADATA, Packer
 from fti.logger.reading.mcap_file import has_footer
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import chunk_head, record_end
+from fti.logger.reading.tables import metadata_table
 from fti.logger.reading.told import Told, read_told
 from fti.logger.records import HEAD, MAGIC, read_text
 
@@ -94,16 +96,8 @@ def _put_in_place(source: Source, part: Path) -> Packed:
         os.chown(part, path.stat().st_uid, path.stat().st_gid)
     part.replace(path)
     with contextlib.suppress(OSError):  # some file systems have nothing to sync there; the old or the new name stands
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
     return Packed(path, before, after)
-
-
-def _sync_folder(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
 
 
 def _onto_medium(stream: BinaryIO) -> None:
@@ -143,7 +137,7 @@ def _about(source: Source) -> _About | None:
     if METADATA not in told.named:
         return None
     try:
-        about = _table(_record(source, told.named[METADATA]))
+        _, about = metadata_table(_record(source, told.named[METADATA]))
         layout_at = told.named[LAYOUT]
         return _About(about["sha256"], layout_at, _attached(_record(source, layout_at)))
     except (ValueError, KeyError, struct.error):
@@ -155,17 +149,6 @@ def _record(source: Source, at: int) -> bytes:
     if end is None:
         raise ValueError(f"the record at byte {at} is damaged")
     return source.read(at, end - at)
-
-
-def _table(metadata: bytes) -> dict[str, str]:
-    """The table of a metadata record."""
-    _, at = read_text(metadata, HEAD.size)
-    at += 4
-    table = {}
-    while at < len(metadata):
-        key, at = read_text(metadata, at)
-        table[key], at = read_text(metadata, at)
-    return table
 
 
 def _attached(attachment: bytes) -> bytes:

@@ -68,7 +68,7 @@ class Packer:
             raise RecordingError(f"{self._source.path}: is damaged at byte {at}; see fti recover")
         if head and not head.compression:
             self._take_chunk(head)
-        elif self._source.read(at, 1)[0] == Op.PADDING:
+        elif self._source.read(at, 1)[0] in (Op.PADDING, Op.CHECKPOINTS):
             self._literal(at, end)
         else:
             self._take_record(at, end, head)

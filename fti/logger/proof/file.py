@@ -13,16 +13,22 @@ import zlib
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from fti.logger import records
-from fti.logger.blueprint import FILE_METADATA, RECOVERED_METADATA
+from fti.logger.blueprint import altered_tables
+from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
+from fti.logger.lock import is_being_written
+from fti.logger.proof.doubts import doubts_of, notes_of
+from fti.logger.proof.wording import clock_text
+from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
+from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
+from fti.logger.reading.structure import ChunkHead, chunk_head, is_channel, is_schema, record_end
+from fti.logger.reading.tables import metadata_table, text_table
 from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
-from fti.logger.seal import broken
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
 _IN_CHUNKS = (_SCHEMA, _CHANNEL, _MESSAGE)
@@ -31,7 +37,7 @@ _TIMES = struct.Struct("<QQ")
 _BLOCK = 2**22
 _SUMMARY = frozenset((Op.SCHEMA, Op.CHANNEL, Op.STATISTICS, Op.CHUNK_INDEX, Op.ATTACHMENT_INDEX))
 _IN_SUMMARY = _SUMMARY | {Op.METADATA_INDEX, Op.SUMMARY_OFFSET, Op.FOOTER}
-_IN_DATA = frozenset((Op.CHUNK, Op.MESSAGE_INDEX, Op.ATTACHMENT, Op.METADATA, Op.PADDING, Op.DATA_END))
+_IN_DATA = frozenset((Op.CHUNK, Op.MESSAGE_INDEX, Op.ATTACHMENT, Op.METADATA, Op.PADDING, Op.DATA_END, Op.CHECKPOINTS))
 
 
 #: A message: sequence (32 bits), log time [ns], where its record begins in the page, length of the record's body.
@@ -58,7 +64,8 @@ class ProofFile:
 
     messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
     size     : so far it was read [B]; it may have grown since
-    doubts   : what is not known of it because it was made by a recovery
+    doubts   : what is not proved of it: because it was not finished, was closed later or was made by a recovery
+    notes    : what else is to be known of it
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,6 +77,7 @@ class ProofFile:
         self.chunks: list[int] = []
         self.metadata: dict[str, dict[str, str]] = {}
         self.doubts: list[str] = []
+        self.notes: list[str] = []
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
@@ -85,22 +93,24 @@ class ProofFile:
             at = at or self._begin(source)
             while at and at < source.size:
                 op = source.read(at, 1)[0]
-                if not self.finished and op in _IN_CHUNKS:
-                    yield from self._tail(source, at)
-                    return
+                head = chunk_head(source, at)
+                if head and not self.finished and is_open(source, head):
+                    yield from self._open_chunk(source, head)
+                    break
                 end = record_end(source, at, source.size)
                 if end is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
-                    self._break(source, at)
+                    self._break(at)
                     return
-                if op == Op.CHUNK:
-                    yield from self._chunk(source, at, end)
+                if head:
+                    yield from self._chunk(source, head)
                 else:
                     self._other(source, op, at, end)
                 at = end
                 if op == Op.FOOTER:
                     return
             if at and not self.finished:
-                self._break(source, at)
+                self._check_metadata()
+                self._break(at)
 
     # --------------------------------------------------------------------------------------------- begin and end
 
@@ -115,47 +125,62 @@ class ProofFile:
             self.broken = f"ends after byte {len(found)}, within its head"
         return 0
 
-    def _break(self, source: Source, at: int) -> None:
+    def _break(self, at: int) -> None:
         """What stands here is no record of this place."""
         if self.finished:
             self.faults.append(f"is damaged at byte {at}")
-        else:
+        elif self.broken is None:
             self.broken = f"ends after byte {at} without a footer: it is being written, or was cut off"
 
-    def _tail(self, source: Source, at: int) -> Iterator[Page]:
-        """Records that were appended, and that no head of a chunk covers yet."""
-        data = source.read(at, source.size - at)
+    def _open_chunk(self, source: Source, head: ChunkHead) -> Iterator[Page]:
+        """The last chunk of a file without a footer."""
+        self._expect_no_index()
+        growing = is_being_written(self.path)
+        try:
+            found = read_open_chunk(source, head, Declarations(), growing=growing)
+        except DamagedChunkError as error:
+            self.faults.append(f"the chunk at byte {head.at} is damaged: {error}")
+            return
+        data = bytes(found.content.data)
         rows, end = self._walk(data)
-        if rows:
-            yield self._page(data, rows, at, at + end)
-        self._break(source, at + end)
+        if found.unproved and not growing:
+            since = "" if found.unproved_ns is None else f" from {clock_text(found.unproved_ns)} on"
+            self.doubts.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
+        if found.missing_bytes:
+            self.doubts.append(f"{found.missing_bytes} bytes of records are missing at its end")
+        self._break(head.begin + end)
+        yield self._page(data, rows, head.at, head.begin + end)
 
     # --------------------------------------------------------------------------------------------------- records
 
-    def _chunk(self, source: Source, at: int, end: int) -> Iterator[Page]:
+    def _chunk(self, source: Source, head: ChunkHead) -> Iterator[Page]:
         self._expect_no_index()
-        head = self._chunk_head(source, at, end)
-        data = head.content(source) if head else None
-        if head is None or data is None:
+        at, data = head.at, head.content(source)
+        if data is None:
             self.faults.append(f"the chunk at byte {at} is damaged")
             return
         rows, walked = self._walk(data)
         if walked != len(data):
             self.faults.append(f"the chunk at byte {at} does not hold whole records")
         self.chunks.append(at)
-        if self.finished:
-            if not head.crc and zlib.crc32(data):
-                self.faults.append(f"the chunk at byte {at} has no checksum")
-            self._check_times(source, at, rows)
-            self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
-        yield self._page(data, rows, at, end)
+        self._check_checkpoints(source, head, data)
+        if not head.crc and zlib.crc32(data):
+            self.faults.append(f"the chunk at byte {at} has no checksum")
+        self._check_times(source, at, rows)
+        self._index = {channel: _index_of(channel, found) for channel, found in rows.items()}
+        yield self._page(data, rows, at, head.end)
 
-    def _chunk_head(self, source: Source, at: int, end: int) -> ChunkHead | None:
-        """The head as it was when the chunk ended at ``end``: a writer may have gone on since."""
-        head = chunk_head(source, at)
-        if head and not self.finished and end < head.end:
-            return replace(head, end=end, size=end - head.begin, crc=0)
-        return head
+    def _check_checkpoints(self, source: Source, head: ChunkHead, data: bytes) -> None:
+        """Is every byte of the checkpoints before a chunk what follows from its records?"""
+        record = source.read(max(0, head.at - RECORD_BYTES), RECORD_BYTES)
+        if not record.startswith(CHECKPOINTS_HEAD) or head.compression:
+            return
+        found, damaged = read_slots(record[HEAD.size :])
+        filled = b"".join(map(slot, found))
+        if damaged or filled != record[HEAD.size :].rstrip(b"\0").ljust(len(filled), b"\0"):
+            self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
+        elif not all(segment.proved for segment in segments(data, found)):
+            self.faults.append(f"the checkpoints before the chunk at byte {head.at} are not those of its records")
 
     def _page(self, data: bytes, rows: dict[int, list[Row]], at: int, end: int) -> Page:
         named = []
@@ -175,20 +200,27 @@ class ProofFile:
             end = at + _HEAD + length
             if op == _MESSAGE and length >= body and end <= size:
                 rows[channel].append((sequence, log_time, at, length))
-            elif op not in (_SCHEMA, _CHANNEL) or end > size:
+            elif op not in (_SCHEMA, _CHANNEL) or end > size or not self._declare(op, data[at + _HEAD : end]):
                 break
-            elif op == _CHANNEL:
-                self._declare(data[at + _HEAD : end])
             at = end
         for channel in rows.keys() - self._topics.keys():
             self.faults.append(f"{len(rows.pop(channel))} messages are of channel {channel}, which is not declared")
         return rows, at
 
-    def _declare(self, body: bytes) -> None:
-        channel, _ = struct.unpack_from("<HH", body)
-        name, at = read_text(body, 4)
-        encoding, at = read_text(body, at)
-        self._topics[channel] = Topic(name, encoding, _table(body, at))
+    def _declare(self, op: int, body: bytes) -> bool:
+        """Take a schema or a channel; False when its lengths or texts make no sense."""
+        try:
+            if op == _SCHEMA:
+                return is_schema(body)
+            if not is_channel(body):
+                return False
+            channel, _ = struct.unpack_from("<HH", body)
+            name, at = read_text(body, 4)
+            encoding, at = read_text(body, at)
+            self._topics[channel] = Topic(name, encoding, text_table(body, at))
+        except (struct.error, UnicodeDecodeError):
+            return False
+        return True
 
     def _check_times(self, source: Source, at: int, rows: dict[int, list[Row]]) -> None:
         times = [log_time for found in rows.values() for _, log_time, _, _ in found]
@@ -203,11 +235,10 @@ class ProofFile:
             return
         self._expect_no_index()
         if op == Op.METADATA:
-            body = source.read(at + _HEAD, end - at - _HEAD)
-            name, begin = read_text(body, 0)
-            self.metadata[name] = table = _table(body, begin)
-            if name == RECOVERED_METADATA:
-                self._doubt(table)
+            name, table = metadata_table(source.read(at, end - at))
+            self.metadata[name] = table
+            self.doubts += doubts_of(name, table)
+            self.notes += notes_of(name, table)
         elif op == Op.DATA_END:
             self._ended = True
             self._check_metadata()
@@ -215,17 +246,9 @@ class ProofFile:
         elif op == Op.FOOTER:
             self._check_summary_crc(source, at)
 
-    def _doubt(self, recovered: dict[str, str]) -> None:
-        """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
-        unproved = recovered.get("unproved", "?")
-        if unproved != "0":
-            self.doubts.append(f"was recovered, {unproved} messages of it without a checksum that held")
-        if recovered.get("complete") != "true":
-            self.doubts.append("was recovered from a file of which not everything was whole")
-
     def _take_index(self, found: bytes, at: int) -> None:
         channel = int.from_bytes(found[_HEAD : _HEAD + 2], "little")
-        if self.finished and self._index.pop(channel, None) != found:
+        if self._index.pop(channel, None) != found:
             self.faults.append(f"the message index at byte {at} is not that of the messages")
 
     def _expect_no_index(self) -> None:
@@ -234,7 +257,7 @@ class ProofFile:
             self._index = {}
 
     def _check_metadata(self) -> None:
-        for name in broken(FILE_METADATA, self.metadata):
+        for name in altered_tables(self.metadata):
             self.faults.append(f"its table {name} is not as it was written")
 
     def _check_data_crc(self, source: Source, at: int) -> None:
@@ -258,13 +281,3 @@ def _index_of(channel: int, rows: list[Row]) -> bytes:
     """The message index record of one channel in one chunk."""
     entries = array("Q", [number for _, log_time, at, _ in rows for number in (log_time, at)])
     return records.message_index(channel, entries.tobytes())
-
-
-def _table(body: bytes, at: int) -> dict[str, str]:
-    end = at + 4 + int.from_bytes(body[at : at + 4], "little")
-    at += 4
-    found = {}
-    while at < end:
-        key, at = read_text(body, at)
-        found[key], at = read_text(body, at)
-    return found

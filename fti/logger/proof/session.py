@@ -196,7 +196,7 @@ class _Session:
             check.add(Verdict.REFUTED, f"{ledger.unreadable} ledgers cannot be read")
         if not ledger.notes:
             check.text = "there is none: what came in is not known"
-            check.add(Verdict.TOLD, "no ledger stands in these files")
+            check.add(Verdict.LOSS, "no ledger stands in these files: whether all that came in is here is not proved")
         for account in self.accounts():
             for reason, amount in account.dropped.items():
                 size = f" ({amount.bytes} bytes)" if amount.bytes else ""

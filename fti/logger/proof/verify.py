@@ -100,6 +100,8 @@ class _Verification:
             files.add(Verdict.LOSS, being)
         for doubt in file.doubts:
             files.add(Verdict.LOSS, f"{path.name}: {doubt}")
+        for note in file.notes:
+            files.add(Verdict.TOLD, f"{path.name}: {note}")
         for fault in self._read_officially(file):
             official.add(Verdict.REFUTED, f"{path.name}: {fault}")
         self._done += size

@@ -21,6 +21,9 @@ from mcap.stream_reader import StreamReader
 
 from fti.errors import MissingError
 from fti.logger.reading.compression import decompress
+from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import chunk_head, record_end
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
@@ -92,9 +95,23 @@ class McapFile:
                 items = self._take(record)
             except (McapError, ValueError, KeyError, struct.error) as error:
                 self.fault = f"is damaged after byte {self._at}: {error}"
-                return
+                break
             if items:
                 yield items
+        if self.fault and not self.finished:
+            yield from self._unfinished()
+
+    def _unfinished(self) -> Iterator[list[Item]]:
+        """What the last chunk holds where a cut or a power cut has left it without the checksum that its head tells."""
+        with Source(self.path) as source:
+            head = chunk_head(source, _chunk_at(source, self._at))
+            if head is None or not is_open(source, head):
+                return
+            try:
+                chunk = read_open_chunk(source, head, Declarations())
+                yield self._walk(bytes(chunk.content.data))
+            except (DamagedChunkError, McapError, ValueError, KeyError, struct.error):
+                return  # the fault stands
 
     def items(self) -> Iterator[Item]:
         """The messages in the order of the file."""
@@ -153,6 +170,16 @@ def _content(chunk: Chunk) -> bytes:
     if chunk.uncompressed_crc not in (0, zlib.crc32(content)):
         raise ValueError("the checksum of a chunk does not hold")
     return content
+
+
+def _chunk_at(source: Source, at: int) -> int:
+    """Where the next record stands that is no filling before a chunk."""
+    while source.read(at, 1) in (bytes([Op.PADDING]), bytes([Op.CHECKPOINTS])):
+        end = record_end(source, at, source.size)
+        if end is None:
+            break
+        at = end
+    return at
 
 
 def has_footer(path: Path) -> bool:

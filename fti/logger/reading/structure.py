@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from fti.logger.checkpoints import SLOT_BYTES, SLOTS
 from fti.logger.reading.compression import MAX_RECORD, decompress
 from fti.logger.reading.source import Source
 from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE_BODY, SECTOR, Op, read_text
@@ -148,7 +149,12 @@ _BEGINNINGS: dict[int, Callable[[bytes, int], bool]] = {
     Op.ATTACHMENT: _begins_attachment,
     Op.METADATA: _begins_metadata,
 }
-_LENGTHS = {int(Op.DATA_END): 4, int(Op.FOOTER): 20, int(Op.SUMMARY_OFFSET): 17}
+_LENGTHS = {
+    int(Op.DATA_END): 4,
+    int(Op.FOOTER): 20,
+    int(Op.SUMMARY_OFFSET): 17,
+    int(Op.CHECKPOINTS): SLOTS * SLOT_BYTES,
+}
 _FORMS: dict[int, Callable[[bytes], bool]] = {
     Op.HEADER: lambda body: _texts_end(body, 0, 2) == len(body),
     Op.SCHEMA: is_schema,

@@ -1,11 +1,12 @@
 """Walk through a file that may be damaged: what is there and proved, what is there and unproved, what is lost.
 
-A chunk whose checksum holds is taken whole.  Where it would hold with one bit the other way, that bit is turned back
-and the chunk is taken, unproved, for other damage may look like that (``flipped_bit``).  A chunk whose checksum does
-not hold otherwise is lost: nothing in it can be proved, and no message is invented.  Unproved, and counted as such, are
-besides the messages of a chunk without checksum (the open chunk of a file that was not finished), of a chunk that the
-end of the file cuts off, and messages that stand outside of chunks; of these all whole records are taken up to the
-first that makes no sense, and where one makes none, the one before it is not taken either: the damage may begin in it.
+A chunk whose checksum holds is taken whole.  Where it does not hold, the checkpoints before the chunk prove each
+stretch between two syncs by itself (``by_segment``).  Where the checksum of a stretch would hold with one bit the other
+way, that bit is turned back and the stretch is taken, unproved, for other damage may look like that (``flipped_bit``).
+A stretch whose checksum does not hold otherwise is lost: nothing in it can be proved, and no message is invented.
+Unproved, and counted as such, are besides the messages behind the last checksum of a file that was not finished, or cut
+off, and messages that stand outside of chunks; of these all whole records are taken up to the first that makes no
+sense, and where one makes none, the one before it is not taken either: the damage may begin in it.
 
 Past damage the walk goes on at the next record that proves itself: a chunk or attachment whose checksum holds, an
 open chunk, metadata or the end of the data with a sound record behind it.  A recording inside a message is not taken
@@ -17,57 +18,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
 
+from fti.logger.reading.chunk_content import Content
+from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.compression import MAX_RECORD
+from fti.logger.reading.open_chunk import is_open
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
 from fti.logger.reading.told import Told
 from fti.logger.records import HEAD, MAGIC, Op
-from fti.logger.recovery.content import Content
-from fti.logger.recovery.flipped_bit import turn_back
+from fti.logger.recovery.by_segment import ChunkData, headless_chunk, split
+from fti.logger.recovery.pieces import Lost, Messages, Other, Piece
 
 BLOCK = 4 * 2**20
-#: Where a chunk's checksum stands in it.
-CRC_AT = HEAD.size + 24
 #: Begin of a chunk, an attachment, metadata or the end of the data, shorter than 2^40 bytes.
 _CANDIDATE = re.compile(rb"[\x06\x09\x0c\x0f](?=[\s\S]{5}\x00\x00\x00)")
 _BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
-
-
-@dataclass(frozen=True, slots=True)
-class Messages:
-    """Records of a chunk, or outside of chunks (head is None).
-
-    proved : their checksum holds; flipped : the byte of the file in which a bit was turned back, so that it does
-    """
-
-    begin: int
-    end: int
-    content: Content
-    proved: bool
-    head: ChunkHead | None = None
-    flipped: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Other:
-    """A sound record that holds no messages."""
-
-    begin: int
-    end: int
-    op: int
-
-
-@dataclass(frozen=True, slots=True)
-class Lost:
-    """Bytes of which nothing is taken."""
-
-    begin: int
-    end: int
-
-
-Piece = Messages | Other | Lost
 
 
 class Walk:
@@ -85,7 +51,9 @@ class Walk:
         self._limit = told.data_end if told else source.size
         self._bare = not (told and told.chunks)  # messages outside of chunks are possible
         self._places = {*(c.offset for c in told.chunks), *told.others} if told and not told.shift else set[int]()
-        self._found: Messages | None = None  # the chunk that was looked at last
+        self._found: tuple[ChunkHead, list[Piece]] | None = None  # the chunk that was looked at last
+        self._queue: list[Piece] = []  # what follows of the chunk that is being taken
+        self._chunk_end = 0  # where the records of the last chunk end; more of an open one may follow
         self._proved = 0  # end of the last piece that cannot have swallowed the begin of the next
 
     def pieces(self) -> Iterator[Piece]:
@@ -96,7 +64,7 @@ class Walk:
             if at:
                 yield Lost(0, at)
         while at < self._limit:
-            piece = self._take(at) or self._damage(at)
+            piece = self._queue.pop(0) if self._queue else self._take(at) or self._damage(at)
             self._note(piece)
             yield piece
             at = piece.end
@@ -107,6 +75,7 @@ class Walk:
             self.channels |= piece.content.channels
             self.schemas |= piece.content.schemas
             self._bare = piece.head is None
+            self._chunk_end = piece.end
         if isinstance(piece, Messages) or (isinstance(piece, Other) and piece.op == Op.ATTACHMENT):
             self._proved = piece.end
 
@@ -116,19 +85,27 @@ class Walk:
         """The piece at an offset; None when nothing there makes sense."""
         head = chunk_head(self._source, at)
         if head:
-            return self._chunk(head) or self._damaged_chunk(head)
+            return self._take_chunk(self._chunk(head)) or self._damaged_chunk(head)
         end = record_end(self._source, at, self._limit)
         if end is None:
-            return self._private(at)
+            return self._take_chunk(self._headless(at)) or self._private(at)
         op = self._source.read(at, 1)[0]
-        if op in _BARE and self._bare:
+        if op in _BARE and (self._bare or (at == self._chunk_end and not self._told)):
             return self._bare_messages(at)
         if op == Op.FOOTER:
             end += len(MAGIC)
-            return Other(at, end, op) if self._source.read(end - len(MAGIC), len(MAGIC)) == MAGIC else None
-        if op == Op.MESSAGE or (op == Op.METADATA and not self._sound(end)):
-            return None
-        return Other(at, end, op)
+        return Other(at, end, op) if self._is_in_place(op, end) else None
+
+    def _is_in_place(self, op: int, end: int) -> bool:
+        """May a record that ends there stand outside of chunks?"""
+        if op == Op.FOOTER:
+            return self._source.read(end - len(MAGIC), len(MAGIC)) == MAGIC
+        return op != Op.MESSAGE and (op != Op.METADATA or self._sound(end))
+
+    def _take_chunk(self, pieces: list[Piece]) -> Piece | None:
+        """The first piece of a chunk; the others follow."""
+        self._queue = pieces[1:]
+        return pieces[0] if pieces else None
 
     def _private(self, at: int) -> Lost | None:
         """A record of a kind that applications may have for themselves, with a sound one behind it."""
@@ -145,40 +122,49 @@ class Walk:
         ends = record_end(self._source, at, self._limit) is not None
         return ends and (self._bare or self._source.read(at, 1)[0] != Op.MESSAGE)
 
-    def _chunk(self, head: ChunkHead) -> Messages | None:
-        """The chunk, or what can be had of it."""
-        if self._found and self._found.head == head:
-            return self._found
+    def _chunk(self, head: ChunkHead) -> list[Piece]:
+        """The pieces of a chunk; none when there is nothing to be had of it."""
+        if self._found and self._found[0] == head:
+            return self._found[1]
         stored = head.content(self._source) if head.end <= self._limit else None
         if stored is not None and head.crc:
             content = Content(None).feed(stored)
-            found = Messages(head.at, head.end, content, True, head) if content.whole else None
+            found: list[Piece] = [Messages(head.at, head.end, content, True, head)] if content.whole else []
         elif head.compression:
-            found = self._unproved_packed(head, stored)
-        elif stored is None and head.crc and head.end <= self._limit:
-            found = self._mended(head)
+            found = _listed(self._unproved_packed(head, stored))
+        elif head.crc and not (self._told and head.end > self._limit):
+            found = self._split(head)
         else:
-            found = self._unproved(head, stored)
-        self._found = found if found and self._agrees(found.content) else None
-        return self._found
+            found = _listed(self._unproved(head, stored))
+        agree = all(self._agrees(piece.content) for piece in found if isinstance(piece, Messages))
+        self._found = head, found if agree else []
+        return self._found[1]
+
+    def _split(self, head: ChunkHead) -> list[Piece]:
+        """A chunk whose checksum does not hold, by the checkpoints before it."""
+        marks = chunk_marks(self._source, head)
+        size = max(checkpoint.size for checkpoint in marks.checkpoints)
+        if size > MAX_RECORD:
+            return []
+        data = self._source.read(head.begin, min(size, self._limit - head.begin))
+        unfinished = self._told is None and is_open(self._source, head)
+        return split(ChunkData(head, data, marks.checkpoints), self.channels, open_end=unfinished)
+
+    def _headless(self, at: int) -> list[Piece]:
+        """A chunk whose head is damaged, by the checkpoints before it."""
+        head = headless_chunk(self._source, at)
+        if head is None or head.size > MAX_RECORD:
+            return []
+        pieces = self._split(head)
+        if not any(isinstance(piece, Messages) and piece.proved for piece in pieces):
+            return []
+        return [Lost(at, head.begin), *pieces]
 
     def _agrees(self, content: Content) -> bool:
         """Schemas and channels mean the same in the whole file."""
         return all(self.channels.get(key, record) == record for key, record in content.channels.items()) and all(
             self.schemas.get(key, record) == record for key, record in content.schemas.items()
         )
-
-    def _mended(self, head: ChunkHead) -> Messages | None:
-        """A chunk of which one bit was flipped."""
-        if head.size > MAX_RECORD:
-            return None
-        stored = bytearray(self._source.read(head.begin, head.size))
-        flipped = turn_back(stored, head.crc)
-        content = Content(None)
-        if flipped is None or not content.feed(bytes(stored)).whole:
-            return None
-        place = head.begin + flipped if flipped < head.size else head.at + CRC_AT
-        return Messages(head.at, head.end, content, False, head, place)
 
     def _unproved_packed(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
         if stored is None:
@@ -187,15 +173,13 @@ class Walk:
         return Messages(head.at, head.end, content, False, head) if content.whole else None
 
     def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
-        """A chunk without checksum, which may go on behind what its head tells; or one that the file's end cuts off."""
+        """A chunk without checksum, which may go on behind what its head tells."""
         if stored is None and (head.end <= self._limit or self._told):
             return None
         size = min(head.end, self._limit) - head.begin
         if size > MAX_RECORD:
             return None
         content = Content(self.channels).feed(self._source.read(head.begin, size))
-        if head.crc:
-            return self._as_messages(head, content) if content.torn else None
         while content.torn and (more := self._more(head.begin + len(content.data))):
             content.feed(more)
         return self._as_messages(head, content)
@@ -258,18 +242,30 @@ class Walk:
             at += BLOCK
             self._progress(min(at, end))
 
+    def next_proved(self, at: int) -> int | None:
+        """Where the next chunk or attachment stands that proves itself; None when there is none."""
+        for place in self._candidates(at, self._limit):
+            if self._source.read(place, 1)[0] in (Op.CHUNK, Op.ATTACHMENT) and self._proves_itself(place):
+                return place
+        return None
+
     def _proves_itself(self, at: int) -> bool:
         if self._places and at not in self._places:
             return False
         head = chunk_head(self._source, at)
         if head:
-            chunk = self._chunk(head)
-            return bool(chunk and chunk.content.messages and (chunk.flipped is None or self._places))
+            return any(self._is_proof(piece, head) for piece in self._chunk(head))
         end = record_end(self._source, at, self._limit)
         if end is None:
             return False
         op = self._source.read(at, 1)[0]
         return op == Op.ATTACHMENT or (op in (Op.METADATA, Op.DATA_END) and self._sound(end))
+
+    def _is_proof(self, piece: Piece, head: ChunkHead) -> bool:
+        """Does this piece show that there is a chunk?  One whose checksum is 0 shows it by its form."""
+        if not isinstance(piece, Messages) or not piece.content.messages:
+            return False
+        return piece.proved or (piece.flipped is None and not head.crc) or bool(self._places)
 
     def _leads(self, at: int, goal: int) -> bool:
         """Do sound records, one behind the other, lead from here to there, or beyond, so that there nothing ends?"""
@@ -277,6 +273,10 @@ class Walk:
         while following is not None and following < goal:
             following = record_end(self._source, following, self._limit)
         return following is not None
+
+
+def _listed(piece: Piece | None) -> list[Piece]:
+    return [piece] if piece else []
 
 
 def unknown_channels(content: Content, declared: Collection[int]) -> list[int]:

@@ -18,12 +18,13 @@ from functools import cache
 STRIDE = 4096
 
 
-def turn_back(data: bytearray, crc: int) -> int | None:
+def turn_back(data: bytearray, crc: int, before: int = 0) -> int | None:
     """Turn the one bit back with which the CRC-32 of the data is ``crc``.
 
+    before : CRC-32 of what comes before the data, where ``crc`` is of both.
     Returns the byte of the data, their length where the bit is one of the checksum, None when it is not one bit.
     """
-    difference = zlib.crc32(data) ^ crc
+    difference = zlib.crc32(data, before) ^ crc
     if difference.bit_count() == 1:
         return len(data)
     for stride in range(len(data) // STRIDE + 1):

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fti.logger.raw_log import RAW_ENCODING
+from fti.logger.reading.chunk_content import Content, channel_name
 from fti.logger.reading.recording import unwrap
-from fti.logger.recovery.content import Content, channel_name
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ from typing import BinaryIO
 
 from fti.errors import StorageError
 from fti.logger import records
+from fti.logger.reading.chunk_content import Content
 from fti.logger.records import HEAD, read_text
-from fti.logger.recovery.content import Content
 from fti.logger.summary import Summary
 
 

@@ -1,40 +1,64 @@
-"""Closing files that a kill or a power cut left open: in place, and without touching what is good.
+"""Closing files that a kill or a power cut left open: in place, and without taking a byte away.
 
 The last chunk keeps every whole record that is there, gets its size, times and checksum, and the file its message
-index, summary and footer.  A file that is damaged elsewhere is left as it is.  A killed repair can be repeated.
+index, summary and footer.  Bytes behind these records that are neither zeros nor what is written there are first saved
+in a file beside it.  What no checksum proves is counted in the metadata ``fti.closed``.  A file that is damaged
+elsewhere is left as it is.  A killed repair can be repeated: the footer comes last.
 """
 
 from __future__ import annotations
 
+import copy
+import glob
 import os
-import struct
 import zlib
-from array import array
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from fti.errors import FtiError, RecordingError, StorageError
+from fti.errors import FtiError, StorageError
 from fti.logger import records
+from fti.logger.blueprint import CLOSED_METADATA
+from fti.logger.folder_sync import sync_folder
 from fti.logger.lock import is_being_written, locked
 from fti.logger.reading.mcap_file import has_footer
-from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, Op
-from fti.logger.summary import Summary
+from fti.logger.reading.source import Source
+from fti.logger.records import MAGIC
+from fti.logger.recovery.unfinished import Survey, survey
+from fti.logger.seal import self_sealed
 
-BLOCK = 4 * 2**20
 _FILE_HEAD = records.file_head()
-_MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
-_IN_CHUNKS = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
 
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """What became of an unfinished file.  dropped_bytes : torn rest that was cut off; fault : why it was left alone."""
+    """What became of an unfinished file.
+
+    unproved      : messages that no checksum proves; unproved_ns : log time of the first of them
+    missing_bytes : of records that are known to have been there
+    kept          : file beside it with bytes that are no whole records; kept_bytes : its size
+    fault         : why the file was left alone; None when it is closed
+    """
 
     path: Path
     messages: int = 0
-    dropped_bytes: int = 0
+    unproved: int = 0
+    unproved_ns: int | None = None
+    missing_bytes: int = 0
+    kept: Path | None = None
+    kept_bytes: int = 0
     fault: str | None = None
+
+    def describe_loss(self) -> str:
+        """Why not everything is closed and proved; empty when it is."""
+        if self.fault:
+            return self.fault
+        parts = [f"{self.unproved} messages at its end are unproved"] if self.unproved else []
+        if self.missing_bytes:
+            parts.append(f"{self.missing_bytes} bytes of records are missing at its end")
+        if self.kept:
+            parts.append(f"{self.kept_bytes} bytes that are no whole record are kept in {self.kept.name}")
+        return f"{self.path}: closed; {', '.join(parts)}" if parts else ""
 
 
 def close_unfinished(path: str | Path) -> Closed | None:
@@ -46,9 +70,9 @@ def close_unfinished(path: str | Path) -> Closed | None:
     place = Path(path)
     if has_footer(place):
         return None
-    with locked(place) as fd:
+    with locked(place) as fd, Source(place) as source:
         try:
-            return _Repair(place, fd).run()
+            return _Closing(place, fd, survey(source), source.size).run()
         except OSError as error:
             raise StorageError(f"{place}: cannot be closed: {error.strerror}") from error
 
@@ -85,186 +109,90 @@ def _close_each(paths: Iterable[Path]) -> list[Closed]:
     return closed
 
 
-class _Records:
-    """The whole records that a chunk holds: bytes, message index, schemas, channels, first and last log time."""
-
-    def __init__(self, fd: int, begin: int, file_size: int) -> None:
-        self.data = bytearray()
-        self.schemas: dict[int, bytes] = {}
-        self.channels: dict[int, bytes] = {}
-        self.times = (2**64 - 1, 0)
-        self._all: dict[int, array[int]] = {}
-        self._fd = fd
-        self._begin = begin
-        self._file_size = file_size
-        at = 0
-        while end := self._next(at):
-            at = end
-        del self.data[at:]
-
-    @property
-    def index(self) -> dict[int, array[int]]:
-        """Message index: channel -> log time and offset, in turn."""
-        return {channel_id: entries for channel_id, entries in self._all.items() if entries}
-
-    def _next(self, at: int) -> int:
-        """Take the whole record at an offset; returns its end, 0 when there is none or it makes no sense."""
-        if not self._have(at + HEAD.size):
-            return 0
-        op, length = HEAD.unpack_from(self.data, at)
-        end: int = at + HEAD.size + length
-        if op not in _IN_CHUNKS or not self._have(end) or length < 2:
-            return 0
-        taken = self._take_message(at, length) if op == _MESSAGE else self._take_declaration(op, at, end)
-        return end if taken else 0
-
-    def _have(self, size: int) -> bool:
-        """Read on until that many bytes are here."""
-        while len(self.data) < size:
-            wanted = self._begin + size <= self._file_size
-            block = os.pread(self._fd, BLOCK, self._begin + len(self.data)) if wanted else b""
-            if not block:
-                return False
-            self.data += block
-        return True
-
-    def _take_message(self, at: int, length: int) -> bool:
-        if length < MESSAGE_BODY:
-            return False
-        _, _, channel_id, _, log_time, _ = MESSAGE.unpack_from(self.data, at)
-        entries = self._all.get(channel_id)
-        if entries is None:
-            return False
-        entries.append(log_time)
-        entries.append(at)
-        first, last = self.times
-        if not first <= log_time <= last:
-            self.times = min(first, log_time), max(last, log_time)
-        return True
-
-    def _take_declaration(self, op: int, at: int, end: int) -> bool:
-        (number,) = struct.unpack_from("<H", self.data, at + HEAD.size)
-        known = self.schemas if op == Op.SCHEMA else self.channels
-        known[number] = bytes(self.data[at:end])
-        if op == Op.CHANNEL:
-            self._all.setdefault(number, array("Q"))
-        return True
-
-
-class _Repair:
+class _Closing:
     """Closes one file, whose lock is held."""
 
-    def __init__(self, path: Path, fd: int) -> None:
+    def __init__(self, path: Path, fd: int, found: Survey, size: int) -> None:
         self._path = path
         self._fd = fd
-        self._size = os.fstat(fd).st_size
-        self._summary = Summary()
-        self._open_chunk: tuple[int, bytes] | None = None  # where it begins, and its head as it should be
+        self._found = found
+        self._size = size
+        self._end = found.end
 
     def run(self) -> Closed:
-        """Find the end of what is good; cut there, complete the chunk and the file."""
-        begin = self._header_end()
-        end, tail = self._survey(begin or 0)
-        self._refuse_later_chunk(end + 1)
-        os.ftruncate(self._fd, end)
-        if begin is None:
-            end = self._write(_FILE_HEAD, 0)
-        if self._open_chunk:
-            self._write(self._open_chunk[1], self._open_chunk[0])
-        self._write(tail + self._summary.tail(end + len(tail)), end)
+        """Save the rest, then write what comes behind the records, then the chunk's head, then the footer."""
+        found = self._found
+        begin = _FILE_HEAD if not found.begin else b""
+        self._end = found.end or len(begin)
+        kept = self._keep_rest()
+        tail = self._tail(kept)
+        os.ftruncate(self._fd, found.end)
+        self._write(begin, 0)
+        self._write(tail[: -len(MAGIC)], self._end)
         os.fsync(self._fd)
-        return Closed(self._path, self._summary.counts.total(), max(self._size - end, 0))
+        if found.head and found.chunk:
+            content = found.chunk.content
+            self._write(records.chunk_head(*content.times, content.end, zlib.crc32(content.data)), found.head.at)
+            os.fsync(self._fd)
+        self._write(tail[-len(MAGIC) :], self._end + len(tail) - len(MAGIC))
+        os.fsync(self._fd)
+        return self._result(kept)
 
-    def _header_end(self) -> int | None:
-        """End of magic and header; None when the file ends within them."""
-        start = self._read(0, len(_FILE_HEAD))
-        if start == _FILE_HEAD:
-            return len(_FILE_HEAD)
-        if not _FILE_HEAD.startswith(start):
-            raise RecordingError(f"{self._path}: was not written by this program; it is left as it is")
-        return None
+    def _result(self, kept: Path | None) -> Closed:
+        chunk = self._found.chunk
+        return Closed(
+            self._path,
+            self._found.summary.counts.total(),
+            chunk.unproved if chunk else 0,
+            chunk.unproved_ns if chunk else None,
+            chunk.missing_bytes if chunk else 0,
+            kept,
+            kept.stat().st_size if kept else 0,
+        )
 
-    def _survey(self, at: int) -> tuple[int, bytes]:
-        """End of the good part, and what must follow it before the summary."""
-        while at and at + HEAD.size <= self._size:
-            op, length = HEAD.unpack(self._read(at, HEAD.size))
-            end = at + HEAD.size + length
-            if op == Op.CHUNK and at + CHUNK.size <= self._size:
-                end, tail = self._survey_chunk(at)
-                if tail is not None:
-                    return end, tail
-            elif end > self._size or not self._note(op, at, end):
-                break
-            at = end
-        return at, b""
+    def _keep_rest(self) -> Path | None:
+        """Save what is cut off in a file beside this one; not zeros, nor the begin of what will be written there.
 
-    def _survey_chunk(self, at: int) -> tuple[int, bytes | None]:
-        """End of a finished chunk and its index; of an open one the end of its records, and its index."""
-        _, length, _, _, size, crc, name_length, records_size = CHUNK.unpack(self._read(at, CHUNK.size))
-        if name_length:
-            raise RecordingError(f"{self._path}: has a compressed chunk at byte {at}; it is left as it is")
-        begin = at + CHUNK.size
-        found = _Records(self._fd, begin, self._size)
-        index, end = found.index, begin + len(found.data)
-        if not index:
-            return at, b""
-        tail, offsets = self._summary.chunk_tail(end, index)
-        self._summary.schemas |= found.schemas
-        self._summary.channels |= found.channels
-        self._summary.add_chunk(at, len(found.data), found.times, index, offsets)
-        true_crc = zlib.crc32(found.data)
-        told = (length, size, records_size, crc)
-        if told == (CHUNK_BODY + size, len(found.data), size, true_crc) and self._read(end, len(tail)) == tail:
-            return end + len(tail), None
-        self._open_chunk = at, records.chunk_head(*found.times, len(found.data), true_crc)
-        return end, tail
+        Returns that file, or the one that a repair has saved before it was killed.
+        """
+        rest = os.pread(self._fd, self._size - self._found.end, self._found.end)
+        before = next(iter(self._path.parent.glob(f"{glob.escape(self._path.stem)}.rest-at-*.bin")), None)
+        index = self._found.message_index
+        closed = index + self._found.summary.tail(self._end + len(index))
+        expected = (closed, self._tail(before)) if self._found.begin else (_FILE_HEAD,)
+        if not rest.strip(b"\0") or any(tail.startswith(rest) for tail in expected):
+            return before
+        kept = self._path.with_name(f"{self._path.stem}.rest-at-{self._found.end}.bin")
+        draft = kept.with_name(f".{kept.name}.part")
+        with draft.open("wb") as stream:
+            stream.write(rest)
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(kept)
+        sync_folder(kept.parent)
+        return kept
 
-    def _note(self, op: int, at: int, end: int) -> bool:
-        """Take a record outside of chunks into the summary; False when the data section ends here."""
-        if op == Op.PADDING:
-            return True
-        if op not in (Op.ATTACHMENT, Op.METADATA):
-            return False
-        body = self._read(at + HEAD.size, end - at - HEAD.size)
-        try:
-            return self._note_attachment(at, body) if op == Op.ATTACHMENT else self._note_metadata(at, body)
-        except (struct.error, UnicodeDecodeError):
-            return False
+    def _tail(self, kept: Path | None) -> bytes:
+        """What comes behind the records: message index, what was found, summary, footer."""
+        index, record = self._found.message_index, b""
+        summary = copy.deepcopy(self._found.summary)
+        if not self._found.data_ended and CLOSED_METADATA not in self._found.tables:
+            record = records.metadata(CLOSED_METADATA, self_sealed(CLOSED_METADATA, self._table(kept)))
+            summary.add_metadata(self._end + len(index), len(record), CLOSED_METADATA)
+        return index + record + summary.tail(self._end + len(index) + len(record))
 
-    def _note_attachment(self, at: int, body: bytes) -> bool:
-        (log_time,) = struct.unpack_from("<Q", body)
-        name, offset = records.read_text(body, 16)
-        media_type, offset = records.read_text(body, offset)
-        (size,) = struct.unpack_from("<Q", body, offset)
-        self._summary.add_attachment((at, HEAD.size + len(body)), log_time, size, name, media_type)
-        return body[-4:] == struct.pack("<I", zlib.crc32(body[:-4]))
+    def _table(self, kept: Path | None) -> dict[str, str]:
+        chunk = self._found.chunk
+        table = {"unproved_messages": str(chunk.unproved if chunk else 0)}
+        if chunk and chunk.unproved_ns is not None:
+            table["unproved_from_ns"] = str(chunk.unproved_ns)
+        table["missing_bytes"] = str(chunk.missing_bytes if chunk else 0)
+        if kept:
+            table["kept_file"] = kept.name
+        return table
 
-    def _note_metadata(self, at: int, body: bytes) -> bool:
-        self._summary.add_metadata(at, HEAD.size + len(body), records.read_text(body, 0)[0])
-        return True
-
-    def _refuse_later_chunk(self, at: int) -> None:
-        """What is cut off must be a torn rest: a chunk in it means that the file is damaged before it."""
-        while at < self._size:
-            block = self._read(at, BLOCK)
-            position = -1
-            while (position := block.find(Op.CHUNK, position + 1)) >= 0:
-                self._refuse_chunk(at + position, self._read(at + position, CHUNK.size))
-            at += len(block)
-
-    def _refuse_chunk(self, at: int, head: bytes) -> None:
-        if len(head) < CHUNK.size:
-            return
-        _, length, _, _, size, _, name_length, records_size = CHUNK.unpack(head)
-        if (name_length, length, records_size) == (0, CHUNK_BODY + size, size) and at + CHUNK.size + size <= self._size:
-            raise RecordingError(f"{self._path}: is damaged before the chunk at byte {at}; it is left as it is")
-
-    def _read(self, at: int, size: int) -> bytes:
-        return os.pread(self._fd, size, at)
-
-    def _write(self, data: bytes, at: int) -> int:
-        """Write everything; returns where it ends."""
+    def _write(self, data: bytes, at: int) -> None:
+        """Write everything."""
         end = at + len(data)
         while at < end:
             at += os.pwrite(self._fd, data[len(data) - (end - at) :], at)
-        return end

@@ -11,16 +11,19 @@ from typing import Any
 
 from fti.errors import StorageError
 from fti.logger import records
-from fti.logger.blueprint import RECOVERED_METADATA
+from fti.logger.blueprint import RECOVERED_METADATA, altered_tables
 from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import record_end
+from fti.logger.reading.tables import metadata_table
 from fti.logger.reading.told import ChunkPlace, read_told
 from fti.logger.records import HEAD, MAGIC, Op, read_text
-from fti.logger.recovery.damage import Lost, Messages, Other, Walk, unknown_channels
+from fti.logger.recovery.damage import Walk, unknown_channels
 from fti.logger.recovery.numbers_found import Gap, NumbersFound
+from fti.logger.recovery.pieces import Lost, Messages, Other
 from fti.logger.recovery.rebuilt import Rebuilt
+from fti.logger.seal import self_sealed
 from fti.logger.session import name_parts
 
 REPORT = "recovered.json"
@@ -41,7 +44,8 @@ class Damage:
 class FileReport:
     """What was found in one file.
 
-    messages : taken; unproved : those among them without a checksum that holds; chunks : taken with their checksum.
+    messages : taken; unproved : those among them without a checksum that holds, unproved_ns : log time of the first;
+    chunks : taken with their checksum.  altered_metadata : tables that are not as they were written.
     flipped : the bytes of the file in which a bit was turned back, one in each of so many chunks, all of them unproved.
     told_messages, missing_chunks : what the summary, if it was whole, told of besides.
     """
@@ -51,6 +55,7 @@ class FileReport:
     summary: bool = False
     messages: int = 0
     unproved: int = 0
+    unproved_ns: int | None = None
     chunks: int = 0
     attachments: int = 0
     metadata: int = 0
@@ -59,13 +64,14 @@ class FileReport:
     missing_chunks: list[ChunkPlace] = field(default_factory=list)
     damages: list[Damage] = field(default_factory=list)
     flipped: list[int] = field(default_factory=list)
+    altered_metadata: list[str] = field(default_factory=list)
     #: The summary was whole, and all that it tells of was taken.
     all_told: bool = False
 
     @property
     def complete(self) -> bool:
-        """Nothing is lost nor mended; damage may still have hit indexes and other things that were made anew."""
-        return not (self.lost or self.flipped)
+        """The summary is whole; nothing is lost, mended or altered.  Indexes, which are made anew, may be damaged."""
+        return self.summary and not (self.lost or self.flipped or self.altered_metadata)
 
     @property
     def lost(self) -> bool:
@@ -194,6 +200,7 @@ class _Salvage:
         self._report = FileReport(source.path.name, source.size, self._told is not None)
         self._places: set[int] = set()  # where the chunks, attachments and metadata taken stood
         self._last_ns: int | None = None
+        self._tables: dict[str, dict[str, str]] = {}
 
     def run(self) -> FileReport:
         """Take every piece."""
@@ -205,7 +212,9 @@ class _Salvage:
             else:
                 self._note_lost(piece)
         self._compare()
-        self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, self._summary()))
+        self._report.altered_metadata = altered_tables(self._tables)
+        about = self_sealed(RECOVERED_METADATA, self._summary())
+        self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, about))
         self._rebuilt.finish()
         return self._report
 
@@ -224,7 +233,9 @@ class _Salvage:
         self._numbers.add(content, self._rebuilt.channels)
         report.messages += content.messages
         report.chunks += piece.proved
-        report.unproved += 0 if piece.proved else content.messages
+        if not piece.proved:
+            report.unproved += content.messages
+            report.unproved_ns = min(content.times[0], report.unproved_ns or content.times[0])
         if piece.flipped is not None:
             report.flipped.append(piece.flipped)
         self._note_times(content.times)
@@ -245,6 +256,8 @@ class _Salvage:
             self._rebuilt.attachment(record)
             self._report.attachments += 1
         elif piece.op == Op.METADATA:
+            name, table = metadata_table(record)
+            self._tables[name] = table
             self._rebuilt.metadata(record)
             self._report.metadata += 1
         self._places.add(piece.begin)
@@ -285,4 +298,5 @@ class _Salvage:
             "missing_messages": "unknown" if report.missing_messages is None else str(report.missing_messages),
             "damages": json.dumps([asdict(damage) for damage in report.damages]),
             "flipped": json.dumps(report.flipped),
+            "altered_metadata": json.dumps(report.altered_metadata),
         }

@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
 from fti.logger.recovery.repair import close_all, close_unfinished
+from fti.logger.seal import sealed
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import read_closed, read_stream
 
@@ -38,12 +39,12 @@ def chunk_starts(path: Path) -> list[int]:
 def test_a_killed_file_is_closed_once(tmp_path: Path) -> None:
     before = read_stream(write_killed(tmp_path / "a.mcap"))
     closed = close_unfinished(tmp_path / "a.mcap")
-    assert closed and (closed.messages, closed.dropped_bytes, closed.fault) == (100, 0, None)
+    assert closed and (closed.messages, closed.describe_loss()) == (100, "")
     assert read_closed(tmp_path / "a.mcap") == before
     assert close_unfinished(tmp_path / "a.mcap") is None
 
 
-def test_garbage_behind_the_last_record_is_cut_off(tmp_path: Path) -> None:
+def test_what_is_no_record_behind_the_last_one_is_kept_beside_the_file(tmp_path: Path) -> None:
     undeclared = records.MESSAGE.pack(records.Op.MESSAGE, records.MESSAGE_BODY, 99, 0, 0, 0)
     noise = random.Random(1).randbytes(3000).replace(b"\x06", b"\x07")
     for garbage in (bytes(5000), b"\x05" * 40, undeclared, noise):
@@ -51,20 +52,91 @@ def test_garbage_behind_the_last_record_is_cut_off(tmp_path: Path) -> None:
         before = write_killed(path, messages=110)  # the last chunk is open
         path.write_bytes(before + garbage)
         closed = close_unfinished(path)
-        assert closed and closed.dropped_bytes == len(garbage)
+        kept = list(tmp_path.glob(f"{len(garbage)}.rest-at-*.bin"))
+        assert closed and closed.kept == (kept[0] if any(garbage) else None)
+        assert [file.read_bytes() for file in kept] == ([garbage] if any(garbage) else [])
+        assert any(garbage) == (closed.describe_loss() != "")
         assert read_closed(path) == read_stream(before)
 
 
-def test_a_hole_in_the_last_chunk_costs_what_is_behind_it(tmp_path: Path) -> None:
+def write_synced(path: Path, messages: int, every: int) -> bytes:
+    """An open chunk with a checkpoint after so many messages; killed."""
+    writer = StreamWriter(path, chunk_bytes=10**6)
+    channel = writer.add_channel("/a", "x")
+    for n in range(messages):
+        writer.write(channel, n, bytes([n % 251 + 1]) * 20, n)
+        writer.flush()
+        if n % every == every - 1:
+            writer.sync()
+    writer.abandon()
+    return path.read_bytes()
+
+
+def test_a_hole_behind_the_last_sync_costs_what_is_behind_it(tmp_path: Path) -> None:
     """A power cut: the head of the chunk reached the medium, a page of its records did not."""
     path = tmp_path / "a.mcap"
-    data = bytearray(write_killed(path, messages=300, chunk_bytes=10**6))
+    whole = write_synced(path, messages=330, every=100)
+    data = bytearray(whole)
+    begin = data.rindex(bytes([311 % 251 + 1]) * 20) - 10  # the hole begins in the record before
+    data[begin : begin + 400] = bytes(400)
+    path.write_bytes(data)
+    closed = close_unfinished(path)
+    found = read_closed(path)
+    assert found == read_stream(whole)[:311] and closed
+    assert (closed.unproved, closed.unproved_ns) == (11, 300)
+    kept = tmp_path / f"a.rest-at-{len(data) - closed.kept_bytes}.bin"
+    assert closed.kept == kept and bytes(data).endswith(kept.read_bytes()) and closed.kept_bytes > 900
+
+
+def test_a_hole_before_the_last_sync_is_reported_and_nothing_is_touched(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    data = bytearray(write_synced(path, messages=330, every=100))
     data[8192:12288] = bytes(4096)
     path.write_bytes(data)
-    close_unfinished(path)
-    found = read_closed(path)
-    assert [m[3] for m in found] == list(range(len(found)))
-    assert 8192 // 51 - 10 < len(found) <= 8192 // 51
+    with pytest.raises(RecordingError, match=r"a\.mcap: is damaged: the chunk at byte \d+: the checksum"):
+        close_unfinished(path)
+    assert path.read_bytes() == bytes(data) and [file.name for file in tmp_path.iterdir()] == ["a.mcap"]
+
+
+def test_a_flipped_length_in_an_open_chunk_removes_nothing(tmp_path: Path) -> None:
+    """The walk ended there, and the next start cut all that was behind it."""
+    whole = write_synced(tmp_path / "a.mcap", messages=330, every=100)
+    path = tmp_path / "b.mcap"
+    begin = whole.index(bytes([1]) * 20) - records.MESSAGE.size
+    for message in (0, 1, 50, 150, 299):
+        data = bytearray(whole)
+        data[begin + message * (records.MESSAGE.size + 20) + 1] ^= 0x10
+        path.write_bytes(data)
+        with pytest.raises(RecordingError, match="it is left as it is"):
+            close_unfinished(path)
+        assert path.read_bytes() == bytes(data)
+
+
+def test_what_a_kill_leaves_is_proved_up_to_the_last_flush(tmp_path: Path) -> None:
+    """The head of an open chunk has a checksum: an altered message is found, not sealed."""
+    path = tmp_path / "a.mcap"
+    whole = write_synced(path, messages=330, every=10**6)
+    closed = close_unfinished(path)
+    assert closed and (closed.messages, closed.unproved) == (330, 0)
+    data = bytearray(whole)
+    data[data.index(bytes([7]) * 20) + 3] ^= 1
+    path.write_bytes(data)
+    closed = close_unfinished(path)
+    assert closed and closed.unproved == 330 and closed.unproved_ns == 0  # never synced
+
+
+def test_altered_metadata_of_an_unfinished_file_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    writer = StreamWriter(path)
+    for name, table in sealed("fti.file", {"fti.file": {"kind": "raw"}, "fti": {"name": "da42"}}).items():
+        writer.add_metadata(name, table)
+    writer.flush()
+    writer.abandon()
+    data = path.read_bytes().replace(b"da42", b"da43")
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="its metadata fti is not as it was written"):
+        close_unfinished(path)
+    assert path.read_bytes() == data
 
 
 def test_a_file_damaged_in_its_middle_is_left_alone(tmp_path: Path) -> None:
@@ -76,7 +148,7 @@ def test_a_file_damaged_in_its_middle_is_left_alone(tmp_path: Path) -> None:
         data = bytearray(whole)
         data[chunk_starts(tmp_path / "copy.mcap")[1] + place] ^= 0xFF
         path.write_bytes(data)
-        with pytest.raises(RecordingError, match=r"is damaged before the chunk at byte \d+; it is left as it is"):
+        with pytest.raises(RecordingError, match=r"is damaged: .*; it is left as it is, see: fti recover"):
             close_unfinished(path)
         assert path.read_bytes() == bytes(data)
 

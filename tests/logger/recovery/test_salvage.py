@@ -126,7 +126,7 @@ def test_nothing_proved_is_invented_however_much_is_damaged(
 def test_what_is_no_recording_gives_an_empty_one(tmp_path: Path, data: bytes) -> None:
     found, report = recovered(data, tmp_path)
     assert found == [] and not report.summary
-    assert report.complete == (data in (b"", records.MAGIC))
+    assert not report.complete
 
 
 def outer_and_inner(folder: Path, *, finish: bool) -> tuple[bytes, bytes]:
@@ -218,9 +218,9 @@ def test_a_hole_in_the_open_chunk_costs_the_message_before_it(tmp_path: Path) ->
     writer.abandon()
     data = (tmp_path / "open.mcap").read_bytes()
     messages = read_stream(data)
-    for begin in range(1000, 1060):
+    for begin in range(2100, 2160):
         found, report = recovered(data[:begin] + bytes(300) + data[begin + 300 :], tmp_path)
-        assert found == messages[: len(found)] and report.unproved == len(found) >= (begin - 200) // 51
+        assert found == messages[: len(found)] and report.unproved == len(found) >= (begin - 1300) // 51
         assert report.damages
 
 
@@ -365,7 +365,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert read_closed(tmp_path / "a_000_recovered" / "a_000.mcap") == read_stream(whole)
     assert main(["recover", str(tmp_path / "a_000.mcap")]) == 2
     assert "holds something already" in capsys.readouterr().err
-    (tmp_path / "a_000.mcap").write_bytes(whole[:2500] + bytes(60) + whole[2560:])
+    at = Original(whole).chunks[1][0][0] + 200
+    (tmp_path / "a_000.mcap").write_bytes(whole[:at] + bytes(60) + whole[at + 60 :])
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "b"), "--json"]) == 3
     told = json.loads(capsys.readouterr().out)
     assert not told["complete"] and told["missing_numbers"] and told["out"] == str(tmp_path / "b")
@@ -374,10 +375,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "are lost, after 1970-01-01T00:00:01.0" in lines and "not everything is there" in lines
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--in-place"]) == 0
     assert "is finished" in capsys.readouterr().out
-    (tmp_path / "a_000.mcap").write_bytes(whole[:2500] + bytes([whole[2500] ^ 2]) + whole[2501:])
+    (tmp_path / "a_000.mcap").write_bytes(whole[:at] + bytes([whole[at] ^ 2]) + whole[at + 1 :])
     assert main(["recover", str(tmp_path / "a_000.mcap"), "--out", str(tmp_path / "d")]) == 3
     lines = capsys.readouterr().out
-    assert (
-        "a bit of byte 2500 was turned back" in lines
-        and "nothing is missing; of what was mended nothing is proved" in lines
-    )
+    assert f"a bit of byte {at} was turned back" in lines and "nothing is missing; not everything is proved" in lines

@@ -1,0 +1,88 @@
+"""Checkpoints of a chunk: how many bytes of records it held at each sync, and their CRC-32.
+
+A chunk of this program follows a private record (opcode 0x81, which the MCAP specification leaves to applications and
+readers skip) of SLOTS slots.  Before each sync the writer fills the next slot.  The checksum of a chunk is cumulative:
+from the value in one slot and the bytes up to the next, the value in the next follows.  So each stretch of records
+between two slots is proved by itself, also when the stretch before it is damaged, and bytes are summed once.
+
+    slot: size u64 | CRC-32 of the records up to there u32 | CRC-32 of these twelve bytes u32; zeros: not filled
+
+See docs/decisions/0023.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from fti.logger.records import HEAD, Op, record
+
+#: A chunk ends at the latest with the sync that fills the last slot.
+SLOTS = 64
+SLOT_BYTES = 16
+RECORD_BYTES = HEAD.size + SLOTS * SLOT_BYTES
+_VALUES = struct.Struct("<QI")
+
+
+class Checkpoint(NamedTuple):
+    """Bytes of records in a chunk, and their CRC-32."""
+
+    size: int
+    crc: int
+
+
+START = Checkpoint(0, 0)
+
+
+def empty_record() -> bytes:
+    """The record before a chunk; no slot is filled."""
+    return record(Op.CHECKPOINTS, bytes(SLOTS * SLOT_BYTES))
+
+
+def slot(checkpoint: Checkpoint) -> bytes:
+    """A filled slot."""
+    values = _VALUES.pack(*checkpoint)
+    return values + zlib.crc32(values).to_bytes(4, "little")
+
+
+def read_slots(body: bytes) -> tuple[list[Checkpoint], int]:
+    """Checkpoints in the body of a record, rising in size, and the number of slots that are damaged."""
+    found: list[Checkpoint] = []
+    damaged = 0
+    for at in range(0, SLOTS * SLOT_BYTES, SLOT_BYTES):
+        entry = body[at : at + SLOT_BYTES]
+        if not any(entry):
+            continue
+        checkpoint = Checkpoint(*_VALUES.unpack_from(entry))
+        if entry == slot(checkpoint) and checkpoint.size > (found[-1].size if found else 0):
+            found.append(checkpoint)
+        else:
+            damaged += 1
+    return found, damaged
+
+
+class Segment(NamedTuple):
+    """Records from ``begin`` to ``end`` of a chunk [B].  The CRC-32 up to begin is ``crc``; up to end, ``end_crc``."""
+
+    begin: int
+    end: int
+    crc: int
+    end_crc: int
+    proved: bool
+
+
+def segments(data: bytes, checkpoints: Sequence[Checkpoint]) -> list[Segment]:
+    """What each checkpoint proves of the records of a chunk.
+
+    data : the records as they are found, which may end before a checkpoint; checkpoints : rising in size
+    """
+    found, view, last = [], memoryview(data), START
+    for checkpoint in checkpoints:
+        piece = view[last.size : checkpoint.size]
+        whole = len(piece) == checkpoint.size - last.size
+        proved = whole and zlib.crc32(piece, last.crc) == checkpoint.crc
+        found.append(Segment(last.size, checkpoint.size, last.crc, checkpoint.crc, proved))
+        last = checkpoint
+    return found

@@ -1,0 +1,49 @@
+"""What a file itself says is not proved of it: it was closed after its writer had gone, or made by a recovery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from fti.logger.blueprint import CLOSED_METADATA, RECOVERED_METADATA
+from fti.logger.proof.wording import clock_text
+
+
+def doubts_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences, each of them a loss, from one table of metadata."""
+    if name == RECOVERED_METADATA:
+        yield from _of_recovery(table)
+    elif name == CLOSED_METADATA:
+        yield from _of_closing(table)
+
+
+def notes_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences that are no loss."""
+    if name == CLOSED_METADATA and not any(_of_closing(table)):
+        yield "was closed later: its writer had gone before it had finished"
+
+
+def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:
+    """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
+    unproved = table.get("unproved", "?")
+    if unproved != "0":
+        yield f"was recovered, {unproved} messages of it without a checksum that held"
+    if table.get("complete") != "true":
+        yield "was recovered from a file of which not everything was whole"
+
+
+def _of_closing(table: Mapping[str, str]) -> Iterator[str]:
+    """The checksum of its last chunk was made when it was closed."""
+    unproved, missing = table.get("unproved_messages", "?"), table.get("missing_bytes", "?")
+    if unproved != "0":
+        yield f"was closed later: {unproved} messages{_since(table)} are unproved, no checksum covered them"
+    if missing != "0":
+        yield f"was closed later: {missing} bytes of records were missing at its end"
+    if "kept_file" in table:
+        yield f"was closed later: what was no whole record at its end is kept in {table['kept_file']}"
+
+
+def _since(table: Mapping[str, str]) -> str:
+    try:
+        return f" from {clock_text(int(table['unproved_from_ns']))} on"
+    except (KeyError, ValueError, OverflowError, OSError):
+        return ""

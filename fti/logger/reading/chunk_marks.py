@@ -1,0 +1,39 @@
+"""What a chunk itself and the checkpoints before it tell of its checksums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fti.logger.checkpoints import RECORD_BYTES, SLOT_BYTES, SLOTS, Checkpoint, read_slots
+from fti.logger.reading.source import Source
+from fti.logger.reading.structure import ChunkHead
+from fti.logger.records import HEAD, Op
+
+#: How the record of the checkpoints begins.
+CHECKPOINTS_HEAD = HEAD.pack(Op.CHECKPOINTS, SLOTS * SLOT_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkMarks:
+    """Where the checksum of an uncompressed chunk is known.
+
+    checkpoints : rising in size, the one of the chunk's head among them
+    synced      : size at the last sync [B]; 0 when there was none
+    reliable    : the record of the checkpoints is there and none of its filled slots is damaged
+    """
+
+    checkpoints: list[Checkpoint]
+    synced: int = 0
+    reliable: bool = False
+
+
+def chunk_marks(source: Source, head: ChunkHead) -> ChunkMarks:
+    """The marks of a chunk.  A head whose checksum is 0 has none of its own: an open chunk of fti 0.1."""
+    record = source.read(head.at - RECORD_BYTES, RECORD_BYTES) if head.at >= RECORD_BYTES else b""
+    if head.compression:
+        return ChunkMarks([])
+    found, damaged = read_slots(record[HEAD.size :]) if record.startswith(CHECKPOINTS_HEAD) else ([], 0)
+    synced = found[-1].size if found else 0
+    if head.crc and all(checkpoint.size != head.size for checkpoint in found):
+        found = sorted([*found, Checkpoint(head.size, head.crc)])
+    return ChunkMarks(found, synced, record.startswith(CHECKPOINTS_HEAD) and not damaged)

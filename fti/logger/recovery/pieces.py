@@ -1,0 +1,43 @@
+"""The pieces of a file that may be damaged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fti.logger.reading.chunk_content import Content
+from fti.logger.reading.structure import ChunkHead
+
+
+@dataclass(frozen=True, slots=True)
+class Messages:
+    """Records of a chunk, or outside of chunks (head is None).
+
+    proved : their checksum holds; flipped : the byte of the file in which a bit was turned back, so that it does
+    """
+
+    begin: int
+    end: int
+    content: Content
+    proved: bool
+    head: ChunkHead | None = None
+    flipped: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """A sound record that holds no messages."""
+
+    begin: int
+    end: int
+    op: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """Bytes of which nothing is taken."""
+
+    begin: int
+    end: int
+
+
+Piece = Messages | Other | Lost
