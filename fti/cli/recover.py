@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from fti.logger.recovery.salvage import FileReport, Report
+    from fti.logger.recovery.report import FileReport, Report
 
 SHOWN = 10
 
@@ -123,6 +123,8 @@ def _file_text(file: FileReport) -> Iterator[str]:
         yield "  has no summary that holds: not proved complete, more may have followed at its end"
     for name in file.altered_metadata:
         yield f"  its metadata {name} is not as it was written"
+    if file.copies:
+        yield f"  {file.copies} messages stand in an earlier one of the joined files too, and are taken once"
     for byte in file.flipped[:SHOWN]:
         yield f"  a bit of byte {byte} was turned back, so that the checksum of its chunk holds: likely, not proved"
     if len(file.flipped) > SHOWN:

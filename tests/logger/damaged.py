@@ -12,7 +12,8 @@ from mcap.writer import CompressionType, Writer
 
 from fti.logger.records import HEAD
 from fti.logger.recovery.numbers_found import NumbersFound
-from fti.logger.recovery.salvage import FileReport, salvage
+from fti.logger.recovery.report import FileReport
+from fti.logger.recovery.salvage import salvage
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import Found, read_closed, read_stream
 

@@ -22,6 +22,11 @@ def notes_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
         yield "was closed later: its writer had gone before it had finished"
 
 
+def has_unproved(tables: Mapping[str, Mapping[str, str]]) -> bool:
+    """Does a file say that its last chunk was closed with messages that no checksum proves?"""
+    return tables.get(CLOSED_METADATA, {}).get("unproved_messages", "0") != "0"
+
+
 def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:
     """Its checksums were made by the recovery: that they hold proves nothing of what came before."""
     unproved = table.get("unproved", "?")

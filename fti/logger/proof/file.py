@@ -20,7 +20,7 @@ from fti.logger import records
 from fti.logger.blueprint import altered_tables
 from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
 from fti.logger.lock import is_being_written
-from fti.logger.proof.doubts import doubts_of, notes_of
+from fti.logger.proof.doubts import doubts_of, has_unproved, notes_of
 from fti.logger.proof.wording import clock_text
 from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
@@ -66,6 +66,7 @@ class ProofFile:
     size     : so far it was read [B]; it may have grown since
     doubts   : what is not proved of it: because it was not finished, was closed later or was made by a recovery
     notes    : what else is to be known of it
+    proved   : False where the last chunk of an unfinished file holds less, or more, than its checksum covers
     """
 
     def __init__(self, path: Path) -> None:
@@ -76,12 +77,14 @@ class ProofFile:
         self.messages: Counter[int] = Counter()
         self.chunks: list[int] = []
         self.metadata: dict[str, dict[str, str]] = {}
+        self.proved = True
         self.doubts: list[str] = []
         self.notes: list[str] = []
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
         self._ended = False  # the data section
+        self._unproved_at: list[int] = []  # chunks that their checkpoints do not prove
 
     def pages(self, at: int = 0) -> Iterator[Page]:
         """What the chunks hold.  Raises MissingError when the file cannot be opened.
@@ -143,6 +146,7 @@ class ProofFile:
             return
         data = bytes(found.content.data)
         rows, end = self._walk(data)
+        self.proved = not (found.unproved or found.missing_bytes)
         if found.unproved and not growing:
             since = "" if found.unproved_ns is None else f" from {clock_text(found.unproved_ns)} on"
             self.doubts.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
@@ -180,7 +184,7 @@ class ProofFile:
         if damaged or filled != record[HEAD.size :].rstrip(b"\0").ljust(len(filled), b"\0"):
             self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
         elif not all(segment.proved for segment in segments(data, found)):
-            self.faults.append(f"the checkpoints before the chunk at byte {head.at} are not those of its records")
+            self._unproved_at.append(head.at)
 
     def _page(self, data: bytes, rows: dict[int, list[Row]], at: int, end: int) -> Page:
         named = []
@@ -257,6 +261,10 @@ class ProofFile:
             self._index = {}
 
     def _check_metadata(self) -> None:
+        if has_unproved(self.metadata):  # the last chunk of one that was closed later
+            self._unproved_at = [at for at in self._unproved_at if at != self.chunks[-1]]
+        for at in self._unproved_at:
+            self.faults.append(f"the checkpoints before the chunk at byte {at} are not those of its records")
         for name in altered_tables(self.metadata):
             self.faults.append(f"its table {name} is not as it was written")
 

@@ -173,7 +173,12 @@ class _Verification:
         return faults
 
     def _by_stream(self, file: ProofFile) -> list[str]:
-        """A file without an end: as far as it goes, which may be further by now."""
+        """A file without an end: as far as it goes, which may be further by now.
+
+        The reader takes a chunk wholly or not at all: one that is not proved to its end cannot be compared.
+        """
+        if not file.proved:
+            return []
         found, size = 0, file.path.stat().st_size
         with file.path.open("rb") as stream:
             try:

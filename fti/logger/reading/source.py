@@ -13,19 +13,21 @@ _STEP = 2**30
 
 
 class Source:
-    """A file by position.  What the medium refuses to give is read as zeros and counted in ``unreadable`` [B].
+    """A file, or a part of it, by position.  Bytes that the medium does not give are zeros, counted in ``unreadable``.
 
+    begin, end : the part [B]; position 0 is its begin; end None : to the end of the file
     Raises MissingError when the file cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, begin: int = 0, end: int | None = None) -> None:
         self.path = path
         self.unreadable = 0
+        self._begin = begin
         try:
             self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         except OSError as error:
             raise MissingError(f"{path}: cannot be read: {error.strerror}") from error
-        self.size = os.fstat(self._fd).st_size
+        self.size = (os.fstat(self._fd).st_size if end is None else end) - begin
 
     def __enter__(self) -> Source:
         return self
@@ -49,7 +51,7 @@ class Source:
     def _piece(self, at: int, size: int) -> bytes:
         """One read; zeros where there is nothing to be had, so that the caller goes on."""
         try:
-            return os.pread(self._fd, size, at) or bytes(size)
+            return os.pread(self._fd, size, self._begin + at) or bytes(size)
         except OSError:
             if size > SECTOR:
                 return self._piece(at, SECTOR - at % SECTOR)

@@ -2,123 +2,35 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import struct
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from fti.errors import StorageError
 from fti.logger import records
 from fti.logger.blueprint import RECOVERED_METADATA, altered_tables
+from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import record_end
 from fti.logger.reading.tables import metadata_table
-from fti.logger.reading.told import ChunkPlace, read_told
+from fti.logger.reading.told import read_told
 from fti.logger.records import HEAD, MAGIC, Op, read_text
+from fti.logger.recovery.concatenated import file_begins
 from fti.logger.recovery.damage import Walk, unknown_channels
-from fti.logger.recovery.numbers_found import Gap, NumbersFound
+from fti.logger.recovery.numbers_found import NumbersFound
 from fti.logger.recovery.pieces import Lost, Messages, Other
 from fti.logger.recovery.rebuilt import Rebuilt
+from fti.logger.recovery.report import Damage, FileReport, Report
 from fti.logger.seal import self_sealed
 from fti.logger.session import name_parts
 
 REPORT = "recovered.json"
 Progress = Callable[[int], None]
-
-
-@dataclass(slots=True)
-class Damage:
-    """Bytes begin to end that were not taken, and the times [ns] of what was taken before and after them."""
-
-    begin: int
-    end: int
-    after_ns: int | None = None
-    before_ns: int | None = None
-
-
-@dataclass(slots=True)
-class FileReport:
-    """What was found in one file.
-
-    messages : taken; unproved : those among them without a checksum that holds, unproved_ns : log time of the first;
-    chunks : taken with their checksum.  altered_metadata : tables that are not as they were written.
-    flipped : the bytes of the file in which a bit was turned back, one in each of so many chunks, all of them unproved.
-    told_messages, missing_chunks : what the summary, if it was whole, told of besides.
-    """
-
-    file: str
-    bytes: int
-    summary: bool = False
-    messages: int = 0
-    unproved: int = 0
-    unproved_ns: int | None = None
-    chunks: int = 0
-    attachments: int = 0
-    metadata: int = 0
-    unreadable_bytes: int = 0
-    told_messages: int | None = None
-    missing_chunks: list[ChunkPlace] = field(default_factory=list)
-    damages: list[Damage] = field(default_factory=list)
-    flipped: list[int] = field(default_factory=list)
-    altered_metadata: list[str] = field(default_factory=list)
-    #: The summary was whole, and all that it tells of was taken.
-    all_told: bool = False
-
-    @property
-    def complete(self) -> bool:
-        """The summary is whole; nothing is lost, mended or altered.  Indexes, which are made anew, may be damaged."""
-        return self.summary and not (self.lost or self.flipped or self.altered_metadata)
-
-    @property
-    def lost(self) -> bool:
-        """Something is missing."""
-        return not self.all_told and bool(self.damages or self.missing_messages)
-
-    @property
-    def missing_messages(self) -> int | None:
-        """Messages missing; None when nothing tells how many there were."""
-        return None if self.told_messages is None else max(0, self.told_messages - self.messages)
-
-
-@dataclass(slots=True)
-class Report:
-    """What was found in a session.
-
-    gaps : numbers of frames that are missing between those found; of mode "snapshot" only ``fti verify`` can tell
-    """
-
-    source: str
-    files: list[FileReport] = field(default_factory=list)
-    gaps: list[Gap] = field(default_factory=list)
-
-    @property
-    def complete(self) -> bool:
-        """Nothing is missing, and nothing was mended."""
-        return not self.gaps and all(file.complete for file in self.files)
-
-    def as_json(self) -> dict[str, Any]:
-        """The report, for programs."""
-        files = [
-            {
-                **asdict(file),
-                "missing_chunks": [chunk._asdict() for chunk in file.missing_chunks],
-                "missing_messages": file.missing_messages,
-                "complete": file.complete,
-            }
-            for file in self.files
-        ]
-        return {
-            "source": self.source,
-            "complete": self.complete,
-            "messages": sum(file.messages for file in self.files),
-            "unproved": sum(file.unproved for file in self.files),
-            "missing_numbers": [asdict(gap) for gap in self.gaps],
-            "files": files,
-        }
 
 
 def session_files(session: Path) -> list[Path]:
@@ -142,10 +54,8 @@ def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
     for path in paths:
         raw = name_parts(path)[0] == "raw"
         start = done
-        copy = out / path.with_suffix(".mcap").name
-        found = salvage(path, copy, numbers if raw else NumbersFound(), lambda at: progress(start + at))  # noqa: B023
-        report.files.append(found)
-        done += found.bytes
+        report.files += _salvage_file(path, out, numbers if raw else NumbersFound(), lambda at: progress(start + at))  # noqa: B023
+        done += path.stat().st_size
         progress(done)
     if not Recording.open(out).snapshot_mode:  # there, numbers stand in the snapshots, or nowhere without a loss
         report.gaps = numbers.gaps()
@@ -165,23 +75,69 @@ def _make(out: Path) -> None:
         raise StorageError(f"{out}: cannot be made: {error.strerror}") from error
 
 
-def salvage(path: Path, out: Path, numbers: NumbersFound, progress: Progress) -> FileReport:
+def _salvage_file(path: Path, out: Path, numbers: NumbersFound, progress: Progress) -> list[FileReport]:
+    """Recover one file, or each of those that were joined in it; a part of the same name for each."""
+    with Source(path) as source:
+        begins = file_begins(source)
+        ends = [*begins[1:], source.size]
+    known = KnownChunks()
+    found = []
+    for n, (begin, end) in enumerate(zip(begins, ends, strict=True), 1):
+        copy = out / f"{path.stem}{f'_part{n}' if n > 1 else ''}.mcap"
+        known.begin_part()
+        report = salvage(path, copy, numbers, lambda at: progress(begin + at), part=(begin, end), known=known)  # noqa: B023
+        found.append(report)
+    return found
+
+
+class KnownChunks:
+    """Content of the chunks that were taken from other parts of a file: of joined copies every message counts once."""
+
+    def __init__(self) -> None:
+        self._others: set[bytes] = set()
+        self._own: set[bytes] = set()
+
+    def begin_part(self) -> None:
+        """What comes is of another part."""
+        self._others |= self._own
+        self._own = set()
+
+    def is_copy(self, content: Content) -> bool:
+        """Was a chunk with the same records taken from another part?"""
+        digest = hashlib.blake2b(content.data, digest_size=16).digest()
+        self._own.add(digest)
+        return digest in self._others
+
+
+def salvage(
+    path: Path,
+    out: Path,
+    numbers: NumbersFound,
+    progress: Progress,
+    *,
+    part: tuple[int, int | None] = (0, None),
+    known: KnownChunks | None = None,
+) -> FileReport:
     """Recover one file into a finished one, which stands there only when it is whole.  Never changes the input.
 
+    part : begin and end of the file where several are joined; known : chunks of the other parts
     Raises MissingError when the input cannot be opened, StorageError when the output cannot be written.
     """
-    part = out.with_name(f".{out.name}.part")
+    draft = out.with_name(f".{out.name}.part")
     try:
-        with Source(path) as source, Rebuilt(part, _head(source)) as rebuilt:
-            report = _Salvage(source, rebuilt, numbers, progress).run()
-        part.rename(out)
+        with Source(path, *part) as source, Rebuilt(draft, _head(source)) as rebuilt:
+            report = _Salvage(source, rebuilt, numbers, progress, known or KnownChunks()).run()
+        report.file = out.name if part[0] else report.file
+        draft.rename(out)
     finally:
-        part.unlink(missing_ok=True)
+        draft.unlink(missing_ok=True)
     return report
 
 
 def _head(source: Source) -> bytes:
-    """Magic and header, with the profile of the input."""
+    """Magic and header, with the profile of the input; of one that ends within our own head, that."""
+    if records.file_head().startswith(source.read(0, source.size)):
+        return records.file_head()
     end = record_end(source, len(MAGIC), source.size)
     body = source.read(len(MAGIC), end - len(MAGIC)) if end else b""
     profile = read_text(body, HEAD.size)[0] if body[:1] == bytes([Op.HEADER]) else ""
@@ -191,8 +147,11 @@ def _head(source: Source) -> bytes:
 class _Salvage:
     """One file."""
 
-    def __init__(self, source: Source, rebuilt: Rebuilt, numbers: NumbersFound, progress: Progress) -> None:
+    def __init__(
+        self, source: Source, rebuilt: Rebuilt, numbers: NumbersFound, progress: Progress, known: KnownChunks
+    ) -> None:
         self._source = source
+        self._known = known
         self._rebuilt = rebuilt
         self._numbers = numbers
         self._told = read_told(source)
@@ -222,6 +181,9 @@ class _Salvage:
         content, report = piece.content, self._report
         self._places.add(piece.begin)
         if not content.messages:
+            return
+        if piece.proved and self._known.is_copy(content):
+            report.copies += content.messages
             return
         for channel_id in unknown_channels(content, self._rebuilt.channels):
             self._declare(channel_id)
