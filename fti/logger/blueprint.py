@@ -15,9 +15,12 @@ SECOND_NS = 1_000_000_000
 #: Name, media type, content.
 Attachment = tuple[str, str, bytes]
 Metadata = Mapping[str, Mapping[str, str]]
-#: What each file says of itself: kind, session; ``place_0``, ``place_1``: the folders in which parts may lie.
+#: What each file says of itself: kind, session; ``place_0``, ``place_1``: the folders in which parts may lie;
+#: ``given_up_numbers``: smaller numbers of files, separated by spaces, that were taken and whose file was not written
+#: to when this file began, as where a medium did not open it in time.
 FILE_METADATA = "fti.file"
 PLACE_KEY = "place_"
+GIVEN_UP_KEY = "given_up_numbers"
 #: What a file that was recovered from a damaged one says of that.
 RECOVERED_METADATA = "fti.recovered"
 #: What a file says that its writer did not finish and that was closed later.
@@ -62,9 +65,11 @@ class Blueprint:
         """Is it time for the next file?"""
         return writer.span_ns >= self.split_ns or writer.bytes_written >= self.split_bytes
 
-    def introduce(self, writer: StreamWriter, session: str) -> None:
-        """Write what makes a file readable alone.  Raises StorageError."""
+    def introduce(self, writer: StreamWriter, session: str, number: int) -> None:
+        """Write what makes a file readable alone.  number : of this file.  Raises StorageError."""
         about = {"kind": self.kind, "session": session, **self._places}
+        if given_up := self.numbering.unconfirmed_before(number):
+            about[GIVEN_UP_KEY] = " ".join(map(str, given_up))
         for name, table in sealed(FILE_METADATA, {FILE_METADATA: about, **self._metadata}).items():
             writer.add_metadata(name, table)
         for name, media_type, data in self._attachments:

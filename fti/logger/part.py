@@ -21,6 +21,7 @@ RESCUE_BLOCK = 2**20
 class Part:
     """The files of a log in one folder, one after another.  For one thread.
 
+    number : of the present file
     writer : of the present file
     fault  : why the next file cannot be made or the last one not be closed; the present one goes on.  Else None.
     """
@@ -31,7 +32,7 @@ class Part:
         self._unclosed: list[StreamWriter] = []
         self._closed_bytes = 0
         self.fault: str | None = None
-        self._number, self.writer = self._open_next()
+        self.number, self.writer = self._open_next()
         self._make_known()
         self._trace = Trace(self.path, self.writer.fileno())
 
@@ -64,16 +65,17 @@ class Part:
         """Does its path still lead to the present file?  Then None."""
         return self._trace.stray()
 
-    def flush(self) -> None:
+    def flush(self, *, may_split: bool = True) -> None:
         """Bring what is buffered into the file; go on to the next file when it is time.
 
+        may_split : False while a file is being opened at another place, which a next file here would overtake
         Raises StorageError only when the file takes nothing; see ``fault`` for the rest, which the next flush tries
         again.
         """
         self.writer.flush()
         try:
             self._close_old()
-            if self._blueprint.is_full(self.writer):
+            if may_split and self._blueprint.is_full(self.writer):
                 self._split()
         except StorageError as error:
             self.fault = str(error)
@@ -107,14 +109,14 @@ class Part:
         self.writer.abandon()
         with contextlib.suppress(OSError):
             self.path.unlink()
-        self._blueprint.numbering.give_back(self._number)
+        self._blueprint.numbering.give_back(self.number)
 
     def rescue(self, folder: SessionFolder) -> Path:
         """Close the present file, which was deleted, and write it again in a folder; returns its path.
 
         Its content is there as long as it is open.  Raises StorageError.
         """
-        rescued = folder.file_path(self._blueprint.kind, self._number)
+        rescued = folder.file_path(self._blueprint.kind, self.number)
         fd = os.dup(self.writer.fileno())
         try:
             self.close()
@@ -133,8 +135,9 @@ class Part:
     def _split(self) -> None:
         number, fresh = self._open_next()
         self._blueprint.declare(fresh)
+        self._blueprint.numbering.confirm(number)
         self._unclosed.append(self.writer)
-        self._number, self.writer = number, fresh
+        self.number, self.writer = number, fresh
         self._trace = Trace(self.path, fresh.fileno())
         self._close_old()
 
@@ -154,7 +157,7 @@ class Part:
             numbering.give_back(number)
             raise
         try:
-            self._blueprint.introduce(writer, self.folder.name)
+            self._blueprint.introduce(writer, self.folder.name, number)
         except StorageError:
             writer.abandon()
             with contextlib.suppress(OSError):

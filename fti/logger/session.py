@@ -6,6 +6,7 @@ import errno
 import os
 import re
 import threading
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import count
@@ -82,12 +83,20 @@ class SessionFolder:
 class Numbering:
     """The numbers of the files of one kind of a session, wherever they lie.  For any thread.
 
-    A number is taken before its file is made, and given back when that fails; no two files of a process have the same.
-    least : the first number that may be taken, where files that have it may be out of sight
+    A number is taken before its file is made, confirmed when the file is written to, and given back when the file was
+    not made.  No two files of a process have the same number, and the files are written in the order of their numbers.
+    least     : the first number that may be taken, where files that have it may be out of sight
+    given_up  : numbers below ``least`` that an earlier process has taken and not confirmed
+    on_change : gets each number with False when it is taken, before its file is made, and with True when confirmed
     """
 
-    def __init__(self, least: int = 0) -> None:
+    def __init__(
+        self, least: int = 0, given_up: Iterable[int] = (), on_change: Callable[[int, bool], None] | None = None
+    ) -> None:
         self._next = least
+        self._unconfirmed = set(given_up)
+        self._last_confirmed = -1
+        self._on_change = on_change or (lambda number, confirmed: None)
         self._lock = threading.Lock()
 
     def take(self, folder: SessionFolder, kind: Kind) -> int:
@@ -96,13 +105,33 @@ class Numbering:
         with self._lock:
             number = max(self._next, there)
             self._next = number + 1
-            return number
+            self._unconfirmed.add(number)
+        self._on_change(number, False)
+        return number
+
+    def confirm(self, number: int) -> None:
+        """The file is written to."""
+        with self._lock:
+            self._unconfirmed.discard(number)
+            self._last_confirmed = max(self._last_confirmed, number)
+        self._on_change(number, True)
 
     def give_back(self, number: int) -> None:
-        """The file was not made."""
+        """The file was not made.  The number is used again, unless a greater one has been taken since."""
         with self._lock:
             if self._next == number + 1:
                 self._next = number
+                self._unconfirmed.discard(number)
+
+    def is_overtaken(self, number: int) -> bool:
+        """Is a file with a greater number written to, or was one?  Then this number comes too late."""
+        with self._lock:
+            return number < self._last_confirmed
+
+    def unconfirmed_before(self, number: int) -> list[int]:
+        """Smaller numbers that were taken, and of which no file is known that was written to."""
+        with self._lock:
+            return sorted(other for other in self._unconfirmed if other < number)
 
 
 def name_parts(path: Path) -> tuple[Kind, int]:

@@ -48,6 +48,7 @@ class SplitLog:
         """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""
         if self._part is not None:
             self._left_bytes += self._part.bytes_written
+        self.blueprint.numbering.confirm(part.number)
         self.blueprint.declare(part.writer)
         self._part = part
 
@@ -126,6 +127,10 @@ class Log:
     def open_part(self, folder: SessionFolder) -> Part:
         """A first file in another folder, ready to be adopted; for any thread.  Raises StorageError."""
         return self._log.open_part(folder)
+
+    def is_overtaken(self, part: Part) -> bool:
+        """Has a later file been written to since the part was opened?  Then it must not be adopted."""
+        return self._log.blueprint.numbering.is_overtaken(part.number)
 
     def adopt(self, part: Part) -> None:
         """Go on in another part.  What waited for a flush is in neither: whoever wrote it writes it again."""

@@ -154,6 +154,10 @@ class StorageMachine:
                 return attempt
         return None
 
+    def is_opening(self, now: float) -> bool:
+        """Is a file being opened that may still come in time?"""
+        return any(now - began < PATIENCE_S for _, began in self._attempts.values())
+
     def opened(self, now: float, place: int) -> bool:
         """An attempt has opened its file; False when it came too late and is not wanted any more."""
         attempt, _ = self._attempts.pop(place)

@@ -39,12 +39,14 @@ class RecorderOrder(StorageOrder):
     """All that the recorder is told, once, by the supervisor.
 
     first_number : of its files; those of an earlier recorder may be out of sight
+    given_up     : smaller numbers that an earlier recorder has taken, of which no file is known that it wrote to
     sending      : for the links that may transmit
     """
 
     config: Config
     epoch_ns: int
     first_number: int = 0
+    given_up: tuple[int, ...] = ()
     sending: dict[str, LinkOrder]
     attachments: dict[str, str]  # file name: text, recorded in every split
     metadata: dict[str, str]

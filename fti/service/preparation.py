@@ -37,12 +37,13 @@ class Preparation:
         for link in config.link:
             _check_link(config, link)
 
-    def recorder_order(self, places: Sequence[Place], first_number: int = 0) -> bytes:
-        """The order of the recorder.  places : the main one first; first_number : of its files."""
+    def recorder_order(self, places: Sequence[Place], first_number: int = 0, given_up: Sequence[int] = ()) -> bytes:
+        """The order of the recorder.  places : the main one first; first_number, given_up : see ``RecorderOrder``."""
         order = RecorderOrder(
             config=self._config,
             **_storage(places),
             first_number=first_number,
+            given_up=tuple(given_up),
             epoch_ns=self._epoch_ns,
             sending={link.name: self._link_order(link.name) for link in self._config.link if link.transmit},
             attachments=self._attachments(),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from itertools import compress
-from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring
@@ -49,7 +48,7 @@ class Recorder:
         self._tick_index = len(order.config.link)
         self._tick = self._intake.sink(self._tick_index, self._ticks)
         self._places = order.places()
-        self._log = self._make_log("raw", Numbering(order.first_number))
+        self._log = self._make_log("raw", Numbering(order.first_number, order.given_up, self._tell_number))
         self._units = [self._make_unit(i) for i in range(len(order.config.link))]
         links = {unit.link.name: unit.link for unit in self._units}
         self._sender = Sender(links, order.sending, clock, tell=channel.send, report=self._report)
@@ -57,7 +56,7 @@ class Recorder:
         self._snapshot = self._make_snapshot()
         min_free_mb = order.config.session.min_free_mb
         self._writer = Writer(self._log, self._sources(), self._places, min_free_mb, self._report)
-        self._storage = StorageReport(self._writer, self._dropped, self._tell, self._tell_file)
+        self._storage = StorageReport(self._writer, self._dropped, self._tell)
 
     # ------------------------------------------------------------------------------------------------- making
 
@@ -216,8 +215,9 @@ class Recorder:
         stats = {unit.link.name: unit.received.stats for unit in self._units}
         return {name: (link.dropped_frames, link.dropped_bytes) for name, link in stats.items()}
 
-    def _tell_file(self, path: Path) -> None:
-        self._channel.send({"file": str(path)})
+    def _tell_number(self, number: int, confirmed: bool) -> None:
+        """The next recorder must know it, also when this one is killed before the file is there."""
+        self._channel.send({"file_number": {"number": number, "confirmed": confirmed}})
 
     def _report(self, unit: str, error: Exception) -> None:
         self._tell("error", unit, f"{type(error).__name__}: {error}")

@@ -78,7 +78,7 @@ class Stint(threading.Thread):
         give_up: float | None = None
         while not self.over.is_set():
             try:
-                self.part.flush()
+                self.part.flush(may_split=self._succession.may_split)
                 self._mark_written()
                 self._sync_when_due()
             except StorageError as error:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from fti.logger.storage import State
@@ -18,26 +17,18 @@ LEVELS = {State.ERROR: "error", State.GONE: "error"}
 
 
 class StorageReport:
-    """Looks at the writer.  tell_file : gets every file that is begun."""
+    """Looks at the writer."""
 
-    def __init__(
-        self, writer: Writer, dropped: Callable[[], Dropped], tell: Tell, tell_file: Callable[[Path], None]
-    ) -> None:
+    def __init__(self, writer: Writer, dropped: Callable[[], Dropped], tell: Tell) -> None:
         self._writer = writer
         self._dropped = dropped
         self._tell = tell
-        self._tell_file = tell_file
         self._state = State.OK
         self._refused_since = 0.0
         self._dropped_before: Dropped = {}
-        self._file: Path | None = None
 
     def tell_changes(self) -> None:
         """Events for what has changed since the last call."""
-        file = self._writer.file
-        if file and file != self._file:
-            self._file = file
-            self._tell_file(file)
         state, hint = self._writer.state()
         if state is self._state:
             return
@@ -49,7 +40,7 @@ class StorageReport:
             self._dropped_before = self._dropped()
             hint = f"the medium refuses: {hint}; the buffers hold what they can"
         elif state is State.OK and before is not State.ERROR:
-            hint = f"all is well again, recording to {file}"
+            hint = f"all is well again, recording to {self._writer.file}"
         if hint:
             self._tell(LEVELS.get(state, "warning"), "storage", hint)
 
@@ -61,7 +52,7 @@ class StorageReport:
             if frames > frames_before:
                 lost.append(f"{frames - frames_before} frames ({size - size_before} bytes) of {link}")
         seconds = time.monotonic() - self._refused_since
-        return f"after {seconds:.1f} s, in {self._file}; lost: {', '.join(lost) or 'nothing'}"
+        return f"after {seconds:.1f} s, in {self._writer.file}; lost: {', '.join(lost) or 'nothing'}"
 
     def health(self) -> dict[str, Any]:
         """File, space and state, for health."""

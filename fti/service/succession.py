@@ -29,6 +29,7 @@ RETRY_S = 0.2
 LAST_CHANCE_S = 5.0
 #: A stint that is well is given this time to bring home what it carries.
 HAND_OVER_S = 0.5
+OVERTAKEN = "was opened too late, when a file with a greater number was written to"
 
 
 class Writing(Protocol):
@@ -92,6 +93,12 @@ class Succession:
         self.notes.add(topic, t_ns, content)
 
     @property
+    def may_split(self) -> bool:
+        """False while a file is being opened at another place: the files are written in the order of their numbers."""
+        with self._deciding:
+            return not self._machine.is_opening(time.monotonic())
+
+    @property
     def file(self) -> Path | None:
         """The file that is being written."""
         return self.log.path if self._stint else None
@@ -137,7 +144,12 @@ class Succession:
 
     def _replace(self, before: Writing | None, stint: Writing, part: Part) -> bool:
         with self._deciding:
-            if self._finished or not self._machine.opened(time.monotonic(), stint.attempt.place):
+            if self._finished:
+                return False
+            if self.log.is_overtaken(part):
+                self._machine.failed(time.monotonic(), stint.attempt.place, f"{part.path}: {OVERTAKEN}")
+                return False
+            if not self._machine.opened(time.monotonic(), stint.attempt.place):
                 return False
         self.log.adopt(part)
         self._restart(doubtful=before is None or before.refused or before.carrying)

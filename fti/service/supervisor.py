@@ -17,7 +17,6 @@ from fti.buffers.ring import Ring, ring_size
 from fti.bus.zenoh_bus import Hub
 from fti.clock import SystemClock
 from fti.config import Config
-from fti.logger.session import name_parts
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.catalogue import Catalogue
@@ -26,6 +25,7 @@ from fti.service.commands import Commander
 from fti.service.control import Message
 from fti.service.control_socket import serve_commands
 from fti.service.desk import Desk
+from fti.service.file_numbers import FileNumbers
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.keeping import Keeper, RecorderMail
@@ -67,6 +67,7 @@ class Supervisor:
         self._children = self._make_children(recorder)
         self._board = HealthBoard(self._describe_session())
         self._mail = RecorderMail(recorder)
+        self._file_numbers = FileNumbers()
         self._trial = TerrainTrial()
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
         self._commander = self._make_commander()
@@ -176,6 +177,9 @@ class Supervisor:
             return
         if child.name != DISPLAY:
             self._commander.on_child_ended(child.name)
+        if child.name == RECORDER:
+            numbers = self._file_numbers
+            child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
         if child.name == NAVIGATION and (why := self._trial.ended()):
             child.order = self._preparation.navigation_order(self._places.all, self._endpoint, why)
         self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
@@ -184,9 +188,8 @@ class Supervisor:
             self.stop()
 
     def _hear(self, child: Child, message: Message) -> None:
-        if message.get("file"):
-            number = name_parts(Path(message["file"]))[1] + 1
-            child.order = self._preparation.recorder_order(self._places.all, number)
+        if "file_number" in message:
+            self._file_numbers.take(message["file_number"])
         if "ready" in message:
             self._on_ready(child, message.get("fault"))
         if "health" in message and child.name == RECORDER:

@@ -10,6 +10,8 @@ import pytest
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.places import Place, Trace, mount_of
 from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.reading.file_numbers import absent_numbers
+from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, SessionFolder
 
@@ -93,6 +95,22 @@ def test_numbers_are_one_row_over_all_folders(folders: list[SessionFolder]) -> N
     assert numbering.take(folders[0], "raw") == 10
     numbering.give_back(3)
     assert numbering.take(folders[0], "raw") == 11
+    log.close()
+
+
+def test_a_number_is_reported_when_it_is_taken_and_when_its_file_is_written(folders: list[SessionFolder]) -> None:
+    reports: list[tuple[int, bool]] = []
+    numbering = Numbering(3, [1], lambda number, confirmed: reports.append((number, confirmed)))
+    log = make_log(folders, numbering)
+    assert reports == [(3, False), (3, True)]
+    waiting = log.open_part(folders[1])  # 4
+    move(log, folders[0])  # 5
+    assert numbering.unconfirmed_before(5) == [1, 4]
+    assert log.is_overtaken(waiting)
+    waiting.discard()
+    assert numbering.unconfirmed_before(6) == [1, 4]
+    assert McapFile(log.path).head().metadata["fti.file"]["given_up_numbers"] == "1 4"
+    assert absent_numbers(Recording.open(folders[0].path), "raw") == ([1, 4], [(0, 0), (2, 2)])
     log.close()
 
 

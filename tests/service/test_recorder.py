@@ -25,7 +25,7 @@ pytestmark = pytest.mark.timeout(900)
 class Rig:
     """A recorder with a serial line that it may send on, and a datagram link that it may not."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, **more: Any) -> None:
         self.line = Line(folder / "line")
         self.session = SessionFolder.create(folder / "out", "rig", 0)
         self.ring = Ring.create(2**20)
@@ -40,6 +40,7 @@ class Rig:
             sending={"line": LinkOrder(on_connect=(b"hello\r".hex(),), polls=((0.2, b"ask\r".hex()),))},
             attachments={"config.toml": "text"},
             metadata={"name": "rig"},
+            **more,
         )
         self.child = Child("recorder", order.model_dump_json().encode(), self.ring.fd)
         self.channel = self.child.start()
@@ -88,6 +89,19 @@ def test_it_sends_what_it_was_told_and_records_it(rig: Rig) -> None:
 
 def _received(rig: Rig) -> bool:
     return any(record.data == b"answer" for record in RingReader(rig.ring).read(10_000))
+
+
+def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, first_number=5, given_up=(2, 4))
+    until(lambda: rig.hear("ready"), what="ready")
+    rig.channel.send({"stop": True})
+    until(lambda: rig.hear("stopped"), what="stopped")
+    rig.close()
+    reports = [message["file_number"] for message in rig.messages if "file_number" in message]
+    assert reports == [{"number": 5, "confirmed": False}, {"number": 5, "confirmed": True}]
+    (path,) = rig.session.files("raw")
+    assert path.name.endswith("_005.mcap")
+    assert Recording.open(path).metadata["fti.file"]["given_up_numbers"] == "2 4"
 
 
 @pytest.mark.parametrize(("link", "said"), [("eth", "transmit is false"), ("none", "no link 'none'")])

@@ -18,7 +18,10 @@ from hypothesis import strategies as st
 from fti.buffers.triple import TripleBuffer
 from fti.logger import storage
 from fti.logger.places import Place
+from fti.logger.proof.report import Check, Verdict
+from fti.logger.proof.verify import verify
 from fti.logger.raw_log import RawLog, RawTopic
+from fti.logger.reading.about import remarks
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, name_parts
 from fti.logger.storage import Attempt, State
@@ -115,13 +118,16 @@ class Rig:
         self.set(*["good"] * len(self.folders))
         until(lambda: self.buffer.empty and self.writer.file, what="empty buffers")
 
-    def finish(self) -> list[int]:
-        """End; the numbers in the files, each once."""
+    def finish(self, *, away: bool = False) -> list[int]:
+        """End; the numbers in the files, each once.  away : some files lie in a folder that was renamed"""
         self.close()
         found = [folder for folder in self.folders if any(folder.glob("*.mcap"))]
         recording = Recording.open(*found)
         numbers = [name_parts(path)[1] for path in recording.raw_files]
         assert len(set(numbers)) == len(numbers)
+        assert away or check_of(recording, "splits").verdict in (Verdict.OK, Verdict.TOLD)
+        firsts = [numbers_in(path)[:1] for path in recording.raw_files]
+        assert sorted(first for first in firsts if first) == [first for first in firsts if first]
         frames = list(recording.frames())
         assert all(frame.data == b"%09d" % frame.seq for frame in frames)
         return [frame.seq for frame in frames]
@@ -206,6 +212,48 @@ def test_without_another_medium_the_buffers_hold(make: Callable[..., Rig], how: 
     assert rig.finish() == list(range(60 if begun else 40))
 
 
+def check_of(recording: Recording, name: str) -> Check:
+    """One check of ``fti verify``."""
+    return next(check for check in verify(recording).checks if check.name == name)
+
+
+def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callable[..., Rig]) -> None:
+    rig = make()
+    rig.log._log.blueprint.split_ns = 10**12
+    rig.set("stuck", "good")
+    rig.wait_for(State.FALLBACK)
+    rig.feed(20)
+    until(lambda: rig.buffer.empty, what="an empty buffer")
+    assert rig.finish() == list(range(20))
+    recording = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
+    assert 0 not in {name_parts(path)[1] for path in recording.raw_files}
+    splits = check_of(recording, "splits")
+    assert splits.verdict is Verdict.TOLD and "raw numbers 0 were given up" in splits.lines[0][1]
+    assert not list(remarks(recording))
+    recording.raw_files[0].rename(recording.raw_files[0].with_name(f"{recording.session}_007.mcap"))
+    moved = Recording.open(*(folder for folder in rig.folders if any(folder.glob("*.mcap"))))
+    assert any("raw files 1-6 are missing" in text for _, text in check_of(moved, "splits").lines)  # not stated
+
+
+def test_a_file_that_was_opened_too_late_gets_a_number_behind_those_that_were_written(
+    make: Callable[..., Rig], quick: pytest.MonkeyPatch
+) -> None:
+    rig = make()
+    rig.log._log.blueprint.split_ns = 10**12
+    rig.set("stuck", "good")
+    rig.wait_for(State.FALLBACK)
+    rig.feed(20)
+    until(lambda: rig.buffer.empty, what="an empty buffer")
+    rig.set("stuck", "broken")
+    rig.feed(5)
+    rig.wait_for(State.ERROR)
+    rig.set("good", "broken")  # now the first file is open, and would be welcome
+    until(lambda: rig.buffer.empty, what="an empty buffer")
+    assert rig.writer.file and rig.writer.file.parent == rig.folders[0]
+    assert name_parts(rig.writer.file)[1] > 1
+    assert rig.finish() == list(range(25))
+
+
 def test_what_no_buffer_could_hold_is_counted(make: Callable[..., Rig]) -> None:
     rig = make(1, capacity=300)
     rig.settle()
@@ -271,7 +319,7 @@ def test_what_a_medium_had_not_synced_when_it_went_away_stands_on_the_next(
     rig.folders[0].rename(away)
     rig.feed(5)
     until(lambda: rig.buffer.empty and rig.writer.file, what="a file in its place")
-    assert rig.finish() == list(range(25))
+    assert rig.finish(away=True) == list(range(25))
 
 
 class SickSync:

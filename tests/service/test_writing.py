@@ -69,10 +69,10 @@ def test_a_note_that_cannot_be_written_spoils_nothing_else(rig: Rig) -> None:
 def test_a_flush_that_fails_in_an_unknown_way_writes_nothing_twice(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     flush, failures = Part.flush, iter(range(3))
 
-    def fail(part: Part) -> None:
+    def fail(part: Part, **options: bool) -> None:
         if next(failures, None) is not None:
             raise RuntimeError("sick")
-        flush(part)
+        flush(part, **options)
 
     monkeypatch.setattr(Part, "flush", fail)
     for seq in range(3):

@@ -14,8 +14,8 @@ from fti.logger.proof.numbers import TICK_HOLE_NS, NumberProof, Span
 from fti.logger.proof.report import Account, Check, Report, Verdict
 from fti.logger.proof.wording import clock_text, ranges_text
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.recording import Recording
-from fti.logger.session import name_parts
 
 NOT_TRIGGERED = "not_triggered"
 #: Received by a recorder that was killed before it could write.
@@ -95,10 +95,12 @@ class _Session:
             whole = self._alone or recording.reprocessed or not (recording.derived_files or recording.snapshot_files)
             check.add(Verdict.TOLD if whole else Verdict.LOSS, "no raw file is here: what came in is not proved")
         for kind in ("raw", "derived", "snapshot") if not self._alone else ():
-            there = [name_parts(path)[1] for path in recording.paths(kind)]
-            absent = sorted(set(range(max(there, default=-1) + 1)) - set(there))
-            if absent:
-                check.add(Verdict.REFUTED, f"{kind} files {ranges_text([(n, n) for n in absent])} are missing")
+            given_up, missing = absent_numbers(recording, kind)
+            if missing:
+                check.add(Verdict.REFUTED, f"{kind} files {ranges_text(missing)} are missing")
+            if given_up:
+                numbers = ranges_text([(n, n) for n in given_up])
+                check.add(Verdict.TOLD, f"{kind} numbers {numbers} were given up: no file was opened in time")
         return check
 
     def sequence(self) -> Check:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.recording import Recording
-from fti.logger.session import name_parts
 
 SNAPSHOT = "snapshot"
 SNAPSHOT_NOTE = "SNAPSHOT: not a continuous recording; frames of the links are there around triggers only"
@@ -40,11 +40,10 @@ def _missing_parts(recording: Recording) -> str | None:
     found = [folder for folder in recording.elsewhere if any(folder.glob("*.mcap"))]
     if found:
         return f"more of this session lies in {', '.join(map(str, found))}; name all its folders"
-    numbers = {name_parts(path)[1] for path in recording.raw_files}
-    missing = sorted(set(range(max(numbers, default=-1) + 1)) - numbers)
+    missing = absent_numbers(recording, "raw").missing
     if not missing:
         return None
-    listed = ", ".join(f"{number:03}" for number in missing)
+    listed = ", ".join(f"{first:03}" if first == last else f"{first:03} to {last:03}" for first, last in missing)
     return (
         f"raw files {listed} are not here; they may lie in {', '.join(map(str, recording.elsewhere))}; name all folders"
     )
