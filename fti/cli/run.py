@@ -8,6 +8,9 @@ bytes on a path of their own, navigates, and shows it on a page.
 
 A session goes into a new folder below [session] directory.  Ctrl-C and SIGTERM leave finished files; what a killed
 session left open is closed by the next start in the same directory.
+
+The exit code is 0 after --duration, 130 after Ctrl-C or SIGTERM.  In both cases it is 3 when frames were lost because
+no storage target took them: a sentence says how many, and "fti verify" which.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import signal
 from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
-from fti.errors import FtiError
+from fti.errors import FtiError, RecordingError
 from fti.service.children import Child
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ async def serve(
     recorder   : see ``early_recorder``
     duration_s : end after so long [s]; None runs until a signal comes
     companion  : runs beside the daemon (the emulator of a demonstration)
-    Returns True when a signal ended it.
+    Returns True when a signal ended it.  Raises RecordingError when not everything was recorded.
     """
     # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
     signalled = _stop_on_signals(lambda: supervisor.stop())  # noqa: PLW0108
@@ -62,6 +62,8 @@ async def serve(
             await asyncio.gather(beside, return_exceptions=True)
     if supervisor.failed:
         raise FtiError("the recorder cannot start; what it said stands above")
+    if supervisor.loss:
+        raise RecordingError(supervisor.loss)
     if beside and not beside.cancelled() and (error := beside.exception()):
         raise error
     return signalled.is_set()

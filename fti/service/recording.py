@@ -242,10 +242,21 @@ class Recorder:
             await asyncio.to_thread(self._snapshot.stop)
         now = self._clock.now_ns()
         self._writer.note("/fti/ledger", now, self._books.note(now, final=True))
-        self._writer.finish()
+        await asyncio.to_thread(self._writer.finish)
         self._ring.end()
         self._channel.send({"health": self._health(now)})
-        self._channel.send({"stopped": True})
+        self._channel.send({"stopped": self._describe_end(now)})
+
+    def _describe_end(self, now: int) -> dict[str, Any]:
+        """See ``fti.service.session_result``."""
+        unsafe = [burst for source in self._writer.sources for burst in source.unsafe]
+        return {
+            "ledger": self._books.note(now, final=True),
+            "ledger_recorded": self._writer.notes_recorded,
+            "fault": self._writer.fault,
+            "unsafe_frames": sum(len(frames) for _, _, frames, _ in unsafe),
+            "unsafe_bytes": sum(payload for *_, payload in unsafe),
+        }
 
     async def _drain(self, link: Link) -> None:
         with guarded(link.name, self._report):

@@ -49,13 +49,13 @@ class SessionEnd:
             if child.channel:
                 child.channel.send({"stop": True})
             await self._end_child(child, {"stop": True}, DISPLAY_END_S)
-        self._announce(f"recorded {self._places.folder.path}")
 
     async def _end_recorder(self, recorder: Child) -> None:
         """However long it takes: what the buffers hold must come to the medium."""
         if recorder.channel:
             recorder.channel.send({"stop": True})
         code = await ending.await_recorder(recorder, self.recorded, self._announce)
+        self._keeper.hear_out(recorder)
         if code:
             self._announce(f"error: recorder: ended with {ending.describe_exit(code)} before it had closed its files")
         if not self.recorded.is_set():

@@ -39,6 +39,11 @@ class Source:
         """Nothing waits to be written, neither in the buffer nor once more."""
         return self.buffer.empty and not self._again
 
+    @property
+    def unsafe(self) -> list[Burst]:
+        """What a medium has taken that failed afterwards, and no other one has."""
+        return self._again
+
     def pending(self) -> list[Burst]:
         """What is to be recorded now: what must be once more, and what the buffer hands out."""
         if self.buffer.empty:

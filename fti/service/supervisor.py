@@ -32,6 +32,7 @@ from fti.service.keeping import Keeper, RecorderMail
 from fti.service.preparation import Preparation
 from fti.service.session_end import SessionEnd
 from fti.service.session_places import SessionPlaces
+from fti.service.session_result import SessionResult, save_ledger
 from fti.service.terrain_trial import TerrainTrial
 
 HEALTH_PERIOD_S = 0.5
@@ -47,6 +48,7 @@ class Supervisor:
     """One session of the daemon.
 
     recorder : the child that was spawned before the configuration was read; announce : gets each line for the user
+    failed   : the recorder could not start; loss : after ``run``: what was not recorded, None when everything was
     """
 
     def __init__(self, config: Config, epoch_ns: int, run_dir: str | None, recorder: Child, announce: Announce) -> None:
@@ -57,6 +59,7 @@ class Supervisor:
         self._stop = asyncio.Event()
         self.recording = asyncio.Event()
         self.failed = False
+        self.loss: str | None = None
         self.displayed = asyncio.Event()
         self.display_url: str | None = None
         self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
@@ -68,6 +71,7 @@ class Supervisor:
         self._board = HealthBoard(self._describe_session())
         self._mail = RecorderMail(recorder)
         self._file_numbers = FileNumbers()
+        self._result = SessionResult()
         self._trial = TerrainTrial()
         self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
         self._commander = self._make_commander()
@@ -178,6 +182,7 @@ class Supervisor:
         if child.name != DISPLAY:
             self._commander.on_child_ended(child.name)
         if child.name == RECORDER:
+            self._result.add_dead_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
         if child.name == NAVIGATION and (why := self._trial.ended()):
@@ -211,6 +216,7 @@ class Supervisor:
         if child.name == DISPLAY:
             self._desk.hear_page(message)
         if "stopped" in message:
+            self._result.take(message["stopped"])
             self._ending.recorded.set()
 
     def _show(self, message: Message) -> None:
@@ -266,6 +272,11 @@ class Supervisor:
         self._commander.close()
         self._board.session["state"] = "stopping"
         await self._ending.end_children()
+        self.loss = self._result.describe_loss(self.folder.path)
+        if self.loss is None:
+            self._announce(f"recorded {self.folder.path}")
+        elif ledger := self._result.unrecorded_ledger:
+            self._announce(save_ledger(ledger, self.folder.name, self._run_dir.path))
 
     async def _finish_repair(self, closing: asyncio.Task[None]) -> None:
         """A file that is being closed is closed to its end; who is in a hurry leaves the others to the next start."""

@@ -12,9 +12,12 @@ begins where and when, ``fti.logger.storage`` decides.
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import time
 
 from fti.errors import StorageError
+from fti.logger.places import Place
 from fti.service.guard import guarded
 from fti.service.stint import Stint
 from fti.service.succession import FLUSH_PERIOD_S, LAST_CHANCE_S, Succession, Writing
@@ -24,7 +27,14 @@ TEND_PERIOD_S = 0.1
 
 
 class Writer(Succession):
-    """Owns the log and its stints.  ``tend`` must be called every ``TEND_PERIOD_S``; no call but ``stop`` waits."""
+    """Owns the log and its stints.  ``tend`` must be called every ``TEND_PERIOD_S``; ``stop`` and ``finish`` wait.
+
+    fault          : after ``finish``: why the present file could not be closed; else None
+    notes_recorded : after ``finish``: the last notes are in a file
+    """
+
+    fault: str | None = None
+    notes_recorded = False
 
     # ------------------------------------------------------------------------------------------------ for the reader
 
@@ -65,15 +75,45 @@ class Writer(Succession):
             return self._finished
 
     def finish(self) -> None:
-        """Record the last notes and close the file; after ``stop``."""
-        with guarded("storage", self.report), self.turn:
+        """Record the last notes and close the file, after ``stop``; see ``fault`` and ``notes_recorded``."""
+        for source in self.sources:
+            source.tell_gaps(self.note, final=True)
+        with guarded("storage", self._on_fault), self.turn:
             self._finished = True
-            if self._stint is None:
-                raise StorageError(f"what the buffers held is lost: {self.state()[1]}")
-            for source in self.sources:
-                source.tell_gaps(self.note, final=True)
-            self.notes.record_all(self.log)
-            self.log.close()
+            self._close_present()
+        if not self.notes_recorded:
+            self.notes_recorded = any(self._record_notes(place) for place in self._places)
         deadline = time.monotonic() + LAST_CHANCE_S
         for stint in self._others:
             stint.join(max(0.0, deadline - time.monotonic()))
+
+    def _close_present(self) -> None:
+        if self._stint is None:
+            raise StorageError(f"what the buffers held is lost: {self.state()[1]}")
+        self.notes.record_all(self.log)
+        self.log.close()
+        self.notes_recorded = True
+        for source in self.sources:
+            if source.recorded:
+                source.mark_written()  # what was refused before is in the file now
+
+    def _on_fault(self, unit: str, error: Exception) -> None:
+        self.fault = str(error)
+        self.report(unit, error)
+
+    def _record_notes(self, place: Place) -> bool:
+        """Bring the last notes into a file of their own.  False when the place does not take it in time."""
+        done = threading.Event()
+
+        def record() -> None:
+            with contextlib.suppress(StorageError):
+                part = self.log.open_part(place.prepare())
+                with self.turn:
+                    self.log.adopt(part)
+                    self.notes.restart()
+                    self.notes.record_all(self.log)
+                part.close()
+                done.set()
+
+        threading.Thread(target=record, name="last notes", daemon=True).start()  # a medium may hold it for ever
+        return done.wait(LAST_CHANCE_S)

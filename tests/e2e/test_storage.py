@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -153,6 +154,38 @@ def test_a_medium_that_is_full_frozen_taken_away_and_moved_without_another(tmp_p
         told = events(session)
         assert "the medium refuses" in told
         assert "lost: nothing" in told
+
+
+@pytest.mark.parametrize("ends", [None, signal.SIGINT])
+def test_a_medium_that_refuses_to_the_end_is_no_success(
+    tmp_path: Path, feeder: Feeder, ends: signal.Signals | None
+) -> None:
+    configure(feeder)
+    medium = Tmpfs(tmp_path / "medium", 8)
+    with mounted(medium):
+        arguments = (feeder.config, tmp_path / "run", "--out", str(medium.folder), "--links", str(feeder.links))
+        with daemon(*arguments, *([] if ends else ["--duration", "8"])) as running:
+            session = running.session
+            begin(feeder, running)
+            medium.fill()
+            wait_for(running, "error")
+            feed_on(feeder)
+            if ends:
+                assert running.stop(ends) == 3
+            else:
+                assert running.wait() == 3
+        feeder.stop()
+        told = "\n".join(running.lines)
+        assert not any(line.startswith("recorded ") for line in running.lines)
+        found = re.search(r"not everything was recorded: (\d+) of (\d+) frames .* are lost: .*No space left", told)
+        assert found and 0 < int(found[1]) < int(found[2]), told
+        ledger = re.search(r"the last ledger is in (\S+)", told)
+        assert ledger, told
+        kept = json.loads(Path(ledger[1]).read_text())
+        assert kept["final"] and kept["links"]["eth"]["held_frames"] + kept["links"]["line"]["held_frames"] == int(
+            found[1]
+        )
+        assert fti("verify", str(session)).returncode == 3
 
 
 def test_it_goes_on_at_the_fallback_and_comes_back(tmp_path: Path, feeder: Feeder) -> None:

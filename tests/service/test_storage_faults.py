@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import shutil
 import threading
@@ -25,7 +26,7 @@ from fti.logger.reading.about import remarks
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Numbering, name_parts
 from fti.logger.storage import Attempt, State
-from fti.service import stint, succession
+from fti.service import stint, succession, writing
 from fti.service.source import Source
 from fti.service.stint import Stint
 from fti.service.writing import Writer
@@ -374,6 +375,30 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
     SickSync(rig, quick, refusals=10**6)
     rig.finish()
     assert numbers_in(*rig.folders[1].glob("*.mcap")) == list(range(20))
+
+
+@pytest.mark.parametrize("places", [1, 2])
+def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
+    make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
+) -> None:
+    quick.setattr(writing, "LAST_CHANCE_S", 0.2)
+    rig = make(places)
+    rig.log._log.blueprint.split_ns = 10**12
+    rig.settle()
+    rig.feed(20)
+    rig.end_tending()
+    rig.writer.stop()
+    note = {"t_ns": 7, "text": "the last one"}
+    rig.set(*("full", "good")[:places])
+    rig.writer.note("/fti/gap", 7, note)
+    rig.writer.finish()
+    rig._ended = True
+    assert "No space left" in str(rig.writer.fault)
+    assert rig.writer.notes_recorded is (places == 2)
+    if places == 2:
+        (last,) = Recording.open(rig.folders[1]).messages("/fti/gap", "raw")
+        assert json.loads(last[-1]) == note
+    assert numbers_in(*rig.folders[0].glob("*.mcap")) == list(range(20))
 
 
 def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]) -> None:

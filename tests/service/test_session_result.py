@@ -1,0 +1,96 @@
+"""Whether a session was recorded: what counts as lost, and the sentence that says so."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.service.session_result import SessionResult, save_ledger
+
+FOLDER = Path("/data/s_0")
+NONE = {"in_frames": 0, "held_frames": 0, "held_bytes": 0, "dropped": {}}
+
+
+def account(came: int = 0, held: int = 0, **dropped: int) -> dict[str, Any]:
+    """Frames of ten bytes."""
+    reasons = {
+        reason: {"frames": n, "bytes": None if reason == "socket_queue" else 10 * n} for reason, n in dropped.items()
+    }
+    return {"in_frames": came, "held_frames": held, "held_bytes": 10 * held, "dropped": reasons, "sent": NONE}
+
+
+def report(*links: dict[str, Any], ticks: dict[str, Any] = NONE, **changes: Any) -> dict[str, Any]:
+    ledger = {"links": {str(n): link for n, link in enumerate(links)}, "ticks": ticks}
+    end = {"ledger": ledger, "ledger_recorded": True, "fault": None, "unsafe_frames": 0, "unsafe_bytes": 0}
+    return {**end, **changes}
+
+
+def loss_of(last: dict[str, Any], *dead: dict[str, Any]) -> str:
+    result = SessionResult()
+    for health in dead:
+        result.add_dead_recorder(health)
+    result.take(last)
+    return result.describe_loss(FOLDER) or ""
+
+
+@pytest.mark.parametrize(
+    "last",
+    [
+        report(),
+        report(account(100), account(7)),
+        report(account(100, socket_queue=5)),  # nobody read in time: no fault of the storage
+        report(account(100, not_triggered=50)),
+    ],
+)
+def test_everything_was_recorded(last: dict[str, Any]) -> None:
+    assert loss_of(last) == ""
+
+
+@pytest.mark.parametrize(
+    ("last", "sentence"),
+    [
+        (report(account(30, held=30), fault="full"), "nothing was recorded: all 30 frames are lost: full"),
+        (
+            report(account(30, held=2, buffer_overflow=3), account(10)),
+            "not everything was recorded: 5 of 40 frames (50 bytes) are lost: the medium did not take them in time",
+        ),
+        (report(account(9, snapshot_overflow=1)), "not everything was recorded: 1 of 9 frames (10 bytes) are lost"),
+        (report(account(9), unsafe_frames=4, unsafe_bytes=40), "4 of 9 frames (40 bytes) are lost"),
+        (report({**account(9), "sent": account(3, held=1)}), "1 of 12 frames (10 bytes) are lost"),
+        (
+            report(account(9), fault="broken"),
+            "all frames of the links are in the files, but not all ticks and notes: broken",
+        ),
+        (report(ticks=account(50, held=9), fault="full"), "no frame arrived, but not all ticks and notes: full"),
+        (report(account(9), ledger_recorded=False), "but not all ticks and notes"),
+    ],
+)
+def test_what_is_missing_is_counted(last: dict[str, Any], sentence: str) -> None:
+    assert loss_of(last).startswith("/data/s_0: ")
+    assert sentence in loss_of(last)
+
+
+def test_a_recorder_that_died_while_the_medium_refused_has_lost_what_it_held() -> None:
+    links = {"a": {"ledger": account(20, held=5, buffer_overflow=2)}}
+    refusing = {"links": links, "storage": {"state": "error"}}
+    well = {"links": links, "storage": {"state": "ok"}}
+    assert "7 of 30 frames" in loss_of(report(account(10)), refusing)
+    assert "2 of 30 frames" in loss_of(report(account(10)), well)
+    assert "7 of 30 frames" in loss_of(report(account(10)), refusing, refusing)  # the next one died before it reported
+    assert loss_of(report(), {}) == ""
+
+
+def test_a_recorder_that_never_said_that_it_stopped_is_no_success() -> None:
+    assert "before it had closed its files" in (SessionResult().describe_loss(FOLDER) or "")
+
+
+def test_a_ledger_that_no_medium_takes_is_kept(tmp_path: Path) -> None:
+    ledger = {"final": True}
+    told = save_ledger(ledger, "s_0", tmp_path)
+    path = tmp_path / "s_0_ledger.json"
+    assert str(path) in told and json.loads(path.read_text()) == ledger
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert save_ledger(ledger, "s_0", tmp_path / "none") == 'the last ledger: {"final":true}'
