@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import socket
@@ -15,14 +16,13 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from fti.service.control import Channel, send_order
+from fti.service.restart_delay import DoublingDelay, RestartDelay, StandInDelay
 
 #: Linear algebra in one thread: a pool of it in navigation would take the processors from the recorder, and on busy
 #: ones it waits for its own threads a hundred times longer than it calculates.
 QUIET = {"OPENBLAS_NUM_THREADS": "1"}
-FIRST_RESTART_S = 0.05
-LONGEST_RESTART_S = 5.0
-#: A child that has run for so long has recovered; its next restart is quick again.
-RECOVERED_S = 30.0
+#: A stand-in that dies while it waits is replaced so long after it was spawned, not sooner.
+STAND_IN_PERIOD_S = 5.0
 
 
 class ProcessState(StrEnum):
@@ -46,20 +46,39 @@ class Child:
     """One child.  It inherits its end of the control channel; order and ring come over it.
 
     It is never forked from us, and has a process group of its own: Ctrl-C goes to the supervisor alone.
+    has_stand_in : another process of it always waits, so that one that dies is replaced at once
+    delay_s      : after a death: how long the restart waits [s]
     """
 
     name: str
     order: bytes | None = None
     ring_fd: int | None = None
     arguments: Sequence[str] = ()
+    has_stand_in: bool = False
     state: ProcessState = ProcessState.STOPPED
     restarts: int = 0
     channel: Channel | None = None
     process: subprocess.Popen[bytes] | None = None
+    delay_s: float = 0.0
     _waiting: Spawned | None = None
+    _spawned: float = -math.inf
     _started: float = 0.0
     _restart_at: float = 0.0
-    _delay: float = field(default=FIRST_RESTART_S)
+    _delay: RestartDelay = field(default_factory=DoublingDelay)
+
+    def __post_init__(self) -> None:
+        if self.has_stand_in:
+            self._delay = StandInDelay()
+
+    @property
+    def early_deaths(self) -> int:
+        """So many times one after another it died soon after its start."""
+        return self._delay.early_deaths
+
+    def tend_stand_in(self) -> None:
+        """See to it that a stand-in waits while the process runs."""
+        if self.has_stand_in and self.process and time.monotonic() >= self._spawned + STAND_IN_PERIOD_S:
+            self.prepare()
 
     def prepare(self) -> None:
         """Have a process at hand that has loaded what it needs and waits for its order."""
@@ -67,6 +86,10 @@ class Child:
             if self._waiting.process.poll() is None:
                 return
             self._waiting.socket.close()  # it died while it waited
+        self._waiting = self._spawn()
+        self._spawned = time.monotonic()
+
+    def _spawn(self) -> Spawned:
         ours, theirs = socket.socketpair()
         process = subprocess.Popen(
             [sys.executable, "-m", f"fti.service.{self.name}", "--control-fd", str(theirs.fileno()), *self.arguments],
@@ -76,14 +99,14 @@ class Child:
             process_group=0,
         )
         theirs.close()
-        self._waiting = Spawned(process, ours)
+        return Spawned(process, ours)
 
     def start(self) -> Channel:
         """Give the process at hand (or a new one) its order; returns our end of its control channel."""
         self.prepare()
         assert self._waiting is not None
         self.process, sock = self._waiting
-        self._waiting = None
+        self._waiting, self._spawned = None, -math.inf  # the next stand-in need not wait
         if self.order is not None and self.ring_fd is not None:
             with contextlib.suppress(OSError):  # it has just died, which ``died`` will tell
                 send_order(sock, self.order, self.ring_fd)
@@ -105,10 +128,9 @@ class Child:
         code = self.process.poll() if self.process else None
         if code is None:
             return None
-        if time.monotonic() - self._started > RECOVERED_S:
-            self._delay = FIRST_RESTART_S
-        self._restart_at = time.monotonic() + self._delay
-        self._delay = min(2 * self._delay, LONGEST_RESTART_S)
+        now = time.monotonic()
+        self.delay_s = self._delay.after_death(now - self._started)
+        self._restart_at = now + self.delay_s
         self.process = None
         self.state = ProcessState.RESTARTING
         return code

@@ -23,7 +23,7 @@ Companion = Callable[["Supervisor"], Awaitable[None]]
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
-    child = Child("recorder")
+    child = Child("recorder", has_stand_in=True)
     child.prepare()
     try:
         yield child

@@ -55,3 +55,11 @@ async def end_child(child: Child, patience_s: float, announce: Announce, urge: C
 def describe_exit(code: int) -> str:
     """An exit code in words."""
     return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def describe_restart(child: Child, code: int) -> str:
+    """That a child has died, and when it is started again."""
+    text = f"ended with {describe_exit(code)}; it is started again"
+    if child.early_deaths and child.delay_s:
+        return f"{text} in {child.delay_s:g} s, as it died {child.early_deaths} times soon after its start"
+    return text

@@ -77,6 +77,8 @@ class Keeper:
         if not self.stopping and child.restart_is_due():
             child.restarts += 1
             self.start(child)
+        if not self.stopping:
+            child.tend_stand_in()
 
 
 class RecorderMail:

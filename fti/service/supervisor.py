@@ -36,8 +36,6 @@ from fti.service.session_result import SessionResult, save_ledger
 from fti.service.terrain_trial import TerrainTrial
 
 HEALTH_PERIOD_S = 0.5
-#: The recorder has a stand-in; it is started when the others have had time to start.
-STANDBY_S = 2.0
 MOST_STARTS = 2
 RECORDER = "recorder"
 NAVIGATION = "navigation"
@@ -187,7 +185,7 @@ class Supervisor:
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
         if child.name == NAVIGATION and (why := self._trial.ended()):
             child.order = self._preparation.navigation_order(self._places.all, self._endpoint, why)
-        self._bulletin.event("error", child.name, f"ended with {ending.describe_exit(code)}; it is started again")
+        self._bulletin.event("error", child.name, ending.describe_restart(child, code))
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
             self.stop()
@@ -239,13 +237,6 @@ class Supervisor:
             control.notify_systemd("READY=1")
             for other in self._children[1:]:
                 self._keeper.start(other)
-        if child.name == RECORDER:
-            asyncio.get_running_loop().call_later(STANDBY_S, self._prepare_recorder)
-
-    def _prepare_recorder(self) -> None:
-        """Another recorder waits, so that one that is killed is replaced at once."""
-        if not self._keeper.stopping:
-            self._children[0].prepare()
 
     def _publish_info(self) -> None:
         info = rundir.DaemonInfo(
