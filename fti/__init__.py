@@ -11,7 +11,7 @@ Units
     Unknown is ``None`` or an enum member, never a number that could be a value.
 
 Time
-    ``int`` nanoseconds.  FTI time = CLOCK_MONOTONIC + session epoch (real time at the start rounded to 1 s,
+    ``int`` nanoseconds.  FTI time = CLOCK_MONOTONIC + session epoch (real time at the start rounded to 20 ms,
     written once; it may be wrong and never changes).  Only ``fti.clock`` reads clocks.
     ``t_rx_ns``     arrival of the first byte of a message, FTI time
     ``t_dev_ns``    what the device said, in its own ``time_scale``; None when it said nothing

@@ -1,22 +1,33 @@
 """The only place that reads clocks.  Imported by links and service alone; everything else is told the time.
 
-FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one second: it is written
-once and never corrected, so a step of the real-time clock cannot tear a recording.
+FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one tick, 20 ms: FTI time is
+UTC to 10 ms, as far as the real-time clock is, and ticks are at multiples of 20 ms on both clocks.  It is written once
+and never corrected, so a step of the real-time clock cannot tear a recording.
 
 CLOCK_REALTIME - CLOCK_MONOTONIC is constant while the real-time clock is only slewed: the kernel slews both alike
 (clock_gettime(2)).  It changes with a step, and then stamps that the kernel took before the step cannot be carried
 over: converted after it they would be wrong by the step.
+
+How old a kernel stamp may be depends on the socket: a queue hands out in order, so what waits in it has arrived after
+the last frame that was read from it.  No fixed age would do: a process that is stopped for a minute finds stamps of a
+minute ago, and they are as good as any.
 """
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 SECOND_NS = 1_000_000_000
-#: A kernel stamp older than this (or in the future) is not believed; the time of the read is taken instead.
-MAX_STAMP_AGE_NS = 10 * SECOND_NS
+#: The epoch is a multiple of this: the period of the ticks (``fti.types.TICK_PERIOD_NS``).
+EPOCH_STEP_NS = 20_000_000
+#: Time that may pass between the kernel's stamp and the queue of the socket: the kernel stamps first, and real-time
+#: processes may hold its work back for nearly a second (``sched_rt_runtime_us``).
+MAX_QUEUE_DELAY_NS = SECOND_NS
+#: So many steps of the real-time clock are remembered; more only has a clock that is set all the time.
+MAX_STEPS = 100
 #: Clocks have been read together when no more than this passed; so often it is tried.
 TOGETHER_NS = 20_000
 CLOCK_READINGS = 5
@@ -42,11 +53,11 @@ class Clock(Protocol):
     def now_ns(self) -> int:
         """FTI time [ns]."""
 
-    def stamp_window(self) -> StampWindow:
-        """How kernel stamps taken until now become FTI time; for a batch: ask after its last read."""
+    def stamp_window(self, since_ns: int) -> StampWindow:
+        """How kernel stamps taken until now become FTI time; for a batch: ask after its last read.
 
-    def from_realtime_ns(self, stamp_ns: int) -> int | None:
-        """FTI time [ns] of a kernel stamp taken with CLOCK_REALTIME; None when it cannot be believed."""
+        since_ns : nothing that waits in the socket has arrived before this [FTI time]
+        """
 
 
 class Reading(NamedTuple):
@@ -59,22 +70,25 @@ class Reading(NamedTuple):
 
 def read_clocks() -> Reading:
     """Both clocks; when something came in between they are read again, and the closest reading counts."""
-    best = Reading(0, 0, MAX_STAMP_AGE_NS)
-    for _ in range(CLOCK_READINGS):
-        before = time.monotonic_ns()
-        realtime = time.clock_gettime_ns(time.CLOCK_REALTIME)
-        width = time.monotonic_ns() - before
-        if width < best.width_ns:
-            monotonic = before + width // 2
-            best = Reading(monotonic, realtime - monotonic, width)
-        if width < TOGETHER_NS:
+    best = _read_once()
+    for _ in range(CLOCK_READINGS - 1):
+        if best.width_ns < TOGETHER_NS:
             break
+        best = min(best, _read_once(), key=lambda reading: reading.width_ns)
     return best
 
 
+def _read_once() -> Reading:
+    before = time.monotonic_ns()
+    realtime = time.clock_gettime_ns(time.CLOCK_REALTIME)
+    width = time.monotonic_ns() - before
+    monotonic = before + width // 2
+    return Reading(monotonic, realtime - monotonic, width)
+
+
 def choose_epoch_ns() -> int:
-    """Offset [ns] from CLOCK_MONOTONIC to FTI time, such that FTI time is real time rounded to 1 s at the start."""
-    return round(read_clocks().offset_ns / SECOND_NS) * SECOND_NS
+    """Offset [ns] from CLOCK_MONOTONIC to FTI time: that to real time now, rounded to ``EPOCH_STEP_NS``."""
+    return (read_clocks().offset_ns + EPOCH_STEP_NS // 2) // EPOCH_STEP_NS * EPOCH_STEP_NS
 
 
 class Step(NamedTuple):
@@ -100,7 +114,7 @@ class SystemClock:
 
     epoch_ns: int
     _trusted: Reading = field(init=False, repr=False)
-    _past: list[_Past] = field(init=False, repr=False, default_factory=list)
+    _past: deque[_Past] = field(init=False, repr=False, default_factory=lambda: deque(maxlen=MAX_STEPS))
     _steps: list[Step] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -134,30 +148,23 @@ class SystemClock:
         steps, self._steps = self._steps, []
         return steps
 
-    def stamp_window(self) -> StampWindow:
-        """Stamps of the last 10 s, without those that may have been taken before a step of the real-time clock.
+    def stamp_window(self, since_ns: int) -> StampWindow:
+        """Stamps since then, without those that may have been taken before a step of the real-time clock.
 
         In ordinary times one look at each clock is enough: the difference between them is known.
         """
         monotonic, realtime = time.monotonic_ns(), time.clock_gettime_ns(time.CLOCK_REALTIME)
-        offset = self._trusted.offset_ns
-        if self._past or not -STEP_NS <= realtime - monotonic - offset <= STEP_NS:
-            return self._careful_window()
-        return StampWindow(self.epoch_ns - offset, realtime - MAX_STAMP_AGE_NS, realtime)
+        offset, earliest = self._trusted.offset_ns, since_ns - MAX_QUEUE_DELAY_NS - self.epoch_ns
+        stepped = self._past and self._past[-1].ended_ns >= earliest
+        if stepped or not -STEP_NS <= realtime - monotonic - offset <= STEP_NS:
+            return self._careful_window(earliest)
+        return StampWindow(self.epoch_ns - offset, earliest + offset, realtime)
 
-    def _careful_window(self) -> StampWindow:
-        """Something came between two readings, or the real-time clock has been stepped lately."""
+    def _careful_window(self, earliest: int) -> StampWindow:
+        """Something came between two readings, or the real-time clock was stepped.  earliest : CLOCK_MONOTONIC [ns]"""
         now = self._look()
-        realtime = now.monotonic_ns + now.offset_ns
-        oldest = realtime - MAX_STAMP_AGE_NS
-        if self._past:
-            oldest = max(oldest, self._after_steps(now))
-        return StampWindow(self.epoch_ns - now.offset_ns, oldest, realtime)
-
-    def from_realtime_ns(self, stamp_ns: int) -> int | None:
-        """FTI time of one CLOCK_REALTIME stamp; None when it cannot be believed (see ``stamp_window``)."""
-        offset_ns, oldest_ns, newest_ns = self.stamp_window()
-        return stamp_ns + offset_ns if oldest_ns <= stamp_ns <= newest_ns else None
+        oldest = max(earliest + now.offset_ns, self._after_steps(now, earliest))
+        return StampWindow(self.epoch_ns - now.offset_ns, oldest, now.monotonic_ns + now.offset_ns)
 
     def _look(self) -> Reading:
         """Read the clocks; notice when the real-time clock was stepped since they were read last."""
@@ -171,23 +178,22 @@ class SystemClock:
             self._trusted = now
         return now
 
-    def _after_steps(self, now: Reading) -> int:
-        """The oldest stamp [ns] that cannot be from before a step.
+    def _after_steps(self, now: Reading, earliest: int) -> int:
+        """The oldest stamp [ns] that cannot be from before a step, of those taken from ``earliest`` on.
 
-        One from before was taken with the offset of then, until the step was seen, and has waited for 10 s at most.
+        One from before was taken with the offset of then, at the latest when the step was seen.
         """
-        earliest = now.monotonic_ns - MAX_STAMP_AGE_NS
-        self._past = [past for past in self._past if past.ended_ns >= earliest]
         newest = now.monotonic_ns + now.offset_ns
-        doubtful = (past for past in self._past if past.offset_ns + earliest <= newest)
+        pasts = (past for past in self._past if past.ended_ns >= earliest)
+        doubtful = (past for past in pasts if past.offset_ns + earliest <= newest)
         return max((past.offset_ns + past.ended_ns + 1 for past in doubtful), default=0)
 
 
 def next_beat(now_s: float, period_s: float) -> float:
     """The next multiple of a period in the time of an event loop [s], which is the monotonic clock.
 
-    What a process does periodically meets there, and with the ticks (FTI time differs by whole seconds): it wakes once
-    for all of it.
+    What a process does periodically meets there, and with the ticks (FTI time differs by whole ticks): it wakes once for
+    all of it.
     """
     return (now_s // period_s + 1) * period_s
 
@@ -202,14 +208,9 @@ class FakeClock:
         """FTI time [ns]."""
         return self.time_ns
 
-    def stamp_window(self) -> StampWindow:
+    def stamp_window(self, since_ns: int) -> StampWindow:
         """Stamps are taken to be FTI time already."""
-        return StampWindow(0, self.time_ns - MAX_STAMP_AGE_NS, self.time_ns)
-
-    def from_realtime_ns(self, stamp_ns: int) -> int | None:
-        """Stamps are taken to be FTI time already."""
-        _, oldest_ns, newest_ns = self.stamp_window()
-        return stamp_ns if oldest_ns <= stamp_ns <= newest_ns else None
+        return StampWindow(0, since_ns - MAX_QUEUE_DELAY_NS, self.time_ns)
 
     def advance(self, seconds: float) -> None:
         """Move the clock forward."""

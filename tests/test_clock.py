@@ -1,4 +1,4 @@
-"""FTI time: monotonic plus a fixed epoch; kernel stamps are believed only when their age is plausible."""
+"""FTI time: monotonic plus a fixed epoch; a kernel stamp is believed that can have waited in its socket."""
 
 from __future__ import annotations
 
@@ -9,7 +9,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fti.clock import MAX_STAMP_AGE_NS, SECOND_NS, STEP_NS, FakeClock, Step, SystemClock, choose_epoch_ns
+from fti.clock import (
+    EPOCH_STEP_NS,
+    MAX_QUEUE_DELAY_NS,
+    SECOND_NS,
+    STEP_NS,
+    Clock,
+    FakeClock,
+    Step,
+    SystemClock,
+    choose_epoch_ns,
+)
+from fti.types import TICK_PERIOD_NS
+
+STALL_NS = 130 * SECOND_NS
+
+
+def carried_over(clock: Clock, stamp_ns: int, since_ns: int) -> int | None:
+    """FTI time of a CLOCK_REALTIME stamp from a socket that was empty at since_ns; None when it is not believed."""
+    offset_ns, oldest_ns, newest_ns = clock.stamp_window(since_ns)
+    return stamp_ns + offset_ns if oldest_ns <= stamp_ns <= newest_ns else None
 
 
 class Hands:
@@ -26,12 +45,20 @@ class Hands:
         monkeypatch.setattr("fti.clock.time.clock_gettime_ns", lambda clock: readings[clock]())
 
 
-@pytest.mark.parametrize("offset_ns", [0, 1, 499_999_999, 500_000_001, 1_700_000_000_123_456_789])
-def test_epoch_is_whole_seconds_within_half_a_second(monkeypatch: pytest.MonkeyPatch, offset_ns: int) -> None:
+@pytest.mark.parametrize("offset_ns", [0, 1, 9_999_999, 499_999_999, 510_000_001, 1_700_000_000_123_456_789, -7])
+def test_fti_time_is_real_time_to_half_a_tick(monkeypatch: pytest.MonkeyPatch, offset_ns: int) -> None:
+    hands = Hands(monkeypatch, monotonic=77 * SECOND_NS + 5, realtime=77 * SECOND_NS + 5 + offset_ns)
+    clock = SystemClock(choose_epoch_ns())
+    assert abs(clock.now_ns() - hands.realtime) <= 10_000_000
+
+
+@pytest.mark.parametrize("offset_ns", [0, 499_999_999, 1_700_000_000_123_456_789, -7])
+def test_ticks_are_at_multiples_of_their_period_on_both_clocks(
+    monkeypatch: pytest.MonkeyPatch, offset_ns: int
+) -> None:
     Hands(monkeypatch, monotonic=77 * SECOND_NS + 5, realtime=77 * SECOND_NS + 5 + offset_ns)
-    epoch = choose_epoch_ns()
-    assert epoch % SECOND_NS == 0
-    assert abs(epoch - offset_ns) <= SECOND_NS // 2
+    assert EPOCH_STEP_NS % TICK_PERIOD_NS == 0
+    assert choose_epoch_ns() % TICK_PERIOD_NS == 0
 
 
 def test_a_step_of_real_time_does_not_move_fti_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,15 +69,23 @@ def test_a_step_of_real_time_does_not_move_fti_time(monkeypatch: pytest.MonkeyPa
     assert clock.now_ns() == 10 * SECOND_NS + 1007
 
 
+@pytest.mark.parametrize("waited_ns", [0, 20_000_000, STALL_NS])
 @pytest.mark.parametrize(
-    ("age_ns", "believed"),
-    [(0, True), (1, True), (MAX_STAMP_AGE_NS, True), (MAX_STAMP_AGE_NS + 1, False), (-1, False), (-SECOND_NS, False)],
+    ("after_ns", "believed"),
+    [(0, True), (1, True), (-MAX_QUEUE_DELAY_NS, True), (-MAX_QUEUE_DELAY_NS - 1, False), (-3600 * SECOND_NS, False)],
 )
-def test_kernel_stamp_is_carried_over_by_its_age(monkeypatch: pytest.MonkeyPatch, age_ns: int, believed: bool) -> None:
+def test_a_stamp_may_be_as_old_as_the_last_look_at_its_socket(
+    monkeypatch: pytest.MonkeyPatch, waited_ns: int, after_ns: int, believed: bool
+) -> None:
+    """The socket was empty at 60 s; it is read after a pause of any length."""
     hands = Hands(monkeypatch, monotonic=60 * SECOND_NS, realtime=1_700_000_000 * SECOND_NS)
     clock = SystemClock(epoch_ns=3 * SECOND_NS)
-    stamp = clock.from_realtime_ns(hands.realtime - age_ns)
-    assert stamp == (63 * SECOND_NS - age_ns if believed else None)
+    stamp, since_ns = hands.realtime + after_ns, clock.now_ns()
+    hands.monotonic += waited_ns + 1
+    hands.realtime += waited_ns + 1
+    assert carried_over(clock, stamp, since_ns) == (63 * SECOND_NS + after_ns if believed else None)
+    assert carried_over(clock, hands.realtime + 1, since_ns) is None
+    assert not clock.take_steps()
 
 
 def test_an_interruption_between_two_readings_is_not_taken_for_age(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,7 +102,7 @@ def test_an_interruption_between_two_readings_is_not_taken_for_age(monkeypatch: 
     clock = SystemClock(epoch_ns=0)
     stamp = hands.realtime - 1000
     monkeypatch.setattr(time, "clock_gettime_ns", read_realtime)
-    assert clock.from_realtime_ns(stamp) == 60 * SECOND_NS - 1000
+    assert carried_over(clock, stamp, 59 * SECOND_NS) == 60 * SECOND_NS - 1000
     assert not interruptions
     assert not clock.take_steps()
 
@@ -76,7 +111,7 @@ def test_system_clock_runs_with_the_monotonic_clock() -> None:
     clock = SystemClock(epoch_ns=choose_epoch_ns())
     before = time.monotonic_ns() + clock.epoch_ns
     assert before <= clock.now_ns() <= time.monotonic_ns() + clock.epoch_ns
-    now = clock.from_realtime_ns(time.clock_gettime_ns(time.CLOCK_REALTIME))
+    now = carried_over(clock, time.clock_gettime_ns(time.CLOCK_REALTIME), before)
     assert now is not None
     assert before <= now
 
@@ -86,10 +121,11 @@ def test_fake_clock_moves_only_when_told() -> None:
     assert clock.now_ns() == clock.now_ns() == 5
     clock.advance(1.5)
     assert clock.now_ns() == 5 + 1_500_000_000
-    assert clock.from_realtime_ns(6) == 6
-    assert clock.from_realtime_ns(clock.now_ns() + 1) is None
+    assert carried_over(clock, 6, since_ns=5) == 6
+    assert carried_over(clock, clock.now_ns() + 1, since_ns=5) is None
     clock.advance(11)
-    assert clock.from_realtime_ns(6) is None
+    assert carried_over(clock, 6, since_ns=6 + MAX_QUEUE_DELAY_NS) == 6
+    assert carried_over(clock, 6, since_ns=7 + MAX_QUEUE_DELAY_NS) is None
 
 
 def test_clock_sample_names_three_clocks_and_how_close_they_were_read() -> None:
@@ -123,8 +159,8 @@ def _stepped(monkeypatch: pytest.MonkeyPatch, step_ns: int) -> tuple[SystemClock
 def test_a_stamp_from_before_a_step_is_not_believed_after_it(monkeypatch: pytest.MonkeyPatch, step_s: float) -> None:
     """Converted, it would be wrong by the step: +5 s is an age that looks as good as any."""
     clock, _, stamp = _stepped(monkeypatch, round(step_s * SECOND_NS))
-    assert clock.from_realtime_ns(stamp) is None
-    assert clock.from_realtime_ns(stamp) is None  # the next socket is read a moment later, with the step known
+    assert carried_over(clock, stamp, 59 * SECOND_NS) is None
+    assert carried_over(clock, stamp, 59 * SECOND_NS) is None  # the next socket is read later, with the step known
     assert clock.take_steps() == [Step(SEEN_NS, round(step_s * SECOND_NS))]
     assert clock.take_steps() == []
 
@@ -132,13 +168,17 @@ def test_a_stamp_from_before_a_step_is_not_believed_after_it(monkeypatch: pytest
 @pytest.mark.parametrize("step_s", [5.0, -5.0, 0.3, -0.3, -3600.0, 3600.0])
 @given(
     taken_ns=st.integers(59 * SECOND_NS, 72 * SECOND_NS),
-    waited_ns=st.integers(0, MAX_STAMP_AGE_NS),
-    looks=st.lists(st.integers(0, 25 * SECOND_NS), max_size=5),
+    waited_ns=st.one_of(st.integers(0, 25 * SECOND_NS), st.integers(0, STALL_NS)),
+    empty_ns=st.one_of(st.integers(0, SECOND_NS), st.integers(0, STALL_NS)),
+    looks=st.lists(st.integers(0, 40 * SECOND_NS), max_size=5),
 )
 def test_around_a_step_a_stamp_is_right_or_refused(
-    step_s: float, taken_ns: int, waited_ns: int, looks: list[int]
+    step_s: float, taken_ns: int, waited_ns: int, empty_ns: int, looks: list[int]
 ) -> None:
-    """The clock is set at 60 s; stamps are taken before and after and wait; others are read in between."""
+    """The clock is set at 60 s; stamps are taken before and after and wait; others are read in between.
+
+    empty_ns : so long before the stamp its socket was empty
+    """
     step_ns, epoch_ns, set_at = round(step_s * SECOND_NS), 7 * SECOND_NS, 60 * SECOND_NS
 
     def realtime(monotonic: int) -> int:
@@ -151,31 +191,52 @@ def test_around_a_step_a_stamp_is_right_or_refused(
         for look in sorted(59 * SECOND_NS + look for look in looks):
             if look <= read_at:
                 hands.monotonic, hands.realtime = look, realtime(look)
-                clock.stamp_window()
+                clock.stamp_window(look + epoch_ns)
         hands.monotonic, hands.realtime = read_at, realtime(read_at)
-        assert clock.from_realtime_ns(realtime(taken_ns)) in (taken_ns + epoch_ns, None)
+        found = carried_over(clock, realtime(taken_ns), taken_ns - empty_ns + epoch_ns)
+        assert found in (taken_ns + epoch_ns, None)
 
 
-def test_stamps_are_believed_again_after_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forward: at once.  Back by 5 s: when no stamp from before can be meant any more."""
-    for step_ns, until_ns in ((5 * SECOND_NS, 0), (-5 * SECOND_NS, 5 * SECOND_NS)):
-        clock, hands, _ = _stepped(monkeypatch, step_ns)
-        assert clock.take_steps() == []
-        clock.stamp_window()
-        hands.monotonic += until_ns + 2_000_000
-        hands.realtime += until_ns + 2_000_000
-        assert clock.from_realtime_ns(hands.realtime - 1_000_000) == hands.monotonic - 1_000_000
-        assert clock.from_realtime_ns(hands.realtime - MAX_STAMP_AGE_NS + 1) is None
-        hands.monotonic += 2 * MAX_STAMP_AGE_NS
-        hands.realtime += 2 * MAX_STAMP_AGE_NS
-        assert clock.from_realtime_ns(hands.realtime - MAX_STAMP_AGE_NS) is not None
+@pytest.mark.parametrize(("step_s", "until_s"), [(5.0, 0.0), (0.5, 0.0), (-3600.0, 0.0), (-0.5, 0.5)])
+def test_stamps_are_believed_again_after_a_step(
+    monkeypatch: pytest.MonkeyPatch, step_s: float, until_s: float
+) -> None:
+    """At once, where none from before can be mistaken for one of now; set back a little: when real time is there."""
+    clock, hands, _ = _stepped(monkeypatch, round(step_s * SECOND_NS))
+    clock.stamp_window(SEEN_NS)
+    for later_ns in (1_000_000, round(until_s * SECOND_NS) + 1_000_000):
+        hands.monotonic += later_ns
+        hands.realtime += later_ns
+        believed = hands.monotonic > SEEN_NS + until_s * SECOND_NS
+        stamp = carried_over(clock, hands.realtime - 100_000, hands.monotonic - 20_000_000)
+        assert stamp == (hands.monotonic - 100_000 if believed else None)
+
+
+def test_a_step_casts_no_doubt_on_a_socket_that_was_empty_behind_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Set back by 5 s; one socket has been empty since, in the other one something may wait from before."""
+    clock, hands, _ = _stepped(monkeypatch, -5 * SECOND_NS)
+    clock.stamp_window(SEEN_NS)
+    hands.monotonic += 2 * SECOND_NS
+    hands.realtime += 2 * SECOND_NS
+    assert carried_over(clock, hands.realtime - 1000, hands.monotonic - 1_000_000) == hands.monotonic - 1000
+    assert carried_over(clock, hands.realtime - 1000, SEEN_NS - 9 * SECOND_NS) is None
+
+
+def test_two_steps_in_one_pause_that_cancel_each_other_leave_no_wrong_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody can see them afterwards: the stamps in between do not fit between the two looks."""
+    hands = Hands(monkeypatch, monotonic=60 * SECOND_NS, realtime=1_700_000_000 * SECOND_NS)
+    clock = SystemClock(epoch_ns=0)
+    between = [hands.realtime + STALL_NS // 2 + step_s * SECOND_NS for step_s in (-3600, 3600)]
+    hands.monotonic += STALL_NS
+    hands.realtime += STALL_NS
+    assert [carried_over(clock, stamp, 60 * SECOND_NS) for stamp in between] == [None, None]
 
 
 def test_a_batch_is_carried_over_by_one_window(monkeypatch: pytest.MonkeyPatch) -> None:
     hands = Hands(monkeypatch, monotonic=60 * SECOND_NS, realtime=1_700_000_000 * SECOND_NS)
     clock = SystemClock(epoch_ns=3 * SECOND_NS)
-    window = clock.stamp_window()
-    assert window.oldest_ns == hands.realtime - MAX_STAMP_AGE_NS
+    window = clock.stamp_window(62 * SECOND_NS)
+    assert window.oldest_ns == hands.realtime - SECOND_NS - MAX_QUEUE_DELAY_NS
     assert window.newest_ns == hands.realtime
     assert hands.realtime - 5 + window.offset_ns == 63 * SECOND_NS - 5
 

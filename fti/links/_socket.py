@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from fti.clock import Clock, StampWindow
-from fti.links._batch import shared_batch
+from fti.links._batch import COUNT, shared_batch
 from fti.links.base import LinkStatus
 
 # Linux, asm-generic/socket.h
@@ -23,7 +23,7 @@ SO_RXQ_OVFL = 40
 SO_MEMINFO = 55
 
 RECEIVE_BUFFER = 4 * 2**20
-MEMINFO = struct.Struct("@9I")  # linux/sock_diag.h; the last one is the drop counter
+MEMINFO = struct.Struct("@9I")  # linux/sock_diag.h; the first one is what the queue holds, the last the drop counter
 
 
 def enlarge(sock: socket.socket) -> None:
@@ -42,7 +42,10 @@ def prepare(sock: socket.socket) -> None:
 
 
 class Arrival:
-    """Reads one socket, a batch at a time, with stamps and drop counter.
+    """Reads one socket, a batch at a time, with stamps and drop counter.  To be made before the socket is.
+
+    The queue of a socket hands out in order.  So a stamp is believed that is not older than the last frame before it,
+    or than the moment at which the queue was seen empty, however long nobody has read.
 
     batch : what the last read has brought; drops of earlier sockets stay in the status
     """
@@ -53,6 +56,7 @@ class Arrival:
         self._status = status
         self._dropped = 0  # of this socket
         self._last_ns = 0
+        self._since_ns = clock.now_ns()  # nothing that waits in the queue has arrived before [FTI time]
 
     def read(self, fd: int) -> tuple[Sequence[bytes], Sequence[int]]:
         """What waits in the socket, at most a batch, and its FTI times of arrival [ns], never backward.
@@ -64,33 +68,38 @@ class Arrival:
             return (), ()
         if (drops := batch.drops()) is not None:
             self._count_drops(drops)
-        offset, oldest, newest = window = self._clock.stamp_window()
+        offset, oldest, newest = window = self._clock.stamp_window(self._since_ns)
         times = batch.stamps(offset)
         believed = oldest <= times[0] - offset and times[-1] - offset <= newest
         if not (believed and self._last_ns <= times[0] and times == sorted(times)):
             times = self._mended(times, window)
-        self._last_ns = times[-1]
+        self._last_ns = self._since_ns = times[-1]
         return batch.frames(), times
 
     def _mended(self, times: list[int], window: StampWindow) -> list[int]:
         """In order: two processors may stamp at once, and two windows are as good as two readings of the clocks.
 
-        Where a stamp cannot be believed: the time of the next one that can, for it came before, or now.
+        Where a stamp cannot be believed: the time of the next one that can, for it came before.  Behind the last of
+        them it is now, when the queue is empty; else no later than those that still wait, whose stamps may be believed.
         """
         oldest, newest = window.oldest_ns + window.offset_ns, window.newest_ns + window.offset_ns
-        time_ns, believed = self._clock.now_ns(), []
-        for time in reversed(times):
-            if oldest <= time <= newest:
-                time_ns = time
-            else:
-                self._status.stamp_refused += 1
-            believed.append(time_ns)
-        return list(accumulate(reversed(believed), max, initial=self._last_ns))[1:]
+        believed = [time if oldest <= time <= newest else None for time in times]
+        self._status.stamp_refused += believed.count(None)
+        next_ns = self._clock.now_ns() if len(times) < COUNT else max(self._last_ns, self._since_ns)
+        mended = []
+        for time in reversed(believed):
+            next_ns = next_ns if time is None else time
+            mended.append(next_ns)
+        return list(accumulate(reversed(mended), max, initial=self._last_ns))[1:]
 
     def ask_drops(self, sock: socket.socket) -> None:
         """Ask for the drop counter: a datagram tells of those before it, and behind the last drop none may come."""
+        now_ns = self._clock.now_ns()
         with contextlib.suppress(OSError):  # a kernel without it
-            self._count_drops(MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[-1])
+            held, *_, dropped = MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))
+            self._count_drops(dropped)
+            if not held:
+                self._since_ns = now_ns
 
     def _count_drops(self, total: int) -> None:
         """The counter as the kernel had it at some time: a datagram from the queue tells of the past."""

@@ -100,6 +100,7 @@ class BusLink(BaseLink):
     # --------------------------------------------------------------------------------------------- opening, closing
 
     async def _open(self) -> None:
+        self._arrival = Arrival(self._clock, self.status)
         self._bus = await self._make_bus()
         self._errors = 0
         self._echoes.clear()
@@ -112,7 +113,6 @@ class BusLink(BaseLink):
         self._queue = self._socket or _socket_at(self._fd)
         if self._queue:  # a bus of the library may be a socket with the usual queue, a quarter of a second
             enlarge(self._queue)
-        self._arrival = Arrival(self._clock, self.status)
         if self._socket:
             watch(self._fd, self._on_readable)
         elif self._fd >= 0:
@@ -253,9 +253,9 @@ class BusLink(BaseLink):
         super()._receive(frames, times_ns)
 
     def _judge(self) -> None:
-        super()._judge()
         if self._queue:
             self._arrival.ask_drops(self._queue)
+        super()._judge()
         if self._socket:
             self._controller.look(self._clock.now_ns())
         state = next((p.state for p in can_interfaces() if p.name == self._config.channel), "")

@@ -69,9 +69,9 @@ class UdpLink(BaseLink):
 
     async def _open(self) -> None:
         host, port = self._bind
+        self._arrival = Arrival(self._clock, self.status)
         self._socket = sock = socket.socket(self._family, socket.SOCK_DGRAM)
         self._fd = sock.fileno()
-        self._arrival = Arrival(self._clock, self.status)
         try:
             prepare(sock)
             if self._group:
@@ -145,9 +145,9 @@ class UdpLink(BaseLink):
                 await self._writable(self._socket.fileno())
 
     def _judge(self) -> None:
-        super()._judge()
         if self._socket:
             self._arrival.ask_drops(self._socket)
+        super()._judge()
 
     def _silent_hint(self) -> str:
         place = f"{self._group or self._bind[0]}:{self._bind[1]}"

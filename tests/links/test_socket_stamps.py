@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 import pytest
 
 from fti.clock import FakeClock, StampWindow
-from fti.links._socket import Arrival
+from fti.links._batch import COUNT
+from fti.links._socket import Arrival, prepare
 from fti.links.base import LinkStatus
 
 NOW = 10**18
@@ -21,8 +22,10 @@ class Windows(FakeClock):
     def __init__(self, *windows: StampWindow) -> None:
         super().__init__(NOW)
         self._windows = iter(windows)
+        self.asked_since: list[int] = []
 
-    def stamp_window(self) -> StampWindow:
+    def stamp_window(self, since_ns: int) -> StampWindow:
+        self.asked_since.append(since_ns)
         return next(self._windows)
 
 
@@ -69,3 +72,49 @@ def test_stamps_of_two_processors_keep_the_order_of_the_queue(pair: tuple[socket
     arrival = Arrival(Windows(StampWindow(0, 0, NOW)), status)
     assert read(arrival, pair, [NOW - 9, NOW - 5, NOW - 7, NOW - 2]) == [NOW - 9, NOW - 5, NOW - 5, NOW - 2]
     assert status.stamp_refused == 0
+
+
+def test_a_stamp_may_be_as_old_as_the_last_frame_that_was_read(pair: tuple[socket.socket, socket.socket]) -> None:
+    """However long nobody reads: a queue hands out in order."""
+    clock = Windows(StampWindow(0, 0, NOW), StampWindow(0, 0, NOW))
+    arrival = Arrival(clock, LinkStatus())
+    clock.advance(130)
+    read(arrival, pair, [NOW - 5 * MS, NOW - 4 * MS])
+    read(arrival, pair, [NOW - 3 * MS])
+    assert clock.asked_since == [NOW, NOW - 4 * MS]
+
+
+def test_the_age_is_counted_from_when_the_queue_was_seen_empty() -> None:
+    """A device that speaks once a minute: a step of half a minute ago casts no doubt on its next stamp."""
+    clock = Windows(StampWindow(0, 0, 2 * NOW))
+    arrival = Arrival(clock, LinkStatus())
+    with (
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock,
+    ):
+        sock.bind(("127.0.0.1", 0))
+        prepare(sock)
+        clock.advance(30)
+        arrival.ask_drops(sock)
+        sender.sendto(b"waits", sock.getsockname())
+        clock.advance(30)
+        arrival.ask_drops(sock)
+        assert list(arrival.read(sock.fileno())[0]) == [b"waits"]
+    assert clock.asked_since == [NOW + 30_000 * MS]
+
+
+def test_refused_stamps_before_good_ones_that_still_wait_do_not_move_those(
+    pair: tuple[socket.socket, socket.socket],
+) -> None:
+    """A step in the middle of a long pause: a full batch from before it, and behind it what came after."""
+    status = LinkStatus()
+    window = StampWindow(0, NOW - 60_000 * MS, NOW)
+    clock = Windows(window, window)
+    clock.advance(-60)
+    arrival = Arrival(clock, status)
+    clock.advance(60)
+    before = read(arrival, pair, [NOW - 3600_000 * MS] * COUNT)
+    after = [NOW - 50_000 * MS + i * MS for i in range(COUNT // 2)]
+    assert read(arrival, pair, after) == after
+    assert list(before) == sorted(before)
+    assert status.stamp_refused == COUNT

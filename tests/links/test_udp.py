@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -57,6 +58,25 @@ async def test_stamp_is_when_the_datagram_arrived_not_when_it_was_read(device: s
     assert heard.times[-1] <= sent + 1_000_000
     assert opened.status.stamp_refused == 0
     assert opened.status.socket_dropped == 0
+
+
+async def test_stamps_are_good_however_long_nobody_has_read(
+    device: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The recorder stands still for 130 s, and so seems to have every clock; the kernel has stamped in time."""
+    clock, pause_ns = SystemClock(choose_epoch_ns()), 130 * 10**9
+    monotonic_ns, clock_gettime_ns = time.monotonic_ns, time.clock_gettime_ns
+    async with running(link(), clock=clock) as (opened, heard):
+        before = clock.now_ns()
+        for i in range(300):
+            device.sendto(bytes([i & 255]), opened.address)
+        sent = clock.now_ns()
+        monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + pause_ns)
+        monkeypatch.setattr("fti.clock.time.clock_gettime_ns", lambda clock_id: clock_gettime_ns(clock_id) + pause_ns)
+        await until_async(lambda: len(heard.frames) == 300)
+    assert before - 1_000_000 <= heard.times[0]
+    assert heard.times[-1] <= sent + 1_000_000
+    assert opened.status.stamp_refused == 0
 
 
 async def test_stamp_that_cannot_be_believed_is_replaced_and_counted(device: socket.socket) -> None:
