@@ -192,8 +192,8 @@ class SystemClock:
 def next_beat(now_s: float, period_s: float) -> float:
     """The next multiple of a period in the time of an event loop [s], which is the monotonic clock.
 
-    What a process does periodically meets there, and with the ticks (FTI time differs by whole ticks): it wakes once for
-    all of it.
+    What a process does periodically meets there, and with the ticks (FTI time differs by whole ticks): it wakes once
+    for all of it.
     """
     return (now_s // period_s + 1) * period_s
 

@@ -39,6 +39,7 @@ class LinkState(StrEnum):
     NOISE = "noise"
     INVALID = "invalid"
     WRONG_RATE = "wrong rate"
+    OVERFLOW = "overflow"
     GOOD = "good"
 
 

@@ -53,9 +53,7 @@ def test_fti_time_is_real_time_to_half_a_tick(monkeypatch: pytest.MonkeyPatch, o
 
 
 @pytest.mark.parametrize("offset_ns", [0, 499_999_999, 1_700_000_000_123_456_789, -7])
-def test_ticks_are_at_multiples_of_their_period_on_both_clocks(
-    monkeypatch: pytest.MonkeyPatch, offset_ns: int
-) -> None:
+def test_ticks_are_at_multiples_of_their_period_on_both_clocks(monkeypatch: pytest.MonkeyPatch, offset_ns: int) -> None:
     Hands(monkeypatch, monotonic=77 * SECOND_NS + 5, realtime=77 * SECOND_NS + 5 + offset_ns)
     assert EPOCH_STEP_NS % TICK_PERIOD_NS == 0
     assert choose_epoch_ns() % TICK_PERIOD_NS == 0
@@ -198,9 +196,7 @@ def test_around_a_step_a_stamp_is_right_or_refused(
 
 
 @pytest.mark.parametrize(("step_s", "until_s"), [(5.0, 0.0), (0.5, 0.0), (-3600.0, 0.0), (-0.5, 0.5)])
-def test_stamps_are_believed_again_after_a_step(
-    monkeypatch: pytest.MonkeyPatch, step_s: float, until_s: float
-) -> None:
+def test_stamps_are_believed_again_after_a_step(monkeypatch: pytest.MonkeyPatch, step_s: float, until_s: float) -> None:
     """At once, where none from before can be mistaken for one of now; set back a little: when real time is there."""
     clock, hands, _ = _stepped(monkeypatch, round(step_s * SECOND_NS))
     clock.stamp_window(SEEN_NS)

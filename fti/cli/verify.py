@@ -15,6 +15,9 @@ each link must close, made again from the frames themselves:
 Beside it stands what a UART (uart_...), a CAN controller (can_...) or the controller of an adapter (slcan_...) has told
 of errors on its line: of these no number of frames is known.
 
+A kernel timestamp that may be from before a step of the real-time clock is refused, and its frame has the time of the
+read: that is a loss of the check "stamps", with the number of frames.
+
 Each line is a check: ok, note (holds; something to know), loss (something is not there, and it is known what),
 refuted (does not hold).  A single file of a session is proved as far as it goes; a session whose medium was changed is
 proved from all places together.  Of a copy that fti recover made, loss is also what had no checksum that held: the
@@ -105,7 +108,7 @@ def as_json(report: Report) -> dict[str, Any]:
 def _account(account: Account) -> dict[str, Any]:
     dropped = {reason: _amount(amount) for reason, amount in account.dropped.items()}
     amounts = {"in": _amount(account.came), "recorded": _amount(account.recorded)}
-    return {**amounts, "dropped": dropped, "errors": account.errors}
+    return {**amounts, "dropped": dropped, "errors": account.errors, "stamps_refused": account.stamps_refused}
 
 
 def _amount(amount: Amount) -> dict[str, int]:

@@ -104,6 +104,7 @@ class Arrival:
     def _count_drops(self, total: int) -> None:
         """The counter as the kernel had it at some time: a datagram from the queue tells of the past."""
         fresh = (total - self._dropped) & 0xFFFF_FFFF
-        if fresh < 2**31:
+        if 0 < fresh < 2**31:
             self._status.socket_dropped += fresh
+            self._status.dropped_ns = self._clock.now_ns()
             self._dropped = total

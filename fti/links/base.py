@@ -29,6 +29,10 @@ FIRST_RETRY_S, LAST_RETRY_S = 0.1, 2.0
 WATCH_S = 0.5
 #: A link on which nothing came for so long is silent.
 SILENT_NS = 2 * SECOND_NS
+#: For so long after the kernel dropped frames, the link is not good.
+OVERFLOW_NS = 10 * SECOND_NS
+#: States of an open port that brings frames.
+RECEIVING = (GOOD, LinkState.OVERFLOW)
 #: Draining ends when nothing came for so long, and at the latest after DRAIN_S.
 QUIET_S, DRAIN_S = 0.01, 2.0
 
@@ -51,7 +55,8 @@ class LinkStatus:
     connects       : how often the port was opened
     refused        : datagrams from others than the configured source; frames that the bus library could not read
     noise_bytes    : bytes of an adapter's protocol that are no frame and no answer
-    socket_dropped : frames that the kernel dropped because nobody read in time
+    socket_dropped : frames that the kernel dropped because nobody read in time; dropped_ns : counted last at this FTI
+                     time; None before the first
     stamp_refused  : kernel stamps that were not believed
     echo_bytes     : our own bytes that came back, which is no reception
     errors         : line errors since the start, by name, of a UART or a CAN controller; only what is really counted
@@ -66,6 +71,7 @@ class LinkStatus:
     refused: int = 0
     noise_bytes: int = 0
     socket_dropped: int = 0
+    dropped_ns: int | None = None
     stamp_refused: int = 0
     tx_frames: int = 0
     tx_bytes: int = 0
@@ -174,11 +180,14 @@ class BaseLink(ABC):
 
     def _judge(self) -> None:
         """Every ``WATCH_S`` while open.  Raises LinkError when the port is no longer the right one."""
-        last = self.status.last_rx_ns
-        if last is not None and self._clock.now_ns() - last < SILENT_NS:
-            self.status.state, self.status.hint = LinkState.GOOD, ""
+        status, now = self.status, self._clock.now_ns()
+        if status.last_rx_ns is None or now - status.last_rx_ns >= SILENT_NS:
+            status.state, status.hint = LinkState.SILENT, self._silent_hint()
+        elif status.dropped_ns is not None and now - status.dropped_ns < OVERFLOW_NS:
+            lost = f"the kernel has dropped {status.socket_dropped} frames"
+            status.state, status.hint = LinkState.OVERFLOW, f"{lost}: its queue was full before the recorder read it"
         else:
-            self.status.state, self.status.hint = LinkState.SILENT, self._silent_hint()
+            status.state, status.hint = GOOD, ""
 
     def _fail(self, error: LinkError) -> None:
         """The port is lost; ``run`` closes it and tries again."""
@@ -205,7 +214,7 @@ class BaseLink(ABC):
         status.frames += len(frames)
         status.bytes += sum(map(len, frames))
         status.last_rx_ns = times_ns[-1]
-        if status.state is not GOOD:
+        if status.state not in RECEIVING:
             status.state, status.hint = GOOD, ""
         self._sink(frames, times_ns)
 

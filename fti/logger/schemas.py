@@ -101,7 +101,10 @@ _DROPPED: Json = {
 }
 #: in = recorded + held + dropped; see ``fti.service.accounts``.
 _ACCOUNT: Json = {"type": "object", "properties": {**_COUNTS, "dropped": _DROPPED}}
-_LINK_ACCOUNT: Json = {"type": "object", "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE}}
+_LINK_ACCOUNT: Json = {
+    "type": "object",
+    "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE, "stamp_refused": _INTEGER},
+}
 _RECORDER: Json = {"type": "object", "properties": dict.fromkeys(("pid", "started_ns", "first_seq"), _INTEGER)}
 _NOTES: dict[str, tuple[str, Json]] = {
     "/fti/clock": (

@@ -125,6 +125,12 @@ class StorageMachine:
         """The path leads to the present file."""
         self._stray = None
 
+    def paused(self, now: float, seconds: float) -> None:
+        """The process stood still for so long, until now: in this time nobody asked the medium to take anything."""
+        self.accepted_at = min(now, self.accepted_at + seconds)
+        if self._slow_since is not None:
+            self._slow_since = min(now, self._slow_since + seconds)
+
     def measured(self, short: str | None) -> None:
         """Space was looked at.  short : that there is too little."""
         self._short = short

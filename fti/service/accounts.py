@@ -7,7 +7,8 @@ kernel dropped because nobody read in time never got a number; they came in and 
     numbers given (next_seq - first_seq) = frames in of all links, of what was sent and of the ticks, but for those of
     ``socket_queue``
 
-Line errors (of a UART, of a CAN controller) have no frame of their own: they stand beside the account.
+Line errors (of a UART, of a CAN controller) have no frame of their own: they stand beside the account, and so does the
+number of frames whose kernel stamp was refused, which have the time of the read instead.
 """
 
 from __future__ import annotations
@@ -94,12 +95,13 @@ class Books:
 
 
 def link_account(unit: Unit) -> dict[str, Any]:
-    """Per link: frames and bytes in = recorded + held + dropped by reason; what was sent; line errors."""
+    """Per link: in = recorded + held + dropped by reason; what was sent; line errors; refused kernel stamps."""
     status = unit.link.status
     return {
         **account(unit.received, unit.outcome, status.socket_dropped),
         "sent": account(unit.sent, unit.sent_outcome),
         "errors": dict(status.errors),
+        "stamp_refused": status.stamp_refused,
     }
 
 

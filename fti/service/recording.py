@@ -19,10 +19,11 @@ from fti.service.control import Channel, Message
 from fti.service.guard import guarded, keep_running
 from fti.service.intake import Intake
 from fti.service.orders import LinkOrder, RecorderOrder
+from fti.service.reception_monitor import ReceptionMonitor
 from fti.service.sending import Sender
 from fti.service.snapshot import SnapshotSink
 from fti.service.source import Source
-from fti.service.storage_report import StorageReport
+from fti.service.storage_report import Dropped, StorageReport
 from fti.service.writing import TEND_PERIOD_S, Writer
 from fti.types import TICK_LINK
 
@@ -54,6 +55,7 @@ class Recorder:
         self._sender = Sender(links, order.sending, clock, tell=channel.send, report=self._report)
         self._books = Books(self._units, self._ticks, self._intake, clock.now_ns())
         self._snapshot = self._make_snapshot()
+        self._reception = ReceptionMonitor()
         min_free_mb = order.config.session.min_free_mb
         self._writer = Writer(self._log, self._sources(), self._places, min_free_mb, self._report)
         self._storage = StorageReport(self._writer, self._dropped, self._tell)
@@ -154,15 +156,29 @@ class Recorder:
     def _beat(self) -> None:
         """Every 20 ms: a tick frame, so that silence has a time too; what has come until then goes on with it."""
         with guarded("ticks", self._report):
-            self._tick((b"",), (self._clock.now_ns(),))
+            now = self._clock.now_ns()
+            self._notice_pause(now)
+            self._tick((b"",), (now,))
             self._intake.hand_on()
             self._wake_writer()
+
+    def _notice_pause(self, now_ns: int) -> None:
+        """A process that stood still has not waited for its medium."""
+        if pause_s := self._reception.on_turn(now_ns):
+            self._writer.paused(pause_s)
+
+    def _tell_reception(self, now_ns: int, *, final: bool = False) -> None:
+        links = [(unit.link.name, unit.link.status) for unit in self._units]
+        for level, source, text in self._reception.events(now_ns, links, final=final):
+            self._tell(level, source, text)
 
     async def _watch(self) -> None:
         """Health to the supervisor twice a second; ledger and clocks into the file once a second."""
         turn = 0
         while True:
             now = self._clock.now_ns()
+            self._notice_pause(now)
+            self._tell_reception(now)
             self._channel.send({"health": self._health(now)})
             if turn % round(LEDGER_PERIOD_S / HEALTH_PERIOD_S) == 0:
                 self._writer.note("/fti/ledger", now, self._books.note(now))
@@ -174,6 +190,7 @@ class Recorder:
         """The first file, and every change of what becomes of the files."""
         await self._begin_recording()
         while True:
+            self._notice_pause(self._clock.now_ns())
             self._writer.tend()
             self._storage.tell_changes()
             if self._snapshot:
@@ -210,10 +227,9 @@ class Recorder:
         elif "send" in message:
             self._sender.take(message["send"])
 
-    def _dropped(self) -> dict[str, tuple[int, int]]:
-        """Frames and bytes of each link that its buffers have dropped."""
-        stats = {unit.link.name: unit.received.stats for unit in self._units}
-        return {name: (link.dropped_frames, link.dropped_bytes) for name, link in stats.items()}
+    def _dropped(self) -> dict[str, Dropped]:
+        """What was dropped of each link."""
+        return {unit.link.name: Dropped.of(unit.received.stats, unit.link.status) for unit in self._units}
 
     def _tell_number(self, number: int, confirmed: bool) -> None:
         """The next recorder must know it, also when this one is killed before the file is there."""
@@ -236,6 +252,7 @@ class Recorder:
         for task in (*readers, *helpers):
             task.cancel()
         await asyncio.gather(*readers, *helpers, return_exceptions=True)
+        self._tell_reception(self._clock.now_ns(), final=True)
         self._intake.hand_on()
         await asyncio.to_thread(self._writer.stop)
         if self._snapshot:

@@ -4,28 +4,47 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
+from fti.buffers.triple import BufferStats
+from fti.links.base import LinkStatus
 from fti.logger.storage import State
 from fti.service.writing import Writer
 
 #: Level, source and text of an event.
 Tell = Callable[[str, str, str], None]
-#: Frames and bytes that the buffers of each link have dropped.
-Dropped = Mapping[str, tuple[int, int]]
 LEVELS = {State.ERROR: "error", State.GONE: "error"}
+
+
+class Dropped(NamedTuple):
+    """What was dropped of a link: frames and bytes by its buffers, frames by the kernel."""
+
+    frames: int = 0
+    bytes: int = 0
+    kernel_frames: int = 0
+
+    @classmethod
+    def of(cls, buffer: BufferStats, link: LinkStatus) -> Dropped:
+        """By the counters now."""
+        return cls(buffer.dropped_frames, buffer.dropped_bytes, link.socket_dropped)
+
+    def describe_since(self, before: Dropped, link: str) -> list[str]:
+        """What has been dropped since then, in words."""
+        frames, size, kernel = (now - then for now, then in zip(self, before, strict=True))
+        texts = [f"{frames} frames ({size} bytes) of {link}"] if frames else []
+        return [*texts, f"{kernel} frames of {link} by the kernel"] if kernel else texts
 
 
 class StorageReport:
     """Looks at the writer."""
 
-    def __init__(self, writer: Writer, dropped: Callable[[], Dropped], tell: Tell) -> None:
+    def __init__(self, writer: Writer, dropped: Callable[[], Mapping[str, Dropped]], tell: Tell) -> None:
         self._writer = writer
         self._dropped = dropped
         self._tell = tell
         self._state = State.OK
         self._refused_since = 0.0
-        self._dropped_before: Dropped = {}
+        self._dropped_before: Mapping[str, Dropped] = {}
 
     def tell_changes(self) -> None:
         """Events for what has changed since the last call."""
@@ -46,11 +65,9 @@ class StorageReport:
 
     def _describe_outage(self) -> str:
         """How long it refused and what that cost."""
-        lost = []
-        for link, (frames, size) in self._dropped().items():
-            frames_before, size_before = self._dropped_before.get(link, (0, 0))
-            if frames > frames_before:
-                lost.append(f"{frames - frames_before} frames ({size - size_before} bytes) of {link}")
+        before, lost = self._dropped_before, list[str]()
+        for link, dropped in self._dropped().items():
+            lost += dropped.describe_since(before.get(link, Dropped()), link)
         seconds = time.monotonic() - self._refused_since
         return f"after {seconds:.1f} s, in {self._writer.file}; lost: {', '.join(lost) or 'nothing'}"
 

@@ -114,6 +114,11 @@ class Succession:
         """Time since the medium took bytes last [s]."""
         return time.monotonic() - self._machine.accepted_at
 
+    def paused(self, seconds: float) -> None:
+        """This process stood still for so long, until now."""
+        with self._deciding:
+            self._machine.paused(time.monotonic(), seconds)
+
     def state(self) -> tuple[State, str]:
         """State of the storage and a sentence on it; needs no help of a thread that may be stuck."""
         with self._deciding:

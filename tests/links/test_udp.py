@@ -14,7 +14,7 @@ from fti.config import UdpLink
 from fti.errors import ConfigError, LinkError
 from fti.links import open_link
 from fti.links._socket import SO_RCVBUFFORCE, Arrival
-from fti.links.base import LinkStatus
+from fti.links.base import OVERFLOW_NS, LinkStatus
 from fti.types import LinkState
 from tests.helpers import until_async
 from tests.links.bench import running
@@ -101,6 +101,27 @@ async def test_what_the_kernel_drops_is_counted(device: socket.socket) -> None:
         await opened.drain()
         assert opened.status.socket_dropped > 0
         assert len(heard.frames) + opened.status.socket_dropped == 502
+
+
+async def test_a_link_of_which_the_kernel_drops_frames_is_not_good(
+    device: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monotonic_ns = time.monotonic_ns
+    async with running(link()) as (opened, heard):
+        opened._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 20_000)
+        for _ in range(500):
+            device.sendto(bytes(100), opened.address)
+        await until_async(lambda: opened.status.state is LinkState.OVERFLOW, what="the state")
+        assert opened.status.hint.startswith(f"the kernel has dropped {opened.status.socket_dropped} frames: ")
+        before = len(heard.frames)
+        device.sendto(b"next", opened.address)
+        await until_async(lambda: len(heard.frames) > before)
+        assert opened.status.state is LinkState.OVERFLOW
+        monkeypatch.setattr("fti.clock.time.monotonic_ns", lambda: monotonic_ns() + OVERFLOW_NS)
+        device.sendto(b"much later", opened.address)
+        await until_async(lambda: heard.frames[-1] == b"much later")
+        opened._judge()
+        assert (opened.status.state, opened.status.hint) == (LinkState.GOOD, "")
 
 
 async def test_drops_behind_the_last_datagram_are_asked_for(device: socket.socket) -> None:

@@ -116,6 +116,20 @@ def test_a_machine_that_stood_still_has_not_waited_for_its_medium(rig: Rig) -> N
     assert rig.state() is State.OK
 
 
+@pytest.mark.parametrize("slow_before", [False, True])
+def test_a_recorder_that_stood_still_does_not_blame_the_medium(rig: Rig, slow_before: bool) -> None:
+    """Whether it was slow before is known; how long it would have been since then is not."""
+    rig.at(1.5 if slow_before else 0.1)
+    before = rig.state()
+    rig.now += 60.0
+    rig.machine.paused(rig.now, 60.0)
+    assert rig.state() is before
+    assert rig.wanted() is None
+    rig.at(0.2)
+    rig.machine.accepted(rig.now)
+    assert rig.state() is State.OK
+
+
 def test_a_stuck_medium_without_another_is_waited_for() -> None:
     rig = Rig(places=1)
     rig.record()

@@ -133,6 +133,15 @@ def test_line_errors_stand_beside_the_account() -> None:
     assert note["links"]["a"]["errors"] == {}
 
 
+def test_refused_stamps_stand_beside_the_account() -> None:
+    desk = Desk()
+    desk.units[1].link.status.stamp_refused = 79_948
+    note = desk.note()
+    assert [note["links"][name]["stamp_refused"] for name in "ab"] == [0, 79_948]
+    entries = Note.parse(json.dumps(note).encode()).entries
+    assert (entries["/raw/b"].stamps_refused, entries["/tx/b"].stamps_refused) == (79_948, 0)
+
+
 def test_health_of_a_link_has_its_account() -> None:
     desk = Desk()
     desk.put(1, 10)

@@ -39,13 +39,18 @@ NOTHING = Amount()
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One account.  dropped : by reason; bytes are 0 where nobody knows them."""
+    """One account.
+
+    dropped        : by reason; bytes are 0 where nobody knows them
+    stamps_refused : frames whose kernel stamp was not believed
+    """
 
     came: Amount = NOTHING
     recorded: Amount = NOTHING
     held: Amount = NOTHING
     dropped: dict[str, Amount] = field(default_factory=dict)
     errors: dict[str, int] = field(default_factory=dict)
+    stamps_refused: int = 0
 
     @classmethod
     def parse(cls, table: dict[str, Any]) -> Entry:
@@ -58,7 +63,8 @@ class Entry:
             reason: Amount(_count(lost["frames"]), _count(lost["bytes"] or 0))
             for reason, lost in table["dropped"].items()
         }
-        return cls(came, recorded, held, dropped, {name: _count(n) for name, n in table.get("errors", {}).items()})
+        errors = {name: _count(n) for name, n in table.get("errors", {}).items()}
+        return cls(came, recorded, held, dropped, errors, _count(table.get("stamp_refused", 0)))
 
     @property
     def numbered(self) -> Amount:
@@ -126,6 +132,7 @@ class Note:
         return self.next_seq < earlier.next_seq or any(
             entry.came.frames < before.came.frames
             or entry.lost.frames < before.lost.frames
+            or entry.stamps_refused < before.stamps_refused
             or any(entry.errors.get(name, 0) < count for name, count in before.errors.items())
             for topic, entry in self.entries.items()
             if (before := earlier.entries.get(topic))

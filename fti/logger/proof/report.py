@@ -41,12 +41,14 @@ class Account:
 
     dropped : frames and bytes by reason; bytes are 0 where nobody knows them
     errors  : line errors, which have no frame of their own
+    stamps_refused : frames that have the time of their reading, as the kernel's stamp was not believed
     """
 
     topic: str
     recorded: Amount
     dropped: dict[str, Amount] = field(default_factory=dict)
     errors: dict[str, int] = field(default_factory=dict)
+    stamps_refused: int = 0
 
     @property
     def came(self) -> Amount:

@@ -169,11 +169,15 @@ class _Session:
     # -------------------------------------------------------------------------------------------------- stamps, ticks
 
     def stamps(self) -> Check:
-        """Does the time of every link run forward?"""
+        """Does the time of every link run forward, and is it that of the arrival?"""
         check = Check("stamps", "the time of every link runs forward")
         for topic in self._numbers.topics.values():
             if topic.backwards:
                 check.add(Verdict.REFUTED, f"{topic.name}: the time goes back {topic.backwards} times")
+        for account in self.accounts():
+            if count := account.stamps_refused:
+                late = f"{count} frames have the time of their reading: the kernel's timestamps were refused"
+                check.add(Verdict.LOSS, f"{account.topic}: {late}")
         return check
 
     def ticks(self) -> Check:
@@ -282,6 +286,7 @@ class _Session:
             _add(account.dropped, STORAGE if run.last.final else NEVER_WRITTEN, unwritten)
             for name, count in books.entry.errors.items():
                 account.errors[name] = account.errors.get(name, 0) + count
+            account.stamps_refused += books.entry.stamps_refused - (books.base.stamps_refused if books.base else 0)
         return account
 
 

@@ -382,6 +382,33 @@ def test_dropped_frames_are_a_loss_with_its_reason(folder: SessionFolder, capsys
     assert (told["verdict"], told["holds"], told["missing"]) == ("loss", False, 12)
 
 
+def _refusing(per_ledger: int) -> Callable[[int, Table], None]:
+    """So many stamps of ins are refused before each ledger."""
+
+    def doctor(index: int, note: Table) -> None:
+        note["links"]["ins"]["stamp_refused"] = per_ledger * (index + 1)
+
+    return doctor
+
+
+def test_refused_stamps_are_a_loss_and_those_of_several_recorders_are_added(folder: SessionFolder) -> None:
+    Recorder(open_log(folder), 0, doctor=_refusing(10)).run(200).end()  # five ledgers
+    Recorder(open_log(folder), 200, doctor=_refusing(1)).run(100).end()  # three
+    report = proved(folder)
+    assert report.verdict is Verdict.LOSS
+    verdict, lines = check(report, "stamps")
+    assert verdict is Verdict.LOSS
+    assert lines == ["/raw/ins: 53 frames have the time of their reading: the kernel's timestamps were refused"]
+    assert check(report, "ledger")[0] is Verdict.OK
+
+
+def test_a_file_alone_tells_of_the_stamps_that_were_refused_in_it(folder: SessionFolder) -> None:
+    Recorder(open_log(folder), 0, doctor=_refusing(10)).run(200).end()
+    Recorder(open_log(folder), 200).run(100).end()
+    first, *_, last = (check(verify(Recording.open(path)), "stamps")[0] for path in folder.files("raw"))
+    assert (first, last) == (Verdict.LOSS, Verdict.OK)
+
+
 @pytest.mark.parametrize(("frames", "verdict"), [(4, Verdict.OK), (13, Verdict.REFUTED)])
 def test_notes_of_gaps_must_fit_the_holes(folder: SessionFolder, frames: int, verdict: Verdict) -> None:
     recorder = Recorder(open_log(folder), 0, lost=range(100, 112)).run(200)
