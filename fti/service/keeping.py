@@ -87,11 +87,12 @@ class RecorderMail:
     def __init__(self, recorder: Child) -> None:
         self._recorder = recorder
         self._waiting: deque[Message] = deque(maxlen=MOST_UNRECORDED)
+        self._held = False
 
     def note(self, topic: str, t_ns: int, content: dict[str, Any]) -> None:
         """Have a JSON message recorded.  t_ns : FTI time of it"""
         message = {"note": {"topic": topic, "t_ns": t_ns, "content": content}}
-        if not self.send(message):
+        if self._held or not self.send(message):
             self._waiting.append(message)
 
     def send(self, message: Message) -> bool:
@@ -99,7 +100,12 @@ class RecorderMail:
         channel = self._recorder.channel
         return channel is not None and channel.send(message)
 
+    def hold(self) -> None:
+        """The recorder does not move: what it is sent now may never be recorded."""
+        self._held = True
+
     def go_on(self) -> None:
-        """There is a recorder again."""
+        """There is a recorder again, or it moves again."""
+        self._held = False
         while self._waiting and self.send(self._waiting[0]):
             self._waiting.popleft()

@@ -34,6 +34,7 @@ from fti.service.session_end import SessionEnd
 from fti.service.session_places import SessionPlaces
 from fti.service.session_result import SessionResult, save_ledger
 from fti.service.terrain_trial import TerrainTrial
+from fti.service.watchdog import Watchdog
 
 HEALTH_PERIOD_S = 0.5
 MOST_STARTS = 2
@@ -79,6 +80,7 @@ class Supervisor:
         self._keeper = Keeper(
             self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
         )
+        self._watchdog = self._make_watchdog(recorder)
         self._ending = SessionEnd(self._children, self._keeper, self._ring, self._places, announce)
 
     def _describe_session(self) -> dict[str, Any]:
@@ -100,6 +102,16 @@ class Supervisor:
             tell=lambda level, text: self._bulletin.event(level, "command", text),
             changed=lambda command: self._show({"command": command}),
             hinder=self._board.hinder_answers,
+        )
+
+    def _make_watchdog(self, recorder: Child) -> Watchdog:
+        return Watchdog(
+            recorder,
+            self._mail,
+            progress=lambda: self._ring.next_seq,
+            tell=self._bulletin.event,
+            is_ending=lambda: self._keeper.stopping,
+            report=self._bulletin.report,
         )
 
     def _make_children(self, recorder: Child) -> list[Child]:
@@ -147,6 +159,7 @@ class Supervisor:
     async def _record(self, duration_s: float | None) -> None:
         self._keeper.start(self._children[0])
         watching = asyncio.create_task(self._keeper.watch(), name="watch")
+        watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")
         telling = asyncio.create_task(self._tell(), name="health")
         closing = asyncio.create_task(
             self._ending.close_killed_sessions(self.recording, self._bulletin.report), name="repair"
@@ -156,7 +169,7 @@ class Supervisor:
         finally:
             await self._end()
             await self._finish_repair(closing)
-            await self._cancel(watching, telling)
+            await self._cancel(watching, watchdog, telling)
 
     async def _wait_for_end(self, duration_s: float | None) -> None:
         stopping = asyncio.create_task(self._stop.wait(), name="stop")
