@@ -70,14 +70,19 @@ def test_what_a_full_socket_queue_drops_is_counted_and_the_sum_is_what_was_sent(
     with daemon(config, tmp_path / "out") as running, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         session = running.session
         until(lambda: running.health().get("links", {}).get("eth", {}).get("state") == "silent", what="an open link")
-        with _stopped(running.pid_of("recorder")):
+        recorder = running.pid_of("recorder")
+        with _stopped(running.process.pid), _stopped(recorder):  # both: one that does not move alone is replaced
             for sent in range(1, BURST + 1):
                 sender.sendto(b"%08d" % sent, ("127.0.0.1", port))
         live = until(
             lambda: (a := _ledger(running))["in_frames"] == sent and not a["held_frames"] and a, what="the sum"
         )
+        assert running.health()["links"]["eth"]["state"] == "overflow"
         assert running.stop() == 130
     dropped = live["dropped"]["socket_queue"]["frames"]
+    told = [int(line.split()[5]) for line in running.lines if line.startswith("warning: eth: the kernel dropped ")]
+    assert sum(told) == dropped, running.lines
+    assert not [line for line in running.lines if "storage" in line]
     assert dropped > 0
     assert live["recorded_frames"] + dropped == sent
     heard = [int(frame.data) for frame in Recording.open(session).frames() if frame.link == "eth"]

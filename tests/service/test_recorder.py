@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from fti.service.children import Child
 from fti.service.orders import LinkOrder, RecorderOrder
+from fti.types import TICK_PERIOD_NS
 from tests.e2e.harness import Line, free_udp_port
 from tests.helpers import until
 
@@ -27,11 +30,12 @@ class Rig:
 
     def __init__(self, folder: Path, **more: Any) -> None:
         self.line = Line(folder / "line")
+        self.port = free_udp_port()
         self.session = SessionFolder.create(folder / "out", "rig", 0)
         self.ring = Ring.create(2**20)
         links = (
             SerialLink(name="line", kind="serial", port=str(folder / "line"), transmit=True),
-            UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{free_udp_port()}"),
+            UdpLink(name="eth", kind="udp", bind=f"127.0.0.1:{self.port}"),
         )
         order = RecorderOrder(
             config=Config(session=Session(name="rig"), link=links),
@@ -102,6 +106,21 @@ def test_numbers_are_reported_and_those_given_up_before_stand_in_the_file(tmp_pa
     (path,) = rig.session.files("raw")
     assert path.name.endswith("_005.mcap")
     assert Recording.open(path).metadata["fti.file"]["given_up_numbers"] == "2 4"
+
+
+def test_recorded_times_are_utc_to_half_a_tick(rig: Rig) -> None:
+    """Of datagrams that say when they were sent, by the real-time clock; the quickest one counts."""
+    until(lambda: rig.hear("ready"), what="ready")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(100):
+            sender.sendto(b"%d" % time.time_ns(), ("127.0.0.1", rig.port))
+    until(lambda: rig.ring.next_seq > 100, what="the datagrams")
+    rig.channel.send({"stop": True})
+    until(lambda: rig.hear("stopped"), what="stopped")
+    recording = Recording.open(rig.session.path)
+    ages = [frame.t_rx_ns - int(frame.data) for frame in recording.frames() if frame.link == "eth"]
+    assert ages
+    assert abs(min(ages, key=abs)) <= TICK_PERIOD_NS // 2 + 1_000_000
 
 
 @pytest.mark.parametrize(("link", "said"), [("eth", "transmit is false"), ("none", "no link 'none'")])
