@@ -33,7 +33,7 @@ class HealthBoard:
         navigation, devices = self._judge_navigation(silent_ns)
         heard = devices if silent_ns <= LATE_NS else {}
         storage = self._judge_storage(now_ns)
-        links = self.recorder.get("links", {})
+        links = self._judge_links(now_ns)
         fault = storage.get("state", "ok") == "error"
         return {
             "t_ns": now_ns,
@@ -77,10 +77,22 @@ class HealthBoard:
     def _judge_storage(self, now_ns: int) -> dict[str, Any]:
         """What the recorder said of the storage, unless that is long ago: late is not valid."""
         storage: dict[str, Any] = self.recorder.get("storage", {})
+        hint = self._describe_silence(now_ns)
+        return {**storage, "state": "error", "hint": hint} if hint else storage
+
+    def _judge_links(self, now_ns: int) -> dict[str, dict[str, Any]]:
+        """What the recorder said of the links; of one that says nothing any more none is good."""
+        links: dict[str, dict[str, Any]] = self.recorder.get("links", {})
+        if hint := self._describe_silence(now_ns):
+            return {
+                name: {**link, "state": LinkState.SILENT, "hint": hint, "rate_hz": 0.0} for name, link in links.items()
+            }
+        return links
+
+    def _describe_silence(self, now_ns: int) -> str:
+        """That the recorder has said nothing for long; "" when it has."""
         silent_ns = now_ns - self.recorder.get("t_ns", now_ns)
-        if silent_ns <= LATE_NS:
-            return storage
-        return {**storage, "state": "error", "hint": f"the recorder has said nothing for {silent_ns / 1e9:.0f} s"}
+        return f"the recorder has said nothing for {silent_ns / 1e9:.0f} s" if silent_ns > LATE_NS else ""
 
 
 def merge_link(name: str, link: dict[str, Any], devices: dict[str, dict[str, Any]]) -> dict[str, Any]:

@@ -32,11 +32,17 @@ def test_the_hint_names_the_device() -> None:
 
 
 def test_what_the_recorder_said_long_ago_is_not_true_any_more() -> None:
-    board = HealthBoard({"state": "recording"}, {"t_ns": 0, "storage": {"state": "ok", "hint": ""}})
+    link = {"state": "good", "hint": "", "rate_hz": 100.0, "frames": 7}
+    said = {"t_ns": 0, "storage": {"state": "ok", "hint": ""}, "links": {"eth": link}}
+    board = HealthBoard({"state": "recording"}, said)
     assert board.compose(LATE_NS, [])["session"]["state"] == "recording"
+    assert board.compose(LATE_NS, [])["links"] == {"eth": link}
     late = board.compose(LATE_NS + 1, [])
     assert late["session"]["state"] == "storage_error"
     assert "said nothing" in late["storage"]["hint"]
+    eth = late["links"]["eth"]
+    assert (eth["state"], eth["rate_hz"], eth["frames"]) == ("silent", 0.0, 7)
+    assert "said nothing" in eth["hint"]
 
 
 def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
