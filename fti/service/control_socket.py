@@ -1,78 +1,54 @@
-"""The control socket of a daemon: one JSON command a line, one JSON answer a line; for the owner alone (0600)."""
+"""The control socket of a daemon: one JSON command a line, one JSON answer a line.
+
+It is for the owner alone: the socket is 0600, and a process of another user (root excepted) is refused by its
+credentials, however it came by the socket.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import json
-import os
-import pwd
 import socket
-import struct
 from collections.abc import Awaitable, Callable
-from pathlib import Path
 from typing import Any
 
-from fti.errors import MissingError
 from fti.service.guard import Report, guarded
+from fti.service.peer_credentials import Peer
 
 Answer = dict[str, Any]
 #: Does what a command of somebody says; answers with ``{"fault": ...}`` when it cannot.
 Obey = Callable[[dict[str, Any], str], Awaitable[Answer]]
 LONGEST_LINE = 65536
 NO_COMMAND = {"fault": f"a command is one line of JSON of at most {LONGEST_LINE} bytes"}
-_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
+STRANGER = {"fault": "only the user who started the daemon, and root, may ask it for something"}
 
 
-async def serve_commands(path: Path, obey: Obey, report: Report) -> asyncio.Server:
+async def serve_commands(sock: socket.socket, obey: Obey, report: Report) -> asyncio.Server:
     """Listen; a client that fails disturbs nobody.  One connection is answered in order.
 
+    sock   : bound, see ``RunDir.bind``
     report : told of what failed here; the client is told too
     """
 
     async def attend(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        who = _describe_peer(writer.get_extra_info("socket"))
+        peer = Peer.of(writer.get_extra_info("socket"))
         gone = contextlib.suppress(ConnectionError, asyncio.CancelledError)  # a client may go at any time, and we too
         with guarded("control socket", report), gone:
             try:
                 while line := await reader.readline():
-                    await _say(writer, await _answer(line, obey, who, report))
+                    answer = await _answer(line, obey, str(peer), report) if peer.is_trusted else STRANGER
+                    await _say(writer, answer)
             except ValueError:  # too long; what follows is the rest of it
                 await _say(writer, NO_COMMAND)
         writer.close()
 
-    return await asyncio.start_unix_server(attend, sock=_bind(path), limit=LONGEST_LINE)
+    return await asyncio.start_unix_server(attend, sock=sock, limit=LONGEST_LINE)
 
 
 async def _say(writer: asyncio.StreamWriter, answer: Answer) -> None:
     writer.write(json.dumps(answer).encode() + b"\n")
     await writer.drain()
-
-
-def _describe_peer(sock: socket.socket) -> str:
-    """Who is at the other end, as the kernel says."""
-    found = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    pid, uid, _ = _CREDENTIALS.unpack(found)
-    try:
-        name = pwd.getpwuid(uid).pw_name
-    except KeyError:
-        name = f"user {uid}"
-    return f"{name} (process {pid})"
-
-
-def _bind(path: Path) -> socket.socket:
-    """A socket that nobody else can open at any moment.  Raises MissingError when the path cannot be one."""
-    path.unlink(missing_ok=True)
-    sock = socket.socket(socket.AF_UNIX)
-    before = os.umask(0o177)
-    try:
-        sock.bind(str(path))
-    except OSError as error:
-        sock.close()
-        raise MissingError(f"{path}: cannot be the control socket: {error}; choose a short --run-dir") from None
-    finally:
-        os.umask(before)
-    return sock
 
 
 async def _answer(line: bytes, obey: Obey, who: str, report: Report) -> Answer:

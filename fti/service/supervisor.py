@@ -147,7 +147,8 @@ class Supervisor:
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
         try:
-            with contextlib.closing(await serve_commands(self._run_dir.socket, self._desk.obey, self._bulletin.report)):
+            server = await serve_commands(self._run_dir.bind(), self._desk.obey, self._bulletin.report)
+            with contextlib.closing(server):
                 await self._record(duration_s)
         finally:
             self._run_dir.withdraw()
@@ -259,9 +260,9 @@ class Supervisor:
             display=self.display_url,
             zenoh=self._hub.endpoint if self._hub else None,
             epoch_ns=self._clock.epoch_ns,
-            sock=str(self._run_dir.socket),
+            sock=str(self._run_dir.control_socket),
         )
-        rundir.publish(self._run_dir.path, info)
+        self._run_dir.publish(info)
 
     async def _tell(self) -> None:
         turn = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,8 @@ import pytest
 
 from fti.cli.main import main
 from fti.service.control_socket import serve_commands
-from fti.service.rundir import DaemonInfo, publish
+from fti.service.rundir import RunDir
+from tests.run_dirs import running_daemon
 
 
 def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
@@ -22,14 +22,13 @@ def mark(run_dir: Path, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
         asked.append(command)
         return {"t_ns": 1_500_000_000}
 
-    async def beside() -> int:
-        sock = run_dir / "control"
-        server = await serve_commands(sock, obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
-        publish(run_dir, DaemonInfo(os.getpid(), "s", "", None, None, 0, str(sock)))
+    async def beside(made: RunDir) -> int:
+        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["mark", *arguments, "--run-dir", str(run_dir)])
 
-    return asyncio.run(beside()), asked
+    with running_daemon(run_dir) as made:
+        return asyncio.run(beside(made)), asked
 
 
 def test_a_mark_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

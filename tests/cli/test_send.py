@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,8 @@ import pytest
 
 from fti.cli.main import main
 from fti.service.control_socket import serve_commands
-from fti.service.rundir import DaemonInfo, publish
+from fti.service.rundir import RunDir
+from tests.run_dirs import running_daemon
 
 DEVICES = [
     {
@@ -40,14 +40,13 @@ def send(run_dir: Path, *arguments: str, state: str = "acknowledged", fault: str
         title = f"1: {command['send']['device']} {command['send']['command']}"
         return {"fault": fault} if fault else {"state": state, "title": title, "outcome": f"{state}: why"}
 
-    async def beside() -> int:
-        sock = run_dir / "control"
-        server = await serve_commands(sock, obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
-        publish(run_dir, DaemonInfo(os.getpid(), "s", "", None, None, 0, str(sock)))
+    async def beside(made: RunDir) -> int:
+        server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
             return await asyncio.to_thread(main, ["send", *arguments, "--run-dir", str(run_dir)])
 
-    return asyncio.run(beside()), asked
+    with running_daemon(run_dir) as made:
+        return asyncio.run(beside(made)), asked
 
 
 def test_a_command_with_its_arguments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -76,13 +75,12 @@ def test_a_daemon_that_goes_within_its_answer_is_said(tmp_path: Path, capsys: py
         writer.write(b'{"state": "ackn')
         writer.close()
 
-    async def beside() -> int:
-        sock = tmp_path / "control"
-        publish(tmp_path, DaemonInfo(os.getpid(), "s", "", None, None, 0, str(sock)))
-        async with await asyncio.start_unix_server(die, sock):
+    async def beside(made: RunDir) -> int:
+        async with await asyncio.start_unix_server(die, sock=made.bind()):
             return await asyncio.to_thread(main, ["send", "magnetometer", "reset", "--run-dir", str(tmp_path)])
 
-    assert asyncio.run(beside()) == 2
+    with running_daemon(tmp_path) as made:
+        assert asyncio.run(beside(made)) == 2
     assert "the daemon has gone before it had answered" in capsys.readouterr().err
 
 

@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -15,8 +14,8 @@ from rich.console import Console
 
 from fti.cli._watch_view import render
 from fti.cli.main import main
-from fti.service.rundir import DaemonInfo, publish
 from fti.web.feed import Feed
+from tests.run_dirs import running_daemon
 from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, make_laboratory
 
 
@@ -29,13 +28,9 @@ def daemon() -> Iterator[FakeDaemon]:
 
 
 @pytest.fixture
-def run_dir(daemon: FakeDaemon, tmp_path: Path) -> Path:
-    return announce(tmp_path, daemon.hub.endpoint)
-
-
-def announce(path: Path, endpoint: str | None) -> Path:
-    publish(path, DaemonInfo(os.getpid(), SESSION, "", None, endpoint, 0, ""))
-    return path
+def run_dir(daemon: FakeDaemon, tmp_path: Path) -> Iterator[Path]:
+    with running_daemon(tmp_path / "fti" / SESSION, SESSION, daemon.hub.endpoint) as made:
+        yield made.path
 
 
 def test_once_json_is_one_object(run_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,8 +45,7 @@ def test_once_json_is_one_object(run_dir: Path, capsys: pytest.CaptureFixture[st
 def test_a_name_finds_it_too(
     run_dir: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(run_dir.parent))
-    (run_dir.parent / "fti").symlink_to(run_dir.parent)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(run_dir.parent.parent))
     assert main(["watch", "--name", run_dir.name, "--once"]) == 0
     assert "radar_altimeter" in capsys.readouterr().out
 
@@ -69,7 +63,8 @@ def test_a_stopped_navigation_is_in_the_json(
 def test_without_a_daemon_or_a_bus_it_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
     assert "no daemon is running there" in capsys.readouterr().err
-    assert main(["watch", "--run-dir", str(announce(tmp_path, None)), "--once"]) == 2
+    with running_daemon(tmp_path):
+        assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
     assert "set bus.enabled = true" in capsys.readouterr().err
 
 

@@ -17,9 +17,9 @@ from fti.hil.looping import before_others
 from fti.hil.power import BreakerState
 from fti.hil.status import Teller, describe
 from fti.hil.tables.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
-from fti.service.rundir import DaemonInfo, publish
 from fti.web.feed import HIL_FIELDS
 from tests.hil.test_emulator import demo_config, make
+from tests.run_dirs import running_daemon
 
 FLIGHT_S = 1.0
 
@@ -105,8 +105,11 @@ def first_word(run_dir: Path) -> dict[str, Any]:
     def hear(topic: str, payload: bytes) -> None:
         said.put({"topic": topic} | json.loads(payload))
 
-    with closing(Hub.open(0, "demo")) as hub, closing(Subscriber.connect(hub.endpoint, "demo", hear)):
-        publish(run_dir, DaemonInfo(os.getpid(), "demo", "", None, hub.endpoint, 0, ""))
+    with (
+        closing(Hub.open(0, "demo")) as hub,
+        closing(Subscriber.connect(hub.endpoint, "demo", hear)),
+        running_daemon(run_dir, "demo", hub.endpoint),
+    ):
         return said.get(timeout=120)
 
 

@@ -14,12 +14,14 @@ import pytest
 
 from fti.clock import FakeClock
 from fti.config import Config, Session
+from fti.service import rundir
 from fti.service.bulletin import Bulletin
 from fti.service.children import Child
 from fti.service.control_socket import serve_commands
 from fti.service.desk import Desk
 from fti.service.keeping import RecorderMail
 from tests.helpers import until_async
+from tests.run_dirs import peers_of_user
 from tests.service.command_bench import Bench
 
 
@@ -69,10 +71,10 @@ async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:
 
 async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, tmp_path: Path) -> None:
     failed: list[str] = []
-    path = tmp_path / "sock"
-    server = await serve_commands(path, rig.desk.obey, lambda unit, error: failed.append(unit))
-    assert path.stat().st_mode & 0o777 == 0o600
-    reader, writer = await asyncio.open_unix_connection(str(path))
+    made = rundir.make("s", str(tmp_path))
+    server = await serve_commands(made.bind(), rig.desk.obey, lambda unit, error: failed.append(unit))
+    assert made.control_socket.stat().st_mode & 0o777 == 0o600
+    reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
     wish = {"id": "k1", "device": "mag", "command": "rate", "args": {"rate": "5"}}
     for line in ({"send": wish}, {"mark": "behind it"}, ["no"], "{"):
         writer.write((line if isinstance(line, str) else json.dumps(line)).encode() + b"\n")
@@ -89,6 +91,7 @@ async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, 
     ]
     writer.close()
     server.close()
+    made.withdraw()
     assert failed == []
 
 
@@ -113,6 +116,15 @@ async def test_a_command_that_fails_here_is_answered_and_the_next_one_too(
         assert failed == ["control socket: division by zero"]
         writer.write(b'{"commands": true}\n')
         assert "devices" in json.loads(await asyncio.wait_for(reader.readline(), 10.0))
+
+
+async def test_a_process_of_another_user_is_refused(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    peers_of_user(os.geteuid() + 12345, monkeypatch)
+    async with client(rig, tmp_path) as (reader, writer, failed):
+        writer.write(b'{"mark": "not mine"}\n{"send": {}}\n')
+        answers = [json.loads(await asyncio.wait_for(reader.readline(), 10.0)) for _ in range(2)]
+    assert answers == [{"fault": "only the user who started the daemon, and root, may ask it for something"}] * 2
+    assert (rig.events, rig.bench.events, failed) == ([], [], [])
 
 
 async def test_a_client_that_goes_before_its_answer_is_no_failure(rig: Rig, tmp_path: Path) -> None:
@@ -153,11 +165,12 @@ async def client(
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter, list[str]]]:
     """A connection to a control socket of that desk, and what has failed there."""
     failed: list[str] = []
-    path = tmp_path / "sock"
-    server = await serve_commands(path, rig.desk.obey, lambda unit, error: failed.append(f"{unit}: {error}"))
-    reader, writer = await asyncio.open_unix_connection(str(path))
+    made = rundir.make("s", str(tmp_path))
+    server = await serve_commands(made.bind(), rig.desk.obey, lambda unit, error: failed.append(f"{unit}: {error}"))
+    reader, writer = await asyncio.open_unix_connection(str(made.control_socket))
     try:
         yield reader, writer, failed
     finally:
         writer.close()
         server.close()
+        made.withdraw()

@@ -1,13 +1,18 @@
 """How a client finds a daemon."""
 
+import contextlib
 import os
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from fti.cli.main import main
 from fti.errors import MissingError
 from fti.service import rundir
 from fti.service.rundir import DaemonInfo
+from tests.run_dirs import peers_of_user, running_daemon
 
 
 def _info(folder: Path, pid: int) -> DaemonInfo:
@@ -20,7 +25,7 @@ def test_a_running_daemon_is_found_by_its_directory_and_alone(tmp_path: Path, mo
     assert made.path == tmp_path / "fti" / "da42"
     assert made.path.stat().st_mode & 0o077 == 0
     info = _info(made.path, os.getpid())
-    rundir.publish(made.path, info)
+    made.publish(info)
     assert rundir.find_daemon() == info
     assert rundir.find_daemon(str(made.path)) == info
     made.withdraw()
@@ -30,8 +35,8 @@ def test_a_running_daemon_is_found_by_its_directory_and_alone(tmp_path: Path, mo
 
 def test_a_dead_daemon_is_not_found(tmp_path: Path) -> None:
     made = rundir.make("x", str(tmp_path))
-    rundir.publish(made.path, _info(tmp_path, 2**22 + 1))
-    os.close(made.lock_fd)  # as its end does
+    made.publish(_info(tmp_path, os.getpid()))  # the number of a process that runs, as another one's may be later
+    os.close(made.fd)  # as its end does
     with pytest.raises(MissingError, match=str(tmp_path)):
         rundir.find_daemon(str(tmp_path))
 
@@ -40,7 +45,7 @@ def test_among_several_the_user_chooses(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     made = [rundir.make(name, None) for name in ("one", "two")]
     for one in made:
-        rundir.publish(one.path, _info(one.path, os.getpid()))
+        one.publish(_info(one.path, os.getpid()))
     with pytest.raises(MissingError, match="--run-dir"):
         rundir.find_daemon()
     for one in made:
@@ -78,9 +83,53 @@ def test_a_path_that_cannot_hold_a_socket_is_refused_before_anything_is_made(tmp
 
 
 def test_what_may_not_be_read_is_no_daemon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path) -> str:
-        raise PermissionError(13, "Permission denied", str(path))
+    made = rundir.make("x", str(tmp_path))
 
-    monkeypatch.setattr(Path, "read_text", refuse)
+    def refuse(folder_fd: int, name: str) -> bytes:
+        raise PermissionError(13, "Permission denied", name)
+
+    monkeypatch.setattr(rundir, "read_file", refuse)
     with pytest.raises(MissingError, match="no daemon"):
         rundir.find_daemon(str(tmp_path))
+    made.withdraw()
+
+
+def test_whoever_looks_for_a_daemon_takes_its_directory_from_nobody(tmp_path: Path) -> None:
+    with _looking(tmp_path / "run"):
+        for _ in range(500):
+            rundir.make("da42", str(tmp_path / "run")).withdraw()
+
+
+@contextlib.contextmanager
+def _looking(path: Path) -> Iterator[None]:
+    """A thread asks again and again whether a daemon is there."""
+    ended = threading.Event()
+
+    def look() -> None:
+        while not ended.is_set():
+            with contextlib.suppress(MissingError):
+                rundir.find_daemon(str(path))
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def test_a_socket_of_another_user_is_not_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with running_daemon(tmp_path) as made, made.bind() as fake:
+        fake.listen()
+        peers_of_user(os.geteuid() + 12345, monkeypatch)
+        assert main(["mark", "x", "--run-dir", str(tmp_path)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(
+            f"fti: {made.control_socket}: user {os.geteuid() + 12345} (process 7) answers there, which is not"
+        )
+        connection, _ = fake.accept()
+        with connection:
+            assert connection.recv(100) == b""  # not even the mark was handed to it

@@ -1,0 +1,41 @@
+"""Who is at the other end of a Unix socket, as the kernel says (``SO_PEERCRED``)."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+from typing import NamedTuple, Protocol
+
+from fti.service.private_folder import ROOT_UID, user_name
+
+_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
+
+
+class HasSocketOptions(Protocol):
+    """A socket, or what asyncio shows of one."""
+
+    def getsockopt(self, level: int, optname: int, buflen: int, /) -> bytes:
+        """As ``socket.socket.getsockopt``."""
+        ...
+
+
+class Peer(NamedTuple):
+    """The process that connected, or that listens; its user when it did so."""
+
+    pid: int
+    uid: int
+
+    @classmethod
+    def of(cls, sock: HasSocketOptions) -> Peer:
+        """The other end of a connected Unix socket."""
+        pid, uid, _ = _CREDENTIALS.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+        return cls(pid, uid)
+
+    @property
+    def is_trusted(self) -> bool:
+        """It is a process of our own user or of root."""
+        return self.uid in (os.geteuid(), ROOT_UID)
+
+    def __str__(self) -> str:
+        return f"{user_name(self.uid)} (process {self.pid})"

@@ -1,0 +1,139 @@
+"""Folders that another user has prepared are refused, and nothing is written through what stands in them."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from fti.cli.main import main
+from fti.errors import MissingError
+from fti.service import rundir
+from fti.service.private_folder import check_trusted
+
+
+@pytest.fixture
+def victim(tmp_path: Path) -> Path:
+    """A file of ours that somebody wants to have overwritten."""
+    file = tmp_path / "victim"
+    file.write_text("precious")
+    return file
+
+
+@pytest.fixture
+def shared(tmp_path: Path) -> Path:
+    """The base of all run directories in a temporary directory, without XDG_RUNTIME_DIR."""
+    return tmp_path / "tmp" / f"fti-{os.getuid()}"
+
+
+@pytest.fixture(autouse=True)
+def _without_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
+
+
+def info_of(made: rundir.RunDir) -> rundir.DaemonInfo:
+    return rundir.DaemonInfo(os.getpid(), "da42", "s", None, None, 7, str(made.control_socket))
+
+
+def test_the_directories_are_made_for_the_owner_alone(shared: Path) -> None:
+    made = rundir.make("da42", None)
+    made.publish(info_of(made))
+    with made.bind():
+        modes = {path.name: path.stat().st_mode & 0o777 for path in (shared, *shared.rglob("*"))}
+    made.withdraw()
+    assert modes == {shared.name: 0o700, "da42": 0o700, "fti.json": 0o600, "fti.sock": 0o600}
+
+
+@pytest.mark.parametrize("below", ["", "da42"])
+def test_a_directory_that_others_can_write_is_refused(shared: Path, victim: Path, below: str) -> None:
+    (shared / "da42").mkdir(parents=True, mode=0o700)
+    (shared / below).chmod(0o1777)
+    (shared / "da42" / "fti.json.new").symlink_to(victim)
+    with pytest.raises(MissingError, match=r"other users can write to it \(mode 1777\); chmod 0700 .*--run-dir"):
+        rundir.make("da42", None)
+    assert victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize("below", ["", "da42"])
+def test_a_symlink_is_refused(shared: Path, tmp_path: Path, below: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    place = shared / below
+    place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    place.symlink_to(elsewhere)
+    with pytest.raises(MissingError, match="is a symlink"):
+        rundir.make("da42", None)
+    with pytest.raises(MissingError, match="is a symlink"):
+        rundir.make("da42", str(place))
+    assert not list(elsewhere.iterdir())
+
+
+def test_a_directory_of_another_user_is_refused_by_daemon_and_clients(
+    shared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = rundir.make("da42", None)
+    made.publish(info_of(made))
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 12345)
+    for refused in (
+        lambda: rundir.make("other", None),
+        rundir.find_daemon,
+        lambda: rundir.find_daemon(str(made.path)),
+        lambda: rundir.connect(made.control_socket, 1.0),
+    ):
+        with pytest.raises(MissingError, match=rf"{shared}.*: belongs to \w+, not to user {os.getuid() + 12345}"):
+            refused()
+    made.withdraw()
+
+
+def test_what_is_written_replaces_a_symlink_and_does_not_follow_it(tmp_path: Path, victim: Path) -> None:
+    made = rundir.make("x", str(tmp_path / "run"))
+    for name in ("fti.json", "fti.json.new", "fti.sock"):
+        (made.path / name).symlink_to(victim)
+    made.publish(info_of(made))
+    made.bind().close()
+    assert victim.read_text() == "precious"
+    assert not (made.path / "fti.json").is_symlink()
+    assert rundir.find_daemon(str(made.path)) == info_of(made)
+    made.withdraw()
+    assert not list(made.path.iterdir())
+
+
+def test_a_symlink_is_not_read_as_the_daemons_word(tmp_path: Path) -> None:
+    made = rundir.make("x", str(tmp_path / "run"))
+    made.publish(info_of(made))
+    (made.path / "fti.json").rename(tmp_path / "fti.json")
+    (made.path / "fti.json").symlink_to(tmp_path / "fti.json")
+    with pytest.raises(MissingError, match="no daemon is running there"):
+        rundir.find_daemon(str(made.path))
+    made.withdraw()
+
+
+def test_files_go_where_the_checked_directory_is_whatever_its_name_means_later(tmp_path: Path) -> None:
+    made = rundir.make("x", str(tmp_path / "run"))
+    made.path.rename(tmp_path / "moved")
+    (tmp_path / "run").mkdir()
+    made.publish(info_of(made))
+    made.bind().close()
+    assert not list((tmp_path / "run").iterdir())
+    assert {path.name for path in (tmp_path / "moved").iterdir()} == {"fti.json", "fti.sock"}
+    made.withdraw()
+
+
+def test_a_trusted_folder_is_ours_or_roots_and_may_be_missing(tmp_path: Path) -> None:
+    check_trusted(tmp_path)
+    check_trusted(Path("/dev"))
+    check_trusted(tmp_path / "later")
+    with pytest.raises(MissingError, match=r"/tmp: other users can write to it \(mode 1777\)"):
+        check_trusted(Path("/tmp"))
+
+
+@pytest.mark.parametrize("command", [["watch", "--once"], ["mark", "x"], ["send", "--list"]])
+def test_a_client_says_what_is_wrong_in_one_sentence(
+    shared: Path, capsys: pytest.CaptureFixture[str], command: list[str]
+) -> None:
+    shared.mkdir()
+    shared.chmod(0o777)
+    assert main(command) == 2
+    said = capsys.readouterr().err
+    assert said == f"fti: {shared}: other users can write to it (mode 0777); chmod 0700 {shared}\n"
