@@ -15,6 +15,7 @@ from pathlib import Path
 from fti.errors import MissingError
 from fti.hil.report import Report
 from fti.lateness import Lateness
+from fti.service.private_folder import check_trusted
 
 #: Each ends the playing in good order; the last one is a terminal that is closed.
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -22,9 +23,13 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 @contextlib.contextmanager
 def ports_in(folder: Path) -> Iterator[None]:
-    """The folder is ours while the block lasts; told when another emulator or replay has its ports there."""
+    """The folder is ours while the block lasts; told when another emulator or replay has its ports there.
+
+    Raises MissingError when another user has made it or can write to it: the ports would be whatever he puts there.
+    """
+    check_trusted(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o755)
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:  # what a port needs of it, the port says
         yield

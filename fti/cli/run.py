@@ -16,6 +16,7 @@ no storage target took them: a sentence says how many, and "fti verify" which.
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from fti.cli._arguments import seconds
 from fti.cli.main import EXIT_INTERRUPTED
@@ -40,11 +41,13 @@ def run(args: argparse.Namespace) -> int:
 
         from fti import config as configuration
         from fti.service.daemon import serve
+        from fti.service.private_folder import check_trusted
 
         config = configuration.load(args.config)
         changes = {"directory": args.out, "origin": args.origin}
         config = configuration.with_session(config, **{k: v for k, v in changes.items() if v is not None})
         if args.links:
+            check_trusted(Path(args.links))
             config = configuration.with_links(config, args.links)
         signalled = asyncio.run(
             serve(

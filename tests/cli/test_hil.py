@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import pytest
 
 from fti.cli._playing import ports_in, until_stopped
 from fti.cli.main import main
+from fti.errors import MissingError
 from fti.hil.rates import Rate
 from fti.hil.report import Report
 from fti.lateness import Histogram
@@ -119,6 +121,20 @@ def test_a_second_one_in_the_same_folder_is_told_and_a_later_one_is_not(
             assert "links: another fti hil or fti replay has its ports there" in capsys.readouterr().err
     with ports_in(tmp_path / "links"):
         assert not capsys.readouterr().err
+
+
+def test_ports_that_another_user_can_replace_are_neither_made_nor_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "links"
+    folder.mkdir()
+    folder.chmod(0o1777)
+    said = f"{folder}: other users can write to it (mode 1777); chmod 0700 {folder}"
+    with pytest.raises(MissingError, match=re.escape(said)), ports_in(folder):
+        pass
+    monkeypatch.setattr("fti.service.daemon.serve", lambda *_, **__: pytest.fail("it was started"))
+    assert main(["run", str(demo_config(tmp_path)), "--links", str(folder)]) == 2
+    assert capsys.readouterr().err == f"fti: {said}\n"
 
 
 def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
