@@ -15,10 +15,12 @@ from fti.service import rundir
 
 
 @contextlib.contextmanager
-def running_daemon(path: Path, name: str = "s", zenoh: str | None = None) -> Iterator[rundir.RunDir]:
+def running_daemon(
+    path: Path, name: str = "s", zenoh: str | None = None, page: str | None = None
+) -> Iterator[rundir.RunDir]:
     """The directory, taken and published as by the daemon of a session."""
     made = rundir.make(name, str(path))
-    made.publish(rundir.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(made.control_socket)))
+    made.publish(rundir.DaemonInfo(os.getpid(), name, "", None, zenoh, 0, str(made.control_socket), page))
     try:
         yield made
     finally:

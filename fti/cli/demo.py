@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--headless", action="store_true", help="do not open the browser")
     parser.add_argument("--out", metavar="DIR", default="data", help="record below DIR (default: data)")
     parser.add_argument("--scenario", default="nominal", metavar="SCENARIO", help="which flight; fti hil --list")
-    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch and fti mark find this daemon")
+    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch, mark, send and page find this daemon")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
                 announce=lambda line: print(line, flush=True),
                 run_dir=args.run_dir,
                 companion=fly,
+                shows_key=sys.stdout.isatty(),
             )
         )
     return EXIT_INTERRUPTED if signalled else 0
@@ -131,11 +133,12 @@ async def _open_browser(supervisor: Supervisor) -> None:
     """Open the page where there is a screen; the address is printed in any case."""
     import asyncio
     import os
-    import webbrowser
+
+    from fti.cli.page import open_browser
 
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         await supervisor.displayed.wait()
-        await asyncio.to_thread(webbrowser.open, supervisor.display_url or "")
+        await asyncio.to_thread(open_browser, supervisor.run_dir)
 
 
 async def _end(emulator: asyncio.subprocess.Process) -> None:
@@ -158,7 +161,6 @@ async def _fly_once(
     begun : called when the sensors are there.  Raises FtiError when the emulator fails.
     """
     import asyncio
-    import sys
 
     from fti.errors import FtiError
 

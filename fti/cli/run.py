@@ -16,6 +16,7 @@ no storage target took them: a sentence says how many, and "fti verify" which.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from fti.cli._arguments import seconds
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="record below DIR instead of [session] directory")
     parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
     parser.add_argument("--origin", choices=("flight", "hil", "replay"), help="what the bytes come from; shown always")
-    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch and fti mark find this daemon")
+    parser.add_argument("--run-dir", metavar="DIR", help="where fti watch, mark, send and page find this daemon")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
                 announce=lambda line: print(line, flush=True),
                 run_dir=args.run_dir,
                 duration_s=args.duration,
+                shows_key=sys.stdout.isatty(),
             )
         )
     return EXIT_INTERRUPTED if signalled else 0

@@ -39,12 +39,14 @@ async def serve(
     run_dir: str | None = None,
     duration_s: float | None = None,
     companion: Companion | None = None,
+    shows_key: bool = False,
 ) -> bool:
     """Run one session to its end.  Ctrl-C and SIGTERM end it in good order.
 
     recorder   : see ``early_recorder``
     duration_s : end after so long [s]; None runs until a signal comes
     companion  : runs beside the daemon (the emulator of a demonstration)
+    shows_key  : the line with the page's address has the key to command from it; for a terminal alone
     Returns True when a signal ended it.  Raises RecordingError when not everything was recorded.
     """
     # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
@@ -52,7 +54,7 @@ async def serve(
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor import Supervisor  # noqa: PLC0415
 
-    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce))
+    supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce), shows_key=shows_key)
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
     try:
         await supervisor.run(duration_s)

@@ -13,8 +13,6 @@ from fti.service.control import Message
 from fti.service.control_socket import Answer
 from fti.service.keeping import RecorderMail
 
-PAGE = "the page"
-
 
 class Desk:
     """Answers people.  show : hands a message to the display process, which may not be there"""
@@ -49,7 +47,7 @@ class Desk:
         if "mark" in message and (fault := self._mark(message).get("fault")):
             self._bulletin.event("warning", "mark", fault)
         if "send" in message:
-            self._commander.begin(message["send"], PAGE)
+            self._commander.begin(message["send"], f"the page (the owner's key, {message['who']})")
 
     def _mark(self, command: dict[str, Any]) -> Answer:
         text, now = command.get("mark"), self._clock.now_ns()

@@ -15,6 +15,8 @@ from fti.clock import SystemClock
 from fti.errors import FtiError
 from fti.service.control import Channel, Message, adopt_channel
 from fti.service.listening import listen
+from fti.service.tcp_user import user_of_connection
+from fti.web.commands import CommandGate
 from fti.web.feed import Feed
 from fti.web.server import PageServer
 
@@ -40,11 +42,33 @@ async def wait_for_end(channel: Channel, take: Callable[[Message], None]) -> Non
     loop.remove_signal_handler(signal.SIGTERM)
 
 
+async def receive_key(channel: Channel) -> str | None:
+    """The key to command with, which is what the supervisor says first; None when it says stop, or has gone."""
+    loop = asyncio.get_running_loop()
+    readable = asyncio.Event()
+    loop.add_reader(channel.fileno(), readable.set)
+    try:
+        while not channel.ended:
+            await readable.wait()
+            readable.clear()
+            messages = channel.receive()
+            if any(message.get("stop") for message in messages):
+                return None
+            if messages:
+                return str(messages[0]["key"])
+    finally:
+        loop.remove_reader(channel.fileno())
+    return None
+
+
 async def serve(endpoint: str, session: str, port: int, channel: Channel) -> None:
     """Serve the page until the supervisor ends it; tells the supervisor the port."""
+    key = await receive_key(channel)
+    if key is None:
+        return
     clock = SystemClock(0)  # ages need differences only
     feed = Feed(clock.now_ns())
-    server = PageServer(feed, clock.now_ns, channel.send)
+    server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
     chosen = await server.start(port)
     subscriber = await asyncio.to_thread(listen, feed, endpoint, session, clock)
     channel.send({"ready": True, "port": chosen})

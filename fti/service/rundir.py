@@ -1,9 +1,13 @@
-"""The run directory: where ``watch``, ``mark`` and ``send`` find a daemon.
+"""The run directory: where ``watch``, ``mark``, ``send`` and ``page`` find a daemon.
 
-``$XDG_RUNTIME_DIR/fti/<name>/`` (or ``/tmp/fti-<uid>/<name>/``) holds ``fti.json`` (pid, session, addresses) and
-``fti.sock``, the control socket; both are for the owner alone (0600).  Daemon and clients use a directory only when it
-is their user's own and nobody else can write to it (``private_folder``), and a socket only when its other end is a
-process of this user or of root.
+``$XDG_RUNTIME_DIR/fti/<name>/`` (or ``/tmp/fti-<uid>/<name>/``) holds three files, for the owner alone (0600):
+
+    fti.json    pid, session, addresses, that of the page with the key to command from it
+    fti.sock    the control socket
+    page.html   leads a browser to the page with its key
+
+Daemon and clients use a directory only when it is their user's own and nobody else can write to it
+(``private_folder``), and a socket only when its other end is a process of this user or of root.
 
 A lock (``flock``) on the directory says that it is taken.  Clients see that from a second lock, which can be looked at
 without being taken; a process number would mean another process one day.
@@ -29,6 +33,9 @@ from fti.service.private_folder import make_own, open_own, path_within, read_fil
 
 INFO = "fti.json"
 SOCKET = "fti.sock"
+PAGE = "page.html"
+#: Leads a browser on; on its command line, which every user can read, the key would stand otherwise.
+REDIRECT = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0; url={url}"><title>fti</title>\n'
 #: What an address of a Unix socket holds [B].
 LONGEST_SOCKET = 107
 ADVICE = "choose another one with --run-dir"
@@ -37,7 +44,10 @@ _LOCK = struct.Struct("hhqqi4x")  # struct flock: type, whence, start, length, p
 
 @dataclass(frozen=True, slots=True)
 class DaemonInfo:
-    """What a client must know of a running daemon; ``display`` and ``zenoh`` are None when switched off."""
+    """What a client must know of a running daemon; ``display`` and ``zenoh`` are None when switched off.
+
+    display : address of the page for everybody, who can only look; page : with the key, for the owner
+    """
 
     pid: int
     name: str
@@ -46,6 +56,7 @@ class DaemonInfo:
     zenoh: str | None
     epoch_ns: int
     sock: str
+    page: str | None = None
 
 
 def base() -> Path:
@@ -67,7 +78,9 @@ class RunDir:
         return self.path / SOCKET
 
     def publish(self, info: DaemonInfo) -> None:
-        """Let clients find the daemon."""
+        """Let clients find the daemon, and the owner's browser its page."""
+        if info.page:
+            write_file(self.fd, PAGE, REDIRECT.format(url=info.page).encode())
         write_file(self.fd, INFO, json.dumps(asdict(info)).encode())
 
     def bind(self, name: str = SOCKET) -> socket.socket:
@@ -86,7 +99,7 @@ class RunDir:
 
     def withdraw(self) -> None:
         """Remove what ``publish`` and ``bind`` left, and let others have the directory."""
-        for name in (INFO, SOCKET):
+        for name in (INFO, SOCKET, PAGE):
             remove_file(self.fd, name)
         os.close(self.fd)
 

@@ -29,6 +29,7 @@ from fti.service.file_numbers import FileNumbers
 from fti.service.guard import guarded
 from fti.service.health import HealthBoard
 from fti.service.keeping import Keeper, RecorderMail
+from fti.service.page_access import PageAccess
 from fti.service.preparation import Preparation
 from fti.service.session_end import SessionEnd
 from fti.service.session_places import SessionPlaces
@@ -46,11 +47,21 @@ DISPLAY = "display"
 class Supervisor:
     """One session of the daemon.
 
-    recorder : the child that was spawned before the configuration was read; announce : gets each line for the user
-    failed   : the recorder could not start; loss : after ``run``: what was not recorded, None when everything was
+    recorder  : the child that was spawned before the configuration was read; announce : gets each line for the user
+    shows_key : the line with the page's address has the key to command from it
+    failed    : the recorder could not start; loss : after ``run``: what was not recorded, None when everything was
     """
 
-    def __init__(self, config: Config, epoch_ns: int, run_dir: str | None, recorder: Child, announce: Announce) -> None:
+    def __init__(
+        self,
+        config: Config,
+        epoch_ns: int,
+        run_dir: str | None,
+        recorder: Child,
+        announce: Announce,
+        *,
+        shows_key: bool = False,
+    ) -> None:
         self._config = config
         self._clock = SystemClock(epoch_ns)
         self._announce = announce
@@ -60,7 +71,7 @@ class Supervisor:
         self.failed = False
         self.loss: str | None = None
         self.displayed = asyncio.Event()
-        self.display_url: str | None = None
+        self._page = PageAccess(config.display.address, shows_key=shows_key)
         self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
         self._run_dir = rundir.make(config.session.name, run_dir)
         self._places = SessionPlaces(config.session, self._clock.now_ns(), announce)
@@ -137,7 +148,7 @@ class Supervisor:
 
     @property
     def run_dir(self) -> Path:
-        """Where ``watch``, ``mark`` and ``send`` find this daemon."""
+        """Where ``watch``, ``mark``, ``send`` and ``page`` find this daemon."""
         return self._run_dir.path
 
     def stop(self) -> None:
@@ -187,6 +198,8 @@ class Supervisor:
     def _on_started(self, child: Child) -> None:
         if child.name == RECORDER:
             self._mail.go_on()
+        elif child.name == DISPLAY:
+            self._show({"key": self._page.key})
 
     def _on_died(self, child: Child, code: int) -> None:
         if self._keeper.stopping:
@@ -215,10 +228,10 @@ class Supervisor:
             self._board.navigation = message["health"]
         self._trial.hear(message)
         if "port" in message:
-            self.display_url = f"http://{self._config.display.address}:{message['port']}/"
-            self.displayed.set()
-            self._announce(f"display at {self.display_url}")
+            self._page.on_port(message["port"])
+            self._announce(self._page.announcement)
             self._publish_info()
+            self.displayed.set()
         if "event" in message:
             self._bulletin.pass_on(message["event"])
         if "sent" in message:
@@ -257,7 +270,8 @@ class Supervisor:
             pid=os.getpid(),
             name=self._config.session.name,
             session=str(self.folder.path),
-            display=self.display_url,
+            display=self._page.url,
+            page=self._page.owner_url,
             zenoh=self._hub.endpoint if self._hub else None,
             epoch_ns=self._clock.epoch_ns,
             sock=str(self._run_dir.control_socket),

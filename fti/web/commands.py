@@ -1,39 +1,58 @@
 """What a page may ask for: a mark, a snapshot, which is a mark that triggers, or a command to a device.
 
-Bounded in size and rate, and only with the token that the page was served with.
+Bounded in size and rate, and only with the key of this start, which the owner of the daemon alone can read.
 
-The token is made anew at each start and stands in the page, which only its own origin can read.  A page elsewhere
-that opened the WebSocket in spite of the checks of Origin and Host would still not know it.
+Every program of this machine can open the WebSocket and claim any Origin, so neither is a permission.  A page has the
+key from the address that its owner opened; one without it only shows.  ``check`` asks whether a key fits.
 """
 
 from __future__ import annotations
 
+import hmac
 import json
-import secrets
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 LONGEST_TEXT = 200
 MOST_PER_SECOND = 5
+#: A connection that has shown so many keys that do not fit is closed.
+MAX_WRONG_KEYS = 3
 NS_PER_S = 1_000_000_000
 #: Command of the page to what the daemon is told beside the text of a mark.
 MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
 NO_SUCH = "there is no such command"
+CHECK = "check"
+WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
+WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
 #: Hands a command to the daemon; False when it cannot be reached.
 Send = Callable[[Mapping[str, Any]], bool]
 
 
-class CommandGate:
-    """Takes the messages of all pages together.  now_ns : monotonic clock."""
+@dataclass(slots=True)
+class Client:
+    """A connected page.  user : whose program it is, as far as that is known; wrong_keys : how many it has shown"""
 
-    def __init__(self, send: Send, now_ns: Callable[[], int]) -> None:
-        self.token = secrets.token_urlsafe(24)
+    user: str
+    wrong_keys: int = 0
+
+    @property
+    def is_refused(self) -> bool:
+        """It has shown too many."""
+        return self.wrong_keys >= MAX_WRONG_KEYS
+
+
+class CommandGate:
+    """Takes the messages of all pages together.  key : with which they may command; now_ns : monotonic clock."""
+
+    def __init__(self, key: str, send: Send, now_ns: Callable[[], int]) -> None:
+        self._key = key.encode()
         self._send = send
         self._now_ns = now_ns
         self._taken: deque[int] = deque(maxlen=MOST_PER_SECOND)
 
-    def obey(self, message: str) -> dict[str, Any] | None:
+    def obey(self, message: str, client: Client) -> dict[str, Any] | None:
         """Do what a message says; ``{"type": "answer", "id", "fault"}``, or None when it is no command."""
         try:
             command = json.loads(message)
@@ -41,21 +60,29 @@ class CommandGate:
             return None
         if not isinstance(command, dict) or "command" not in command:
             return None
-        return {"type": "answer", "id": command.get("id"), "fault": self._refusal(command)}
+        return {"type": "answer", "id": command.get("id"), "fault": self._refusal(command, client)}
 
-    def _refusal(self, command: Mapping[str, Any]) -> str | None:
+    def _refusal(self, command: Mapping[str, Any], client: Client) -> str | None:
         """Why a command is refused; None when it was handed on."""
-        if not self._knows_token(command.get("token")):
-            return "the page is older than the display; load it again"
-        found = read_wish(command) if command["command"] == "send" else read_mark(command)
+        if fault := self._fault_of_key(command.get("key"), client):
+            return fault
+        if command["command"] == CHECK:
+            return None
+        found = read_wish(command, client.user) if command["command"] == "send" else read_mark(command)
         if isinstance(found, str):
             return found
         if not self._has_room():
             return f"more than {MOST_PER_SECOND} marks or commands in a second"
         return None if self._send(found) else "the daemon does not listen"
 
-    def _knows_token(self, token: object) -> bool:
-        return isinstance(token, str) and secrets.compare_digest(token.encode(errors="replace"), self.token.encode())
+    def _fault_of_key(self, key: object, client: Client) -> str | None:
+        """Why a client may not command; one that has shown too many keys may not any more."""
+        if not isinstance(key, str) or not key:
+            return WITHOUT_KEY
+        if not client.is_refused and hmac.compare_digest(key.encode(errors="replace"), self._key):
+            return None
+        client.wrong_keys += 1
+        return WRONG_KEY
 
     def _has_room(self) -> bool:
         """Count a command, unless the last second was full of them."""
@@ -74,16 +101,17 @@ def read_mark(command: Mapping[str, Any]) -> dict[str, Any] | str:
     return fault_of_mark(text) or {"mark": text, **MARKS[name]}
 
 
-def read_wish(command: Mapping[str, Any]) -> dict[str, Any] | str:
+def read_wish(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
     """A command to a device, ``{device, name, args, request}``, as the daemon takes it, or why it is none.
 
     request : the page's number of it, made once for each click; the daemon sends the same one once
+    user    : whose browser it comes from
     """
     texts = {key: command.get(source) for key, source in (("id", "request"), ("device", "device"), ("command", "name"))}
     args = command.get("args")
     if not isinstance(args, dict) or not all(isinstance(text, str) for text in (*texts.values(), *args.values())):
         return NO_SUCH
-    return {"send": {**texts, "args": args}}
+    return {"send": {**texts, "args": args}, "who": user}
 
 
 def clean(text: object) -> str | None:

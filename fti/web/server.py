@@ -3,8 +3,8 @@
 ``/`` is the page, ``/<file>`` its parts, all from this package and read into memory at the start.  ``/ws`` sends
 ``{"type": "history"}`` once and then ``{"type": "state"}`` at 10 Hz; where commands may be sent to devices, also
 ``{"type": "commands"}`` at first and after each change.  A client may only set a mark, trigger a snapshot, or send such
-a command: ``{"command": "mark" | "snapshot" | "send", ..., "token", "id"}``; the token stands in the page (see
-``fti.web.commands``).
+a command: ``{"command": "mark" | "snapshot" | "send" | "check", ..., "key", "id"}``; the key is the owner's, and is in
+nothing that is served (see ``fti.web.commands``).
 
 A request is refused (403) when its Host is not this server on loopback (a page elsewhere whose name was made to point
 here), or when its Origin is another one; the WebSocket, which a browser lets any page open, demands an Origin.
@@ -24,14 +24,13 @@ from aiohttp.typedefs import Handler
 
 from fti.errors import MissingError
 from fti.web.command_board import CommandBoard
-from fti.web.commands import CommandGate, Send
+from fti.web.commands import Client, CommandGate
 from fti.web.feed import Feed
 
 LOOPBACK = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 PERIOD_S = 0.1
 LONGEST_MESSAGE = 2048
-TOKEN_PLACE = b"{{token}}"
 CONTENT_TYPES = {
     ".html": "text/html",
     ".css": "text/css",
@@ -47,15 +46,14 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
+UserOf = Callable[[tuple[str, int], tuple[str, int]], str]
 CLOSED = (WSMsgType.CLOSE, WSMsgType.CLOSING, WSMsgType.CLOSED, WSMsgType.ERROR)
 
 
-def static_files(token: str = "") -> dict[str, tuple[bytes, str]]:
-    """Path on the server to content and content type, of everything that the page is made of, with its token."""
+def static_files() -> dict[str, tuple[bytes, str]]:
+    """Path on the server to content and content type, of everything that the page is made of."""
     root = resources.files("fti.web") / "static"
     files = {path: (entry.read_bytes(), _content_type(entry.name)) for path, entry in _walk(root, "/")}
-    page, content_type = files["/index.html"]
-    files["/index.html"] = page.replace(TOKEN_PLACE, token.encode()), content_type
     return files | {"/": files["/index.html"]}
 
 
@@ -92,15 +90,17 @@ async def guard_origin(request: web.Request, handler: Handler) -> web.StreamResp
 class PageServer:
     """Serves the page of one feed.
 
-    now_ns : the monotonic clock of the feed; send : hands a command to the daemon; board : what it says of commands
+    now_ns  : the monotonic clock of the feed; gate : takes commands; board : what the daemon says of them
+    user_of : whose program is connected from one address to another, our own
     """
 
-    def __init__(self, feed: Feed, now_ns: Callable[[], int], send: Send) -> None:
+    def __init__(self, feed: Feed, now_ns: Callable[[], int], gate: CommandGate, user_of: UserOf) -> None:
         self._feed = feed
         self._now_ns = now_ns
         self.board = CommandBoard()
-        self._gate = CommandGate(send, now_ns)
-        self._files = static_files(self._gate.token)
+        self._gate = gate
+        self._user_of = user_of
+        self._files = static_files()
         self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
         self._runner: web.AppRunner | None = None
 
@@ -141,6 +141,7 @@ class PageServer:
         socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=5.0)
         await socket.prepare(request)
         self._sockets.add(socket)
+        client = self._describe_client(request)
         try:
             await socket.send_str(json.dumps(self._feed.history()))
             shown = 0
@@ -149,12 +150,17 @@ class PageServer:
                     shown = self.board.version
                     await socket.send_str(json.dumps(self.board.message()))
                 await socket.send_str(json.dumps(self._feed.state(self._now_ns())))
-                await self._pause(socket)
+                await self._pause(socket, client)
         except ConnectionResetError:
             pass  # the browser has gone
         return socket
 
-    async def _pause(self, socket: web.WebSocketResponse) -> None:
+    def _describe_client(self, request: web.Request) -> Client:
+        assert request.transport is not None  # the socket has just been prepared
+        peer, here = (request.transport.get_extra_info(end)[:2] for end in ("peername", "sockname"))
+        return Client(self._user_of(peer, here))
+
+    async def _pause(self, socket: web.WebSocketResponse, client: Client) -> None:
         """Wait for the next turn; commands that arrive meanwhile and a closing handshake are answered."""
         end = asyncio.get_running_loop().time() + PERIOD_S
         while (left := end - asyncio.get_running_loop().time()) > 0 and not socket.closed:
@@ -164,8 +170,10 @@ class PageServer:
                 return
             if message.type in CLOSED:
                 await socket.close()
-            elif message.type is WSMsgType.TEXT and (answer := self._gate.obey(message.data)):
+            elif message.type is WSMsgType.TEXT and (answer := self._gate.obey(message.data, client)):
                 await socket.send_str(json.dumps(answer))
+                if client.is_refused:
+                    await socket.close(code=WSCloseCode.POLICY_VIOLATION)
 
     async def _close_sockets(self, app: web.Application) -> None:
         for socket in set(self._sockets):

@@ -102,6 +102,11 @@ class Daemon:
         """Address of the page, once it is served."""
         return str(until(lambda: self.info["display"], START_S, "the display"))
 
+    @property
+    def page(self) -> str:
+        """The same with the owner's key."""
+        return str(until(lambda: self.info["page"], START_S, "the display"))
+
     def watch(self) -> dict[str, Any]:
         """What ``fti watch --once --json`` says now."""
         done = subprocess.run(

@@ -43,7 +43,7 @@ async def test_a_breaker_takes_the_altimeter_away_and_gives_it_back(tmp_path: Pa
         with daemon(config, tmp_path / "out", *arguments) as running:
             running.run_dir = Path(run_dir)
             async with Chromium() as browser:
-                page = await browser.open(await asyncio.to_thread(lambda: running.display))
+                page = await browser.open(await asyncio.to_thread(lambda: running.page))
                 await page.wait_for(f"{by_testid(BREAKER)}?.textContent === 'ON' && !{STRUCK}", LONG_S)
                 await trips_by_command(page, running, tmp_path)
                 await is_reset_on_the_page(page)

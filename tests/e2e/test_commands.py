@@ -7,6 +7,8 @@ import contextlib
 import io
 import json
 import os
+import pwd
+import re
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -143,7 +145,8 @@ def test_commands_go_out_once_and_come_back_and_stand_in_the_file(tmp_path: Path
         refuses_what_may_not_be_sent(bench)
         sends_and_is_answered(bench)
         sends_the_same_request_once(bench)
-        asyncio.run(sends_from_the_page(running.display, receiver))
+        asyncio.run(is_refused_without_the_key(running.display, receiver))
+        asyncio.run(sends_from_the_page(running.page, receiver))
         tells_silence_and_a_late_answer(bench)
         outlives_the_recorder(bench)
         ends_with_the_session(bench)
@@ -189,19 +192,37 @@ def sends_the_same_request_once(bench: Bench) -> None:
     assert bench.receiver.heard.count(rate(102)) == 1
 
 
-async def sends_from_the_page(address: str, receiver: Receiver) -> None:
-    """As the page does: with its token, and twice, because the button bounces."""
+async def is_refused_without_the_key(address: str, receiver: Receiver) -> None:
+    """Whoever is on this machine can fetch the page and claim its Origin; that is no permission."""
+    before = bytes(receiver.heard)
     async with aiohttp.ClientSession() as client, asyncio.timeout(LONG_S):
         async with client.get(address) as response:
-            token = (await response.text()).partition('name="fti-token" content="')[2].partition('"')[0]
-        async with client.ws_connect(f"{address}ws", headers={"Origin": address.rstrip("/")}) as ws:
+            served = re.findall(r"[A-Za-z0-9_-]{16,}", await response.text())
+        for key in [None, *served]:
+            async with client.ws_connect(f"{address}ws", headers={"Origin": address.rstrip("/")}) as ws:
+                wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "200"}}
+                await ws.send_json(wish | {"request": "forged", "token": key, "key": key, "id": 1})
+                while (answer := await ws.receive_json())["type"] != "answer":
+                    pass
+                assert answer["fault"].startswith("view only; ")
+    assert bytes(receiver.heard) == before
+
+
+async def sends_from_the_page(owner_address: str, receiver: Receiver) -> None:
+    """As the page does: with the owner's key, and twice, because the button bounces."""
+    address, _, key = owner_address.partition("#key=")
+    async with (
+        asyncio.timeout(LONG_S),
+        aiohttp.ClientSession(headers={"Origin": address.rstrip("/")}) as client,
+        client.ws_connect(f"{address}ws") as ws,
+    ):
+        shown = await _next_commands(ws)
+        assert [device["name"] for device in shown["devices"]] == ["gnss"]
+        wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
+        for n in range(2):
+            await ws.send_json(wish | {"request": "click", "key": key, "id": n})
+        while not any(r["id"] == "click" and r["ended"] for r in shown["requests"]):
             shown = await _next_commands(ws)
-            assert [device["name"] for device in shown["devices"]] == ["gnss"]
-            wish = {"command": "send", "device": "gnss", "name": "rate", "args": {"period_ms": "105"}}
-            for n in range(2):
-                await ws.send_json(wish | {"request": "click", "token": token, "id": n})
-            while not any(r["id"] == "click" and r["ended"] for r in shown["requests"]):
-                shown = await _next_commands(ws)
     assert shown["requests"][0]["state"] == "acknowledged"
     assert receiver.heard.count(rate(105)) == 1
 
@@ -254,6 +275,8 @@ def stands_in_the_file(session: Path, heard: bytes, tmp_path: Path) -> None:
     texts = [event["message"] for event in events if event["name"] == "command"]
     assert f"1: gnss rate period_ms=101 for {os.environ.get('USER', 'root')} (process " in texts[3]
     assert texts[3].endswith(f"): {rate(101).hex()}")
+    user = pwd.getpwuid(os.geteuid()).pw_name
+    assert f"3: gnss rate period_ms=105 for the page (the owner's key, {user}): {rate(105).hex()}" in texts
     assert [text.partition(" after")[0] for text in texts if "acknowledged" in text] == [
         "1: gnss rate period_ms=101: acknowledged",
         "2: gnss rate period_ms=102: acknowledged",

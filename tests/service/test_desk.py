@@ -54,10 +54,10 @@ async def test_a_display_that_starts_is_told_what_it_shows(rig: Rig) -> None:
 
 
 async def test_the_page_sends_and_its_user_is_named(rig: Rig) -> None:
-    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}})
-    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}})
+    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"})
+    rig.desk.hear_page({"send": {"id": "k1", "device": "mag", "command": "reset", "args": {}}, "who": "alice"})
     assert len(rig.bench.sent) == 1
-    assert rig.bench.events == [("info", "1: mag reset for the page: 2a72657365740d")]
+    assert rig.bench.events == [("info", "1: mag reset for the page (the owner's key, alice): 2a72657365740d")]
 
 
 async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:

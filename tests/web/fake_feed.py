@@ -36,6 +36,8 @@ from fti.types import (
 )
 
 SESSION = "da42_20260412T093107_1"
+#: Of the owner, as the supervisor makes it at each start.
+KEY = "kQ7-owner_of_the_fake_daemon_Zx3vT9LmB2s"
 MAX_AGE_MS = 500.0
 PERIOD_S = 0.1
 HEALTH_EVERY = 5
@@ -382,7 +384,10 @@ class FakeDaemon:
 
 
 class DisplayProcess:
-    """The real display process on the bus of a fake daemon, started as the supervisor starts it."""
+    """The real display process on the bus of a fake daemon, started as the supervisor starts it.
+
+    url : of the page for everybody; owner_url : with the key to command from it
+    """
 
     def __init__(self, daemon: FakeDaemon, port: int = 0) -> None:
         self.control, theirs = socket.socketpair()
@@ -391,8 +396,10 @@ class DisplayProcess:
         command = [sys.executable, "-m", "fti.service.display", *where]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
         theirs.close()
+        self.say({"key": KEY})
         self.port = self._read_port()
         self.url = f"http://127.0.0.1:{self.port}/"
+        self.owner_url = f"{self.url}#key={KEY}"
 
     def _read_port(self) -> int:
         self.control.settimeout(20.0)
@@ -430,7 +437,7 @@ def main() -> None:
     daemon = FakeDaemon(lead_s=70.0)
     display = DisplayProcess(daemon, parser.parse_args().port)
     daemon.start()
-    print(display.url, flush=True)
+    print(display.owner_url, flush=True)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

@@ -9,12 +9,16 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_feed import SESSION, DisplayProcess, FakeDaemon, make_clock
+from tests.web.fake_feed import KEY, SESSION, DisplayProcess, FakeDaemon, make_clock
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
+WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
+WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
 LASER = "height-laser_altimeter"
+MAY_COMMAND = f"!{by_testid('mark-text')}.hidden"
 FRESH = f"document.body.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
 
 
@@ -36,8 +40,8 @@ def display(daemon: FakeDaemon) -> Iterator[DisplayProcess]:
 @pytest.fixture
 async def page(display: DisplayProcess) -> AsyncIterator[Page]:
     async with Chromium() as browser:
-        opened = await browser.open(display.url)
-        await opened.wait_for(FRESH)
+        opened = await browser.open(display.owner_url)
+        await opened.wait_for(f"{FRESH} && {MAY_COMMAND}")
         yield opened
 
 
@@ -169,6 +173,53 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
         assert await asyncio.to_thread(successor.read_message) == {"mark": "second display"}
     finally:
         await asyncio.to_thread(successor.close)
+
+
+async def test_without_the_key_the_page_only_shows(daemon: FakeDaemon, display: DisplayProcess) -> None:
+    daemon.breakers = {}
+    display.say({"catalogue": [*CATALOGUE, PDU]})
+    async with Chromium() as browser:
+        for address, fault in ((display.url, WITHOUT_KEY), (f"{display.url}#key=of_an_earlier_start", WRONG_KEY)):
+            page = await browser.open(address)
+            await page.wait_for(f"{FRESH} && {shows('view-only', fault)}")
+            await page.wait_for(f"!{by_testid('commands-open')}.hidden && {by_testid('breaker-gnss')}?.disabled")
+            for testid in ("mark-text", "mark-button", "snapshot-button"):
+                assert await page.eval(f"{by_testid(testid)}.hidden")
+            assert await page.eval(f"{by_testid('commands-send')}.disabled")
+            assert await page.text("commands-word") == fault
+            await page.press("m")
+            assert await page.eval("document.activeElement === document.body")
+            assert await page.eval(CUT_OFF) == []
+            assert page.problems == []
+    display.control.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        display.control.recv(1)
+
+
+async def test_the_key_leaves_the_address_and_stays_in_its_tab(page: Page, display: DisplayProcess) -> None:
+    assert await page.eval("location.href") == display.url
+    assert await page.eval(f"document.documentElement.outerHTML.includes('{KEY}')") is False
+    assert not any(KEY in url for url in page.requests if "#" not in url)
+    await page.command("Page.reload")
+    await page.wait_for(f"document.readyState === 'complete' && {FRESH} && {MAY_COMMAND}")
+
+
+async def test_a_page_that_is_open_already_takes_the_key(display: DisplayProcess) -> None:
+    async with Chromium() as browser:
+        page = await browser.open(display.url)
+        await page.wait_for(f"{FRESH} && {shows('view-only', WITHOUT_KEY)}")
+        await page.eval(f"void (location.href = '{display.owner_url}')")
+        await page.wait_for(MAY_COMMAND)
+        assert await page.eval("location.hash") == ""
+
+
+async def test_the_file_of_the_run_directory_leads_to_the_page_with_the_key(
+    display: DisplayProcess, tmp_path: Path
+) -> None:
+    with running_daemon(tmp_path / "run", page=display.owner_url) as made:
+        async with Chromium() as browser:
+            page = await browser.open((made.path / "page.html").as_uri())
+            await page.wait_for(f"location.href === '{display.url}' && {FRESH} && {MAY_COMMAND}")
 
 
 async def test_a_display_that_hangs_is_a_lost_connection(page: Page, display: DisplayProcess) -> None:

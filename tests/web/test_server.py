@@ -4,20 +4,28 @@ import asyncio
 import json
 import re
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import aiohttp
 import pytest
 
 from fti.errors import MissingError
+from fti.web.commands import CommandGate, Send
 from fti.web.feed import Feed
 from fti.web.server import PageServer, static_files
 
 MS = 1_000_000
+KEY = "the-key-of-this-start"
+WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
+WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
 OUTSIDE = re.compile(
     rb"(?:https?:|wss?:)?//(?!www\.w3\.org/(?:2000/svg|1999/xlink))[a-z0-9$.-]+\.[a-z]{2,}", re.IGNORECASE
 )
+
+
+def make_server(feed: Feed, now_ns: Callable[[], int], send: Send) -> PageServer:
+    return PageServer(feed, now_ns, CommandGate(KEY, send, now_ns), lambda peer, here: f"alice:{peer[1] != here[1]}")
 
 
 class Site:
@@ -29,18 +37,12 @@ class Site:
         self.listens = True
         self.feed = Feed(0)
         self.client = client
-        self.server = PageServer(self.feed, lambda: self.now_ns, self.take)
+        self.server = make_server(self.feed, lambda: self.now_ns, self.take)
         self.port = 0
 
     def take(self, command: Any) -> bool:
         self.taken.append(command)
         return self.listens
-
-    async def token(self) -> str:
-        async with self.client.get(f"http://127.0.0.1:{self.port}/") as response:
-            found = re.search(r'<meta name="fti-token" content="([^"]+)">', await response.text())
-        assert found
-        return found[1]
 
     async def status(self, path: str = "/", **headers: str) -> int:
         async with self.client.get(f"http://127.0.0.1:{self.port}{path}", headers=headers) as response:
@@ -64,7 +66,7 @@ async def test_every_part_of_the_page_is_served_with_the_policy(site: Site) -> N
     for path, (body, content_type) in static_files().items():
         async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
             assert (response.status, response.content_type) == (200, content_type)
-            assert re.sub(rb'(name="fti-token" content=")[^"]+', rb"\1", await response.read()) == body
+            assert await response.read() == body
             assert response.headers["Content-Security-Policy"].startswith("default-src 'self';")
             assert response.headers["X-Content-Type-Options"] == "nosniff"
 
@@ -144,35 +146,68 @@ async def answers(ws: Any, *commands: Any) -> list[Any]:
 
 
 async def test_a_mark_goes_to_the_daemon(site: Site) -> None:
-    token = await site.token()
     async with site.connect() as ws:
         text = "  begin of\u0000\n approach\u202e 3 – Ä \ud83d\ude80 "
-        assert await answers(ws, {"command": "mark", "text": text, "token": token}) == [None]
+        assert await answers(ws, {"command": "mark", "text": text, "key": KEY}) == [None]
         assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680"}]
         site.listens = False
-        assert await answers(ws, {"command": "mark", "text": "x", "token": token}) == ["the daemon does not listen"]
+        assert await answers(ws, {"command": "mark", "text": "x", "key": KEY}) == ["the daemon does not listen"]
 
 
-@pytest.mark.parametrize("token", [None, "", "x", 7, ["a"], "\u00e4", "\ud800"])
-async def test_without_the_token_of_the_page_nothing_is_done(site: Site, token: Any) -> None:
+@pytest.mark.parametrize(
+    ("key", "fault"),
+    [*[(key, WITHOUT_KEY) for key in (None, "", 7, ["a"])], *[(key, WRONG_KEY) for key in ("x", "\u00e4", "\ud800")]],
+)
+async def test_without_the_key_of_the_owner_nothing_is_done(site: Site, key: Any, fault: str) -> None:
     async with site.connect() as ws:
-        found = await answers(ws, {"command": "mark", "text": "x", "token": token})
-    assert found == ["the page is older than the display; load it again"]
+        found = await answers(ws, {"command": "mark", "text": "x", "key": key}, {"command": "check", "key": key})
+    assert found == [fault] * 2
     assert site.taken == []
+
+
+async def test_a_page_asks_whether_its_key_fits(site: Site) -> None:
+    async with site.connect() as ws:
+        assert await answers(ws, *[{"command": "check", "key": KEY}] * 20) == [None] * 20
+    assert site.taken == []
+
+
+async def test_nothing_that_is_served_has_the_key(site: Site) -> None:
+    for path in static_files():
+        async with site.client.get(f"http://127.0.0.1:{site.port}{path}") as response:
+            assert KEY.encode() not in await response.read() + repr(response.headers).encode()
+    async with site.connect() as ws:
+        site.server.board.take({"catalogue": [{"name": "mag"}]})
+        assert KEY not in json.dumps([await ws.receive_json() for _ in range(4)])
+
+
+async def test_who_tries_keys_is_cut_off(site: Site) -> None:
+    async with site.connect() as ws:
+        for n in range(3):
+            await ws.send_str(json.dumps({"id": n, "command": "check", "key": f"guess {n}"}))
+        for n in range(3, 6):
+            await ws.send_str(json.dumps({"id": n, "command": "mark", "text": "x", "key": KEY}))
+        async with asyncio.timeout(20.0):
+            said = [json.loads(message.data) async for message in ws]
+        assert ws.close_code == aiohttp.WSCloseCode.POLICY_VIOLATION
+    assert [m["fault"] for m in said if m["type"] == "answer"] == [WRONG_KEY] * 3
+    assert site.taken == []
+    async with site.connect() as ws:
+        assert await answers(ws, {"command": "check", "key": KEY}) == [None]
 
 
 async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
     async with site.connect() as ws:
-        assert await answers(ws, {"command": "snapshot", "text": "flutter", "token": await site.token()}) == [None]
+        assert await answers(ws, {"command": "snapshot", "text": "flutter", "key": KEY}) == [None]
     assert site.taken == [{"mark": "flutter", "trigger": True}]
 
 
 async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
     wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {"rate": "20"}, "request": "r-1"}
     async with site.connect() as ws:
-        assert await answers(ws, wish | {"token": await site.token()}) == [None]
-        assert await answers(ws, wish | {"token": "x"}) == ["the page is older than the display; load it again"]
-    assert site.taken == [{"send": {"id": "r-1", "device": "mag", "command": "set_rate", "args": {"rate": "20"}}}]
+        assert await answers(ws, wish | {"key": KEY}) == [None]
+        assert await answers(ws, wish | {"key": "x"}) == [WRONG_KEY]
+    sent = {"id": "r-1", "device": "mag", "command": "set_rate", "args": {"rate": "20"}}
+    assert site.taken == [{"send": sent, "who": "alice:True"}]
 
 
 @pytest.mark.parametrize(
@@ -181,7 +216,7 @@ async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
 async def test_what_is_no_command_to_a_device_is_refused(site: Site, change: dict[str, Any]) -> None:
     wish = {"command": "send", "device": "mag", "name": "set_rate", "args": {}, "request": "r-1"} | change
     async with site.connect() as ws:
-        assert await answers(ws, wish | {"token": await site.token()}) == ["there is no such command"]
+        assert await answers(ws, wish | {"key": KEY}) == ["there is no such command"]
     assert site.taken == []
 
 
@@ -204,15 +239,6 @@ async def test_pages_are_told_of_commands_when_something_has_changed(site: Site)
         assert [(await ws.receive_json())["type"] for _ in range(2)] == ["history", "commands"]
 
 
-async def test_each_start_has_its_own_token(site: Site) -> None:
-    other = PageServer(Feed(0), lambda: 0, site.take)
-    port = await other.start(0)
-    async with site.client.get(f"http://127.0.0.1:{port}/") as response:
-        assert await site.token() not in await response.text()
-    await other.stop()
-    assert len(await site.token()) >= 32
-
-
 @pytest.mark.parametrize(
     ("command", "fault"),
     [
@@ -226,18 +252,18 @@ async def test_each_start_has_its_own_token(site: Site) -> None:
 )
 async def test_what_is_no_mark_is_refused(site: Site, command: dict[str, Any], fault: str) -> None:
     async with site.connect() as ws:
-        assert await answers(ws, {**command, "token": await site.token()}) == [fault]
+        assert await answers(ws, {**command, "key": KEY}) == [fault]
     assert site.taken == []
 
 
 async def test_the_longest_mark_is_taken_in_any_script(site: Site) -> None:
     async with site.connect() as ws:
-        assert await answers(ws, {"command": "mark", "text": "ä" * 200, "token": await site.token()}) == [None]
+        assert await answers(ws, {"command": "mark", "text": "ä" * 200, "key": KEY}) == [None]
     assert site.taken == [{"mark": "ä" * 200}]
 
 
 async def test_a_flood_is_stopped_for_all_pages_together(site: Site) -> None:
-    mark = {"command": "mark", "text": "x", "token": await site.token()}
+    mark = {"command": "mark", "text": "x", "key": KEY}
     async with site.connect() as first, site.connect() as second:
         found = await answers(first, *[mark] * 30) + await answers(second, *[mark] * 30)
         assert found == [None] * 5 + ["more than 5 marks or commands in a second"] * 55
@@ -277,7 +303,7 @@ async def test_a_port_in_use_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(MissingError, match=f"display.port = {port}: cannot be served on 127.0.0.1: .*in use"):
-            await PageServer(Feed(0), lambda: 0, lambda command: True).start(port)
+            await make_server(Feed(0), lambda: 0, lambda command: True).start(port)
 
 
 def test_no_file_of_the_page_points_outside() -> None:

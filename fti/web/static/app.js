@@ -47,6 +47,10 @@ function onMessage(message) {
   for (const panel of panels) panel.show?.(message);
 }
 
+function onPermission(fault) {
+  for (const panel of panels) panel.permit?.(fault);
+}
+
 document.fonts.load("12px B612").finally(() => {
-  connection = new Connection(onMessage);
+  connection = new Connection(onMessage, onPermission);
 });

@@ -15,6 +15,7 @@ export class Commands {
     this.command = command;
     this.devices = [];
     this.pending = null; // number of the request that the button waits for
+    this.fault = ""; // why this page may not command; null when it may
     this.opener = h("button", { type: "button", class: "switch", "data-testid": "commands-open" }, "COMMANDS");
     this.opener.hidden = true;
     const closer = h("button", { type: "button", class: "switch", "data-testid": "commands-close" }, "LINKS");
@@ -32,7 +33,7 @@ export class Commands {
     this.name = h("select", { "aria-label": "command", "data-testid": "commands-name" });
     this.does = h("p", { class: "does", "data-testid": "commands-does" });
     this.args = h("div", { class: "arguments" });
-    this.button = h("button", { type: "submit", "data-testid": "commands-send" }, "SEND");
+    this.button = h("button", { type: "submit", disabled: "", "data-testid": "commands-send" }, "SEND");
     this.word = h("output", { "data-testid": "commands-word" });
     this.device.addEventListener("change", () => this.#showNames());
     this.name.addEventListener("change", () => this.#showArguments());
@@ -63,6 +64,16 @@ export class Commands {
     if (mine?.ended) this.#ready();
   }
 
+  permit(fault) {
+    if (fault !== null || this.fault !== null) this.#say(fault ?? "", "");
+    this.fault = fault;
+    this.#enable();
+  }
+
+  #enable() {
+    this.button.disabled = this.pending !== null || this.fault !== null;
+  }
+
   #chosen() {
     return this.devices.find(({ name }) => name === this.device.value);
   }
@@ -80,10 +91,10 @@ export class Commands {
 
   // One request for each click, however often the button is pressed: it is dead until it is known what became of it.
   async #send() {
-    if (this.pending !== null) return;
+    if (this.button.disabled) return;
     const request = makeNumber();
     this.pending = request;
-    this.button.disabled = true;
+    this.#enable();
     this.timer = setTimeout(() => this.#giveUp(), PATIENCE_MS);
     this.#say("asked …", "sending");
     const filled = [...this.args.querySelectorAll("input")].filter(({ value }) => value.trim());
@@ -106,7 +117,7 @@ export class Commands {
   #ready() {
     clearTimeout(this.timer);
     this.pending = null;
-    this.button.disabled = false;
+    this.#enable();
   }
 
   #say(text, state) {

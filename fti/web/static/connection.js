@@ -1,6 +1,7 @@
 // The WebSocket: reconnects for ever; says at once when nothing arrives any more; carries the commands of the page.
 
 import { clock } from "./format.js";
+import { takeKey } from "./key.js";
 import { setClass, setText } from "./dom.js";
 
 const SILENCE_MS = 2000;
@@ -9,25 +10,32 @@ const LONGEST = 2048; // bytes of a message; the server ends the connection at a
 
 // Why a command has no answer: it may have arrived, or not.
 export const LOST = "the connection was lost";
+const NOT_CONNECTED = "no connection";
 
 export class Connection {
-  constructor(onMessage) {
+  // onPermission : gets why this page may not command, or null when it may
+  constructor(onMessage, onPermission) {
     this.onMessage = onMessage;
+    this.onPermission = onPermission;
     this.lastAt = null; // time of the last message, for the age
     this.open = false;
-    this.token = tokenOf(document);
+    this.key = takeKey();
     this.waiting = new Map(); // number of a command to what takes its answer
     this.commands = 0;
     setInterval(() => this.#watch(), 250);
+    addEventListener("hashchange", () => {
+      this.key = takeKey();
+      this.#askPermission();
+    });
     this.#connect();
   }
 
   // Gives a command; resolves to why it was refused, or to null.
   command(fields) {
-    if (!this.open || this.#isSilent()) return Promise.resolve("no connection");
+    if (!this.open || this.#isSilent()) return Promise.resolve(NOT_CONNECTED);
     this.commands += 1;
     const id = this.commands;
-    const text = JSON.stringify({ ...fields, id, token: this.token });
+    const text = JSON.stringify({ ...fields, id, key: this.key });
     if (new TextEncoder().encode(text).length > LONGEST) return Promise.resolve("that is too long");
     this.socket.send(text);
     return new Promise((resolve) => this.waiting.set(id, resolve));
@@ -41,11 +49,12 @@ export class Connection {
   #connect() {
     const socket = new WebSocket(`ws://${location.host}/ws`);
     this.socket = socket;
-    socket.onopen = () => this.lastAt !== null && this.#renewToken();
     socket.onmessage = (event) => {
       const message = JSON.parse(event.data);
+      const isFirst = !this.open;
       this.lastAt = Date.now();
       this.open = true;
+      if (isFirst) this.#askPermission();
       if (message.type === "answer") this.#answer(message.id, message.fault);
       else this.onMessage(message);
       this.#watch();
@@ -58,10 +67,10 @@ export class Connection {
     };
   }
 
-  // A display that was started again has another token.
-  async #renewToken() {
-    const response = await fetch("/", { cache: "no-store" });
-    this.token = tokenOf(new DOMParser().parseFromString(await response.text(), "text/html"));
+  // Does the key fit?  A daemon that was started again has another one.
+  async #askPermission() {
+    const fault = await this.command({ command: "check" });
+    if (fault !== LOST && fault !== NOT_CONNECTED) this.onPermission(fault);
   }
 
   #isSilent() {
@@ -80,5 +89,3 @@ export class Connection {
     return `values are frozen since ${clock(this.lastAt * 1e6)} UTC (${seconds} s)`;
   }
 }
-
-const tokenOf = (page) => page.querySelector("meta[name=fti-token]")?.content ?? "";

@@ -12,6 +12,10 @@ export class Events {
     this.shown = "";
   }
 
+  permit(fault) {
+    this.marks.permit(fault);
+  }
+
   show({ events, health }) {
     this.marks.show({ health });
     const newest = events[events.length - 1];

@@ -17,6 +17,7 @@ export class Laboratory {
     this.root = root;
     this.command = command;
     this.unit = null;
+    this.permitted = false;
     this.asked = new Map(); // number of a request to its breaker
     const part = (testid, tag = "span") => h(tag, { "data-testid": `laboratory-${testid}` });
     [this.scenario, this.time, this.faults, this.said] = ["scenario", "time", "faults", "said"].map((id) => part(id));
@@ -40,6 +41,10 @@ export class Laboratory {
     }
   }
 
+  permit(fault) {
+    this.permitted = fault === null;
+  }
+
   show({ hil }) {
     this.root.hidden = !hil;
     if (!hil) return;
@@ -61,7 +66,7 @@ export class Laboratory {
     const waiting = new Set(this.asked.values());
     for (const [name, device] of Object.entries(devices)) {
       items.get(name).show(device, {
-        usable: this.unit !== null && !late && !waiting.has(name),
+        usable: this.permitted && this.unit !== null && !late && !waiting.has(name),
         words: faults.filter(({ on }) => on.includes(name)).map((fault) => fault.words),
       });
     }

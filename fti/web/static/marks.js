@@ -14,11 +14,13 @@ export class MarkField {
   constructor(command) {
     this.command = command;
     this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (press m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
-    const button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
+    this.button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
     this.trigger = h("button", { type: "button", class: "trigger", title: "write what was around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
-    this.trigger.hidden = true;
+    this.viewOnly = h("p", { class: "view-only", "data-testid": "view-only" });
     this.answer = h("output", { "data-testid": "mark-answer" });
-    this.root = h("form", { class: "mark" }, this.input, button, this.trigger, this.answer);
+    this.root = h("form", { class: "mark" }, this.viewOnly, this.input, this.button, this.trigger, this.answer);
+    this.keepsSnapshot = false;
+    this.permit("");
     this.root.addEventListener("submit", (event) => {
       event.preventDefault();
       this.#send("mark");
@@ -30,14 +32,27 @@ export class MarkField {
 
   #onKey(event) {
     const typing = event.target.closest?.("input, textarea, select");
-    if (event.key !== "m" || typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key !== "m" || typing || this.input.hidden || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.input.focus();
   }
 
-  // The button for a snapshot is there when the daemon keeps the last minutes for one.
+  // fault : why this page may not command; null when it may
+  permit(fault) {
+    this.viewOnly.hidden = fault === null;
+    setText(this.viewOnly, fault ?? "");
+    this.input.hidden = this.button.hidden = fault !== null;
+    this.#showTrigger();
+  }
+
   show({ health }) {
-    this.trigger.hidden = !health?.snapshot;
+    this.keepsSnapshot = Boolean(health?.snapshot);
+    this.#showTrigger();
+  }
+
+  // The button for a snapshot is there when the daemon keeps the last minutes for one.
+  #showTrigger() {
+    this.trigger.hidden = !this.keepsSnapshot || this.input.hidden;
   }
 
   // An empty field is a mark too: there may be no time for words.

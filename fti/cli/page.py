@@ -1,0 +1,51 @@
+"""Open the page of a running daemon in the browser, with the key to set marks and send commands.
+
+Whoever opens the page without the key can only look.  The key is made at each start of the daemon; only the user who
+started it can read it.
+
+  fti page                   open the browser
+  fti page --print           print the address with the key, for a browser that cannot open files of the run directory
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of ``fti page``."""
+    parser.add_argument("--print", action="store_true", help="print the address with the key and open nothing")
+    parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Open the page, or print its address."""
+    from pathlib import Path
+
+    from fti.errors import MissingError
+    from fti.service.rundir import find_daemon
+
+    info = find_daemon(args.run_dir)
+    if info.page is None:
+        raise MissingError(f"the daemon {info.name} serves no page; set display.enabled = true in its configuration")
+    if args.print:
+        print(info.page)
+    elif not open_browser(Path(info.sock).parent):
+        raise MissingError("no browser can be opened here; fti page --print prints the address")
+    return 0
+
+
+def open_browser(run_dir: Path) -> bool:
+    """Open the page of the daemon that has this run directory; False when there is no browser.
+
+    The browser gets the name of a file that leads it on: its command line can be read by every user, the file cannot.
+    """
+    import webbrowser
+
+    from fti.service.rundir import PAGE
+
+    return webbrowser.open((run_dir / PAGE).absolute().as_uri())
