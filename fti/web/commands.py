@@ -24,8 +24,8 @@ NS_PER_S = 1_000_000_000
 MARKS: dict[str, dict[str, bool]] = {"mark": {}, "snapshot": {"trigger": True}}
 NO_SUCH = "there is no such command"
 CHECK = "check"
-WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
-WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
+WITHOUT_KEY = "view only; to control: fti page"
+WRONG_KEY = "the key is old; to control: fti page"
 #: Hands a command to the daemon; False when it cannot be reached.
 Send = Callable[[Mapping[str, Any]], bool]
 

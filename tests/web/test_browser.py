@@ -15,8 +15,8 @@ from tests.web.fake_feed import KEY, SESSION, DisplayProcess, FakeDaemon, make_c
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
-WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
-WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
+WITHOUT_KEY = "view only; to control: fti page"
+WRONG_KEY = "the key is old; to control: fti page"
 LASER = "height-laser_altimeter"
 MAY_COMMAND = f"!{by_testid('mark-text')}.hidden"
 FRESH = f"document.body.className === '' && {by_testid('origin')}?.textContent === 'HIL'"

@@ -17,8 +17,8 @@ from fti.web.server import PageServer, static_files
 
 MS = 1_000_000
 KEY = "the-key-of-this-start"
-WITHOUT_KEY = "view only; to set marks and send commands, run: fti page"
-WRONG_KEY = "view only; the key is of an earlier start, run: fti page"
+WITHOUT_KEY = "view only; to control: fti page"
+WRONG_KEY = "the key is old; to control: fti page"
 OUTSIDE = re.compile(
     rb"(?:https?:|wss?:)?//(?!www\.w3\.org/(?:2000/svg|1999/xlink))[a-z0-9$.-]+\.[a-z]{2,}", re.IGNORECASE
 )

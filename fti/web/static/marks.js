@@ -4,6 +4,7 @@ import { h, setText } from "./dom.js";
 
 const LONGEST = 200;
 const SHOWN_MS = 4000;
+const WHY = "marks and commands need the key of the user who started the daemon; fti page opens this page with it";
 const DONE = { mark: "marked", snapshot: "triggered" };
 
 export const marksOf = (events) =>
@@ -16,7 +17,7 @@ export class MarkField {
     this.input = h("input", { type: "text", maxlength: LONGEST, placeholder: "mark (press m)", "aria-label": "text of the mark", autocomplete: "off", "data-testid": "mark-text" });
     this.button = h("button", { type: "submit", "data-testid": "mark-button" }, "MARK");
     this.trigger = h("button", { type: "button", class: "trigger", title: "write what was around this moment", "data-testid": "snapshot-button" }, "SNAPSHOT");
-    this.viewOnly = h("p", { class: "view-only", "data-testid": "view-only" });
+    this.viewOnly = h("p", { class: "view-only", title: WHY, "data-testid": "view-only" });
     this.answer = h("output", { "data-testid": "mark-answer" });
     this.root = h("form", { class: "mark" }, this.viewOnly, this.input, this.button, this.trigger, this.answer);
     this.keepsSnapshot = false;
