@@ -77,7 +77,6 @@ def test_what_a_full_socket_queue_drops_is_counted_and_the_sum_is_what_was_sent(
         live = until(
             lambda: (a := _ledger(running))["in_frames"] == sent and not a["held_frames"] and a, what="the sum"
         )
-        assert running.health()["links"]["eth"]["state"] == "overflow"
         assert running.stop() == 130
     dropped = live["dropped"]["socket_queue"]["frames"]
     told = [int(line.split()[5]) for line in running.lines if line.startswith("warning: eth: the kernel dropped ")]
