@@ -9,10 +9,10 @@ from typing import Any
 
 from fti.buffers.ring import Ring
 from fti.service import ending
-from fti.service.bulletin import Announce
+from fti.service.bulletin import Announce, Bulletin
 from fti.service.children import Child, ProcessState
 from fti.service.control import Message
-from fti.service.guard import Report, guarded
+from fti.service.guard import guarded
 from fti.service.keeping import Keeper
 from fti.service.session_places import SessionPlaces
 
@@ -66,11 +66,12 @@ class SessionEnd:
         await ending.end_child(child, patience_s, self._announce, lambda: shorten if self.hurry.is_set() else None)
         self._keeper.hear_out(child)
 
-    async def close_killed_sessions(self, recording: asyncio.Event, report: Report) -> None:
+    async def close_killed_sessions(self, recording: asyncio.Event, bulletin: Bulletin) -> None:
         """Those of other starts.  Not before this session records."""
         await recording.wait()
-        with guarded("repair", report):
-            await asyncio.to_thread(self._places.repair_others, lambda: not self.hurry.is_set())
+        with guarded("repair", bulletin.report):
+            for level, text in await asyncio.to_thread(self._places.close_others, lambda: not self.hurry.is_set()):
+                bulletin.event(level, "repair", text)
 
     def close_own_files(self, storage: Mapping[str, Any]) -> None:
         """What a killed child left open, where the medium is well; a session that has not begun leaves nothing.
@@ -81,7 +82,8 @@ class SessionEnd:
         if storage.get("state") in SICK:
             well = [folder for folder in well if folder == Path(storage["file"] or "").parent]
         with guarded("repair", self._report_to_user):
-            self._places.close_files(well)
+            for level, text in self._places.close_files(well):
+                self._announce(f"{level}: repair: {text}")
 
     def _report_to_user(self, unit: str, error: Exception) -> None:
         self._announce(f"error: {unit}: {error}")

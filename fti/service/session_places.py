@@ -6,6 +6,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from fti.config import Session
 from fti.errors import ConfigError, StorageError
@@ -13,6 +14,13 @@ from fti.logger.places import Place
 from fti.logger.recovery import repair
 from fti.logger.session import SessionFolder
 from fti.service.bulletin import Announce
+
+
+class Remark(NamedTuple):
+    """What is to be known of a file that was closed, or left alone.  level : warning or error"""
+
+    level: str
+    text: str
 
 
 class SessionPlaces:
@@ -45,22 +53,29 @@ class SessionPlaces:
         """The session's folder at each place, there or not."""
         return [place.folder for place in self.all]
 
-    def repair_others(self, goes_on: Callable[[], bool]) -> None:
-        """Close what killed sessions left open beside this one, and say so; ``goes_on`` is asked before each file."""
+    def close_others(self, goes_on: Callable[[], bool]) -> list[Remark]:
+        """Close what killed sessions left open beside this one; ``goes_on`` is asked before each file.
+
+        Returns what is not whole, or was left alone.
+        """
         closed = [
             found
             for directory in self.directories
             for found in repair.close_all(directory, in_use=self.folders, goes_on=goes_on)
         ]
-        for found in closed:
-            if text := found.describe_loss():
-                self._announce(f"error: {text}" if found.fault else f"warning: {text}")
         for folder, count in Counter(c.path.parent for c in closed if not c.fault).items():
             self._announce(f"closed {count} files of {folder}, which a killed session had left open")
+        return _remarks(closed)
 
-    def close_files(self, well: Sequence[Path]) -> None:
+    def close_files(self, well: Sequence[Path]) -> list[Remark]:
         """Close what a killed child left open in those folders; folders that hold nothing go."""
+        remarks = []
         for folder in well:
-            repair.close_session(folder)
+            remarks += _remarks(repair.close_session(folder))
             with contextlib.suppress(OSError):
                 folder.rmdir()
+        return remarks
+
+
+def _remarks(closed: Sequence[repair.Closed]) -> list[Remark]:
+    return [Remark("error" if found.fault else "warning", text) for found in closed if (text := found.describe_loss())]

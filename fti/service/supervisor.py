@@ -173,9 +173,7 @@ class Supervisor:
         watching = asyncio.create_task(self._keeper.watch(), name="watch")
         watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")
         telling = asyncio.create_task(self._tell(), name="health")
-        closing = asyncio.create_task(
-            self._ending.close_killed_sessions(self.recording, self._bulletin.report), name="repair"
-        )
+        closing = asyncio.create_task(self._ending.close_killed_sessions(self.recording, self._bulletin), name="repair")
         try:
             await self._wait_for_end(duration_s)
         finally:

@@ -8,6 +8,7 @@ import pytest
 
 from fti.config import Session
 from fti.errors import ConfigError, StorageError
+from fti.logger.stream_writer import StreamWriter
 from fti.service.session_places import SessionPlaces
 
 
@@ -34,3 +35,24 @@ def test_an_empty_session_leaves_nothing(tmp_path: Path) -> None:
     assert places.folder.path.is_dir()
     places.close_files(places.folders)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_closing_leaves_alone_is_an_error_and_names_the_file(tmp_path: Path) -> None:
+    """The next start said "closed 2 files" of a session of which it had cut most away."""
+    killed = tmp_path / "s_20200101T000000Z_0"
+    killed.mkdir()
+    writer = StreamWriter(killed / f"{killed.name}_000.mcap")
+    channel = writer.add_channel("/raw/ins", "x-fti-raw")
+    for n in range(90):
+        writer.write(channel, n, bytes([n + 1]) * 40, n)
+        writer.flush()
+        if n % 30 == 29:
+            writer.sync()
+    writer.abandon()
+    data = bytearray(writer.path.read_bytes())
+    data[data.index(bytes([10]) * 40)] ^= 1
+    writer.path.write_bytes(data)
+    places = SessionPlaces(Session(name="s", directory=str(tmp_path)), 0, print)
+    (remark,) = places.close_others(lambda: True)
+    assert remark.level == "error" and f"{writer.path}: is damaged" in remark.text and "fti recover" in remark.text
+    assert writer.path.read_bytes() == bytes(data)
