@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
 
     info = find_daemon(args.run_dir)
     if info.page is None:
-        raise MissingError(f"the daemon {info.name} serves no page; set display.enabled = true in its configuration")
+        raise MissingError(f"the daemon {info.name} serves no page: display.enabled is false, or its messages say why")
     if args.print:
         print(info.page)
     elif not open_browser(Path(info.sock).parent):

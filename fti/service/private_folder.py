@@ -59,7 +59,7 @@ def _open_of(path: Path, owners: tuple[int, ...]) -> int:
     if found.st_uid not in owners:
         fault = f"belongs to {user_name(found.st_uid)}, not to {user_name(os.geteuid())}; only that user may use it"
     elif found.st_mode & WRITABLE_BY_OTHERS:
-        fault = f"other users can write to it (mode {stat.S_IMODE(found.st_mode):04o}); chmod 0700 {path}"
+        fault = f"other users can write to it (mode {stat.S_IMODE(found.st_mode):04o}); chmod go-w {path}"
     else:
         return fd
     os.close(fd)

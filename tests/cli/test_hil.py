@@ -129,7 +129,7 @@ def test_ports_that_another_user_can_replace_are_neither_made_nor_read(
     folder = tmp_path / "links"
     folder.mkdir()
     folder.chmod(0o1777)
-    said = f"{folder}: other users can write to it (mode 1777); chmod 0700 {folder}"
+    said = f"{folder}: other users can write to it (mode 1777); chmod go-w {folder}"
     with pytest.raises(MissingError, match=re.escape(said)), ports_in(folder):
         pass
     monkeypatch.setattr("fti.service.daemon.serve", lambda *_, **__: pytest.fail("it was started"))

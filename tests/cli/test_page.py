@@ -52,7 +52,7 @@ def test_without_a_daemon_a_page_or_a_browser_it_says_so(
     assert capsys.readouterr().err == f"fti: {tmp_path}: no daemon is running there\n"
     with running_daemon(tmp_path):
         assert main(arguments) == 2
-    assert "serves no page; set display.enabled = true" in capsys.readouterr().err
+    assert "serves no page: display.enabled is false" in capsys.readouterr().err
     with running_daemon(tmp_path, page=PAGE):
         assert main(arguments) == 2
     assert capsys.readouterr().err == "fti: no browser can be opened here; fti page --print prints the address\n"

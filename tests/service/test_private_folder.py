@@ -50,7 +50,7 @@ def test_a_directory_that_others_can_write_is_refused(shared: Path, victim: Path
     (shared / "da42").mkdir(parents=True, mode=0o700)
     (shared / below).chmod(0o1777)
     (shared / "da42" / "fti.json.new").symlink_to(victim)
-    with pytest.raises(MissingError, match=r"other users can write to it \(mode 1777\); chmod 0700 .*--run-dir"):
+    with pytest.raises(MissingError, match=r"other users can write to it \(mode 1777\); chmod go-w .*--run-dir"):
         rundir.make("da42", None)
     assert victim.read_text() == "precious"
 
@@ -136,4 +136,4 @@ def test_a_client_says_what_is_wrong_in_one_sentence(
     shared.chmod(0o777)
     assert main(command) == 2
     said = capsys.readouterr().err
-    assert said == f"fti: {shared}: other users can write to it (mode 0777); chmod 0700 {shared}\n"
+    assert said == f"fti: {shared}: other users can write to it (mode 0777); chmod go-w {shared}\n"
