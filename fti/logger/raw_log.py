@@ -10,6 +10,7 @@ from typing import Any
 from fti.burst import alone
 from fti.logger import schemas
 from fti.logger.blueprint import Attachment, Blueprint, Metadata
+from fti.logger.note_changes import ENTRY_TABLES, NoteChanges
 from fti.logger.session import Kind, Numbering, SessionFolder
 from fti.logger.split_log import Log, SplitLog
 
@@ -67,6 +68,7 @@ class RawLog(Log):
         self._sent = {topic.link: self._add_link("/tx/", topic) for topic in links}
         self.tick_channel = self._log.add_channel(TICK_TOPIC, RAW_ENCODING)
         self._notes: dict[str, int] = {}
+        self._changes = {topic: NoteChanges(topic) for topic in ENTRY_TABLES}
 
     def _add_link(self, prefix: str, topic: RawTopic) -> int:
         about = {"link": topic.link, "kind": topic.kind, **topic.settings}
@@ -91,9 +93,17 @@ class RawLog(Log):
     def json(self, topic: str, t_ns: int, obj: Any) -> None:
         """A note on ``/fti/clock``, ``/fti/ledger``, ``/fti/health``, ``/fti/event`` or ``/fti/gap``.
 
-        obj : a table, or for ``/fti/event`` an Event.  Raises ValueError for another topic.
+        obj : a table, or for ``/fti/event`` an Event; of health and ledger the file gets what has changed, see
+        ``fti.logger.note_changes``.  Raises ValueError for another topic.
         """
         channel = self._notes.get(topic)
         if channel is None:
             channel = self._notes[topic] = self._log.add_channel(topic, "json", schemas.note_schema(topic))
-        self._write(channel, t_ns, schemas.encode_note(topic, obj))
+        changes = self._changes.get(topic)
+        if changes is None:
+            self._write(channel, t_ns, schemas.encode_note(topic, obj))
+            return
+        file = self._log.part.writer
+        record = changes.record_of(file, t_ns, obj)
+        self._write(channel, t_ns, schemas.encode_note(topic, record))
+        changes.keep(file, t_ns, record)

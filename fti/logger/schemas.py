@@ -106,6 +106,20 @@ _LINK_ACCOUNT: Json = {
     "properties": {**_ACCOUNT["properties"], "sent": _ACCOUNT, "errors": _TABLE, "stamp_refused": _INTEGER},
 }
 _RECORDER: Json = {"type": "object", "properties": dict.fromkeys(("pid", "started_ns", "first_seq"), _INTEGER)}
+#: Of the notes that hold changes; see ``fti.logger.note_changes``.
+_CHANGES: Json = {
+    "complete": {
+        "type": "boolean",
+        "description": "true: everything is in this record. false: an entry of links, devices or processes that is not "
+        "in this record has not changed since the record of this topic with log time since_ns; only its age_ms has "
+        "grown with the time. Without this field a record is complete.",
+    },
+    "since_ns": {
+        "type": "integer",
+        "description": "Log time of the record that this one continues; only where complete is false. When that record "
+        "is not there, the entries that are not in this one are unknown until the next complete record, at most 10 s.",
+    },
+}
 _NOTES: dict[str, tuple[str, Json]] = {
     "/fti/clock": (
         "fti.Clock",
@@ -114,12 +128,14 @@ _NOTES: dict[str, tuple[str, Json]] = {
     ),
     "/fti/ledger": (
         "fti.Ledger",
-        {"t_ns": _INTEGER, "recorder": _RECORDER, "next_seq": _INTEGER, "final": {"type": "boolean"}}
+        {"t_ns": _INTEGER, **_CHANGES}
+        | {"recorder": _RECORDER, "next_seq": _INTEGER, "final": {"type": "boolean"}}
         | {"ticks": _ACCOUNT, "links": {**_TABLE, "additionalProperties": _LINK_ACCOUNT}},
     ),
     "/fti/health": (
         "fti.Health",
-        {"t_ns": _INTEGER, "session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
+        {"t_ns": _INTEGER, **_CHANGES}
+        | {"session": _TABLE, "processes": _TABLE, "links": _TABLE, "devices": _TABLE}
         | {"storage": _TABLE, "navigation": _TABLE},
     ),
     "/fti/device_clock": ("fti.DeviceClock", {"t_ns": _INTEGER, "clocks": _TABLE, "gnss": _TABLE}),

@@ -18,8 +18,10 @@ from typing import Any, Protocol
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.export import session_file
 from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
+from fti.logger.note_changes import ENTRY_TABLES
 from fti.logger.reading.about import about
 from fti.logger.reading.mcap_file import Item
+from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.survey.topics import KINDS
 
@@ -104,13 +106,13 @@ def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> 
 
 
 def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
-    contents = _Contents()
+    contents, states = _Contents(), NoteStates()
     for item in _items(recording):
         topic = item.topic.name
         contents.start_ns = min(contents.start_ns or item.log_time, item.log_time)
         if item.topic.encoding == JSON:
             finder, count = contents.tables.get(topic) or (ColumnFinder(topic), 0)
-            finder.add(_parse(item))
+            finder.add(_parse(item, states))
             contents.tables[topic] = finder, count + 1
         elif raw and topic.startswith((RAW, SENT)):
             contents.links[topic] = contents.links.get(topic, 0) + 1
@@ -125,11 +127,13 @@ def _items(recording: Recording) -> Iterator[Item]:
             yield from (item for item in recording.items(kind) if not (beside and item.topic.encoding == JSON))
 
 
-def _parse(item: Item) -> Any:
+def _parse(item: Item, states: NoteStates) -> Any:
+    """The content of a message; of a note that holds changes, all that it is known to be.  Raises RecordingError."""
     try:
-        return json.loads(item.data)
+        content = json.loads(item.data)
     except ValueError as error:
         raise RecordingError(f"{item.topic.name}: a message at {item.log_time} ns is not JSON: {error}") from None
+    return states.take(item.topic.name, item.log_time, content).table
 
 
 def _check_patterns(choice: Choice, contents: _Contents) -> None:
@@ -155,15 +159,18 @@ class _Span:
 
 def _write_messages(recording: Recording, tables: _Tables, contents: _Contents, span: _Span) -> None:
     """No more of each topic than was read before: a recording may grow meanwhile."""
-    left = {topic: count for topic, (_, count) in contents.tables.items()}
+    left, states = {topic: count for topic, (_, count) in contents.tables.items()}, NoteStates()
     for item in _items(recording):
         topic = item.topic.name
         if not left.get(topic) or topic not in tables:
             continue
         left[topic] -= 1
         t_s = span.seconds(item.log_time)
+        if t_s is None and topic not in ENTRY_TABLES:
+            continue
+        content = _parse(item, states)
         if t_s is not None:
-            tables.write(topic, (item.log_time, item.publish_time, t_s), flatten(_parse(item)))
+            tables.write(topic, (item.log_time, item.publish_time, t_s), flatten(content))
 
 
 def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:

@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
-from fti.logger.proof.ledger import NOTHING, Amount, Entry, Note, Recorder
+from fti.logger.proof.ledger import NOTHING, Amount, Entry, LedgerReader, Note, Recorder
 from fti.logger.proof.numbers import NumberProof, Span
 from fti.logger.proof.wording import clock_text
 from fti.logger.raw_log import TICK_TOPIC
@@ -88,6 +88,7 @@ class LedgerProof:
         self.notes = 0
         self.unreadable = 0
         self._numbers = numbers
+        self._reader = LedgerReader()
         self._begins = begins
         self._apart = apart
         self._marks: dict[str, deque[_Mark]] = {}
@@ -96,13 +97,13 @@ class LedgerProof:
     def take(self, log_time: int, data: bytes) -> None:
         """A ledger from a file."""
         try:
-            note = Note.parse(data)
+            note = self._reader.read(log_time, data)
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError):
             self.unreadable += 1
             return
-        if hash(data) in self._seen:  # where the medium was changed, it may stand on both
+        if note.digest in self._seen:  # where the medium was changed, it may stand on both
             return
-        self._seen.add(hash(data))
+        self._seen.add(note.digest)
         self.notes += 1
         where = f"the ledger of {clock_text(log_time)}"
         if note.t_ns != log_time:

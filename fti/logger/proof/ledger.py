@@ -1,7 +1,8 @@
 """The ledger as it stands in a file: what a recorder says that came in, was recorded, is held and was dropped.
 
 A note is written once a second, and a last one when the recorder ends in good order.  Each recorder of a session counts
-from zero.  See ``fti.service.accounts`` for what the numbers mean and which sums they keep.
+from zero.  See ``fti.service.accounts`` for what the numbers mean and which sums they keep, ``fti.logger.note_changes``
+for what a record leaves out.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW, SENT
 
 LEDGER_TOPIC = "/fti/ledger"
@@ -98,24 +100,24 @@ class Recorder(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One ledger.  next_seq : the number that the next frame gets; final : the recorder's last word."""
+    """One ledger.
+
+    next_seq : the number that the next frame gets; final : the recorder's last word; whole : no entry is missing
+    digest   : the same for ledgers that say the same
+    """
 
     t_ns: int
     recorder: Recorder
     next_seq: int
     final: bool
     entries: dict[str, Entry]
+    whole: bool = True
+    digest: int = 0
 
     @classmethod
     def parse(cls, data: bytes) -> Note:
         """A ledger from its JSON.  Raises KeyError, TypeError, AttributeError or ValueError when it is none."""
-        table = json.loads(data)
-        recorder = Recorder(*(_count(table["recorder"][name]) for name in Recorder._fields))
-        entries = {TICK_TOPIC: Entry.parse(table["ticks"])}
-        for link, account in table["links"].items():
-            entries[RAW + link] = Entry.parse(account)
-            entries[SENT + link] = Entry.parse(account["sent"])
-        return cls(_count(table["t_ns"]), recorder, _count(table["next_seq"]), bool(table["final"]), entries)
+        return LedgerReader().read(0, data)
 
     def faults(self) -> Iterator[str]:
         """What cannot be true of it, whatever the files hold."""
@@ -124,7 +126,7 @@ class Note:
                 yield f"{topic}: {fault}"
         came = sum(entry.numbered.frames for entry in self.entries.values())
         given = self.next_seq - self.recorder.first_seq
-        if came != given:
+        if self.whole and came != given:
             yield f"{given} numbers were given, {came} frames came in"
 
     def falls_behind(self, earlier: Note) -> bool:
@@ -137,6 +139,46 @@ class Note:
             for topic, entry in self.entries.items()
             if (before := earlier.entries.get(topic))
         )
+
+
+class _Account(NamedTuple):
+    """What a ledger says of a link: as it stands in the file, read, and its digest."""
+
+    table: Any
+    received: Entry
+    sent: Entry
+    digest: int
+
+
+class LedgerReader:
+    """Reads the ledgers of a session in the order of its files; what has not changed is read once."""
+
+    def __init__(self) -> None:
+        self._states = NoteStates()
+        self._accounts: dict[str, _Account] = {}
+
+    def read(self, log_time: int, data: bytes) -> Note:
+        """A ledger.  Raises KeyError, TypeError, AttributeError or ValueError when it is none."""
+        _, table, whole = self._states.take(LEDGER_TOPIC, log_time, json.loads(data))
+        recorder = Recorder(*(_count(table["recorder"][name]) for name in Recorder._fields))
+        entries, digests = {TICK_TOPIC: Entry.parse(table["ticks"])}, [_digest(table["ticks"])]
+        for link, found in table["links"].items():
+            account = self._account(link, found)
+            entries[RAW + link], entries[SENT + link] = account.received, account.sent
+            digests.append(account.digest)
+        head = _count(table["t_ns"]), recorder, _count(table["next_seq"]), bool(table["final"])
+        return Note(*head, entries, whole, hash((head, *digests)))
+
+    def _account(self, link: str, table: Any) -> _Account:
+        known = self._accounts.get(link)
+        if known is None or (table is not known.table and table != known.table):
+            known = _Account(table, Entry.parse(table), Entry.parse(table["sent"]), hash((link, _digest(table))))
+            self._accounts[link] = known
+        return known
+
+
+def _digest(table: Any) -> int:
+    return hash(json.dumps(table, sort_keys=True))
 
 
 def _count(value: Any) -> int:

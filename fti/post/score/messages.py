@@ -14,6 +14,7 @@ from typing import Any
 
 from fti.config import Config
 from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.flown import PAUSE_S, Flown, Pause
@@ -67,9 +68,10 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
     for channel in {*channels, *stated}:
         topic, _, name = channel.rpartition(".")
         wanted[topic].append(name)
-    reader = Reader(config)
-    for topic, t_ns, data in _messages(recording):
+    reader, states = Reader(config), NoteStates()
+    for topic, t_ns, record in _messages(recording):
         t = flown.seconds(t_ns)
+        data = states.complete(topic, t_ns, record)
         if t > flown.truth.end_s:
             continue
         if topic == TICK:

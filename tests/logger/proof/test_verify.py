@@ -18,6 +18,7 @@ from fti.logger.derived_log import DerivedLog
 from fti.logger.proof import file as proof_file
 from fti.logger.proof.balance import LedgerProof
 from fti.logger.proof.gaps import Gaps
+from fti.logger.proof.ledger import LedgerReader
 from fti.logger.proof.numbers import NumberProof
 from fti.logger.proof.report import Report, Verdict
 from fti.logger.proof.verify import verify
@@ -205,6 +206,60 @@ def test_ledgers_that_stand_on_two_media_count_once(folder: SessionFolder) -> No
     report = proved(folder)
     assert report.verdict is Verdict.OK, report.findings
     assert report.ledgers == 5
+
+
+def often(folder: SessionFolder, **keys: Any) -> list[tuple[int, bytes]]:
+    """A session whose ledgers leave out most links: one after every two frames.  The ledgers, with their times."""
+    Recorder(open_log(folder), 0, **keys).run(FRAMES, ledger_every=2).end()
+    return [(t_ns, data) for _, t_ns, _, _, data in Recording.open(folder.path).messages("/fti/ledger", kind="raw")]
+
+
+def test_what_a_ledger_leaves_out_is_under_proof_too(folder: SessionFolder) -> None:
+    ledgers = often(folder)
+    assert sum(len(json.loads(data)["links"]) < 3 for _, data in ledgers) > 200
+    report = proved(folder)
+    assert (report.verdict, report.ledgers) == (Verdict.OK, len(ledgers)), report.findings
+    for path in folder.files("raw"):
+        assert verify(Recording.open(path)).holds
+
+
+@given(removed=st.integers(0, FRAMES - 1))
+@settings(max_examples=5 * SCALE)
+def test_a_frame_that_is_taken_away_is_found_though_ledgers_leave_out_its_link(parent: Path, removed: int) -> None:
+    folder = SessionFolder.create(parent, "often", STARTED)
+    often(folder, removed=[removed])
+    report = proved(folder)
+    shutil.rmtree(folder.path)
+    assert (report.verdict, report.missing) == (Verdict.REFUTED, 1)
+
+
+def test_a_ledger_that_a_damage_took_does_not_refute_those_behind_it(folder: SessionFolder) -> None:
+    """What they leave out is not known then, and not what stood in an earlier one."""
+    ledgers = often(folder)
+    for lost in range(1, 100, 7):
+        proof = LedgerProof(NumberProof(), begins=True)
+        for n, ledger in enumerate(ledgers):
+            if n != lost:
+                proof.take(*ledger)
+        assert (proof.findings, proof.unreadable, proof.notes) == ([], 0, len(ledgers) - 1)
+        reader = LedgerReader()
+        notes = [reader.read(*ledger) for n, ledger in enumerate(ledgers) if n != lost]
+        assert not notes[lost].whole or json.loads(ledgers[lost + 1][1])["complete"]
+        assert notes[-1].whole
+
+
+def test_ledgers_of_a_failed_medium_count_once_though_the_next_file_begins_with_a_complete_one(
+    folder: SessionFolder,
+) -> None:
+    notes: list[Table] = []
+    recorder = Recorder(open_log(folder), 0, doctor=lambda index, note: notes.append(note)).run(100, ledger_every=2)
+    recorder.log.close()
+    recorder.log = open_log(folder)
+    for note in notes[-5:]:
+        recorder.log.json("/fti/ledger", note["t_ns"], note)
+    recorder.run(100, ledger_every=2).end()
+    report = proved(folder)
+    assert (report.verdict, report.ledgers) == (Verdict.OK, 101), report.findings
 
 
 def test_a_place_that_is_given_twice_is_looked_at_once(folder: SessionFolder, tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""Records of ``/fti/health`` and ``/fti/ledger`` that hold what has changed; every ten seconds one that holds all.
+
+A record with ``complete`` true holds everything: the first one of a file, one every ten seconds, the last ledger of a
+recorder.  A record with ``complete`` false follows the record of the same topic whose log time is ``since_ns``.  An
+entry of ``links``, ``devices`` or ``processes`` that is not in it is as it was there, only ``age_ms`` has grown with
+the time.  Everything else is in every record.  ``fti.logger.reading.note_states`` puts the entries together again.
+
+An entry has changed when anything of it has, but for its age and for estimates that go on without new messages.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+#: The tables of each topic whose entries are left out while they do not change.
+ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), "/fti/ledger": ("links",)}
+COMPLETE, SINCE, AGE = "complete", "since_ns", "age_ms"
+#: Values that go on without anything having happened.
+RUNNING = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})
+#: A complete record comes so long after the last one; records come every second, not exactly.
+COMPLETE_PERIOD_NS = 10_000_000_000
+JITTER_NS = 500_000_000
+Table = dict[str, Any]
+
+
+class NoteChanges:
+    """What is recorded of the notes of one topic.  A note that was recorded must not be altered afterwards."""
+
+    def __init__(self, topic: str) -> None:
+        self._tables = ENTRY_TABLES[topic]
+        self._file: object = None
+        self._last_ns = 0
+        self._complete_ns = 0
+        self._entries: dict[str, Table] = {}
+
+    def record_of(self, file: object, t_ns: int, note: Table) -> Table:
+        """The record of a note.  file : in which it is to stand; t_ns : its log time"""
+        since_complete_ns = t_ns - self._complete_ns
+        recent = 0 <= since_complete_ns < COMPLETE_PERIOD_NS - JITTER_NS
+        if file is not self._file or not recent or note.get("final"):
+            return {**note, COMPLETE: True}
+        changed = {name: self._changed(name, note[name]) for name in self._tables if isinstance(note.get(name), dict)}
+        return {**note, COMPLETE: False, SINCE: self._last_ns, **changed}
+
+    def keep(self, file: object, t_ns: int, record: Table) -> None:
+        """The record is in the file."""
+        self._file, self._last_ns = file, t_ns
+        if record[COMPLETE]:
+            self._complete_ns = t_ns
+            self._entries = {}
+        for name in self._tables:
+            if isinstance(record.get(name), dict):
+                self._entries.setdefault(name, {}).update(record[name])
+
+    def _changed(self, name: str, now: Table) -> Table:
+        before = self._entries.get(name, {})
+        return {key: entry for key, entry in now.items() if key not in before or not _same(before[key], entry)}
+
+
+def _same(before: Any, now: Any) -> bool:
+    """Is a value as it was, but for what is ``RUNNING``?"""
+    if before == now:
+        return True
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys_are = before.keys() == now.keys()
+        return keys_are and all(key in RUNNING or _same(value, now[key]) for key, value in before.items())
+    if isinstance(before, list) and isinstance(now, list):
+        return len(before) == len(now) and all(map(_same, before, now))
+    return False

@@ -1,0 +1,61 @@
+"""The notes of ``/fti/health`` and ``/fti/ledger`` with all their entries, from records that hold changes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, NamedTuple
+
+from fti.logger.note_changes import AGE, COMPLETE, ENTRY_TABLES, SINCE
+
+Table = dict[str, Any]
+
+
+class NoteState(NamedTuple):
+    """A note.  whole : every entry is known; else the record before it is not there, and it has its own entries only"""
+
+    log_time: int
+    table: Table
+    whole: bool
+
+
+class NoteStates:
+    """Takes the records of a session in the order of its files.
+
+    Sessions of before have complete records only, and do not say so.  Tables may be shared between notes.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[str, NoteState] = {}
+
+    def take(self, topic: str, log_time: int, record: Any) -> NoteState:
+        """The note of a record; for other topics the record itself."""
+        if topic not in ENTRY_TABLES or not isinstance(record, dict):
+            return NoteState(log_time, record, whole=True)
+        before = self._last.get(topic)
+        table = {key: value for key, value in record.items() if key not in (COMPLETE, SINCE)}
+        whole = record.get(COMPLETE, True) is not False
+        if not whole and before and before.whole and before.log_time == record.get(SINCE):
+            whole = True
+            for name in ENTRY_TABLES[topic]:
+                table[name] = _joined(before.table.get(name), table.get(name), (log_time - before.log_time) / 1e6)
+        self._last[topic] = NoteState(log_time, table, whole)
+        return self._last[topic]
+
+    def complete(self, topic: str, log_time: int, data: bytes) -> bytes:
+        """The same as JSON.  Raises ValueError when it is none."""
+        if topic not in ENTRY_TABLES:
+            return data
+        return json.dumps(self.take(topic, log_time, json.loads(data)).table).encode()
+
+
+def _joined(before: Any, changed: Any, passed_ms: float) -> Any:
+    """The entries of before, which have grown older, and those that have changed."""
+    if not isinstance(before, dict) or not isinstance(changed, dict):
+        return changed
+    older = {key: _older(entry, passed_ms) for key, entry in before.items() if key not in changed}
+    return {key: older.get(key, changed.get(key)) for key in {**before, **changed}}
+
+
+def _older(entry: Any, passed_ms: float) -> Any:
+    age_ms = entry.get(AGE) if isinstance(entry, dict) else None
+    return {**entry, AGE: age_ms + passed_ms} if isinstance(age_ms, int | float) else entry
