@@ -31,8 +31,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.parts.machine import Verdict, machine, percentile
+from fti.bus.client import Subscriber
+from fti.bus.frame import SOCKET_NAME
 from fti.bus.message import decode
-from fti.bus.zenoh_bus import Subscriber
 from fti.drivers import Decoder
 from fti.logger.reading.recording import Recording
 from fti.nav.pipeline import Pipeline
@@ -85,13 +86,13 @@ class Listener:
         self._epoch_ns = info["epoch_ns"]
         self._seen: dict[str, int | None] = {}
         self._lock = threading.Lock()
-        self._subscriber = Subscriber.connect(info["zenoh"], info["name"], self._hear)
+        self._subscriber = Subscriber(Path(info["sock"]).with_name(SOCKET_NAME), "benchmark", self._hear)
 
-    def _hear(self, topic: str, payload: bytes) -> None:
+    def _hear(self, topic: str, payload: bytes, sent_ns: int) -> None:
         now_ns = time.monotonic_ns() + self._epoch_ns
-        fields = decode(payload) if topic in {INTEGRITY, HEIGHT} else None
-        if fields is None:
+        if topic not in {INTEGRITY, HEIGHT}:
             return
+        fields = decode(topic, payload)
         with self._lock:
             new = fields["t_valid_ns"] != self._seen.get(topic) and fields["t_valid_ns"] is not None
             self._seen[topic] = fields["t_valid_ns"]

@@ -4,6 +4,8 @@ every field of the output; enum members as strings; NaN and infinity as null
 age_ms      : time of publishing minus time of the output [ms]; the publisher adds it, never ``nav``
 max_age_ms  : above this age the value is late for every consumer, also while it lies there
 late        : age_ms > max_age_ms when it was published; then ``valid`` is false
+
+What arrives is not trusted: ``decode`` is where its size, depth, types and numbers are checked, once.
 """
 
 from __future__ import annotations
@@ -13,7 +15,21 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import orjson
+
+from fti.bus.frame import max_bytes
+from fti.bus.shapes import defaults_of, misfit, shape_of
+
 NS_PER_MS = 1_000_000
+MAX_DEPTH = 8
+#: Numbers beyond are no time, age or count of anything [ns and others].
+MAX_NUMBER = 2**63
+#: A text of an event or a name; longer ones are cut where they are published.
+MAX_TEXT = 4096
+
+
+class MessageError(ValueError):
+    """A payload that is not a message of its topic; says why."""
 
 
 def stamped(payload_fields: Mapping[str, Any], t_ns: int, now_ns: int, max_age_ms: float) -> bytes:
@@ -39,13 +55,49 @@ def encode(fields: Mapping[str, Any]) -> bytes:
     return text.encode()
 
 
-def decode(payload: bytes) -> dict[str, Any] | None:
-    """The mapping in a payload; None when it is none: what arrives on the bus is not trusted."""
+def encode_event(event: Mapping[str, Any]) -> bytes:
+    """An event; a text that is too long for a display, or has what is no character, is cut or shown as ``?``."""
+    texts = {name: shorten(value) for name, value in event.items() if isinstance(value, str)}
+    return encode({**event, **texts})
+
+
+def shorten(text: str) -> str:
+    """At most ``MAX_TEXT`` characters, and none that UTF-8 does not have."""
+    clean = text[:MAX_TEXT].encode(errors="replace").decode()
+    return clean if len(text) <= MAX_TEXT else clean[:-1] + "…"
+
+
+def decode(topic: str, payload: bytes) -> dict[str, Any]:
+    """The message in a payload: finite numbers, bounded, with the types that its topic has.
+
+    Raises MessageError when it is none.
+    """
+    shape = shape_of(topic) if len(topic) <= MAX_TEXT else None
+    if shape is None:
+        raise MessageError("there is no such topic")
+    if len(payload) > max_bytes(topic):
+        raise MessageError(f"{len(payload)} bytes; at most {max_bytes(topic)} are allowed")
     try:
-        found = json.loads(payload)
-    except ValueError:
-        return None
-    return found if isinstance(found, dict) else None
+        fields = orjson.loads(payload)  # refuses NaN, infinity, numbers beyond a double, half surrogates, 1024 levels
+    except orjson.JSONDecodeError as error:
+        raise MessageError(f"is not JSON: {error}") from None
+    if fault := _excess(fields, MAX_DEPTH) or misfit(fields, shape):
+        raise MessageError(fault)
+    return {**defaults_of(topic), **fields}
+
+
+def _excess(value: Any, depth: int) -> str | None:
+    """What is too deep, too large or too long, in words."""
+    if isinstance(value, dict | list):
+        if not depth:
+            return f"is nested more than {MAX_DEPTH} deep"
+        items = [*value, *value.values()] if isinstance(value, dict) else value
+        return next((found for item in items if (found := _excess(item, depth - 1))), None)
+    if isinstance(value, str) and len(value) > MAX_TEXT:
+        return f"a text of {len(value)} characters; at most {MAX_TEXT} are allowed"
+    if isinstance(value, int | float) and not -MAX_NUMBER <= value <= MAX_NUMBER:
+        return f"a number beyond ±{MAX_NUMBER:.3g}"
+    return None
 
 
 def _finite(value: Any) -> Any:

@@ -208,8 +208,17 @@ def _clock_figures(clock: Fields) -> tuple[str, str, str]:
     drift = f"{_number(clock['drift_ppm'], 2, '+')} ± {_number(clock['drift_sd_ppm'], 2)} ppm"
     offset = f"{_number(clock['offset_ms'], 2, '+')} ± {_number(clock['offset_sd_ms'], 2)} ms"
     if clock["scale"] == "boot":
-        offset = f"on at {datetime.fromtimestamp(-clock['offset_ms'] / 1000, UTC):%H:%M:%S.%f}"[:-3]
-    return offset, drift, f"{_number(100 * clock['late_share'], 1)} %"
+        offset = f"on at {_time_of_day(clock['offset_ms'])}"
+    share = clock["late_share"]
+    return offset, drift, f"{_number(share and 100 * share, 1)} %"
+
+
+def _time_of_day(offset_ms: float | None) -> str:
+    """UTC at which a clock that is so far ahead [ms] began to count."""
+    try:
+        return f"{datetime.fromtimestamp(-(math.nan if offset_ms is None else offset_ms) / 1000, UTC):%H:%M:%S.%f}"[:-3]
+    except (ValueError, OverflowError):  # not known, or in no year that there is
+        return UNKNOWN
 
 
 def _number(value: object, digits: int, sign: str = "") -> str:

@@ -39,17 +39,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Listen to the bus and show it."""
+    from pathlib import Path
+
+    from fti.bus.frame import SOCKET_NAME
     from fti.clock import SystemClock
-    from fti.errors import MissingError
     from fti.service.listening import listen
     from fti.web.feed import Feed
 
     info = _find(args)
-    if info.zenoh is None:
-        raise MissingError(f"the daemon {info.name} has no bus; set bus.enabled = true in its configuration")
     clock = SystemClock(0)
     feed = Feed(clock.now_ns())
-    subscriber = listen(feed, info.zenoh, info.name, clock)
+    subscriber = listen(feed, Path(info.sock).with_name(SOCKET_NAME), "watch", clock)
     try:
         _collect(lambda: feed.state(clock.now_ns()), info.name)
         show = _show_json if args.json else _show_table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 Positive = Annotated[float, Field(gt=0)]
@@ -268,10 +268,18 @@ class Display(StrictModel):
 
 
 class Bus(StrictModel):
-    """``[bus]``: outputs and health on zenoh, at an explicit endpoint on loopback; port 0 takes a free one."""
+    """``[bus]``: outputs and health for foreign zenoh clients, at an explicit endpoint on loopback.
 
-    enabled: bool = True
+    Whoever names a port means to be found there; port 0 takes a free one.
+    """
+
+    enabled: bool = False
     port: Annotated[int, Field(ge=0, le=65535)] = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _enable_by_port(cls, table: Any) -> Any:
+        return {"enabled": True, **table} if isinstance(table, dict) and "port" in table else table
 
 
 class Config(StrictModel):

@@ -18,20 +18,23 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from fti.bus.client import Publisher
+from fti.bus.frame import SOCKET_NAME
 from fti.bus.message import stamped
-from fti.bus.zenoh_bus import Publisher
 from fti.clock import Clock
 from fti.errors import MissingError
 from fti.hil.emulator import Emulator
 from fti.hil.faults import words
 from fti.hil.looping import before_others
 from fti.hil.replay import Replay
-from fti.service.rundir import DaemonInfo, base, find_daemon
+from fti.service.rundir import base, find_daemon
 
 TOPIC = "/hil"
+PROCESS = "emulator"
 PERIOD_S = 0.5
 #: Older than that, it is not known what the emulator does [ms].
 MAX_AGE_MS = 1500.0
@@ -95,11 +98,10 @@ class Teller:
     """
 
     def __init__(self, describe: Callable[[], dict[str, Any]], clock: Clock, name: str, run_dir: str | None) -> None:
-        self._describe, self._clock, self._name = describe, clock, name
-        self._run_dir = run_dir or str(base() / self._name)
+        self._describe, self._clock = describe, clock
+        self._run_dir = run_dir or str(base() / name)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="fti-hil-teller")
-        self._endpoint: str | None = None
         self._publisher: Publisher | None = None
 
     def __enter__(self) -> Teller:
@@ -121,13 +123,11 @@ class Teller:
             self._leave()
 
     def _join(self) -> bool:
-        """Is there a daemon with a bus, the one that we know or another?"""
-        found = _find(self._run_dir)
-        endpoint = found.zenoh if found else None
-        if endpoint != self._endpoint or self._publisher is None:
+        """Is there a daemon?  The publisher finds its bus, and that of the next one."""
+        if not _is_running(self._run_dir):
             self._leave()
-            self._endpoint = endpoint
-            self._publisher = _connect(endpoint, self._name)
+        elif self._publisher is None:
+            self._publisher = Publisher(Path(self._run_dir) / SOCKET_NAME, PROCESS)
         return self._publisher is not None
 
     def _tell(self) -> None:
@@ -141,18 +141,9 @@ class Teller:
         self._publisher = None
 
 
-def _find(run_dir: str) -> DaemonInfo | None:
+def _is_running(run_dir: str) -> bool:
     try:
-        return find_daemon(run_dir)
+        find_daemon(run_dir)
     except MissingError:
-        return None
-
-
-def _connect(endpoint: str | None, name: str) -> Publisher | None:
-    """The bus; None where there is none, or it does not answer."""
-    if endpoint is None:
-        return None
-    try:
-        return Publisher.connect(endpoint, name)
-    except MissingError:
-        return None
+        return False
+    return True

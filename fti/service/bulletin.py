@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from fti.bus.message import encode
-from fti.bus.zenoh_bus import Hub
+from fti.bus.hub import Hub
+from fti.bus.message import encode, encode_event
 from fti.clock import Clock
 from fti.service.link_news import LinkNews
 
@@ -16,9 +16,9 @@ Note = Callable[[str, int, dict[str, Any]], None]
 
 
 class Bulletin:
-    """announce : gets a line for the user; note : records; hub : None when the bus is switched off."""
+    """announce : gets a line for the user; note : records; hub : of the bus"""
 
-    def __init__(self, clock: Clock, hub: Hub | None, announce: Announce, note: Note) -> None:
+    def __init__(self, clock: Clock, hub: Hub, announce: Announce, note: Note) -> None:
         self._clock = clock
         self._hub = hub
         self._announce = announce
@@ -33,8 +33,7 @@ class Bulletin:
         """An event, of ours or of a child."""
         if event["level"] != "info":
             self._announce(f"{event['level']}: {event['source']}: {event['text']}")
-        if self._hub:
-            self._hub.publish("/event", encode(event))
+        self._hub.publish("/event", encode_event(event))
         self._note("/fti/event", event["t_ns"], event)
 
     def report(self, unit: str, error: Exception) -> None:
@@ -43,8 +42,7 @@ class Bulletin:
 
     def health(self, health: dict[str, Any], *, record: bool) -> None:
         """The health of everything; recorded at a lower rate than shown."""
-        if self._hub:
-            self._hub.publish("/health", encode(health))
+        self._hub.publish("/health", encode(health))
         if record:
             self._note("/fti/health", health["t_ns"], health)
         for level, source, text in self._links.take(health["links"], health["t_ns"]):

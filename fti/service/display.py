@@ -10,6 +10,7 @@ import asyncio
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.errors import FtiError
@@ -21,6 +22,7 @@ from fti.web.feed import Feed
 from fti.web.server import PageServer
 
 EXIT_WRONG = 2
+PROCESS = "display"
 
 
 async def wait_for_end(channel: Channel, take: Callable[[Message], None]) -> None:
@@ -61,7 +63,7 @@ async def receive_key(channel: Channel) -> str | None:
     return None
 
 
-async def serve(endpoint: str, session: str, port: int, channel: Channel) -> None:
+async def serve(bus: Path, port: int, channel: Channel) -> None:
     """Serve the page until the supervisor ends it; tells the supervisor the port."""
     key = await receive_key(channel)
     if key is None:
@@ -70,7 +72,7 @@ async def serve(endpoint: str, session: str, port: int, channel: Channel) -> Non
     feed = Feed(clock.now_ns())
     server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
     chosen = await server.start(port)
-    subscriber = await asyncio.to_thread(listen, feed, endpoint, session, clock)
+    subscriber = await asyncio.to_thread(listen, feed, bus, PROCESS, clock)
     channel.send({"ready": True, "port": chosen})
     try:
         await wait_for_end(channel, server.board.take)
@@ -82,14 +84,13 @@ async def serve(endpoint: str, session: str, port: int, channel: Channel) -> Non
 def main(argv: Sequence[str] | None = None) -> int:
     """``python -m fti.service.display``: started by the supervisor alone."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--endpoint", required=True)
-    parser.add_argument("--session", required=True)
+    parser.add_argument("--bus", required=True, type=Path)
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--control-fd", type=int, required=True)
     args = parser.parse_args(argv)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides when it ends
     try:
-        asyncio.run(serve(args.endpoint, args.session, args.port, adopt_channel(args.control_fd)))
+        asyncio.run(serve(args.bus, args.port, adopt_channel(args.control_fd)))
     except FtiError as error:
         print(f"fti display: {error}", file=sys.stderr)  # noqa: T201 - the supervisor passes it on
         return EXIT_WRONG

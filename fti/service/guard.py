@@ -15,6 +15,12 @@ Report = Callable[[str, Exception], None]
 
 FIRST_DELAY_S = 0.1
 LONGEST_DELAY_S = 5.0
+#: What ends a program or a task on purpose.  A group may hold one of them.
+ENDINGS = (KeyboardInterrupt, SystemExit, GeneratorExit, asyncio.CancelledError, BaseExceptionGroup)
+
+
+class Panic(Exception):
+    """A failure that is no Exception, as the panic of a library in Rust; in words, with its class."""
 
 
 class Guard(ABC):
@@ -32,9 +38,12 @@ class Guard(ABC):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        if not isinstance(error, Exception):
+        if isinstance(error, Exception):
+            self.report(error)
+        elif error is None or isinstance(error, ENDINGS):
             return False
-        self.report(error)
+        else:
+            self.report(Panic(f"{type(error).__name__}: {error}"))
         return True
 
 

@@ -2,18 +2,50 @@
 
 from __future__ import annotations
 
-from fti.bus.message import decode
-from fti.bus.zenoh_bus import Subscriber
+from pathlib import Path
+
+from fti.bus.client import Subscriber
+from fti.bus.message import MessageError, decode, shorten
 from fti.clock import Clock
+from fti.service.guard import guarded
 from fti.web.feed import Feed
 
+#: Refused messages are told at once, and then not more often than this.
+WARNING_PERIOD_NS = 10_000_000_000
 
-def listen(feed: Feed, endpoint: str, session: str, clock: Clock) -> Subscriber:
-    """Let the feed hear the bus until the subscriber is closed.  Raises MissingError when there is no bus."""
 
-    def take(topic: str, payload: bytes) -> None:
-        fields = decode(payload)
-        if fields is not None:
-            feed.take(topic, fields, clock.now_ns())
+def listen(feed: Feed, bus: Path, process: str, clock: Clock) -> Subscriber:
+    """Let the feed hear the bus until the subscriber is closed.  Raises MissingError when there is no bus.
 
-    return Subscriber.connect(endpoint, session, take, feed.take_alive)
+    bus : its socket; process : who listens; clock : CLOCK_MONOTONIC
+    """
+    refused = RefusedMessages(feed, clock)
+
+    def take(topic: str, payload: bytes, sent_ns: int) -> None:
+        with guarded("bus", lambda unit, error: refused.add(topic, f"{type(error).__name__}: {error}")):
+            try:
+                fields = decode(topic, payload)
+            except MessageError as error:
+                refused.add(topic, str(error))
+            else:
+                feed.take(topic, fields, sent_ns)
+
+    return Subscriber(bus, process, take, feed.take_alive)
+
+
+class RefusedMessages:
+    """Counts messages of the bus that are none, and tells of them as an event of the display."""
+
+    def __init__(self, feed: Feed, clock: Clock) -> None:
+        self._feed, self._clock = feed, clock
+        self._count = 0
+        self._due_ns: int | None = None
+
+    def add(self, topic: str, why: str) -> None:
+        """One more."""
+        self._count += 1
+        now_ns = self._clock.now_ns()
+        if self._due_ns is None or now_ns >= self._due_ns:
+            self._due_ns = now_ns + WARNING_PERIOD_NS
+            text = f"{self._count} messages refused, the last on {topic[:100]!a}: {why}"
+            self._feed.warn("bus", shorten(text), now_ns)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
 from fti.buffers.ring import Ring
 from fti.buffers.ring_reader import Record, RingReader
+from fti.bus.client import Publisher
 from fti.bus.message import stamped
-from fti.bus.zenoh_bus import Publisher
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
 from fti.service import terrain_trial
@@ -52,7 +53,7 @@ class Navigator:
         self._diagnosis = Diagnosis(config, self._chain)
         self._max_age_ms = {device.name: device.max_age_ms for device in config.device}
         self._derived = self._open_derived(order)
-        self._bus = Publisher.connect(order.endpoint, config.session.name) if order.endpoint else None
+        self._bus = Publisher(Path(order.bus), PROCESS)
         self._patience, self._skips = Patience(), Skips()
         resumed = self._ring.reader_state()
         self._last_seq = resumed.next_seq - 1
@@ -80,8 +81,6 @@ class Navigator:
         if self._loading:
             self._channel.send({"terrain": terrain_trial.LOADING})
             self._loading.start()
-        if self._bus:
-            self._bus.alive(PROCESS)
         self._channel.send({"ready": True})
         try:
             self._consume()
@@ -89,8 +88,7 @@ class Navigator:
             self._derived.close()
             self._tell_skips(self._skips.rest(self._clock.now_ns()))
             self._tell_health()
-            if self._bus:
-                self._bus.close()
+            self._bus.close()
 
     def _consume(self) -> None:
         health_due = time.monotonic()
@@ -174,7 +172,7 @@ class Navigator:
     def _publish(self, output: Output | Event) -> None:
         if isinstance(output, Event):
             self._channel.send({"event": dataclasses.asdict(output)})
-        elif self._bus:
+        else:
             max_age = OUTPUT_MAX_AGE_MS
             if isinstance(output, HeightAboveGround):
                 max_age = self._max_age_ms.get(output.sensor, OUTPUT_MAX_AGE_MS)

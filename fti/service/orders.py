@@ -61,7 +61,7 @@ class NavigationOrder(StorageOrder):
     config: Config
     epoch_ns: int
     texts: dict[str, str]
-    endpoint: str | None
+    bus: str  # its socket
     without_terrain: str | None = None
     attachments: dict[str, str]
     metadata: dict[str, str]

@@ -51,19 +51,14 @@ class Preparation:
         )
         return order.model_dump_json().encode()
 
-    def navigation_order(
-        self, places: Sequence[Place], endpoint: str | None, without_terrain: str | None = None
-    ) -> bytes:
-        """The order of navigation.
-
-        endpoint : of the bus; None when it is switched off;  without_terrain : why it is not to load its terrain
-        """
+    def navigation_order(self, places: Sequence[Place], bus: Path, without_terrain: str | None = None) -> bytes:
+        """The order of navigation.  bus : its socket; without_terrain : why it is not to load its terrain"""
         order = NavigationOrder(
             config=self._config,
             **_storage(places),
             epoch_ns=self._epoch_ns,
             texts=self._texts,
-            endpoint=endpoint,
+            bus=str(bus),
             without_terrain=without_terrain,
             attachments=self._attachments(),
             metadata=self._metadata(),

@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from fti.buffers.ring import Ring, ring_size
-from fti.bus.zenoh_bus import Hub
+from fti.bus.frame import SOCKET_NAME
+from fti.bus.hub import Hub
+from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock
 from fti.config import Config
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
+from fti.service.bus_thread import serving
 from fti.service.catalogue import Catalogue
 from fti.service.children import Child, ProcessState
 from fti.service.commands import Commander
@@ -42,6 +45,7 @@ MOST_STARTS = 2
 RECORDER = "recorder"
 NAVIGATION = "navigation"
 DISPLAY = "display"
+ZENOH = "zenoh"
 
 
 class Supervisor:
@@ -66,14 +70,16 @@ class Supervisor:
         self._clock = SystemClock(epoch_ns)
         self._announce = announce
         self._preparation = Preparation(config, epoch_ns)
+        self._loop = asyncio.get_running_loop()
         self._stop = asyncio.Event()
         self.recording = asyncio.Event()
         self.failed = False
         self.loss: str | None = None
         self.displayed = asyncio.Event()
         self._page = PageAccess(config.display.address, shows_key=shows_key)
-        self._hub = Hub.open(config.bus.port, config.session.name) if config.bus.enabled else None
+        self._zenoh_port = choose_port(config.bus.port) if config.bus.enabled else None
         self._run_dir = rundir.make(config.session.name, run_dir)
+        self._hub = Hub(self._run_dir.path / SOCKET_NAME, self._warn_of_bus)
         self._places = SessionPlaces(config.session, self._clock.now_ns(), announce)
         self.folder = self._places.folder
         self._ring = Ring.create(ring_size(config.link))
@@ -126,20 +132,22 @@ class Supervisor:
         )
 
     def _make_children(self, recorder: Child) -> list[Child]:
-        places, endpoint = self._places.all, self._endpoint
+        config, places, bus = self._config, self._places.all, self._hub.path
         recorder.order, recorder.ring_fd = self._preparation.recorder_order(places), self._ring.fd
         made = [
             recorder,
-            Child(NAVIGATION, self._preparation.navigation_order(places, endpoint), self._ring.fd),
+            Child(NAVIGATION, self._preparation.navigation_order(places, bus), self._ring.fd),
         ]
-        if self._config.display.enabled and endpoint:
-            name, port = self._config.session.name, str(self._config.display.port)
-            made.append(Child(DISPLAY, arguments=("--endpoint", endpoint, "--session", name, "--port", port)))
+        if config.display.enabled:
+            made.append(Child(DISPLAY, arguments=("--bus", str(bus), "--port", str(config.display.port))))
+        if self._zenoh_port is not None:
+            where = ("--bus", str(bus), "--session", config.session.name, "--port", str(self._zenoh_port))
+            made.append(Child(ZENOH, arguments=(*where, "--epoch-ns", str(self._clock.epoch_ns))))
         return made
 
-    @property
-    def _endpoint(self) -> str | None:
-        return self._hub.endpoint if self._hub else None
+    def _warn_of_bus(self, text: str) -> None:
+        """Called by the thread of the hub."""
+        self._loop.call_soon_threadsafe(self._bulletin.event, "warning", "bus", text)
 
     def _child(self, name: str) -> Child | None:
         return next((child for child in self._children if child.name == name), None)
@@ -158,14 +166,12 @@ class Supervisor:
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""
         try:
-            server = await serve_commands(self._run_dir.bind(), self._desk.obey, self._bulletin.report)
-            with contextlib.closing(server):
+            commands = await serve_commands(self._run_dir.bind(), self._desk.obey, self._bulletin.report)
+            with contextlib.closing(commands), serving(self._hub, self._warn_of_bus):
                 await self._record(duration_s)
         finally:
             self._run_dir.withdraw()
             await asyncio.to_thread(self._ending.close_own_files, self._board.recorder.get("storage", {}))
-            if self._hub:
-                self._hub.close()
             self._ring.close()
 
     async def _record(self, duration_s: float | None) -> None:
@@ -202,14 +208,14 @@ class Supervisor:
     def _on_died(self, child: Child, code: int) -> None:
         if self._keeper.stopping:
             return
-        if child.name != DISPLAY:
+        if child.name in (RECORDER, NAVIGATION):
             self._commander.on_child_ended(child.name)
         if child.name == RECORDER:
             self._result.add_dead_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
         if child.name == NAVIGATION and (why := self._trial.ended()):
-            child.order = self._preparation.navigation_order(self._places.all, self._endpoint, why)
+            child.order = self._preparation.navigation_order(self._places.all, self._hub.path, why)
         self._bulletin.event("error", child.name, ending.describe_restart(child, code))
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on
@@ -270,7 +276,7 @@ class Supervisor:
             session=str(self.folder.path),
             display=self._page.url,
             page=self._page.owner_url,
-            zenoh=self._hub.endpoint if self._hub else None,
+            zenoh=None if self._zenoh_port is None else describe_endpoint(self._zenoh_port),
             epoch_ns=self._clock.epoch_ns,
             sock=str(self._run_dir.control_socket),
         )

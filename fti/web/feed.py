@@ -7,6 +7,7 @@ A value that lies here grows older: ``age_ms`` = age when it was published + tim
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Mapping
@@ -51,7 +52,11 @@ class Received:
 
 def number(value: object, otherwise: float = 0.0) -> float:
     """A number from the bus, which is not trusted to be one."""
-    return float(value) if isinstance(value, int | float) else otherwise
+    try:
+        found = float(value) if isinstance(value, int | float) else otherwise
+    except OverflowError:  # a whole number of hundreds of digits
+        return otherwise
+    return found if math.isfinite(found) else otherwise
 
 
 class Feed:
@@ -70,7 +75,7 @@ class Feed:
         self._history = History()
 
     def take(self, topic: str, fields: Fields, now_ns: int) -> None:
-        """Take one message of the bus."""
+        """Take one message of the bus.  now_ns : when it was published, which counts as its arrival"""
         with self._lock:
             if topic == "/health":
                 self._health = Received(fields, now_ns)
@@ -83,6 +88,12 @@ class Feed:
                 self._history.take(topic, fields)
                 if topic == SOLUTION_TOPIC:
                     self._had |= {role for role in ("position", "attitude") if fields.get(f"{role}_source")}
+
+    def warn(self, source: str, text: str, now_ns: int) -> None:
+        """Show a warning of this display's own."""
+        with self._lock:
+            t_ns = self._fti_time_ns(now_ns)
+            self._events.append({"t_ns": t_ns, "level": "warning", "source": source, "text": text})
 
     def take_alive(self, process: str, is_alive: bool) -> None:
         """Take what the bus says about the life of a process."""

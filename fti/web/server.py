@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
+from typing import Any
 from weakref import WeakSet
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -67,6 +68,11 @@ def _walk(folder: Traversable, path: str) -> Iterator[tuple[str, Traversable]]:
 
 def _content_type(name: str) -> str:
     return CONTENT_TYPES.get("." + name.rpartition(".")[2], "application/octet-stream")
+
+
+def _to_json(message: Mapping[str, Any]) -> str:
+    """A message that every browser can read.  Raises ValueError for NaN, which the checks of the bus have refused."""
+    return json.dumps(message, allow_nan=False)
 
 
 def is_welcome(request: web.Request) -> bool:
@@ -143,13 +149,13 @@ class PageServer:
         self._sockets.add(socket)
         client = self._describe_client(request)
         try:
-            await socket.send_str(json.dumps(self._feed.history()))
+            await socket.send_str(_to_json(self._feed.history()))
             shown = 0
             while not socket.closed:
                 if shown != self.board.version:
                     shown = self.board.version
-                    await socket.send_str(json.dumps(self.board.message()))
-                await socket.send_str(json.dumps(self._feed.state(self._now_ns())))
+                    await socket.send_str(_to_json(self.board.message()))
+                await socket.send_str(_to_json(self._feed.state(self._now_ns())))
                 await self._pause(socket, client)
         except ConnectionResetError:
             pass  # the browser has gone
@@ -171,7 +177,7 @@ class PageServer:
             if message.type in CLOSED:
                 await socket.close()
             elif message.type is WSMsgType.TEXT and (answer := self._gate.obey(message.data, client)):
-                await socket.send_str(json.dumps(answer))
+                await socket.send_str(_to_json(answer))
                 if client.is_refused:
                     await socket.close(code=WSCloseCode.POLICY_VIOLATION)
 

@@ -1,14 +1,22 @@
 """The payload of the bus: ages, lateness, and nothing that JSON cannot say."""
 
+import contextlib
+import io
 import json
 import math
 from dataclasses import asdict
+from typing import Any
 
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 
 from fti.bus import message
-from fti.types import ClearanceIntegrity, HeightAboveGround, IntegrityState, Reason
+from fti.cli._watch_view import render
+from fti.types import ClearanceIntegrity, Event, HeightAboveGround, IntegrityState, Reason
+from fti.web.feed import Feed
+from tests.web.fake_feed import Approach, make_health, make_laboratory
 
 MAX_AGE_MS = 200.0
 
@@ -49,12 +57,148 @@ def test_integrity_keeps_every_field() -> None:
     assert found["state"] == "ok"
 
 
-@given(st.binary(max_size=40))
-def test_decode_takes_anything(payload: bytes) -> None:
-    found = message.decode(payload)
-    assert found is None or isinstance(found, dict)
+# ------------------------------------------------------------------------------------------------- what arrives
+
+HEIGHT = "/nav/height_above_ground/ra"
+TOPICS = {
+    **{topic: asdict(output) for topic, output in Approach().outputs(20.0, 20_000_000_000).items()},
+    "/health": make_health(20.0, 20_000_000_000, 0),
+    "/hil": make_laboratory(20.0),
+    "/event": asdict(Event(t_ns=1, level="info", source="test", text="it goes")),
+}
 
 
-def test_decode_is_the_inverse_of_encode() -> None:
-    assert message.decode(message.encode({"a": [1, "b", None]})) == {"a": [1, "b", None]}
-    assert message.decode(b"[1]") is None
+def refusal(topic: str, payload: bytes) -> str:
+    with pytest.raises(message.MessageError) as caught:
+        message.decode(topic, payload)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_what_the_daemon_says_is_taken_as_it_is(topic: str) -> None:
+    payload = message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS)
+    assert message.decode(topic, payload) == json.loads(payload)
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        (b'"age_ms":' + b"9" * 4000, "is not JSON"),
+        (b'"age_ms":1' + b"0" * 300, "a number beyond"),
+        (b'"age_ms":-9300000000000000000', "a number beyond"),
+        (b'"age_ms":NaN', "is not JSON"),
+        (b'"age_ms":-Infinity', "is not JSON"),
+        (b'"age_ms":1e999', "is not JSON"),
+        (b'"age_ms":"old"', "age_ms is text, not a number or a whole number"),
+        (b'"age_ms":true', "age_ms is a flag, not a number or a whole number"),
+        (b'"late":1', "late is a whole number, not a flag"),
+        (b'"sd":[]', "sd is a list, not a number or a whole number or null"),
+        (b'"reasons":"roll"', "reasons is text, not a list"),
+        (b'"reasons":[{}]', "reasons[0] is a table, not text"),
+        (b'"t_ns":1.5', "t_ns is a number, not a whole number"),
+        (b'"sensor":"\\ud800"', "is not JSON"),
+        (b'"sensor":"\xff"', "is not JSON"),
+        (b'"more":' + b"[" * 9 + b"]" * 9, "is nested more than 8 deep"),
+        (b'"more":' + b"[" * 20000 + b"]" * 20000, "is not JSON"),
+        (b'"more":"' + b"x" * 4097 + b'"', "a text of 4097 characters"),
+        (b'"more":"' + b"x" * 65536 + b'"', "bytes; at most 65536 are allowed"),
+    ],
+)
+def test_what_no_display_could_show_is_refused_with_the_reason(fields: bytes, why: str) -> None:
+    good = message.stamped(make_height(), 0, 0, MAX_AGE_MS)
+    assert why in refusal(HEIGHT, good[:-1] + b"," + fields + b"}")
+
+
+def test_a_field_that_is_missing_is_named_unless_it_came_with_a_later_version() -> None:
+    fields = make_height()
+    del fields["height_agl"]
+    assert refusal(HEIGHT, message.encode(fields)) == "height_agl is missing"
+    fields = make_height()
+    del fields["compensated"]
+    assert message.decode(HEIGHT, message.encode(fields))["compensated"] is None
+
+
+@pytest.mark.parametrize("topic", ["", "/", "/other", "nav", "@alive/navigation", "/nav" * 3000])
+def test_other_topics_are_refused(topic: str) -> None:
+    assert refusal(topic, b"{}") == "there is no such topic"
+
+
+def test_an_output_of_a_later_version_is_checked_for_what_all_have() -> None:
+    assert message.decode("/nav/later", b'{"t_ns":1,"valid":true}') == {"t_ns": 1, "valid": True}
+    assert "valid is null" in refusal("/nav/later", b'{"t_ns":1,"valid":null}')
+
+
+def test_an_event_with_a_very_long_text_is_shortened_not_lost() -> None:
+    event = {"t_ns": 1, "level": "error", "source": "unit", "text": "\ud800" + "é\n" * 10**6}
+    found = message.decode("/event", message.encode_event(event))
+    assert found["text"].startswith("?é\n")
+    assert (len(found["text"]), found["text"][-1]) == (4096, "…")
+
+
+# What JSON has, well and badly formed: an independent judge says what a display may meet.
+LEAVES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**30), 10**30),
+    st.floats(),
+    st.text(st.characters(codec=None), max_size=6),
+    st.just(10**3999),
+)
+VALUES = st.recursive(LEAVES, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3))
+
+
+def paths(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    return [path, *(found for key, item in inner for found in paths(item, (*path, key)))]
+
+
+def changed(value: Any, path: tuple[Any, ...], new: Any) -> Any:
+    if not path:
+        return new
+    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy[path[0]] = changed(copy[path[0]], path[1:], new)
+    return copy
+
+
+def show(topic: str, payload: bytes) -> None:
+    """What a display does with it, after one good message of each topic."""
+    feed = Feed(0)
+    for known, good in TOPICS.items():
+        feed.take(known, message.decode(known, message.stamped(good, 0, 0, MAX_AGE_MS)), 0)
+    try:
+        feed.take(topic, message.decode(topic, payload), 0)
+    except message.MessageError:
+        return
+    for now_ns in (0, 10**12):
+        json.dumps(feed.state(now_ns), allow_nan=False).encode()
+    Console(file=io.StringIO()).print(render(feed.state(0)))
+    json.dumps(feed.history(), allow_nan=False)
+
+
+NASTY = (None, True, -(2**63), 2**63, 1e18, -1e18, -1e-300, "", "x", [], {}, [None], {"x": {}})
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_every_field_may_be_anything_that_is_taken(topic: str) -> None:
+    """Page, terminal and plots live on.  Of links and devices one is enough."""
+    fields = json.loads(message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS))
+    different = {tuple("*" if n == 1 and len(path) > 2 else key for n, key in enumerate(path)): path for path in paths(fields)}
+    for path in different.values():
+        for value in NASTY:
+            show(topic, json.dumps(changed(fields, path, value)).encode())
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data(), st.sampled_from(list(TOPICS)))
+def test_whatever_is_taken_can_be_shown(data: st.DataObject, topic: str) -> None:
+    """Any field of any message is anything, or is missing: page, terminal and plots live on."""
+    fields = json.loads(message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS))
+    path = data.draw(st.sampled_from(paths(fields)))
+    fields = changed(fields, path, data.draw(VALUES))
+    show(topic, json.dumps(fields, ensure_ascii=data.draw(st.booleans())).encode(errors="surrogatepass"))
+
+
+@given(st.binary(max_size=60), st.sampled_from(list(TOPICS)))
+def test_any_bytes_are_a_message_or_refused(payload: bytes, topic: str) -> None:
+    with contextlib.suppress(message.MessageError):
+        message.decode(topic, payload)

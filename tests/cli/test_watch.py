@@ -5,6 +5,7 @@ import json
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from fti.bus.frame import SOCKET_NAME
 from fti.cli._watch_view import render
 from fti.cli.main import main
 from fti.web.feed import Feed
@@ -21,15 +23,18 @@ from tests.web.fake_feed import SESSION, FakeDaemon, make_clock, make_health, ma
 
 @pytest.fixture
 def daemon() -> Iterator[FakeDaemon]:
-    made = FakeDaemon(lead_s=60.0)
-    made.start()
-    yield made
-    made.close()
+    with tempfile.TemporaryDirectory(prefix="fti-") as runtime:  # short, for a socket
+        path = Path(runtime) / "fti" / "demo"
+        path.mkdir(parents=True, mode=0o700)
+        made = FakeDaemon(60.0, path / SOCKET_NAME)
+        made.start()
+        yield made
+        made.close()
 
 
 @pytest.fixture
-def run_dir(daemon: FakeDaemon, tmp_path: Path) -> Iterator[Path]:
-    with running_daemon(tmp_path / "fti" / SESSION, SESSION, daemon.hub.endpoint) as made:
+def run_dir(daemon: FakeDaemon) -> Iterator[Path]:
+    with running_daemon(daemon.hub.path.parent, SESSION) as made:
         yield made.path
 
 
@@ -65,7 +70,7 @@ def test_without_a_daemon_or_a_bus_it_says_so(tmp_path: Path, capsys: pytest.Cap
     assert "no daemon is running there" in capsys.readouterr().err
     with running_daemon(tmp_path):
         assert main(["watch", "--run-dir", str(tmp_path), "--once"]) == 2
-    assert "set bus.enabled = true" in capsys.readouterr().err
+    assert "there is no bus of this user" in capsys.readouterr().err
 
 
 def test_json_goes_on_until_interrupted(run_dir: Path) -> None:

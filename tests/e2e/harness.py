@@ -18,7 +18,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fti.bus.zenoh_bus import Subscriber
+from fti.bus.client import Subscriber
+from fti.bus.frame import SOCKET_NAME
 from tests.helpers import until
 from tests.processes import children_of
 
@@ -121,13 +122,13 @@ class Daemon:
 
     def health(self) -> dict[str, Any]:
         """The next health that the daemon publishes on the bus."""
-        info, said = self.info, queue.SimpleQueue[bytes]()
+        said = queue.SimpleQueue[bytes]()
 
-        def hear(topic: str, payload: bytes) -> None:
+        def hear(topic: str, payload: bytes, sent_ns: int) -> None:
             if topic == "/health":
                 said.put(payload)
 
-        subscriber = Subscriber.connect(info["zenoh"], info["name"], hear)
+        subscriber = Subscriber(Path(self.info["sock"]).with_name(SOCKET_NAME), "test", hear)
         try:
             found: dict[str, Any] = json.loads(said.get(timeout=START_S))
         finally:

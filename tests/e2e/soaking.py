@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fti.bus.zenoh_bus import Subscriber
+from fti.bus.client import Subscriber
+from fti.bus.frame import SOCKET_NAME
 from tests.e2e.aircraft import LINKS, Aircraft
 from tests.e2e.harness import Daemon, daemon, fti
 from tests.helpers import until
@@ -139,10 +140,9 @@ class _Health:
 
     def __init__(self, running: Daemon) -> None:
         self._said = queue.SimpleQueue[bytes]()
-        info = running.info
-        self._subscriber = Subscriber.connect(info["zenoh"], info["name"], self._hear)
+        self._subscriber = Subscriber(Path(running.info["sock"]).with_name(SOCKET_NAME), "test", self._hear)
 
-    def _hear(self, topic: str, payload: bytes) -> None:
+    def _hear(self, topic: str, payload: bytes, sent_ns: int) -> None:
         if topic == "/health":
             self._said.put(payload)
 

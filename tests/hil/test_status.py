@@ -11,13 +11,15 @@ from typing import Any
 
 import pytest
 
-from fti.bus.zenoh_bus import Hub, Subscriber
+from fti.bus.client import Subscriber
+from fti.bus.frame import SOCKET_NAME
 from fti.hil.faults import words
 from fti.hil.looping import before_others
 from fti.hil.power import BreakerState
 from fti.hil.status import Teller, describe
 from fti.hil.tables.kinds import Breaker, FaultKind, Fog, GnssOutage, Obstacle
 from fti.web.feed import HIL_FIELDS
+from tests.bus.running_hub import RunningHub
 from tests.hil.test_emulator import demo_config, make
 from tests.run_dirs import running_daemon
 
@@ -90,7 +92,7 @@ def test_it_is_told_to_the_daemon_that_comes_and_to_the_one_behind_it(tmp_path: 
         return describe(emulator)
 
     with Teller(describe_urgently, emulator.bench.clock, "demo", str(run_dir)):
-        for _ in range(2):  # the second daemon has another address
+        for _ in range(2):  # the second daemon has another hub
             found = first_word(run_dir)
             assert (found["topic"], found["scenario"], found["late"]) == ("/hil", "test", False)
             assert 0 <= found["age_ms"] < found["max_age_ms"]
@@ -102,13 +104,13 @@ def first_word(run_dir: Path) -> dict[str, Any]:
     """What is said first to a daemon that is there from now on."""
     said = queue.SimpleQueue[dict[str, Any]]()
 
-    def hear(topic: str, payload: bytes) -> None:
+    def hear(topic: str, payload: bytes, sent_ns: int) -> None:
         said.put({"topic": topic} | json.loads(payload))
 
     with (
-        closing(Hub.open(0, "demo")) as hub,
-        closing(Subscriber.connect(hub.endpoint, "demo", hear)),
-        running_daemon(run_dir, "demo", hub.endpoint),
+        running_daemon(run_dir, "demo"),
+        RunningHub(run_dir / SOCKET_NAME) as running,
+        closing(Subscriber(running.hub.path, "test", hear)),
     ):
         return said.get(timeout=120)
 

@@ -15,7 +15,6 @@ import pytest
 
 from fti import config as configuration
 from fti.buffers.ring import Ring
-from fti.bus.zenoh_bus import Publisher
 from fti.clock import FakeClock
 from fti.drivers import freeflight_ra4500 as ra
 from fti.drivers.imar_ixcom.options import NUMBERS
@@ -176,7 +175,7 @@ class World:
             config=config,
             epoch_ns=START_NS,
             texts={},
-            endpoint="here",
+            bus="nowhere",
             attachments={},
             metadata={},
         )
@@ -198,7 +197,7 @@ class World:
             patch.setattr(navigating, "time", self)
             patch.setattr(navigating, "READ_LIMIT", READ_LIMIT)
             patch.setattr(Chain, "feed", slow_feed)
-            patch.setattr(Publisher, "connect", lambda *_: self)
+            patch.setattr(navigating, "Publisher", lambda *_: self)
             navigator = self.navigator()
             navigator.run()
         navigator._ring.close()
@@ -211,9 +210,6 @@ class World:
         said = json.loads(payload)
         if topic.startswith("/nav/height"):
             self.ages.append((self.now_s, said["age_ms"], said["valid"]))
-
-    def alive(self, process: str) -> None:
-        """Somebody is there."""
 
     def close(self) -> None:
         """Nobody is there any more."""

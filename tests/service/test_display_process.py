@@ -108,7 +108,8 @@ def test_a_port_in_use_is_one_sentence(
 
 
 def test_a_missing_bus_is_one_sentence(daemon: FakeDaemon, capfd: pytest.CaptureFixture[str]) -> None:
-    daemon.hub.endpoint = "tcp/127.0.0.1:1"
+    daemon.hub.path.unlink()
     with pytest.raises(ConnectionError, match="the display ended"):
         DisplayProcess(daemon)
-    assert capfd.readouterr().err == "fti display: no bus at tcp/127.0.0.1:1; is the daemon running?\n"
+    expected = f"fti display: {daemon.hub.path}: there is no bus of this user; is the daemon running?\n"
+    assert capfd.readouterr().err == expected

@@ -16,10 +16,11 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+from fti.bus.client import Publisher
 from fti.bus.message import encode, stamped
-from fti.bus.zenoh_bus import Hub, Publisher
 from fti.types import (
     ClearanceIntegrity,
     Event,
@@ -34,6 +35,7 @@ from fti.types import (
     Reason,
     VerticalSolution,
 )
+from tests.bus.running_hub import RunningHub
 
 SESSION = "da42_20260412T093107_1"
 #: Of the owner, as the supervisor makes it at each start.
@@ -298,11 +300,12 @@ class FakeDaemon:
     change_health, change_integrity : may rewrite each message
     solution : fields of the navigation solution that are other ones
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
-    lead_s : how much of the approach has been flown at the start
+    lead_s : how much of the approach has been flown at the start; path : of the socket, None for a temporary one
     """
 
-    def __init__(self, lead_s: float = 0.0) -> None:
-        self.hub = Hub.open(0, SESSION)
+    def __init__(self, lead_s: float = 0.0, path: Path | None = None) -> None:
+        self._running = RunningHub(path)
+        self.hub = self._running.hub
         self.muted: set[str] = set()
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
@@ -318,9 +321,7 @@ class FakeDaemon:
 
     def start(self) -> None:
         """Begin to publish; the lead goes first, so that a display that listens has its plots full."""
-        self.hub.alive("supervisor")
-        self._navigation = Publisher.connect(self.hub.endpoint, SESSION)
-        self._navigation.alive("navigation")
+        self._navigation = Publisher(self.hub.path, "navigation")
         for i in range(round(self._lead_s / PERIOD_S)):
             self._send_outputs(i * PERIOD_S)
         self._thread.start()
@@ -340,7 +341,7 @@ class FakeDaemon:
         self._ending.set()
         self._thread.join()
         self.stop_navigation()
-        self.hub.close()
+        self._running.close()
 
     def _run(self) -> None:
         begin = time.monotonic()
@@ -392,7 +393,7 @@ class DisplayProcess:
     def __init__(self, daemon: FakeDaemon, port: int = 0) -> None:
         self.control, theirs = socket.socketpair()
         fd = str(theirs.fileno())
-        where = ["--endpoint", daemon.hub.endpoint, "--session", SESSION, "--port", str(port), "--control-fd", fd]
+        where = ["--bus", str(daemon.hub.path), "--port", str(port), "--control-fd", fd]
         command = [sys.executable, "-m", "fti.service.display", *where]
         self.process = subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True)
         theirs.close()

@@ -3,6 +3,7 @@
 import { fixed, isNumber, plusMinus } from "./format.js";
 import { h, setAttribute, setText } from "./dom.js";
 
+const LAST_DATE_MS = 8.64e15; // what a Date can hold
 const LONG_MS = 10_000; // a larger offset is read in seconds
 const NAMES = { gps: "GPS clock", utc: "UTC clock", boot: "own clock" };
 const STATES = { learning: "learning: arrival counts", away: "does not fit: arrival counts" };
@@ -29,7 +30,7 @@ export class ClockRow {
 
 // A clock that counts from the moment of power-on says when that was; any other one, what it shows beside FTI time.
 function offset({ scale, offset_ms: value, offset_sd_ms: sd }) {
-  if (!isNumber(value)) return fixed(null);
+  if (!isNumber(value) || Math.abs(value) > LAST_DATE_MS) return fixed(null);
   if (scale === "boot") return `on at ${new Date(-value).toISOString().slice(11, 23)}`;
   return Math.abs(value) < LONG_MS ? `${withSigma(value, sd)} ms` : `${fixed(value / 1000, 3, { sign: true })} s`;
 }

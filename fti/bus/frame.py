@@ -1,0 +1,129 @@
+"""The wire format of the bus inside the daemon: frames on a Unix stream socket.
+
+    payload length  u32   bytes of the payload
+    topic length    u16   bytes of the topic
+    sent            i64   CLOCK_MONOTONIC when it was published [ns]; one machine, so every process can compare it
+    topic, payload        UTF-8 and bytes, all numbers little-endian
+
+Topics that begin with ``@`` belong to the bus itself: ``@publish`` and ``@subscribe`` (payload: name of the process) are
+the first frame of a client; ``@alive/<process>`` (payload ``1`` or ``0``) says that a publisher has come or gone.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+#: Name of the socket in the run directory.
+SOCKET_NAME = "bus.sock"
+PUBLISH, SUBSCRIBE, ALIVE = "@publish", "@subscribe", "@alive/"
+EVENT = "/event"
+MAX_TOPIC_BYTES = 200
+#: Largest payload by topic [B]; health has a table for each link, a display keeps 256 outputs and 50 events.
+MAX_BYTES = {"/health": 4 * 2**20, "/hil": 2**20}
+MAX_OTHER_BYTES = 2**16
+RECEIVE_BYTES = 2**18
+_HEAD = struct.Struct("<IHq")
+_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
+
+
+class FrameError(ValueError):
+    """What arrived is not a frame, or is too large."""
+
+
+class Frame(NamedTuple):
+    """One message, and the bytes that it came in."""
+
+    topic: str
+    sent_ns: int
+    raw: bytes
+
+    @property
+    def payload(self) -> bytes:
+        """The content."""
+        return self.raw[_HEAD.size + len(self.topic.encode()) :]
+
+
+def max_bytes(topic: str) -> int:
+    """How large the payload of a topic may be."""
+    return MAX_BYTES.get(topic, MAX_OTHER_BYTES)
+
+
+def make_frame(topic: str, payload: bytes) -> Frame:
+    """A message that is published now.  Raises FrameError when topic or payload is too large."""
+    name = topic.encode(errors="surrogatepass")
+    _check_size(topic, len(name), len(payload))
+    sent_ns = time.monotonic_ns()
+    return Frame(topic, sent_ns, _HEAD.pack(len(payload), len(name), sent_ns) + name + payload)
+
+
+def _check_size(topic: str, topic_bytes: int, payload_bytes: int) -> None:
+    if topic_bytes > MAX_TOPIC_BYTES:
+        raise FrameError(f"a topic of {topic_bytes} bytes; at most {MAX_TOPIC_BYTES} are allowed")
+    if payload_bytes > max_bytes(topic):
+        raise FrameError(f"{topic!a}: a message of {payload_bytes} bytes; at most {max_bytes(topic)} are allowed")
+
+
+class FrameReader:
+    """Cuts what arrives on a connection into frames."""
+
+    def __init__(self) -> None:
+        self._received = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[Frame]:
+        """The frames that are complete now.  Raises FrameError at what cannot be one; the connection is useless then."""
+        self._received += data
+        begin = 0
+        try:
+            while (end := self._find_end(begin)) is not None:
+                raw = bytes(self._received[begin:end])
+                begin = end
+                yield _parse(raw)
+        finally:
+            del self._received[:begin]
+
+    def _find_end(self, begin: int) -> int | None:
+        """Where the frame ends that begins here; None while it has not arrived."""
+        if len(self._received) < begin + _HEAD.size:
+            return None
+        payload_bytes, topic_bytes, _ = _HEAD.unpack_from(self._received, begin)
+        if topic_bytes > MAX_TOPIC_BYTES or payload_bytes > max(MAX_BYTES.values()):
+            raise FrameError(f"a message of {payload_bytes} bytes on a topic of {topic_bytes} bytes")
+        end: int = begin + _HEAD.size + topic_bytes + payload_bytes
+        return end if len(self._received) >= end else None
+
+
+def _parse(raw: bytes) -> Frame:
+    payload_bytes, topic_bytes, sent_ns = _HEAD.unpack_from(raw)
+    try:
+        topic = raw[_HEAD.size : _HEAD.size + topic_bytes].decode()
+    except UnicodeDecodeError:
+        raise FrameError("a topic that is not UTF-8") from None
+    _check_size(topic, topic_bytes, payload_bytes)
+    return Frame(topic, sent_ns, raw)
+
+
+def peer_uid(sock: socket.socket) -> int:
+    """The user at the other end, as the kernel says."""
+    _, uid, _ = _CREDENTIALS.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+    return int(uid)
+
+
+def connect(path: Path, first_topic: str, process: str) -> socket.socket | None:
+    """A connection to the hub of this user, with the first frame sent; None when there is no such hub."""
+    sock = socket.socket(socket.AF_UNIX)
+    try:
+        sock.setblocking(False)  # a hub that stands still with a full backlog refuses at once
+        sock.connect(str(path))
+        if peer_uid(sock) == os.getuid():
+            sock.send(make_frame(first_topic, process.encode()).raw)
+            return sock
+    except OSError:
+        pass
+    sock.close()
+    return None

@@ -1,0 +1,233 @@
+"""The hub of the bus inside the daemon: takes the messages of publishers and hands them to subscribers.
+
+It listens on a Unix socket in the run directory, for the owner alone: the file has mode 0600 and the kernel names the
+user of each connection.  The supervisor hosts it, because it survives navigation and display, in a thread of its own;
+the hub looks at the head of a message only.  Nobody waits for anybody (see ``fti.bus.outbox``).
+
+A publisher names itself when it connects and may only use the topics of that name.  While its connection lasts the
+process is alive, and the kernel ends the connection with the process, however that ends.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import socket
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, Frame, FrameError, FrameReader, make_frame, peer_uid
+from fti.bus.outbox import Outbox
+from fti.errors import MissingError
+
+#: Who may publish, and what.
+PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
+MAX_CONNECTIONS = 64
+#: Told of what was refused or lost, in words; called by the thread of the hub.
+Tell = Callable[[str], None]
+
+
+@dataclass(slots=True, eq=False)
+class _Client:
+    """A connection.  outbox : of a subscriber; name : once it has said who it is"""
+
+    sock: socket.socket
+    reader: FrameReader = field(default_factory=FrameReader)
+    name: str = ""
+    outbox: Outbox | None = None
+    reported: bool = False
+
+
+class Hub:
+    """Listens from the beginning; ``serve`` does the work.  tell : see ``Tell``"""
+
+    def __init__(self, path: Path, tell: Tell) -> None:
+        self.path = path
+        self._tell = tell
+        self._listener = _bind(path)
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._own: deque[Frame] = deque(maxlen=1024)
+        self._clients: set[_Client] = set()
+        self._alive: Counter[str] = Counter()
+        self._too_large: set[str] = set()
+        self._ending = False
+        self._selector = selectors.EpollSelector()
+        self._selector.register(self._listener, selectors.EVENT_READ)
+        self._selector.register(self._wake, selectors.EVENT_READ)
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        """Send a message of the supervisor's own; from any thread, never waits.  One that is too large is told of."""
+        if self._ending:
+            return
+        try:
+            self._own.append(make_frame(topic, payload))
+        except FrameError as error:
+            if topic not in self._too_large:
+                self._too_large.add(topic)
+                self._tell(str(error))
+        os.eventfd_write(self._wake, 1)
+
+    @property
+    def is_ending(self) -> bool:
+        """``end`` was called."""
+        return self._ending
+
+    def end(self) -> None:
+        """Have ``serve`` return, after what is queued."""
+        self._ending = True
+        os.eventfd_write(self._wake, 1)
+
+    def close(self) -> None:
+        """Close every connection; after ``serve`` has returned."""
+        for client in self._clients:
+            client.sock.close()
+        self._clients.clear()
+        self._selector.close()
+        self._listener.close()
+        os.close(self._wake)
+        self.path.unlink(missing_ok=True)
+
+    def serve(self) -> None:
+        """Work until ``end``; may be called again after an exception."""
+        while True:
+            ending = self._ending  # what was published before is sent
+            for key, events in self._selector.select(timeout=0 if ending else None):
+                if isinstance(key.data, _Client):
+                    self._attend(key.data, events)
+                elif key.fileobj is self._listener:
+                    self._accept()
+                else:
+                    os.eventfd_read(self._wake)
+            while self._own:
+                self._spread(self._own.popleft())
+            self._flush()
+            if ending:
+                return
+
+    # -------------------------------------------------------------------------------------------------- connections
+
+    def _accept(self) -> None:
+        try:
+            sock, _ = self._listener.accept()
+        except OSError:  # gone again, or no descriptor is left: it may come again
+            return
+        if peer_uid(sock) != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
+            self._tell(f"a connection of user {peer_uid(sock)} is refused ({len(self._clients)} are open)")
+            sock.close()
+            return
+        sock.setblocking(False)
+        client = _Client(sock)
+        self._clients.add(client)
+        self._selector.register(sock, selectors.EVENT_READ, client)
+
+    def _attend(self, client: _Client, events: int) -> None:
+        """Take what a client sent.  Whatever goes wrong, it is this client that goes."""
+        healthy = False
+        try:
+            healthy = not events & selectors.EVENT_READ or self._receive(client)
+        except FrameError as error:
+            self._tell(f"{client.name or 'a client'}: {error}; the connection is closed")
+        finally:
+            if not healthy:
+                self._drop(client)
+
+    def _receive(self, client: _Client) -> bool:
+        """Is it still there?"""
+        try:
+            data = client.sock.recv(RECEIVE_BYTES)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        for frame in client.reader.feed(data):
+            if client.name:
+                self._take(client, frame)
+            else:
+                self._join(client, frame)
+        return bool(data)
+
+    def _join(self, client: _Client, frame: Frame) -> None:
+        """The first frame: who it is.  Raises FrameError when it may not be that."""
+        name = frame.payload.decode(errors="replace")
+        if frame.topic == SUBSCRIBE and name:
+            client.outbox = Outbox()
+            for process in self._alive:
+                client.outbox.add(make_frame(ALIVE + process, b"1"))
+        elif frame.topic == PUBLISH and name in PUBLISHERS:
+            self._alive[name] += 1
+            self._spread(make_frame(ALIVE + name, b"1"))
+        else:
+            raise FrameError(f"{name[:80]!a} may not publish or subscribe")
+        client.name = name
+
+    def _take(self, client: _Client, frame: Frame) -> None:
+        if client.outbox is None and frame.topic.startswith(PUBLISHERS[client.name]):
+            self._spread(frame)
+        elif not client.reported:
+            client.reported = True
+            self._tell(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+
+    def _drop(self, client: _Client) -> None:
+        if client not in self._clients:
+            return
+        self._clients.discard(client)
+        self._selector.unregister(client.sock)
+        client.sock.close()
+        if client.outbox is None and client.name:
+            self._alive[client.name] -= 1
+            if not self._alive[client.name]:
+                del self._alive[client.name]
+                self._spread(make_frame(ALIVE + client.name, b"0"))
+
+    # ----------------------------------------------------------------------------------------------------- messages
+
+    def _spread(self, frame: Frame) -> None:
+        for client in self._clients:
+            if client.outbox is not None:
+                client.outbox.add(frame)
+
+    def _flush(self) -> None:
+        """Send what the subscribers take now; the rest goes when they take more."""
+        for client in [*self._clients]:
+            if client.outbox and not self._send(client, client.outbox):
+                self._drop(client)
+
+    def _send(self, client: _Client, outbox: Outbox) -> bool:
+        """Is it still there?"""
+        while outbox:
+            data = outbox.next_bytes()
+            try:
+                sent = client.sock.send(data)
+            except BlockingIOError:
+                sent = 0
+            except OSError:
+                return False
+            outbox.keep(data[sent:])
+            if sent < len(data):
+                break
+        waits = selectors.EVENT_WRITE if outbox else 0
+        if self._selector.get_key(client.sock).events != selectors.EVENT_READ | waits:
+            self._selector.modify(client.sock, selectors.EVENT_READ | waits, client)
+        if outbox.lost and not waits:
+            self._tell(f"{client.name} read too slowly: {outbox.lost} messages are lost")
+            outbox.lost = 0
+        return True
+
+
+def _bind(path: Path) -> socket.socket:
+    """A socket that nobody else can open at any moment.  Raises MissingError when the path cannot be one."""
+    path.unlink(missing_ok=True)
+    sock = socket.socket(socket.AF_UNIX)
+    before = os.umask(0o177)
+    try:
+        sock.bind(str(path))
+        sock.listen(MAX_CONNECTIONS)
+    except OSError as error:
+        sock.close()
+        raise MissingError(f"{path}: cannot be the socket of the bus: {error.strerror}; choose another --run-dir") from None
+    finally:
+        os.umask(before)
+    sock.setblocking(False)
+    return sock

@@ -1,0 +1,25 @@
+"""Where foreign zenoh clients find the outputs; known before zenoh is loaded."""
+
+from __future__ import annotations
+
+import socket
+
+from fti.errors import MissingError
+
+LOOPBACK = "127.0.0.1"
+
+
+def choose_port(port: int) -> int:
+    """The port, or a free one for 0.  Raises MissingError when it is in use."""
+    try:
+        with socket.create_server((LOOPBACK, port)) as server:
+            chosen: int = server.getsockname()[1]
+    except OSError as error:
+        why = f"cannot be used on {LOOPBACK}: {error.strerror}"
+        raise MissingError(f"bus.port = {port}: {why}; 0 takes a free one") from None
+    return chosen
+
+
+def describe_endpoint(port: int) -> str:
+    """The endpoint as zenoh writes it."""
+    return f"tcp/{LOOPBACK}:{port}"

@@ -1,0 +1,183 @@
+"""What each message of the bus must look like, as far as a display relies on it.
+
+A shape is a set of JSON types, a list of one shape, or a table of shapes.  In a table, ``name?`` may be missing and
+``*`` stands for every other name; other names than those listed are allowed.  The shapes of outputs are those of their
+classes in ``fti.types``.
+"""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from fti.logger.derived_log import snake_case
+from fti.types import HeightAboveGround, Output
+
+
+class Maybe(NamedTuple):
+    """A shape, or null."""
+
+    shape: Any
+
+
+Shape = frozenset[type] | list[Any] | dict[str, Any] | Maybe
+
+#: Foreign topics must not fill the memory.
+TOPICS_CACHED = 512
+NULL = type(None)
+TEXT: Shape = frozenset({str})
+WHOLE: Shape = frozenset({int})
+FLAG: Shape = frozenset({bool})
+NUMBER: Shape = frozenset({int, float})
+MAYBE_TEXT: Shape = frozenset({str, NULL})
+MAYBE_NUMBER: Shape = frozenset({int, float, NULL})
+COUNTS: Shape = {"*": WHOLE}
+TEXTS: Shape = [TEXT]
+
+STAMP: Shape = {"age_ms?": NUMBER, "max_age_ms?": NUMBER, "late?": FLAG}
+#: An output that this program does not know: what every one has.
+ANY_OUTPUT: Shape = {**STAMP, "t_ns?": WHOLE, "valid?": FLAG, "reasons?": TEXTS, "unchecked?": TEXTS, "state?": TEXT}
+EVENT: Shape = {"t_ns": WHOLE, "level": TEXT, "source": TEXT, "text": TEXT}
+_LATENESS: Shape = {"messages": WHOLE, "p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER, "max_ms": MAYBE_NUMBER}
+HIL: Shape = {
+    **STAMP,
+    "scenario": TEXT,
+    "flight_s": MAYBE_NUMBER,
+    "duration_s": MAYBE_NUMBER,
+    "devices": {"*": {"breaker": MAYBE_TEXT, "messages": WHOLE, "faults": TEXTS}},
+    "faults": [{"kind": TEXT, "words": TEXT, "on": TEXTS, "until_s": MAYBE_NUMBER}],
+    "supply_v": MAYBE_NUMBER,
+    "lateness": _LATENESS,
+    "holds": FLAG,
+    "not_held": TEXTS,
+}
+_LINK: Shape = {
+    "kind?": TEXT,
+    "state": TEXT,
+    "hint?": MAYBE_TEXT,
+    "bytes": WHOLE,
+    "frames?": WHOLE,
+    "rate_hz?": MAYBE_NUMBER,
+    "age_ms?": MAYBE_NUMBER,
+    "dropped_frames": WHOLE,
+    "dropped_bytes?": WHOLE,
+    "tx_frames?": WHOLE,
+    "load?": {"*": NUMBER},
+    "ledger?": {"errors?": COUNTS},
+}
+_CLOCK: Shape = {
+    "scale": TEXT,
+    "state": TEXT,
+    "used": FLAG,
+    **dict.fromkeys(("offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"), MAYBE_NUMBER),
+}
+_DEVICE: Shape = {
+    "driver?": TEXT,
+    "state": TEXT,
+    "hint?": MAYBE_TEXT,
+    "rate_hz?": MAYBE_NUMBER,
+    "age_ms?": MAYBE_NUMBER,
+    "skipped?": COUNTS,
+    "clocks?": [_CLOCK],
+}
+HEALTH: Shape = {
+    "t_ns": WHOLE,
+    "session": {"name": TEXT, "origin?": TEXT, "mode?": TEXT, "state": TEXT, "started_ns?": WHOLE},
+    "processes": {"*": {"state": TEXT, "pid?": frozenset({int, NULL}), "restarts?": WHOLE}},
+    "links": {"*": _LINK},
+    "devices": {"*": _DEVICE},
+    "storage": {
+        "state?": TEXT,
+        "hint?": MAYBE_TEXT,
+        **{f"{name}?": MAYBE_NUMBER for name in ("file_bytes", "file_age_s", "free_mb")},
+    },
+    "navigation": {
+        "lag_ms?": MAYBE_NUMBER,
+        "output_delay?": Maybe({"p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER}),
+        "ring_lost_frames?": WHOLE,
+        "last_seq?": WHOLE,
+    },
+}
+
+
+@lru_cache(TOPICS_CACHED)
+def shape_of(topic: str) -> Shape | None:
+    """What a topic's messages must look like; None for a topic that the bus does not have."""
+    fixed = {"/health": HEALTH, "/event": EVENT, "/hil": HIL}
+    if topic in fixed:
+        return fixed[topic]
+    if not topic.startswith("/nav/"):
+        return None
+    name, _, sensor = topic.removeprefix("/nav/").partition("/")
+    cls = _outputs().get(name)
+    if cls is None or bool(sensor) != (cls is HeightAboveGround):
+        return ANY_OUTPUT
+    hints = typing.get_type_hints(cls)
+    shapes = {f.name + ("" if f.default is MISSING else "?"): _shape_of_hint(hints[f.name]) for f in fields(cls)}
+    return {**STAMP, **shapes}
+
+
+@lru_cache(TOPICS_CACHED)
+def defaults_of(topic: str) -> Mapping[str, Any]:
+    """Fields that a publisher of an earlier version does not know, with what they are then."""
+    cls = _outputs().get(topic.removeprefix("/nav/").partition("/")[0])
+    return {f.name: f.default for f in fields(cls) if f.default is not MISSING} if cls else {}
+
+
+def _outputs() -> dict[str, type]:
+    return {snake_case(cls.__name__): cls for cls in typing.get_args(Output)}
+
+
+def _shape_of_hint(hint: Any) -> Shape:
+    if typing.get_origin(hint) is tuple:
+        return [_shape_of_hint(typing.get_args(hint)[0])]
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    found: set[type] = set()
+    for option in options:
+        if option is float:
+            found |= {int, float, NULL}  # NaN is null
+        else:
+            found.add(str if issubclass(option, str) else option)
+    return frozenset(found)
+
+
+def misfit(value: Any, shape: Shape, name: str = "") -> str | None:
+    """Which field is not as it must be, in words; None when all are."""
+    if isinstance(shape, Maybe):
+        return None if value is None else misfit(value, shape.shape, name)
+    if isinstance(shape, frozenset):
+        if type(value) in shape:
+            return None
+        return f"{name or 'the message'} is {_name(type(value))}, not {' or '.join(sorted(map(_name, shape)))}"
+    if isinstance(shape, list):
+        if type(value) is not list:
+            return f"{name} is {_name(type(value))}, not a list"
+        return next((found for n, item in enumerate(value) if (found := misfit(item, shape[0], f"{name}[{n}]"))), None)
+    if type(value) is not dict:
+        return f"{name or 'the message'} is {_name(type(value))}, not a table"
+    return _misfit_of_table(value, shape, f"{name}." if name else "")
+
+
+def _misfit_of_table(table: dict[str, Any], shape: dict[str, Any], prefix: str) -> str | None:
+    for key, inner in shape.items():
+        if key == "*":
+            pairs = list(table.items())
+        elif (name := key.removesuffix("?")) in table:
+            pairs = [(name, table[name])]
+        elif key.endswith("?"):
+            continue
+        else:
+            return f"{prefix}{key} is missing"
+        for name, value in pairs:
+            if found := misfit(value, inner, f"{prefix}{name[:80]}"):
+                return found
+    return None
+
+
+def _name(kind: type) -> str:
+    names = {str: "text", int: "a whole number", float: "a number", bool: "a flag", NULL: "null", dict: "a table"}
+    return names.get(kind, "a list")

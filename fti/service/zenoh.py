@@ -1,0 +1,110 @@
+"""The zenoh process: gives what is on the bus to foreign zenoh clients, who can only read.
+
+It is there when ``[bus]`` asks for it.  zenoh is a library in Rust that panics at times (a real-time clock before 1970 or
+after 2106 is enough); here that harms nobody else.  After a failure it is tried again every five seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import select
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from fti.bus.client import Subscriber
+from fti.bus.zenoh_endpoint import ZenohEndpoint
+from fti.clock import SystemClock
+from fti.service.control import Channel, adopt_channel
+from fti.service.guard import guarded
+
+PROCESS = "zenoh"
+RETRY_S = 5.0
+
+
+class Relay:
+    """From the bus to zenoh.
+
+    bus : socket of the bus; session, port : of the endpoint; clock : for events; channel : to the supervisor
+    """
+
+    def __init__(self, bus: Path, session: str, port: int, *, clock: SystemClock, channel: Channel) -> None:
+        self._bus, self._session, self._port = bus, session, port
+        self._clock, self._channel = clock, channel
+        self._endpoint: ZenohEndpoint | None = None
+        self._subscriber: Subscriber | None = None
+        self._failed = False
+        self._told = ""
+
+    def run(self) -> None:
+        """Until the supervisor says stop or has gone."""
+        while True:
+            if self._endpoint is None:
+                with guarded(PROCESS, self._report):
+                    self._open()
+            if self._is_over():
+                break
+            if self._failed:
+                self._close()
+        self._close()
+
+    def _open(self) -> None:
+        self._endpoint = ZenohEndpoint.open(self._port, self._session)
+        self._failed = False
+        self._subscriber = Subscriber(self._bus, PROCESS, self._publish, self._set_alive)
+
+    def _close(self) -> None:
+        subscriber, self._subscriber = self._subscriber, None
+        endpoint, self._endpoint = self._endpoint, None
+        with guarded(PROCESS, self._report):
+            if subscriber:
+                subscriber.close()
+            if endpoint:
+                endpoint.close()
+
+    def _publish(self, topic: str, payload: bytes, sent_ns: int) -> None:
+        if self._endpoint and not self._failed:
+            with guarded(PROCESS, self._report):
+                self._endpoint.publish(topic, payload)
+
+    def _set_alive(self, process: str, is_alive: bool) -> None:
+        if self._endpoint and not self._failed:
+            with guarded(PROCESS, self._report):
+                self._endpoint.set_alive(process, is_alive)
+
+    def _is_over(self) -> bool:
+        """Wait for a word of the supervisor for so long."""
+        select.select([self._channel], [], [], RETRY_S)
+        return any(message.get("stop") for message in self._channel.receive()) or self._channel.ended
+
+    def _report(self, unit: str, error: Exception) -> None:
+        """Tell of a failure once; the next one only if it is another."""
+        self._failed = True
+        text = f"foreign clients get nothing: {error}"
+        if text != self._told:
+            self._told = text
+            event = {"level": "warning", "source": unit, "text": text, "t_ns": self._clock.now_ns()}
+            self._channel.send({"event": event})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """``python -m fti.service.zenoh``: started by the supervisor alone."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bus", required=True, type=Path)
+    parser.add_argument("--session", required=True)
+    parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--epoch-ns", type=int, required=True)
+    parser.add_argument("--control-fd", type=int, required=True)
+    args = parser.parse_args(argv)
+    for number in (signal.SIGINT, signal.SIGTERM):  # the supervisor decides when it ends
+        signal.signal(number, signal.SIG_IGN)
+    channel = adopt_channel(args.control_fd)
+    relay = Relay(args.bus, args.session, args.port, clock=SystemClock(args.epoch_ns), channel=channel)
+    channel.send({"ready": True})
+    relay.run()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""A hub of the bus that works, for tests."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from pathlib import Path
+
+from fti.bus.frame import SOCKET_NAME
+from fti.bus.hub import Hub
+from fti.service.bus_thread import serving
+
+
+class RunningHub:
+    """Until ``close``, or as a context.  told : what it had to say; path : in a short directory, or where it was asked"""
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._ending = contextlib.ExitStack()
+        folder = self._ending.enter_context(tempfile.TemporaryDirectory(prefix="fti-bus-"))
+        self.told: list[str] = []
+        self.hub = Hub(path or Path(folder) / SOCKET_NAME, self.told.append)
+        self._ending.enter_context(serving(self.hub, self.told.append))
+
+    def __enter__(self) -> RunningHub:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End it."""
+        self._ending.close()
