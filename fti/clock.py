@@ -1,8 +1,9 @@
 """The only place that reads clocks.  Imported by links and service alone; everything else is told the time.
 
 FTI time = CLOCK_MONOTONIC + epoch.  The epoch is real time at session start rounded to one tick, 20 ms: FTI time is
-UTC to 10 ms, as far as the real-time clock is, and ticks are at multiples of 20 ms on both clocks.  It is written once
-and never corrected, so a step of the real-time clock cannot tear a recording.
+UTC to 10 ms, as far as the real-time clock is, and ticks are at multiples of 20 ms on both clocks.  Where real time
+cannot be right, FTI time begins at 2000-01-01.  The epoch is written once and never corrected, so a step of the
+real-time clock cannot tear a recording.
 
 CLOCK_REALTIME - CLOCK_MONOTONIC is constant while the real-time clock is only slewed: the kernel slews both alike
 (clock_gettime(2)).  It changes with a step, and then stamps that the kernel took before the step cannot be carried
@@ -28,6 +29,9 @@ EPOCH_STEP_NS = 20_000_000
 MAX_QUEUE_DELAY_NS = SECOND_NS
 #: So many steps of the real-time clock are remembered; more only has a clock that is set all the time.
 MAX_STEPS = 100
+#: Real time is believed from 1970 until 32 bits of seconds are full; else FTI time begins at 2000-01-01.
+REALTIME_END_NS = 2**32 * SECOND_NS
+FALLBACK_NS = 946_684_800 * SECOND_NS
 #: Clocks have been read together when no more than this passed; so often it is tried.
 TOGETHER_NS = 20_000
 CLOCK_READINGS = 5
@@ -67,6 +71,11 @@ class Reading(NamedTuple):
     offset_ns: int
     width_ns: int
 
+    @property
+    def realtime_ns(self) -> int:
+        """CLOCK_REALTIME [ns]."""
+        return self.monotonic_ns + self.offset_ns
+
 
 def read_clocks() -> Reading:
     """Both clocks; when something came in between they are read again, and the closest reading counts."""
@@ -87,8 +96,28 @@ def _read_once() -> Reading:
 
 
 def choose_epoch_ns() -> int:
-    """Offset [ns] from CLOCK_MONOTONIC to FTI time: that to real time now, rounded to ``EPOCH_STEP_NS``."""
-    return (read_clocks().offset_ns + EPOCH_STEP_NS // 2) // EPOCH_STEP_NS * EPOCH_STEP_NS
+    """Offset [ns] from CLOCK_MONOTONIC to FTI time: that to real time now, rounded to ``EPOCH_STEP_NS``.
+
+    Where real time cannot be right (``describe_wrong_time``), FTI time begins within a step of ``FALLBACK_NS``.
+    """
+    now = read_clocks()
+    if _is_wrong(now):
+        return -((now.monotonic_ns - FALLBACK_NS) // EPOCH_STEP_NS) * EPOCH_STEP_NS
+    return (now.offset_ns + EPOCH_STEP_NS // 2) // EPOCH_STEP_NS * EPOCH_STEP_NS
+
+
+def describe_wrong_time() -> str | None:
+    """A sentence about a real-time clock that no file can hold: before 1970 or after 2106; None for others."""
+    if not _is_wrong(now := read_clocks()):
+        return None
+    when = "before 1970" if now.realtime_ns < SECOND_NS else "after 2106"
+    return (
+        f"the real-time clock is {when}; times of this session count from 2000-01-01T00:00:00Z instead; set the clock"
+    )
+
+
+def _is_wrong(now: Reading) -> bool:
+    return not SECOND_NS <= now.realtime_ns < REALTIME_END_NS  # rounded, and still not before 1970
 
 
 class Step(NamedTuple):

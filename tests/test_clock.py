@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 
 import pytest
 from hypothesis import given
@@ -19,6 +20,7 @@ from fti.clock import (
     Step,
     SystemClock,
     choose_epoch_ns,
+    describe_wrong_time,
 )
 from fti.types import TICK_PERIOD_NS
 
@@ -57,6 +59,36 @@ def test_ticks_are_at_multiples_of_their_period_on_both_clocks(monkeypatch: pyte
     Hands(monkeypatch, monotonic=77 * SECOND_NS + 5, realtime=77 * SECOND_NS + 5 + offset_ns)
     assert EPOCH_STEP_NS % TICK_PERIOD_NS == 0
     assert choose_epoch_ns() % TICK_PERIOD_NS == 0
+
+
+@pytest.mark.parametrize("monotonic", [5, 77 * SECOND_NS + 5, 400 * 86400 * SECOND_NS + 999_999_999])
+@pytest.mark.parametrize(
+    ("realtime", "when"),
+    [
+        (-(2**63), "before 1970"),
+        (-1, "before 1970"),
+        (SECOND_NS - 1, "before 1970"),
+        (SECOND_NS, None),
+        (1_700_000_000 * SECOND_NS, None),
+        (2**32 * SECOND_NS - 1, None),
+        (2**32 * SECOND_NS, "after 2106"),
+        (2**63, "after 2106"),
+    ],
+)
+def test_fti_time_is_one_that_files_can_hold_whatever_the_clock_says(
+    monkeypatch: pytest.MonkeyPatch, monotonic: int, realtime: int, when: str | None
+) -> None:
+    Hands(monkeypatch, monotonic=monotonic, realtime=realtime)
+    epoch, told = choose_epoch_ns(), describe_wrong_time()
+    assert epoch % TICK_PERIOD_NS == 0
+    year_2000 = int(datetime(2000, 1, 1, tzinfo=UTC).timestamp()) * SECOND_NS
+    if when is None:
+        assert abs(monotonic + epoch - realtime) <= TICK_PERIOD_NS // 2
+        assert told is None
+    else:
+        assert year_2000 <= monotonic + epoch <= year_2000 + TICK_PERIOD_NS
+        assert told is not None
+        assert told.startswith(f"the real-time clock is {when}; ")
 
 
 def test_a_step_of_real_time_does_not_move_fti_time(monkeypatch: pytest.MonkeyPatch) -> None:

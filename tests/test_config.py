@@ -340,3 +340,21 @@ def check_names_file_and_key(error: ConfigError, table: dict[str, Any]) -> None:
     file, key = first.split(": ")[:2]
     assert file == str(FILE)
     assert key.split(" = ")[0].split(".")[0].split("[")[0] in {*table, *config.Config.model_fields}
+
+
+@pytest.mark.parametrize(
+    ("table", "enabled"),
+    [
+        ("", False),
+        ("[bus]\n", False),
+        ("[bus]\nport = 7447\n", True),
+        ("[bus]\nenabled = true\n", True),
+        ("[bus]\nenabled = false\nport = 7447\n", False),
+    ],
+)
+def test_foreign_clients_are_served_where_the_configuration_says_so_or_names_their_port(
+    table: str, enabled: bool
+) -> None:
+    found = parse(f"{GOOD}\n{table}").bus
+    assert found.enabled == enabled
+    assert type(found).model_validate_json(found.model_dump_json()) == found

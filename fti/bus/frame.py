@@ -5,8 +5,8 @@
     sent            i64   CLOCK_MONOTONIC when it was published [ns]; one machine, so every process can compare it
     topic, payload        UTF-8 and bytes, all numbers little-endian
 
-Topics that begin with ``@`` belong to the bus itself: ``@publish`` and ``@subscribe`` (payload: name of the process) are
-the first frame of a client; ``@alive/<process>`` (payload ``1`` or ``0``) says that a publisher has come or gone.
+Topics that begin with ``@`` belong to the bus itself: ``@publish`` and ``@subscribe`` (payload: name of the process)
+are the first frame of a client; ``@alive/<process>`` (payload ``1`` or ``0``) says that a publisher has come or gone.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class FrameReader:
         self._received = bytearray()
 
     def feed(self, data: bytes) -> Iterator[Frame]:
-        """The frames that are complete now.  Raises FrameError at what cannot be one; the connection is useless then."""
+        """The frames that are complete now.  Raises FrameError at what cannot be one, and is of no use then."""
         self._received += data
         begin = 0
         try:

@@ -226,7 +226,9 @@ def _bind(path: Path) -> socket.socket:
         sock.listen(MAX_CONNECTIONS)
     except OSError as error:
         sock.close()
-        raise MissingError(f"{path}: cannot be the socket of the bus: {error.strerror}; choose another --run-dir") from None
+        raise MissingError(
+            f"{path}: cannot be the socket of the bus: {error.strerror}; choose another --run-dir"
+        ) from None
     finally:
         os.umask(before)
     sock.setblocking(False)

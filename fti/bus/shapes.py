@@ -24,7 +24,8 @@ class Maybe(NamedTuple):
     shape: Any
 
 
-Shape = frozenset[type] | list[Any] | dict[str, Any] | Maybe
+Table = dict[str, Any]
+Shape = frozenset[type] | list[Any] | Table | Maybe
 
 #: Foreign topics must not fill the memory.
 TOPICS_CACHED = 512
@@ -35,15 +36,15 @@ FLAG: Shape = frozenset({bool})
 NUMBER: Shape = frozenset({int, float})
 MAYBE_TEXT: Shape = frozenset({str, NULL})
 MAYBE_NUMBER: Shape = frozenset({int, float, NULL})
-COUNTS: Shape = {"*": WHOLE}
+COUNTS: Table = {"*": WHOLE}
 TEXTS: Shape = [TEXT]
 
-STAMP: Shape = {"age_ms?": NUMBER, "max_age_ms?": NUMBER, "late?": FLAG}
+STAMP: Table = {"age_ms?": NUMBER, "max_age_ms?": NUMBER, "late?": FLAG}
 #: An output that this program does not know: what every one has.
-ANY_OUTPUT: Shape = {**STAMP, "t_ns?": WHOLE, "valid?": FLAG, "reasons?": TEXTS, "unchecked?": TEXTS, "state?": TEXT}
-EVENT: Shape = {"t_ns": WHOLE, "level": TEXT, "source": TEXT, "text": TEXT}
-_LATENESS: Shape = {"messages": WHOLE, "p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER, "max_ms": MAYBE_NUMBER}
-HIL: Shape = {
+ANY_OUTPUT: Table = {**STAMP, "t_ns?": WHOLE, "valid?": FLAG, "reasons?": TEXTS, "unchecked?": TEXTS, "state?": TEXT}
+EVENT: Table = {"t_ns": WHOLE, "level": TEXT, "source": TEXT, "text": TEXT}
+_LATENESS: Table = {"messages": WHOLE, "p50_ms": MAYBE_NUMBER, "p99_ms": MAYBE_NUMBER, "max_ms": MAYBE_NUMBER}
+HIL: Table = {
     **STAMP,
     "scenario": TEXT,
     "flight_s": MAYBE_NUMBER,
@@ -55,7 +56,7 @@ HIL: Shape = {
     "holds": FLAG,
     "not_held": TEXTS,
 }
-_LINK: Shape = {
+_LINK: Table = {
     "kind?": TEXT,
     "state": TEXT,
     "hint?": MAYBE_TEXT,
@@ -69,13 +70,13 @@ _LINK: Shape = {
     "load?": {"*": NUMBER},
     "ledger?": {"errors?": COUNTS},
 }
-_CLOCK: Shape = {
+_CLOCK: Table = {
     "scale": TEXT,
     "state": TEXT,
     "used": FLAG,
     **dict.fromkeys(("offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"), MAYBE_NUMBER),
 }
-_DEVICE: Shape = {
+_DEVICE: Table = {
     "driver?": TEXT,
     "state": TEXT,
     "hint?": MAYBE_TEXT,
@@ -84,7 +85,7 @@ _DEVICE: Shape = {
     "skipped?": COUNTS,
     "clocks?": [_CLOCK],
 }
-HEALTH: Shape = {
+HEALTH: Table = {
     "t_ns": WHOLE,
     "session": {"name": TEXT, "origin?": TEXT, "mode?": TEXT, "state": TEXT, "started_ns?": WHOLE},
     "processes": {"*": {"state": TEXT, "pid?": frozenset({int, NULL}), "restarts?": WHOLE}},
@@ -149,17 +150,12 @@ def misfit(value: Any, shape: Shape, name: str = "") -> str | None:
     """Which field is not as it must be, in words; None when all are."""
     if isinstance(shape, Maybe):
         return None if value is None else misfit(value, shape.shape, name)
-    if isinstance(shape, frozenset):
-        if type(value) in shape:
-            return None
-        return f"{name or 'the message'} is {_name(type(value))}, not {' or '.join(sorted(map(_name, shape)))}"
+    wanted = shape if isinstance(shape, frozenset) else {type(shape)}
+    if type(value) not in wanted:
+        return f"{name or 'the message'} is {_name(type(value))}, not {' or '.join(sorted(map(_name, wanted)))}"
     if isinstance(shape, list):
-        if type(value) is not list:
-            return f"{name} is {_name(type(value))}, not a list"
         return next((found for n, item in enumerate(value) if (found := misfit(item, shape[0], f"{name}[{n}]"))), None)
-    if type(value) is not dict:
-        return f"{name or 'the message'} is {_name(type(value))}, not a table"
-    return _misfit_of_table(value, shape, f"{name}." if name else "")
+    return _misfit_of_table(value, shape, f"{name}." if name else "") if isinstance(shape, dict) else None
 
 
 def _misfit_of_table(table: dict[str, Any], shape: dict[str, Any], prefix: str) -> str | None:

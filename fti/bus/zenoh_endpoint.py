@@ -4,8 +4,8 @@
     liveliness ``fti/<session name>/@alive/<process>``: goes when a process ends, however it ends
 
 This session subscribes to nothing, and its access control refuses what a client would publish, so that no client hears
-another one either.  No scouting, no gossip: nothing leaves the machine and nothing is found by chance.  Publishing never
-waits for a reader: where a queue is full, the message is dropped (congestion control DROP).
+another one either.  No scouting, no gossip: nothing leaves the machine and nothing is found by chance.  Publishing
+never waits for a reader: where a queue is full, the message is dropped (congestion control DROP).
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ZenohEndpoint:
         if is_alive and process not in self._tokens:
             self._tokens[process] = self._session.liveliness().declare_token(f"{self._prefix}/{ALIVE}/{process}")
         elif not is_alive and process in self._tokens:
-            self._tokens.pop(process).undeclare()
+            self._tokens.pop(process).undeclare()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
         """Leave the clients; what is queued is sent."""

@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from fti.bus.hub import Hub
 from fti.bus.message import encode, encode_event
 from fti.clock import Clock
 from fti.service.link_news import LinkNews
 
 Announce = Callable[[str], None]
+#: Puts a message on the bus: topic, payload.
+Publish = Callable[[str, bytes], None]
 #: Records a JSON message: topic, FTI time [ns], content.
 Note = Callable[[str, int, dict[str, Any]], None]
 
 
 class Bulletin:
-    """announce : gets a line for the user; note : records; hub : of the bus"""
+    """announce : gets a line for the user; note : records; publish : see ``Publish``"""
 
-    def __init__(self, clock: Clock, hub: Hub, announce: Announce, note: Note) -> None:
+    def __init__(self, clock: Clock, publish: Publish, announce: Announce, note: Note) -> None:
         self._clock = clock
-        self._hub = hub
+        self._publish = publish
         self._announce = announce
         self._note = note
         self._links = LinkNews()
@@ -33,7 +34,7 @@ class Bulletin:
         """An event, of ours or of a child."""
         if event["level"] != "info":
             self._announce(f"{event['level']}: {event['source']}: {event['text']}")
-        self._hub.publish("/event", encode_event(event))
+        self._publish("/event", encode_event(event))
         self._note("/fti/event", event["t_ns"], event)
 
     def report(self, unit: str, error: Exception) -> None:
@@ -42,7 +43,7 @@ class Bulletin:
 
     def health(self, health: dict[str, Any], *, record: bool) -> None:
         """The health of everything; recorded at a lower rate than shown."""
-        self._hub.publish("/health", encode(health))
+        self._publish("/health", encode(health))
         if record:
             self._note("/fti/health", health["t_ns"], health)
         for level, source, text in self._links.take(health["links"], health["t_ns"]):

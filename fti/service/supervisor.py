@@ -17,7 +17,7 @@ from fti.buffers.ring import Ring, ring_size
 from fti.bus.frame import SOCKET_NAME
 from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
-from fti.clock import SystemClock
+from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
@@ -89,7 +89,7 @@ class Supervisor:
         self._file_numbers = FileNumbers()
         self._result = SessionResult()
         self._trial = TerrainTrial()
-        self._bulletin = Bulletin(self._clock, self._hub, announce, self._mail.note)
+        self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
         self._commander = self._make_commander()
         self._desk = Desk(
             config, self._clock, commander=self._commander, mail=self._mail, bulletin=self._bulletin, show=self._show
@@ -175,6 +175,8 @@ class Supervisor:
             self._ring.close()
 
     async def _record(self, duration_s: float | None) -> None:
+        if wrong := describe_wrong_time():
+            self._bulletin.event("warning", "clock", wrong)
         self._keeper.start(self._children[0])
         watching = asyncio.create_task(self._keeper.watch(), name="watch")
         watchdog = asyncio.create_task(self._watchdog.run(), name="watchdog")

@@ -1,7 +1,7 @@
 """The zenoh process: gives what is on the bus to foreign zenoh clients, who can only read.
 
-It is there when ``[bus]`` asks for it.  zenoh is a library in Rust that panics at times (a real-time clock before 1970 or
-after 2106 is enough); here that harms nobody else.  After a failure it is tried again every five seconds.
+It is there when ``[bus]`` asks for it.  zenoh is a library in Rust that panics at times (a real-time clock before 1970
+or after 2106 is enough); here that harms nobody else.  After a failure it is tried again every five seconds.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from pathlib import Path
 
 from fti.bus.client import Subscriber
 from fti.bus.zenoh_endpoint import ZenohEndpoint
-from fti.clock import SystemClock
+from fti.clock import SystemClock, describe_wrong_time
+from fti.errors import FtiError
 from fti.service.control import Channel, adopt_channel
 from fti.service.guard import guarded
 
@@ -50,6 +51,8 @@ class Relay:
         self._close()
 
     def _open(self) -> None:
+        if describe_wrong_time():
+            raise FtiError("zenoh needs a real-time clock between 1970 and 2106")
         self._endpoint = ZenohEndpoint.open(self._port, self._session)
         self._failed = False
         self._subscriber = Subscriber(self._bus, PROCESS, self._publish, self._set_alive)

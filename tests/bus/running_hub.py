@@ -12,7 +12,7 @@ from fti.service.bus_thread import serving
 
 
 class RunningHub:
-    """Until ``close``, or as a context.  told : what it had to say; path : in a short directory, or where it was asked"""
+    """Until ``close``, or as a context.  told : what it had to say; path : in a directory of its own without one"""
 
     def __init__(self, path: Path | None = None) -> None:
         self._ending = contextlib.ExitStack()

@@ -1,4 +1,4 @@
-"""The bus between real processes: of the owner alone, slowed by nobody, and it survives the death of every one of them."""
+"""The bus between real processes: of the owner alone, slowed by nobody; it survives the death of every one of them."""
 
 from __future__ import annotations
 
@@ -177,6 +177,7 @@ def test_nobody_publishes_for_others(running: RunningHub, path: Path, listener: 
         frame.make_frame("/nav/count", b"1").raw,
         frame.make_frame("@publish", b"navigation").raw + struct.pack("<IHq", 2**21, 4, 0) + b"/nav" + bytes(2**21),
     ],
+    ids=range(7),
 )
 def test_nonsense_ends_its_own_connection_alone(
     nonsense: bytes, running: RunningHub, path: Path, listener: Listener
@@ -232,7 +233,8 @@ def test_a_stopped_subscriber_slows_nobody_and_gets_the_newest(running: RunningH
 def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_told(running: RunningHub, path: Path) -> None:
     deaf = frame.connect(path, frame.SUBSCRIBE, "deaf")
     assert deaf is not None
-    reader, events = frame.FrameReader(), []
+    reader = frame.FrameReader()
+    events: list[int] = []
     listener = Listener(path)
     wait_for(lambda: listener.alive.get("supervisor"), "the connection")
     for i in range(400):

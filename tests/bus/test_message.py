@@ -175,14 +175,16 @@ def show(topic: str, payload: bytes) -> None:
     json.dumps(feed.history(), allow_nan=False)
 
 
-NASTY = (None, True, -(2**63), 2**63, 1e18, -1e18, -1e-300, "", "x", [], {}, [None], {"x": {}})
+NASTY: tuple[Any, ...] = (None, True, -(2**63), 2**63, 1e18, -1e18, -1e-300, "", "x", [], {}, [None], {"x": {}})
 
 
 @pytest.mark.parametrize("topic", TOPICS)
 def test_every_field_may_be_anything_that_is_taken(topic: str) -> None:
     """Page, terminal and plots live on.  Of links and devices one is enough."""
     fields = json.loads(message.stamped(TOPICS[topic], 0, 0, MAX_AGE_MS))
-    different = {tuple("*" if n == 1 and len(path) > 2 else key for n, key in enumerate(path)): path for path in paths(fields)}
+    different = {
+        tuple("*" if n == 1 and len(path) > 2 else key for n, key in enumerate(path)): path for path in paths(fields)
+    }
     for path in different.values():
         for value in NASTY:
             show(topic, json.dumps(changed(fields, path, value)).encode())

@@ -57,7 +57,7 @@ class ForeignClient:
         self.alive[str(sample.key_expr)] = sample.kind == zenoh.SampleKind.PUT
 
     def close(self) -> None:
-        self.session.close()
+        self.session.close()  # type: ignore[no-untyped-call]
 
 
 class ZenohProcess:
@@ -120,18 +120,20 @@ def test_clients_read_and_what_they_send_reaches_nobody(running: RunningHub) -> 
         assert {payload for _, payload in heard} == {b"payload", b"true"}
         navigation.close()
         wait_for(lambda: reader.alive.get(tokens[0]) is False, "the end of navigation")
-        token.undeclare()
+        token.undeclare()  # type: ignore[no-untyped-call]
     assert running.told == []
 
 
 def test_a_port_in_use_is_named() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(MissingError, match=f"bus.port = {port}: cannot be used on 127.0.0.1: Address already in use"):
+        with pytest.raises(
+            MissingError, match=f"bus.port = {port}: cannot be used on 127.0.0.1: Address already in use"
+        ):
             choose_port(port)
 
 
-class PanicException(BaseException):  # noqa: N818
+class PanicException(BaseException):
     """As pyo3 has it: no Exception."""
 
 

@@ -36,7 +36,12 @@ class Rig:
             clock,
             commander=self.bench.commander,
             mail=RecorderMail(Child("recorder")),
-            bulletin=Bulletin(clock, None, lambda line: None, lambda topic, t_ns, event: self.events.append(event)),
+            bulletin=Bulletin(
+                clock,
+                lambda topic, payload: None,
+                lambda line: None,
+                lambda topic, t_ns, event: self.events.append(event),
+            ),
             show=self.shown.append,
         )
 

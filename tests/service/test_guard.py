@@ -19,6 +19,25 @@ def test_interrupts_pass() -> None:
         raise KeyboardInterrupt
 
 
+class PanicException(BaseException):
+    """As pyo3 raises when Rust panics: no Exception."""
+
+
+def test_a_panic_is_a_failure_like_any_other() -> None:
+    seen: list[str] = []
+    with guard.guarded("unit", lambda unit, error: seen.append(f"{type(error).__name__}: {error}")):
+        raise PanicException("assertion failed: secs <= MAX_NB_SEC")
+    assert seen == ["Panic: PanicException: assertion failed: secs <= MAX_NB_SEC"]
+
+
+@pytest.mark.parametrize(
+    "ending", [SystemExit(), GeneratorExit(), asyncio.CancelledError(), BaseExceptionGroup("", [KeyboardInterrupt()])]
+)
+def test_other_endings_pass(ending: BaseException) -> None:
+    with pytest.raises(type(ending)), guard.guarded("unit", lambda unit, error: None):
+        raise ending
+
+
 async def test_a_unit_runs_again_until_it_returns(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guard, "FIRST_DELAY_S", 0.001)
     tries: list[int] = []

@@ -41,7 +41,9 @@ def test_a_moment_and_what_is_wrong_with_the_bytes_are_not() -> None:
 
 def test_it_is_an_event_for_terminal_and_file() -> None:
     lines, notes = list[str](), list[tuple[str, int]]()
-    bulletin = Bulletin(FakeClock(), None, lines.append, lambda topic, t_ns, content: notes.append((topic, t_ns)))
+    bulletin = Bulletin(
+        FakeClock(), lambda topic, payload: None, lines.append, lambda topic, t_ns, content: notes.append((topic, t_ns))
+    )
     link = {"state": "busy", "hint": "127.0.0.1:1: in use by another program"}
     for t_ns in (0, LASTING_NS):
         bulletin.health({"t_ns": t_ns, "links": {"eth": link}}, record=False)
