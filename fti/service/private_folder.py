@@ -46,8 +46,11 @@ def open_own(path: Path) -> int:
 
 
 def check_trusted(path: Path) -> None:
-    """Raise MissingError when a folder that exists is a symlink, neither ours nor root's, or writable by others."""
-    with contextlib.suppress(FileNotFoundError):
+    """Raise MissingError when a folder is a symlink, neither ours nor root's, or writable by others.
+
+    What is no folder, or may not be opened, is for whoever needs it to say.
+    """
+    with contextlib.suppress(OSError):
         os.close(_open_of(path, (os.geteuid(), ROOT_UID)))
 
 

@@ -120,10 +120,11 @@ def test_files_go_where_the_checked_directory_is_whatever_its_name_means_later(t
     made.withdraw()
 
 
-def test_a_trusted_folder_is_ours_or_roots_and_may_be_missing(tmp_path: Path) -> None:
+def test_a_trusted_folder_is_ours_or_roots_and_may_be_missing_or_no_folder(tmp_path: Path) -> None:
     check_trusted(tmp_path)
     check_trusted(Path("/dev"))
     check_trusted(tmp_path / "later")
+    check_trusted(Path("/etc/passwd"))
     with pytest.raises(MissingError, match=r"/tmp: other users can write to it \(mode 1777\)"):
         check_trusted(Path("/tmp"))
 
