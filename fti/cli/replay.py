@@ -6,6 +6,10 @@ listens).  Nothing is lost: while a line is full, the replay waits.  What the da
 A snapshot, or a session in mode "snapshot", is sent as far as it was recorded, with its pauses; it begins with its
 first frame.
 
+With the configuration of the recording nothing leaves this machine: an address that is not loopback, and a CAN bus that
+is not a vcan, is refused unless --allow-remote is given.  --config gives a configuration of your own, which may name
+them.
+
 In a terminal: space pauses and goes on, "." or s sends one frame and pauses, q ends.  A daemon of the same name shows
 the position, on its page and in ``fti watch``.
 
@@ -43,6 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", type=_names, default=(), metavar="LINK[,LINK]", help="these links alone")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--config", metavar="CONFIG", help="another configuration than the session's own")
+    parser.add_argument(
+        "--allow-remote",
+        action="store_true",
+        help="send also to addresses beyond this machine and to real CAN buses that the recording names",
+    )
     parser.add_argument("--report", metavar="FILE", help="write what was sent, and how late, to this JSON file")
     parser.add_argument(
         "--wait",
@@ -85,12 +94,15 @@ def _open(args: argparse.Namespace) -> tuple[Replay, float | None]:
     from fti.cli._reading import report_remarks
     from fti.hil.recorded import recorded_config
     from fti.hil.replay import Replay, length_s
+    from fti.hil.replay_addresses import check_links
     from fti.logger.reading.recording import Recording
 
     session = Path(args.session)
     recording = Recording.open(session)
     report_remarks(recording)
     config = configuration.load(args.config) if args.config else recorded_config(recording, session)
+    if not (args.config or args.allow_remote):
+        check_links([link for link in config.link if not args.only or link.name in args.only], str(session))
     replay = Replay(
         recording,
         config,

@@ -16,6 +16,8 @@ from fti.errors import ConfigError, MissingError
 #: What ``[nav.terrain]`` says of files alone.
 FILE_KEYS = ("vertical", "centre_deg", "radius_m", "cell_m")
 
+#: GDAL's prefix of a file in a zip.
+VSIZIP = "/vsizip/"
 #: How navigation calls sources that are no device; one of that name would be taken for them.
 NO_DEVICES = ("filter", "radio", "vertical")
 #: An altimeter is mounted less than 85 degrees from straight down: cosine of that.
@@ -153,9 +155,16 @@ def _resolve_paths(config: Config, folder: Path) -> Config:
     def absolute(text: str) -> str:
         return os.path.abspath(folder / text)  # noqa: PTH100 - without "..", and without following links
 
+    def elevation(text: str) -> str:
+        """GDAL's virtual paths stay as they are: their ``//`` counts.  The zip itself may be named from the folder."""
+        inside = text.removeprefix(VSIZIP)
+        if text.startswith("/vsi"):
+            return text if inside == text or inside.startswith(("/", "{")) else VSIZIP + absolute(inside)
+        return absolute(text)
+
     nav = config.nav
     if nav.terrain:
-        files = tuple(absolute(f) for f in nav.terrain.files)
+        files = tuple(elevation(f) for f in nav.terrain.files)
         nav = nav.model_copy(update={"terrain": nav.terrain.model_copy(update={"files": files})})
     if nav.approach:
         approach = nav.approach.model_copy(update={"profile": absolute(nav.approach.profile)})

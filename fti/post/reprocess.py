@@ -52,13 +52,18 @@ class GroundNote:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """A configuration with all that it names.  grounds : when the ground was there in flight"""
+    """A configuration with all that it names.
+
+    grounds  : when the ground was there in flight
+    recorded : the configuration is that of the recording, and names elevation files only as ``fti.terrain`` lets it
+    """
 
     config: Config
     texts: dict[str, str]
     devices: list[BoundDevice]
     reference: Reference | None
     grounds: tuple[GroundNote, ...] = ()
+    recorded: bool = False
 
     def make_chain(self) -> Chain:
         """A fresh chain."""
@@ -81,7 +86,7 @@ class Setup:
         settings = self.config.nav.terrain
         if settings is None or (self.grounds and all(note.fault for note in self.grounds)):
             return None
-        ground = load_ground(settings)
+        ground = load_ground(settings, local_only=self.recorded)
         for note in self.grounds:
             if note.sha256 not in (None, ground.digest):
                 raise RecordingError(
@@ -120,7 +125,8 @@ def recorded_setup(recording: Recording, file: Path) -> Setup:
     setup = _setup(configuration.parse(tomllib.loads(text), text, file / CONFIG_ATTACHMENT), texts)
     notes = [json.loads(data) for *_, data in recording.messages(TERRAIN_TOPIC, kind="derived")]
     files = tuple(file for note in notes for file in note.get("files", ()))
-    return replace(setup, config=_with_files(setup.config, files), grounds=tuple(map(_ground_note, notes)))
+    grounds = tuple(map(_ground_note, notes))
+    return replace(setup, config=_with_files(setup.config, files), grounds=grounds, recorded=True)
 
 
 def _ground_note(note: dict[str, Any]) -> GroundNote:

@@ -24,8 +24,10 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 
 
-def load_ground(settings: TerrainFiles, progress: Progress | None = None) -> Ground:
+def load_ground(settings: TerrainFiles, progress: Progress | None = None, *, local_only: bool = False) -> Ground:
     """The ground that a configuration names.  progress : hears how far it is, 0 to 1.
+
+    local_only : a recording names it (``Terrain.open``)
 
     Raises ConfigError or MissingError as ``Terrain.open`` does.
     """
@@ -41,6 +43,7 @@ def load_ground(settings: TerrainFiles, progress: Progress | None = None) -> Gro
         cell_m=settings.cell_m,
         vertical=settings.vertical,
         progress=progress,
+        local_only=local_only,
     )
     return Ground(terrain, settings.sd_m, ", ".join(settings.files), settings.files)
 

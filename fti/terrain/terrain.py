@@ -90,6 +90,7 @@ class Terrain:
         cell_m: float | None = None,
         vertical: str | Mapping[str, str] | None = None,
         progress: Callable[[float], None] | None = None,
+        local_only: bool = False,
     ) -> Terrain:
         """A terrain from elevation files: GeoTIFF, DTED, SRTM HGT, whatever GDAL reads, in any mixture.
 
@@ -100,6 +101,8 @@ class Terrain:
         vertical : what the heights are counted from where a file does not say it: ``egm96``, ``egm2008`` or
                    ``ellipsoid``; or such words by path, ``*`` for the others
         progress : hears how far it is, 0 to 1
+        local_only : a recording names the files: only single local ones of the formats GTiff, SRTMHGT, DTED, AAIGrid
+                   and HFA are opened, also in a local zip; no sidecar files, no address
         Raises MissingError for a file or a geoid grid that is not there; ConfigError for what is no elevation file,
         one without coordinate system or vertical datum, files of which none touches the area, and an area too large
         for its cell; ValueError for arguments that make no sense.
@@ -113,6 +116,7 @@ class Terrain:
             cell_m=cell_m,
             vertical=vertical,
             progress=progress,
+            local_only=local_only,
         )
         return cls(layers, frame, sources)
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from fti.config import TerrainFiles
 from fti.drivers import freeflight_ra4500 as ra
-from fti.errors import RecordingError
+from fti.errors import ConfigError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
-from fti.post.reprocess import Segment, flown_segments, recorded_setup, reprocess
+from fti.post.reprocess import Segment, flown_segments, other_setup, recorded_setup, reprocess
 from fti.service.ground import load_ground
 from tests.small_config import LINE, radar_altimeter
 
@@ -163,3 +163,20 @@ def test_a_session_without_its_configuration_is_refused(tmp_path: Path) -> None:
     session = _record(tmp_path, {})
     with pytest.raises(RecordingError, match="holds no configuration"):
         _again(session, tmp_path / "out")
+
+
+@pytest.mark.parametrize("by_note", [False, True])
+def test_elevation_files_of_a_recording_are_local_ones_or_none(tmp_path: Path, by_note: bool) -> None:
+    """Named in the configuration that it carries, or in the note of navigation; the user's own may name them."""
+    vrt = tmp_path / "a.vrt"
+    vrt.write_text('<VRTDataset rasterXSize="2" rasterYSize="2"/>')
+    text = CONFIG + f'terrain = {{ files = ["{"other.tif" if by_note else vrt}"], vertical = "ellipsoid" }}\n'
+    session = _record(tmp_path, {"config.toml": text})
+    if by_note:
+        _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "a", "files": [str(vrt)]})
+    with pytest.raises(ConfigError, match=r"a\.vrt: the recording names this elevation file.*give a configuration"):
+        _again(session, tmp_path / "again")
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace("other.tif", str(vrt)))
+    with pytest.raises(ConfigError, match=r"a\.vrt: is no elevation file that GDAL reads"):
+        other_setup(str(own)).load_ground()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from rasterio.windows import Window
 from fti.errors import ConfigError, MissingError
 from fti.geodesy.geoid import SYSTEM
 from fti.geodesy.wgs84 import radii
+from fti.terrain.files.local_only import open_local
 from fti.terrain.files.vertical import find_datum, find_unit, split_crs
 from fti.terrain.source import Source
 
@@ -43,15 +44,17 @@ if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Kr
 
 
 class ElevationFile:
-    """An open elevation file.  words : what the caller says of vertical datums, as ``words_by_file`` gives it.
+    """An open elevation file.
 
+    words      : what the caller says of vertical datums, as ``words_by_file`` gives it
+    local_only : a recording names the file (``fti.terrain.files.local_only``)
     source  : what it says of itself
     affine  : (a, b, c, d, e, f), x = a column + b row + c, y = d column + e row + f at the posts
     crs     : the horizontal part of its coordinate system
     """
 
-    def __init__(self, path: str, words: Mapping[str, str]) -> None:
-        self._dataset = _open(path)
+    def __init__(self, path: str, words: Mapping[str, str], *, local_only: bool = False) -> None:
+        self._dataset = _open(path, local_only)
         try:
             whole = _read_crs(path, self._dataset)
             self.crs, upright = split_crs(whole)
@@ -203,15 +206,21 @@ def nearest_turn(x: ArrayLike, turn: float) -> Array:
     return np.asarray(np.remainder(np.asarray(x) + turn / 2, turn) - turn / 2)
 
 
-def _open(path: str) -> Any:
+def _open(path: str, local_only: bool) -> Any:
+    if local_only:
+        return _quietly(open_local, path)
     if not path.startswith("/vsi") and not Path(path).exists():
         raise MissingError(f"{path}: there is no such file")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words
-            return rasterio.open(path)
+        return _quietly(rasterio.open, path)
     except RasterioIOError as error:
         raise ConfigError(f"{path}: is no elevation file that GDAL reads: {error}") from None
+
+
+def _quietly(opener: Callable[[str], Any], path: str) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # said below, in our words
+        return opener(path)
 
 
 def _read_crs(path: str, dataset: Any) -> pyproj.CRS:

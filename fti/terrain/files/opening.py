@@ -19,6 +19,7 @@ from fti.geodesy.geoid import Geoid, load_geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import Plan, make_plans, place_area
+from fti.terrain.files.local_only import local_environment
 from fti.terrain.files.resample import Resampler
 from fti.terrain.files.vertical import words_by_file
 from fti.terrain.layer import Layer
@@ -39,12 +40,16 @@ def open_layers(
     cell_m: float | None,
     vertical: str | Mapping[str, str] | None,
     progress: Callable[[float], None] | None,
+    local_only: bool = False,
 ) -> tuple[tuple[Layer, ...], LocalFrame, tuple[Source, ...]]:
     """Layers, frame and sources of elevation files; the arguments are those of ``Terrain.open``."""
     check_arguments(paths, centre, radius_m, cell_m)
     words = words_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:
-        files = [stack.enter_context(contextlib.closing(ElevationFile(path, words))) for path in paths]
+        if local_only:
+            stack.enter_context(local_environment())
+        opened = (ElevationFile(path, words, local_only=local_only) for path in paths)
+        files = [stack.enter_context(contextlib.closing(file)) for file in opened]
         geoids = {f.source.vertical: _geoid_of(f) for f in files}
         frame, area = place_area(files, centre, radius_m)
         plans = make_plans(files, frame, area, cell_m)
