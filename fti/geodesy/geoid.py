@@ -20,15 +20,15 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
-import pyproj.network
 from numpy.typing import ArrayLike, NDArray
 from pyproj.datadir import get_data_dir, get_user_data_dir  # type: ignore[attr-defined]  # public in its documents
+from pyproj.network import set_network_enabled
 
 from fti.errors import MissingError
 
 Array = NDArray[np.float64]
 
-pyproj.network.set_network_enabled(False)  # whatever PROJ_NETWORK says
+set_network_enabled(False)  # whatever PROJ_NETWORK says
 
 #: The files that may hold each model, and how to get one.
 GRIDS = {

@@ -9,12 +9,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fti.errors import StorageError
+from fti.logger.regular_file import open_descriptor
 
 
 def is_being_written(path: Path) -> bool:
     """Does a writer hold the file?  Files that cannot be opened are not."""
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        fd = open_descriptor(path)
     except OSError:
         return False
     try:
@@ -30,7 +31,7 @@ def is_being_written(path: Path) -> bool:
 def locked(path: Path) -> Iterator[int]:
     """Hold a file against every writer, repair and pack; gives its descriptor.  Raises StorageError."""
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        fd = open_descriptor(path, os.O_RDWR)
     except OSError as error:
         raise StorageError(f"{path}: cannot be opened for writing: {error.strerror}") from error
     try:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal, cast
 
 from fti.errors import FtiError, MissingError, StorageError
+from fti.logger.regular_file import why_not_regular
 
 #: The attachment of every file of a session that holds the configuration it was recorded with.
 CONFIG_ATTACHMENT = "config.toml"
@@ -68,16 +69,19 @@ class SessionFolder:
 
     def next_number(self, kind: Kind) -> int:
         """The number after the highest that is there."""
-        return max((name_parts(path)[1] for path in self.files(kind)), default=-1) + 1
+        return max((number for number, _ in self._named(kind)), default=-1) + 1
 
     def next_path(self, kind: Kind) -> Path:
         """Path of the next file of a kind."""
         return self.file_path(kind, self.next_number(kind))
 
     def files(self, kind: Kind) -> list[Path]:
-        """The files of a kind, in order of their numbers."""
-        found = [(number, path) for path in self.path.glob("*.mcap") for k, number in [name_parts(path)] if k == kind]
-        return [path for _, path in sorted(found)]
+        """The files of a kind, in order of their numbers; only regular ones."""
+        return [path for _, path in sorted(self._named(kind)) if why_not_regular(path) is None]
+
+    def _named(self, kind: Kind) -> list[tuple[int, Path]]:
+        """Everything that has the name of such a file, with its number."""
+        return [(number, path) for path in self.path.glob("*.mcap") for k, number in [name_parts(path)] if k == kind]
 
 
 class Numbering:

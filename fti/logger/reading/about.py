@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.recording import Recording
+from fti.logger.regular_file import why_not_regular
 
 SNAPSHOT = "snapshot"
 SNAPSHOT_NOTE = "SNAPSHOT: not a continuous recording; frames of the links are there around triggers only"
@@ -31,6 +32,9 @@ def remarks(recording: Recording) -> Iterator[str]:
         yield SNAPSHOT_NOTE
     if text := _missing_parts(recording):
         yield text
+    for path in sorted(recording.path.glob("*.mcap")) if recording.path.is_dir() else ():
+        if why_not := why_not_regular(path):
+            yield f"{path} is left out: {why_not}"
 
 
 def _missing_parts(recording: Recording) -> str | None:

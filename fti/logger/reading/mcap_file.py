@@ -25,6 +25,7 @@ from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_op
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import chunk_head, record_end
 from fti.logger.records import HEAD, MAGIC, MESSAGE, Op
+from fti.logger.regular_file import open_regular
 
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
 _STAMPS = struct.Struct("<HIQQ")
@@ -123,7 +124,7 @@ class McapFile:
         self.fault = None
         self._at = 0
         try:
-            with self.path.open("rb") as stream:
+            with open_regular(self.path) as stream:
                 limit = os.fstat(stream.fileno()).st_size
                 for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
                     yield record
@@ -185,7 +186,7 @@ def _chunk_at(source: Source, at: int) -> int:
 def has_footer(path: Path) -> bool:
     """Does a file end with a footer and the magic, as a finished one does?  Raises MissingError."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             stream.seek(-min(FOOTER_BYTES, stream.seek(0, os.SEEK_END)), os.SEEK_END)
             tail = stream.read()
     except OSError as error:

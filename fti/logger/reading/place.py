@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fti.errors import MissingError
 from fti.logger.records import MAGIC
+from fti.logger.regular_file import mcap_files, open_regular, why_not_regular
 
 SHOWN = 5
 
@@ -14,8 +15,10 @@ SHOWN = 5
 def check_place(place: Path) -> None:
     """Raises MissingError unless it is a folder with MCAP files, or a file that begins as one or is called so."""
     if place.is_dir():
-        if not any(place.glob("*.mcap")):
+        if not any(mcap_files(place)):
             raise MissingError(f"{place}: holds no MCAP files{_sessions_in(place)}")
+    elif place.exists() and (why_not := why_not_regular(place)):
+        raise MissingError(f"{place}: {why_not}")
     elif not place.is_file():
         raise MissingError(f"{place}: there is no such session folder or file{_like(place)}")
     elif place.suffix != ".mcap" and not _begins_as_mcap(place):
@@ -49,7 +52,7 @@ def _listed(names: list[str]) -> str:
 
 def _begins_as_mcap(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(len(MAGIC)) == MAGIC
     except OSError as error:
         raise MissingError(f"{path}: cannot be read: {error.strerror}") from None

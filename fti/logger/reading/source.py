@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from fti.errors import MissingError
+from fti.logger.regular_file import open_descriptor
 
 #: What is read as zeros when the medium refuses to give it [B].
 SECTOR = 4096
@@ -24,7 +25,7 @@ class Source:
         self.unreadable = 0
         self._begin = begin
         try:
-            self._fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            self._fd = open_descriptor(path)
         except OSError as error:
             raise MissingError(f"{path}: cannot be read: {error.strerror}") from error
         self.size = (os.fstat(self._fd).st_size if end is None else end) - begin

@@ -26,6 +26,7 @@ from fti.logger.recovery.numbers_found import NumbersFound
 from fti.logger.recovery.pieces import Lost, Messages, Other
 from fti.logger.recovery.rebuilt import Rebuilt
 from fti.logger.recovery.report import Damage, FileReport, Report
+from fti.logger.regular_file import mcap_files
 from fti.logger.seal import self_sealed
 from fti.logger.session import name_parts
 
@@ -37,7 +38,7 @@ def session_files(session: Path) -> list[Path]:
     """The MCAP files of a session folder, or the one file.  Raises MissingError."""
     check_place(session)
     if session.is_dir():
-        return sorted(session.glob("*.mcap"), key=lambda path: (*name_parts(path), path.name))
+        return sorted(mcap_files(session), key=lambda path: (*name_parts(path), path.name))
     return [session]
 
 

@@ -52,8 +52,8 @@ def _tif(folder: Path, name: str = "a.tif") -> str:
     return write_ground(folder / name, _slope, "EPSG:4326", 40, 1e-4)
 
 
-def _open(path: str, **more: bool) -> Terrain:
-    return Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"}, **more)
+def _open(path: str, *, local_only: bool) -> Terrain:
+    return Terrain.open([path], centre=CENTRE, radius_m=100.0, vertical={path: "ellipsoid"}, local_only=local_only)
 
 
 def test_the_promised_formats_are_opened_as_by_a_user(tmp_path: Path) -> None:
