@@ -8,10 +8,10 @@ import fcntl
 import json
 import os
 import signal
-import sys
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
+from fti.cli._printing import print_line
 from fti.errors import MissingError
 from fti.hil.report import Report
 from fti.lateness import Lateness
@@ -67,12 +67,12 @@ async def until_stopped(
 
 async def _announce(ready: asyncio.Event) -> None:
     await ready.wait()
-    print("ready", flush=True)
+    print_line("ready", flush=True)
 
 
 def tell(news: str) -> None:
     """Say something to the person at the bench."""
-    print(news, file=sys.stderr, flush=True)
+    print_line(news, error=True, flush=True)
 
 
 def print_report(report: Report) -> None:
@@ -80,13 +80,15 @@ def print_report(report: Report) -> None:
     for name, sent in sorted(report.links.items()):
         lost = f", {sent.dropped_messages} dropped ({_why(sent.too_slow_messages)})" if sent.dropped_messages else ""
         late = f"; late by {_shown(report.by_link[name])}" if name in report.by_link else ""
-        print(f"{name:20} {sent.messages} messages, {sent.bytes} bytes{lost}{late}")
+        print_line(f"{name:20} {sent.messages} messages, {sent.bytes} bytes{lost}{late}")
     for rate in report.rates:
         sent_hz = "-" if rate.sent_hz is None else f"{rate.sent_hz:.2f}"
-        print(f"{rate.name:20} {rate.asked_hz:g} Hz asked for, {sent_hz} Hz sent, held: {_held(report, rate.name)}")
+        print_line(
+            f"{rate.name:20} {rate.asked_hz:g} Hz asked for, {sent_hz} Hz sent, held: {_held(report, rate.name)}"
+        )
     for why in report.not_held:
-        print(f"not held: {why}")
-    print(f"lateness of {report.lateness.messages} messages: {_shown(report.lateness)}")
+        print_line(f"not held: {why}")
+    print_line(f"lateness of {report.lateness.messages} messages: {_shown(report.lateness)}")
 
 
 def _why(too_slow: int) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fti.cli._printing import print_line
 from fti.logger.reading.recording import Recording
+from fti.terminal_text import escape_controls
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -21,6 +22,13 @@ def progress_bar() -> Progress:
 
     console = Console(stderr=True)
     return Progress(console=console, transient=True, disable=not console.is_terminal)
+
+
+def bar_title(text: str) -> str:
+    """A text from a file as the title of a bar, which would take ``[...]`` for markup."""
+    from rich.markup import escape
+
+    return escape(escape_controls(text))
 
 
 @contextmanager
@@ -60,10 +68,10 @@ def report_remarks(recording: Recording, told: str = "") -> None:
     from fti.logger.reading.about import remarks
 
     for text in (text for text in remarks(recording) if text != told):
-        print(f"note: {text}", file=sys.stderr)
+        print_line(f"note: {text}", error=True)
 
 
 def report_faults(recording: Recording) -> None:
     """Say which files broke off while they were read."""
     for fault in recording.faults.values():
-        print(f"fti: {fault.path}: {fault.text}", file=sys.stderr)
+        print_line(f"fti: {fault.path}: {fault.text}", error=True)

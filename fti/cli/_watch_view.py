@@ -11,6 +11,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from fti.terminal_text import escape_tree
 from fti.web.words import CONTINUOUS, describe_mode
 
 Fields = Mapping[str, Any]
@@ -41,6 +42,7 @@ INTEGRITY_STYLES = {
 
 def render(state: Fields) -> RenderableType:
     """Banner, alarms, what plays the sensors, outputs, links, and the clocks of devices that have one."""
+    state = escape_tree(state)
     health = state["health"] or {}
     tables = (_outputs(state["outputs"]), _links(health.get("links", {})), *_clocks(health.get("devices", {})))
     return Group(_banner(health), *_alarms(state["alarms"]), *_laboratory(state["hil"]), *tables)

@@ -23,6 +23,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from fti.cli._printing import print_json, print_line, print_lines
 from fti.types import TICK_PERIOD_NS, Reason
 
 if TYPE_CHECKING:
@@ -66,7 +67,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Check and print; what is wrong is raised as one sentence."""
-    import json
 
     from fti import config as configuration
     from fti.cli._check_view import lines
@@ -77,18 +77,17 @@ def run(args: argparse.Namespace) -> int:
     found = describe(config)
     if args.live:
         found["live"] = _listen(config)
-    print(json.dumps(found, indent=2) if args.json else "\n".join(lines(found)))
+    print_json(found, indent=2) if args.json else print_lines(lines(found))
     return 0 if all(link["state"] == "good" for link in found.get("live", {}).values()) else EXIT_DOES_NOT_HOLD
 
 
 def _listen(config: Config) -> dict[str, dict[str, Any]]:
     import asyncio
-    import sys
 
     from fti.service.binding import bind_devices
     from fti.service.live_check import listen_to_all
 
-    print(f"listening for {LIVE_S:g} s ...", file=sys.stderr)
+    print_line(f"listening for {LIVE_S:g} s ...", error=True)
     return asyncio.run(listen_to_all(config, bind_devices(config), LIVE_S))
 
 

@@ -15,6 +15,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from fti.cli._printing import print_json, print_lines
+
 if TYPE_CHECKING:
     from fti.logger.proof.hashes import LinkHash
 
@@ -36,14 +38,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show or compare; 1 when a link differs."""
-    import json
 
     first, second = _hashes(args.session, args.only), _hashes(args.other, args.only) if args.other else None
     verdicts = {} if second is None else {link: _verdict(first.get(link), second.get(link)) for link in first | second}
     if args.json:
-        print(json.dumps(_as_json(first, second, verdicts), indent=1))
+        print_json(_as_json(first, second, verdicts))
     else:
-        print("\n".join(_as_text(first, second, verdicts)))
+        print_lines(_as_text(first, second, verdicts))
     return int(any(verdict != "EQUAL" for verdict in verdicts.values()))
 
 

@@ -22,6 +22,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fti.cli._printing import print_line, print_lines
+
 if TYPE_CHECKING:
     from io import BufferedReader
 
@@ -62,16 +64,16 @@ def run(args: argparse.Namespace) -> int:
             for t_rx_ns, data in reads(driver, capture, args.chunk):
                 for measurement in decoder.feed(data, t_rx_ns):
                     line = {"measurement": type(measurement).__name__, "values": measurement}
-                    print(encode(line).decode())
+                    print_line(encode(line).decode())
         if args.json:
-            print(encode({"counters": decoder.counters}).decode())
+            print_line(encode({"counters": decoder.counters}).decode())
         sys.stdout.flush()
     except BrokenPipeError:
         raise
     except OSError as error:
         raise FtiError(f"{args.file}: decoding stopped: {error.strerror}") from None
     if not args.json:
-        print("\n".join(_counted(decoder.counters)), file=sys.stderr)
+        print_lines(_counted(decoder.counters), error=True)
     return 0
 
 

@@ -18,6 +18,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
+from fti.cli._printing import print_line
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
             serve(
                 config,
                 recorder=recorder,
-                announce=lambda line: print(line, flush=True),
+                announce=lambda line: print_line(line, flush=True),
                 run_dir=args.run_dir,
                 companion=fly,
                 shows_key=sys.stdout.isatty(),

@@ -13,6 +13,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from fti.cli._printing import print_json, print_line, print_lines
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti drivers``."""
@@ -22,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the list or the description."""
-    import json
 
     from fti import drivers
     from fti.errors import MissingError
@@ -31,12 +32,12 @@ def run(args: argparse.Namespace) -> int:
         raise MissingError(f"no driver {args.name!r}; there are {', '.join(drivers.names())}")
     found = [describe(name) for name in drivers.names() if args.name in (None, name)]
     if args.json:
-        print(json.dumps(found[0] if args.name else found, indent=1))
+        print_json(found[0] if args.name else found)
     elif args.name:
-        print("\n".join(_described(found[0])))
+        print_lines(_described(found[0]))
     else:
         for driver in found:
-            print(f"{driver['name']:20} {', '.join(driver['carriers']):12} {driver['document']}")
+            print_line(f"{driver['name']:20} {', '.join(driver['carriers']):12} {driver['document']}")
     return 0
 
 

@@ -21,11 +21,11 @@ session they are: name, origin, mode, and a note where it is a snapshot, not a c
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
+from fti.cli._printing import print_line
 
 if TYPE_CHECKING:
     from fti.logger.export.tables import Format
@@ -63,9 +63,9 @@ def run(args: argparse.Namespace) -> int:
     with reading(recording, "exporting", passes=2):
         rows = export(recording, args.out, _format(args.format), choice)
     if not rows:
-        print("note: there is nothing to export", file=sys.stderr)
+        print_line("note: there is nothing to export", error=True)
     for path, count in rows.items():
-        print(f"{path}  {count} rows")
+        print_line(f"{path}  {count} rows")
     report_faults(recording)
     return 3 if recording.faults else 0
 

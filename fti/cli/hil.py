@@ -21,6 +21,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import picture, seconds
+from fti.cli._printing import print_line
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         names = scenarios.shipped()
         for name in names:
-            print(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
+            print_line(f"{name:{max(map(len, names))}}  {scenarios.load(scenarios.find(name)).title}")
         return 0
     if args.scenario is None:
         raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped())}")

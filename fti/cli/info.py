@@ -16,8 +16,9 @@ Reads finished recordings, packed ones, killed ones and those that are being wri
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
+
+from fti.cli._printing import print_json, print_lines
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +51,6 @@ def run(args: argparse.Namespace) -> int:
         from fti.post.activity_plot import write_plot
 
         write_plot(view, args.plot)
-    print(json.dumps(as_json(view), indent=1) if args.json else "\n".join(as_text(view)))
+    print_json(as_json(view)) if args.json else print_lines(as_text(view))
     report_faults(recording)
     return 3 if recording.faults else 0

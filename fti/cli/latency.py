@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
+
+from fti.cli._printing import print_json, print_lines
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,8 +36,8 @@ def run(args: argparse.Namespace) -> int:
     report_remarks(recording)
     found = altimeter_latencies(recording, session)
     if args.json:
-        print(json.dumps({name: one and dataclasses.asdict(one) for name, one in found.items()}, indent=1))
+        print_json({name: one and dataclasses.asdict(one) for name, one in found.items()})
     else:
-        print("\n".join(as_line(name, one) for name, one in found.items()))
+        print_lines(as_line(name, one) for name, one in found.items())
     report_faults(recording)
     return 3 if recording.faults else 0

@@ -19,6 +19,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import seconds
+from fti.cli._printing import print_line
 
 if TYPE_CHECKING:
     from fti.config import CanLink, SerialLink, UdpLink
@@ -146,7 +147,7 @@ class Ear:
         self.frames += 1
         self.bytes += len(data)
         for line in shown(data, self._carrier):
-            print(f"{(t_rx_ns - self.start_ns) / 1e9:12.6f}  {line}")
+            print_line(f"{(t_rx_ns - self.start_ns) / 1e9:12.6f}  {line}")
         for decoder in self._decoders.values():
             decoder.feed(data, t_rx_ns)
 
@@ -164,7 +165,7 @@ class Ear:
         import sys
 
         sys.stdout.flush()
-        print(text, file=sys.stderr, flush=True)
+        print_line(text, error=True, flush=True)
 
 
 def shown(data: bytes, carrier: str) -> list[str]:

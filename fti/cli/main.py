@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 import fti.cli
+from fti.cli._printing import print_line
 from fti.errors import FtiError, RecordingError
 
 EXIT_WRONG = 2
@@ -65,10 +66,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         return int(args.run(args))
     except RecordingError as error:
-        print(f"fti: {error}", file=sys.stderr)
+        print_line(f"fti: {error}", error=True)
         return EXIT_LOSSES
     except FtiError as error:
-        print(f"fti: {error}", file=sys.stderr)
+        print_line(f"fti: {error}", error=True)
         return EXIT_WRONG
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

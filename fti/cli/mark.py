@@ -17,6 +17,8 @@ from __future__ import annotations
 import argparse
 from datetime import UTC, datetime
 
+from fti.cli._printing import print_line
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti mark``."""
@@ -37,5 +39,5 @@ def run(args: argparse.Namespace) -> int:
     answer = ask({"mark": text, "trigger": args.trigger}, args.run_dir)
     seconds, rest_ns = divmod(answer["t_ns"], 10**9)
     at = f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 10**6:03d}"
-    print(f"{'triggered' if args.trigger else 'marked'} at {at} (FTI time)")
+    print_line(f"{'triggered' if args.trigger else 'marked'} at {at} (FTI time)")
     return 0

@@ -15,10 +15,10 @@ file was left as it is.
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from fti.cli._printing import print_json, print_line, print_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Pack or unpack every file; 3 when one had to be left as it is."""
-    from fti.cli._reading import progress_bar
+    from fti.cli._reading import bar_title, progress_bar
     from fti.errors import RecordingError
     from fti.logger.packing.pack import pack, unpack
     from fti.logger.recovery.salvage import session_files
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     paths = session_files(Path(args.session))
     with progress_bar() as bar:
         for path in paths:
-            task = bar.add_task(path.name, total=path.stat().st_size * (1 if args.undo else 2))
+            task = bar.add_task(bar_title(path.name), total=path.stat().st_size * (1 if args.undo else 2))
             try:
                 packed = work(path, lambda n, task=task: bar.update(task, completed=n))  # type: ignore[misc]
             except RecordingError as error:
@@ -57,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
             if packed:
                 done.append(packed)
     for text in refused:
-        print(f"fti: {text}", file=sys.stderr)
-    print(json.dumps(as_json(done, refused), indent=1) if args.json else "\n".join(as_text(done, len(paths))))
+        print_line(f"fti: {text}", error=True)
+    print_json(as_json(done, refused)) if args.json else print_lines(as_text(done, len(paths)))
     return 3 if refused else 0
 
 

@@ -14,6 +14,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fti.cli._printing import print_json, print_line
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti ports``."""
@@ -24,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the list."""
     import dataclasses
-    import json
 
     from fti.errors import MissingError
     from fti.links.ports import can_interfaces, ipv4_addresses, serial_ports
@@ -34,9 +35,9 @@ def run(args: argparse.Namespace) -> int:
         raise MissingError(f"{folder}: no such folder")
     found = [*serial_ports(folder), *can_interfaces(), *ipv4_addresses()]
     if args.json:
-        print(json.dumps([dataclasses.asdict(port) for port in found], indent=1))
+        print_json([dataclasses.asdict(port) for port in found])
         return 0
     width = max((len(port.name) for port in found), default=0)
     for port in found:
-        print(f"{port.name:<{width}}  {port.kind:<6}  {port.state:<6}  {port.detail}".rstrip())
+        print_line(f"{port.name:<{width}}  {port.kind:<6}  {port.state:<6}  {port.detail}".rstrip())
     return 0

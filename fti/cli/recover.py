@@ -21,9 +21,10 @@ sessions in its directory.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from fti.cli._printing import print_json, print_line, print_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,20 +60,19 @@ def _close(session: str) -> int:
         try:
             closed = close_unfinished(path)
         except (RecordingError, StorageError) as error:
-            print(f"fti: {error}", file=sys.stderr)
+            print_line(f"fti: {error}", error=True)
             code = 3
             continue
         if closed is None:
-            print(f"{path}: is finished")
+            print_line(f"{path}: is finished")
             continue
-        print(closed.describe_loss() or f"{path}: closed")
-        print(f"{path}: holds {closed.messages} messages")
+        print_line(closed.describe_loss() or f"{path}: closed")
+        print_line(f"{path}: holds {closed.messages} messages")
         code = 3 if closed.describe_loss() else code
     return code
 
 
 def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
-    import json
 
     from fti.cli._reading import progress_bar
     from fti.logger.recovery.salvage import salvage_session, session_files
@@ -83,10 +83,10 @@ def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:
         task = bar.add_task("bytes", total=total)
         report = salvage_session(session, place, lambda done: bar.update(task, completed=done))
     if as_json:
-        print(json.dumps({"out": str(place), **report.as_json()}, indent=1))
+        print_json({"out": str(place), **report.as_json()})
     else:
-        print("\n".join(as_text(report)))
-        print(f"recovered into {place}")
+        print_lines(as_text(report))
+        print_line(f"recovered into {place}")
     return 0 if report.complete else 3
 
 

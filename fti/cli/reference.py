@@ -15,14 +15,13 @@ prints what a reference holds and draws it.
 from __future__ import annotations
 
 import argparse
-import json
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._reference_arguments import MAKE, add_make
 from fti.errors import ConfigError, MissingError
 
@@ -86,12 +85,12 @@ def _make(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"{args.out}: cannot be written: {error.strerror}") from None
     limits = reference.header.limits
-    print(
+    print_line(
         f"{args.out}: {len(reference.s)} points, {limits.runs} approaches, an alarm on {limits.verified_alarms} of "
         f"{limits.verified_runs} others, hash {reference.hash}"
     )
     for remark in _doubts(limits):
-        print(f"fti: {args.out}: {remark}", file=sys.stderr)
+        print_line(f"fti: {args.out}: {remark}", error=True)
     return 0
 
 
@@ -197,11 +196,11 @@ def _remark_on_posts(terrain: Terrain, path: ApproachPath, s_max: float) -> None
     place = terrain.frame.to_local(lat, lon, 0.0)
     cell = float(np.max(terrain.cell(place[..., 0], place[..., 1]), initial=0.0))
     if cell > COARSE_M:
-        print(
+        print_line(
             f"fti: posts below the track are up to {cell:.0f} m apart; the limits count on elevation that is right "
             "within a metre, so that whatever lies between posts may raise an ALERT. Try it on a recorded flight "
             "(fti reprocess) before it is used",
-            file=sys.stderr,
+            error=True,
         )
 
 
@@ -237,9 +236,7 @@ def _info(args: argparse.Namespace) -> int:
 
     reference = Reference.parse(_read(args.reference), str(args.reference))
     if args.json:
-        json.dump({**reference.header.model_dump(), "hash": reference.hash}, sys.stdout, indent=2)
-        print()
+        print_json({**reference.header.model_dump(), "hash": reference.hash}, indent=2)
         return 0
-    for line in summary(reference) + plot(reference):
-        print(line)
+    print_lines(summary(reference) + plot(reference))
     return 0

@@ -26,6 +26,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import factor, seconds
+from fti.cli._printing import print_line, print_status
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -143,5 +144,5 @@ async def _show(replay: Replay, length_s: float | None) -> None:
         if (position_s := replay.position_s) is not None:
             whole = f" of {length_s:.0f}" if length_s else ""
             state = ", paused" if replay.transport.stands else ""
-            end = "\x1b[K\r" if seen else "\n"
-            print(f"{position_s:.1f}{whole} s{state}", end=end, file=sys.stderr, flush=True)
+            text = f"{position_s:.1f}{whole} s{state}"
+            print_status(text) if seen else print_line(text, error=True, flush=True)

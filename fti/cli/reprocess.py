@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import argparse
 
+from fti.cli._printing import print_line
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti reprocess``."""
@@ -42,5 +44,5 @@ def run(args: argparse.Namespace) -> int:
             as_flown=args.as_flown,
             progress=lambda seq: bar.update(task, completed=seq),
         )
-    print(folder)
+    print_line(folder)
     return 0

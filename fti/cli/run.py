@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 from fti.cli._arguments import seconds
+from fti.cli._printing import print_line
 from fti.cli.main import EXIT_INTERRUPTED
 
 
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             serve(
                 config,
                 recorder=recorder,
-                announce=lambda line: print(line, flush=True),
+                announce=lambda line: print_line(line, flush=True),
                 run_dir=args.run_dir,
                 duration_s=args.duration,
                 shows_key=sys.stdout.isatty(),

@@ -31,10 +31,10 @@ Exit code 0: all holds; 1: it does not; 2: wrong call, no truth, another scenari
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fti.cli._printing import print_json, print_lines
 from fti.cli.main import EXIT_LOSSES
 
 if TYPE_CHECKING:
@@ -72,9 +72,10 @@ def run(args: argparse.Namespace) -> int:
     setup = other_setup(args.config) if args.config else recorded_setup(recording, recording.path)
     scores = list(_judge(scenario, recording, setup, args))
     if args.json:
-        print(json.dumps([as_json(score) for score in scores], indent=1))
+        print_json([as_json(score) for score in scores])
     else:
-        print("\n\n".join("\n".join(as_text(score)) for score in scores))
+        for number, score in enumerate(scores):
+            print_lines(["", *as_text(score)] if number else as_text(score))
     _draw(scores, args.plot)
     report_faults(recording)
     if not all(score.holds for score in scores):

@@ -17,6 +17,7 @@ import argparse
 from typing import Any
 
 from fti.cli._arguments import factor
+from fti.cli._printing import print_json, print_line, print_lines
 
 EXIT_NOT_DONE = 1
 DONE = ("acknowledged", "sent")
@@ -52,7 +53,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _teach(args: argparse.Namespace, name: str | None) -> int:
     """Print the devices, or the commands of one."""
-    import json
 
     from fti.errors import MissingError
     from fti.service.client import ask
@@ -63,9 +63,9 @@ def _teach(args: argparse.Namespace, name: str | None) -> int:
         there = ", ".join(device["name"] for device in devices) or "none"
         raise MissingError(f"there is no device {name!r}; there are {there}")
     if args.json:
-        print(json.dumps(found[0] if name else found, indent=1))
+        print_json(found[0] if name else found)
     else:
-        print("\n".join(_describe(found[0]) if name else [_row(device) for device in found]))
+        print_lines(_describe(found[0]) if name else [_row(device) for device in found])
     return 0
 
 
@@ -94,7 +94,6 @@ def _describe(device: dict[str, Any]) -> list[str]:
 
 def _send(args: argparse.Namespace) -> int:
     """Send one command and print its end."""
-    import json
     import secrets
 
     from fti.service.client import ask
@@ -102,7 +101,7 @@ def _send(args: argparse.Namespace) -> int:
     wish = {"id": secrets.token_hex(8), "device": args.device, "command": args.name}
     wish |= {"args": _parse(args.args), "timeout_s": args.timeout}
     found = ask({"send": wish}, args.run_dir, 2 * min(args.timeout, LONGEST_S) + PATIENCE_S)
-    print(json.dumps(found, indent=1) if args.json else f"{found['title']}: {found['outcome']}")
+    print_json(found) if args.json else print_line(f"{found['title']}: {found['outcome']}")
     return 0 if found["state"] in DONE else EXIT_NOT_DONE
 
 

@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from fti.cli._printing import print_json, print_lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from fti.study.workers import on_cluster
 
     if args.list:
-        print("\n".join(f"{name}  {study.title(study.load(name))}" for name in study.names()))
+        print_lines(f"{name}  {study.title(study.load(name))}" for name in study.names())
         return 0
     if args.name is None:
         raise MissingError(f"name a study; there are {', '.join(study.names())}")
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     table = {"name": name, "runs": runs, "seed": seed, "results": list(map(dataclasses.asdict, results))}
     if pictures:
         table["plots"] = list(map(str, pictures))
-    print(json.dumps(table, indent=1) if args.json else as_text(table, results))
+    print_json(table) if args.json else print_lines(as_text(table, results).split("\n"))
     return 0 if all(result.holds for result in results) else 1
 
 

@@ -15,7 +15,8 @@ place of the recorded configuration.
 from __future__ import annotations
 
 import argparse
-import json
+
+from fti.cli._printing import print_json, print_lines
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +54,6 @@ def run(args: argparse.Namespace) -> int:
         write(sync, Path(args.out))
     if args.plot:
         write_page(sync, session.name, Path(args.plot))
-    print(json.dumps(as_json(sync), indent=1) if args.json else "\n".join(as_text(sync)))
+    print_json(as_json(sync)) if args.json else print_lines(as_text(sync))
     report_faults(recording)
     return 3 if recording.faults else 0

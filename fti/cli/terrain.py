@@ -20,11 +20,11 @@ docs/terrain.md has more.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from typing import Any
 
 from fti.cli._arguments import picture
+from fti.cli._printing import print_json, print_line, print_lines
 
 Place = tuple[float, float]
 
@@ -111,7 +111,7 @@ def _info(args: argparse.Namespace) -> int:
     with progress_bar() as bar:
         task = bar.add_task("reading", total=1.0)
         found = survey(args.files, **_arguments(args), progress=lambda share: bar.update(task, completed=share))
-    print(json.dumps(as_json(found), indent=2) if args.json else "\n".join(as_text(found)))
+    print_json(as_json(found), indent=2) if args.json else print_lines(as_text(found))
     return 0
 
 
@@ -126,5 +126,5 @@ def _plot(args: argparse.Namespace) -> int:
         drawing = bar.add_task("drawing", total=None)
         write_map(terrain, args.out, args.profile)
         bar.update(drawing, total=1.0, completed=1.0)
-    print(args.out)
+    print_line(args.out)
     return 0

@@ -32,9 +32,10 @@ Exit code 0: all holds; 3: readable, and every loss is accounted for; 1: refuted
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from typing import TYPE_CHECKING, Any
+
+from fti.cli._printing import print_json, print_lines
 
 if TYPE_CHECKING:
     from fti.logger.proof.ledger import Amount
@@ -56,9 +57,9 @@ def run(args: argparse.Namespace) -> int:
 
     report = _verify(Recording.open(*args.session))
     if args.json:
-        print(json.dumps(as_json(report), indent=1))
+        print_json(as_json(report))
     else:
-        print("\n".join(as_text(report)))
+        print_lines(as_text(report))
     return CODES[report.verdict]
 
 

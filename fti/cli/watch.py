@@ -10,9 +10,10 @@ A value that is late or not valid is struck out; in JSON it has ``valid: false``
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from typing import TYPE_CHECKING, Any
+
+from fti.cli._printing import print_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,7 +80,8 @@ def _collect(read: Callable[[], State], name: str) -> None:
 def _show_json(read: Callable[[], State], once: bool) -> None:
     while True:
         state = read()
-        print(json.dumps({key: state[key] for key in ("health", "hil", "outputs", "alarms", "events")}), flush=True)
+        shown = {key: state[key] for key in ("health", "hil", "outputs", "alarms", "events")}
+        print_json(shown, indent=None, flush=True)
         if once:
             return
         time.sleep(JSON_PERIOD_S)

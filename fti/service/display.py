@@ -17,6 +17,7 @@ from fti.errors import FtiError
 from fti.service.control import Channel, Message, adopt_channel
 from fti.service.listening import listen
 from fti.service.tcp_user import user_of_connection
+from fti.terminal_text import escape_controls
 from fti.web.commands import CommandGate
 from fti.web.feed import Feed
 from fti.web.server import PageServer
@@ -92,7 +93,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         asyncio.run(serve(args.bus, args.port, adopt_channel(args.control_fd)))
     except FtiError as error:
-        print(f"fti display: {error}", file=sys.stderr)  # noqa: T201 - the supervisor passes it on
+        print(escape_controls(f"fti display: {error}"), file=sys.stderr)  # noqa: T201 - the supervisor passes it on
         return EXIT_WRONG
     return 0
 

@@ -1,5 +1,8 @@
 """Tables as CSV: units in the heads (``height_agl [m]``), an empty cell is a value that is not known.
 
+A text that begins as a formula of a spreadsheet gets an apostrophe in front, so that none is evaluated; characters that
+control a terminal are written as ``\\u001b``, so that a row is a line.  Parquet has texts as they are.
+
 A comment in the file would be a row to most programs that read it; of which session it is, ``session.json`` says.
 """
 
@@ -12,6 +15,24 @@ from typing import Any
 
 from fti.logger.export.columns import Column, Type
 from fti.logger.export.tables import Format
+from fti.terminal_text import escape_controls
+
+#: A cell that begins so is evaluated by spreadsheets, unless it is a number.
+_FORMULA = ("=", "+", "-", "@")
+
+
+def inert(text: str) -> str:
+    """The text as a spreadsheet takes it for a text; a number stays one."""
+    shown = escape_controls(text)
+    return f"'{shown}" if shown.startswith(_FORMULA) and not _is_number(shown) else shown
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 class CsvTable:
@@ -21,7 +42,8 @@ class CsvTable:
         del about
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._table = csv.writer(self._stream, lineterminator="\n")
-        self._table.writerow([column.head for column in columns])
+        self._table.writerow([inert(column.head) for column in columns])
+        self._texts = [n for n, column in enumerate(columns) if column.type is Type.TEXT]
         self._words = [n for n, column in enumerate(columns) if column.type is Type.TEXTS]
         self._bytes = [n for n, column in enumerate(columns) if column.type is Type.BYTES]
 
@@ -29,7 +51,9 @@ class CsvTable:
         """Add a row."""
         cells = list(row)
         for n in self._words:
-            cells[n] = None if cells[n] is None else " ".join(cells[n])
+            cells[n] = None if cells[n] is None else inert(" ".join(cells[n]))
+        for n in self._texts:
+            cells[n] = None if cells[n] is None else inert(cells[n])
         for n in self._bytes:
             cells[n] = cells[n].hex()
         self._table.writerow(cells)

@@ -18,6 +18,7 @@ from typing import Any, Protocol
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger.export import session_file
 from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
+from fti.logger.export.names import table_names
 from fti.logger.note_changes import ENTRY_TABLES
 from fti.logger.reading.about import about
 from fti.logger.reading.mcap_file import Item
@@ -93,7 +94,8 @@ def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> 
     contents = _find_contents(recording, raw=choice.raw)
     _check_patterns(choice, contents)
     span = _Span(contents.start_ns or 0, choice)
-    with _Tables(folder, form, about(recording)) as tables:
+    names = table_names(sorted((*contents.tables, *contents.links)))
+    with _Tables(folder, form, about(recording), names) as tables:
         for topic, (finder, _) in contents.tables.items():
             if choice.wants(topic):
                 tables.open(topic, (*TIMES, *finder.columns()))
@@ -183,8 +185,9 @@ def _write_frames(recording: Recording, tables: _Tables, span: _Span) -> None:
 class _Tables:
     """The tables that are being written, as drafts beside their places; after an error none of them is there."""
 
-    def __init__(self, folder: Path, form: Format, about: Mapping[str, str]) -> None:
+    def __init__(self, folder: Path, form: Format, about: Mapping[str, str], names: Mapping[str, str]) -> None:
         self._folder = folder
+        self._names = names
         self._form = form
         self._about = about
         self._open: dict[str, tuple[Path, TableWriter, Sequence[Column]]] = {}
@@ -199,7 +202,7 @@ class _Tables:
 
     def open(self, topic: str, columns: Sequence[Column]) -> None:
         """Begin a table.  Raises StorageError."""
-        path = self._folder / (topic.strip("/").replace("/", "_") + self._form.suffix)
+        path = self._folder / (self._names[topic] + self._form.suffix)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if path in self.rows or os.path.lexists(path):
