@@ -26,6 +26,7 @@ def run(args: argparse.Namespace) -> int:
     """Open the page, or print its address."""
     from pathlib import Path
 
+    from fti.cli._printing import print_line
     from fti.errors import MissingError
     from fti.service.rundir import find_daemon
 
@@ -33,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if info.page is None:
         raise MissingError(f"the daemon {info.name} serves no page: display.enabled is false, or its messages say why")
     if args.print:
-        print(info.page)
+        print_line(info.page)
     elif not open_browser(Path(info.sock).parent):
         raise MissingError("no browser can be opened here; fti page --print prints the address")
     return 0

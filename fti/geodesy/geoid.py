@@ -22,7 +22,7 @@ import numpy as np
 import pyproj
 from numpy.typing import ArrayLike, NDArray
 from pyproj.datadir import get_data_dir, get_user_data_dir  # type: ignore[attr-defined]  # public in its documents
-from pyproj.network import set_network_enabled
+from pyproj.network import set_network_enabled  # type: ignore[attr-defined]  # as above
 
 from fti.errors import MissingError
 
