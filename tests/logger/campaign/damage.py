@@ -20,9 +20,8 @@ from tests.logger.campaign.mcap_parser import (
     SCHEMA,
     Record,
 )
-from tests.logger.campaign.open_sessions import SECOND_NS, OpenSession
+from tests.logger.campaign.open_sessions import PAGE, SECOND_NS, OpenSession
 
-PAGE = 4096
 MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 
 

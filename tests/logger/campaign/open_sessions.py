@@ -22,6 +22,7 @@ from fti.logger.session import SessionFolder
 from tests.logger.campaign.mcap_parser import Parsed, parse
 
 STARTED_NS = 1_767_323_045_000_000_000
+PAGE = 4096
 STEP_NS = 20_000_000
 SECOND_NS = 1_000_000_000
 #: Link, kind, frames a second, bytes of a frame from and to.
@@ -116,10 +117,15 @@ class Kernel:
     def _write(self, fd: int, data: Any, offset: int) -> int:
         if self._is_last():
             data = bytes(data)
-            part = self._chance.choice((0, 1, self._chance.randrange(len(data) + 1), len(data)))
-            self._pwrite(fd, data[:part], offset)
+            self._pwrite(fd, data[: self._chance.choice(self._tears(fd, len(data), offset))], offset)
             raise KilledError
         return self._pwrite(fd, data, offset)
+
+    def _tears(self, fd: int, size: int, offset: int) -> list[int]:
+        """How many bytes a kill may leave of a write: it comes between two pages; an append may end anywhere."""
+        pages = [page - offset for page in range(offset - offset % PAGE + PAGE, offset + size, PAGE)]
+        appends = offset + size > os.fstat(fd).st_size
+        return [0, size, *pages, *([1, self._chance.randrange(size + 1)] if appends else [])]
 
     def _sync(self, fd: int) -> None:
         if self._is_last():

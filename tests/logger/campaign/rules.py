@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ from tests.logger.campaign.damage import Damaged
 from tests.logger.campaign.mcap_parser import (
     ATTACHMENT,
     CHANNEL,
+    CHECKPOINTS,
     CHUNK,
     CHUNK_HEAD_BYTES,
     METADATA,
@@ -60,6 +62,33 @@ class Truth:
         """Messages whose bytes are there, and are not as they were."""
         size = len(self.damaged.data)
         return [m for m in self.session.parsed.messages if m.end <= size and not self.is_intact(m.begin, m.end)]
+
+    @cached_property
+    def hit_times(self) -> list[int]:
+        """Log times of the messages at both sides of each altered byte."""
+        messages = self.session.parsed.messages
+        begins = [message.begin for message in messages]
+        found = set()
+        for at in differences(self._original, self.damaged.data):
+            n = bisect_right(begins, at)
+            found |= {message.content.log_time for message in messages[max(0, n - 1) : n + 1]}
+        return sorted(found)
+
+    @cached_property
+    def are_checkpoints_hit(self) -> bool:
+        """Is a byte of the checkpoints another than the writer left?"""
+        size = len(self.damaged.data)
+        return any(r.end <= size and not self.is_intact(r.begin, r.end) for r in self.session.parsed.of(CHECKPOINTS))
+
+    @cached_property
+    def tells_more(self) -> bool:
+        """Is the file shorter than the head of its last chunk, or a record at its end, tells?"""
+        if self.is_cut:
+            return not any(r.end == len(self.damaged.data) for r in self.session.parsed.top_level())
+        data, chunks = self.damaged.data, self.session.parsed.of(CHUNK)
+        begin = chunks[-1].begin if chunks else len(data)
+        size = int.from_bytes(data[begin + 1 : begin + 9], "little") if data[begin : begin + 1] == bytes([CHUNK]) else 0
+        return begin + 9 + size > len(data)
 
     @cached_property
     def is_cut(self) -> bool:
@@ -159,7 +188,7 @@ class CopyCheck:
             self.faults.append(f"recover: {self.altered} altered messages in the copy, {unproved} counted unproved")
         missing = Counter(m.content for m in self.truth.intact) - copy.messages
         self.lost = max(0, missing.total() - self.unnamed)
-        hit = [m.content.log_time for m in self.truth.harmed]
+        hit = self.truth.hit_times
         self.lost_early = sum(
             n for content, n in missing.items() if not any(abs(content.log_time - at) < UNPROVED_NS for at in hit)
         )
@@ -217,6 +246,7 @@ class ClosingCheck:
 
     closed  : the file is finished now; else it was left alone
     rest    : intact messages that are in the file beside it; unproved : messages that the file calls so
+    missing : intact messages that are not in the closed file
     """
 
     truth: Truth
@@ -225,6 +255,7 @@ class ClosingCheck:
     altered: int = 0
     rest: int = 0
     unproved: int = 0
+    missing: int = 0
     complete: bool = False
     faults: list[str] = field(default_factory=list)
 
@@ -260,7 +291,7 @@ class ClosingCheck:
             kept[int(begin)] = path.read_bytes()
         heads = [record.begin for record in _parse_or_none(now).of(CHUNK)][-1:]
         gone = []
-        for at in _differences(data, now):
+        for at in differences(data, now):
             in_head = any(head <= at < head + CHUNK_HEAD_BYTES for head in heads)
             in_rest = any(
                 begin <= at < begin + len(rest) and rest[at - begin] == data[at] for begin, rest in kept.items()
@@ -296,6 +327,7 @@ class ClosingCheck:
         have = Counter(m.content for m in own.messages)
         self.complete = have == self.truth.messages and not self.unproved
         missing = Counter(m.content for m in self.truth.intact) - have
+        self.missing = missing.total()
         if (missing or self.altered or self.unproved) and not reported:
             self.faults.append(f"closing: {missing.total()} messages are not in the file, and nobody says so")
 
@@ -319,16 +351,12 @@ class ClosingCheck:
             yield from check_open(self.truth, folder)
             return
         yield from check_command(folder, (1, 3))
-        at_boundary = self.truth.is_cut and not self._cuts_a_record()
-        yield from check_command(file, (0, 1, 3) if self.complete or at_boundary else (1, 3))
+        unknown = not (self.altered or self.unproved or self.missing or self.rest or self.truth.tells_more)
+        yield from check_command(file, (0, 1, 3) if self.complete or unknown else (1, 3))
         refuted = [r.command for r in (folder, file) if r.code == 1]
-        if refuted and not (self.altered or self.truth.harmed):
+        if refuted and not (self.altered or self.truth.harmed or self.truth.are_checkpoints_hit):
             lines = [line.strip() for line in (folder.text + file.text).splitlines() if "refuted: " in line]
             yield f"verify refutes a closed file in which nothing is altered: {'; '.join(lines)}"
-
-    def _cuts_a_record(self) -> bool:
-        size = len(self.truth.damaged.data)
-        return not any(r.end == size for r in self.truth.session.parsed.top_level())
 
 
 def _parse_or_none(data: bytes) -> Parsed:
@@ -338,7 +366,7 @@ def _parse_or_none(data: bytes) -> Parsed:
         return Parsed()
 
 
-def _differences(before: bytes, after: bytes) -> list[int]:
+def differences(before: bytes, after: bytes) -> list[int]:
     """Offsets of the bytes of ``before`` that are not there in ``after``."""
     shared = min(len(before), len(after))
     found = []
