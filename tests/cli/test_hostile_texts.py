@@ -175,7 +175,7 @@ def test_what_the_supervisor_announces_goes_through_the_same_way(capsys: pytest.
         def now_ns(self) -> int:
             return 0
 
-    bulletin = Bulletin(Clock(), None, lambda line: print_line(line, flush=True), lambda *_: None)  # type: ignore[arg-type]
+    bulletin = Bulletin(Clock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None)
     bulletin.event("error", EVIL, EVIL)
     out = capsys.readouterr().out
     assert out.count("\n") == 1
