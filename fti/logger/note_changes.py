@@ -14,8 +14,8 @@ from typing import Any
 
 #: The tables of each topic whose entries are left out while they do not change.
 ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), "/fti/ledger": ("links",)}
-COMPLETE, SINCE, AGE = "complete", "since_ns", "age_ms"
-#: Values that go on without anything having happened.
+COMPLETE, SINCE, AGE, CLOCKS = "complete", "since_ns", "age_ms", "clocks"
+#: Values of an entry and of its clocks that go on without anything having happened.
 RUNNING = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})
 #: A complete record comes so long after the last one; records come every second, not exactly.
 COMPLETE_PERIOD_NS = 10_000_000_000
@@ -50,20 +50,36 @@ class NoteChanges:
             self._entries = {}
         for name in self._tables:
             if isinstance(record.get(name), dict):
-                self._entries.setdefault(name, {}).update(record[name])
+                kept = {key: _copy(entry) for key, entry in record[name].items()}
+                self._entries.setdefault(name, {}).update(kept)
 
     def _changed(self, name: str, now: Table) -> Table:
         before = self._entries.get(name, {})
-        return {key: entry for key, entry in now.items() if key not in before or not _same(before[key], entry)}
+        return {key: entry for key, entry in now.items() if key not in before or _is_changed(before[key], entry)}
+
+
+def _copy(entry: Any) -> Any:
+    """What is kept of an entry for ``_is_changed``."""
+    return dict(entry) if isinstance(entry, dict) and AGE in entry else entry
+
+
+def _is_changed(before: Any, now: Any) -> bool:
+    """Has anything of an entry changed that is not ``RUNNING``?  before : of ``_copy``; its age is set
+
+    With the same age, most entries can be compared as a whole: this is done for each link every second.
+    """
+    if not isinstance(before, dict) or not isinstance(now, dict):
+        return bool(before != now)
+    if AGE in before and AGE in now:
+        before[AGE] = now[AGE]
+    return before != now and not (CLOCKS in now and _same(before, now))
 
 
 def _same(before: Any, now: Any) -> bool:
     """Is a value as it was, but for what is ``RUNNING``?"""
-    if before == now:
-        return True
     if isinstance(before, dict) and isinstance(now, dict):
         keys_are = before.keys() == now.keys()
         return keys_are and all(key in RUNNING or _same(value, now[key]) for key, value in before.items())
     if isinstance(before, list) and isinstance(now, list):
         return len(before) == len(now) and all(map(_same, before, now))
-    return False
+    return bool(before == now)

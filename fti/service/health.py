@@ -71,7 +71,8 @@ class HealthBoard:
             "output_delay": None,
             "hint": hint,
         }
-        gone = {"state": LinkState.SILENT, "hint": hint, "clocks": []}
+        constant = f"navigation has said nothing for more than {LATE_NS / 1e9:.0f} s"  # not a change in every record
+        gone = {"state": LinkState.SILENT, "hint": constant, "clocks": []}
         return late, {name: {**device, **gone} for name, device in devices.items()}
 
     def _judge_storage(self, now_ns: int) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from fti.cli.main import main
 from fti.errors import StorageError
 from fti.logger.export import csv_table
 from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
+from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
 from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw, record_snapshots
 from tests.helpers import until
@@ -58,6 +59,29 @@ def test_csv_has_units_in_its_heads(folder: SessionFolder, tmp_path: Path) -> No
     assert raw[0] == {**first, "length [B]": "10", "data": "00" * 10}
     assert [row["data"] for row in read_table(out / "tx_radar.csv")] == [b"ask".hex()]
     assert [row["message"] for row in read_table(out / "fti_event.csv")] == ["flare, 2nd"]
+
+
+def test_rows_of_health_hold_what_a_record_left_out(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path)
+    log = record_raw(folder, range(0))
+    for n in range(12):
+        links = {
+            "quiet": {"state": "silent", "age_ms": 1000.0 * n},
+            "busy": {"state": "good", "age_ms": 1.0, "frames": n},
+        }
+        log.json("/fti/health", STARTED + n * SECOND, {"t_ns": STARTED + n * SECOND, "links": links, "devices": {}})
+    log.close()
+    stands = [json.loads(data) for *_, data in Recording.open(folder.path).messages("/fti/health", kind="raw")]
+    assert sum("quiet" in record["links"] for record in stands) == 2
+    assert export(folder, tmp_path / "all") == 0
+    rows = read_table(tmp_path / "all" / "fti_health.csv")
+    assert [row["links.quiet.state"] for row in rows] == ["silent"] * 12
+    assert [float(row["links.quiet.age_ms"]) for row in rows] == [1000.0 * n for n in range(12)]
+    assert [row["links.busy.frames"] for row in rows] == [str(n) for n in range(12)]
+    assert not {"complete", "since_ns"} & set(rows[0])
+    assert export(folder, tmp_path / "part", "--from", "4", "--to", "6") == 0
+    part = read_table(tmp_path / "part" / "fti_health.csv")
+    assert [row["links.quiet.state"] for row in part] == ["silent"] * 3
 
 
 def test_parquet_has_types_units_and_nulls(folder: SessionFolder, tmp_path: Path) -> None:

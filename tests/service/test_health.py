@@ -62,6 +62,7 @@ def test_what_a_stopped_navigation_said_is_not_true_any_more() -> None:
     assert late["navigation"]["output_delay"] is None
     assert late["devices"]["d"]["state"] == "silent"
     assert "said nothing" in late["devices"]["d"]["hint"]
+    assert board.compose(2 * LATE_NS, [])["devices"]["d"]["hint"] == late["devices"]["d"]["hint"]  # it is no change
     assert late["links"]["a"]["state"] == "good"  # its bytes still come
     board.navigation = dict(said)
     assert board.compose(LATE_NS + 2 * 10**9, [])["navigation"]["lag_ms"] == 20
