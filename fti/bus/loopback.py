@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 
 from fti.errors import MissingError
@@ -15,7 +16,7 @@ def choose_port(port: int) -> int:
         with socket.create_server((LOOPBACK, port)) as server:
             chosen: int = server.getsockname()[1]
     except OSError as error:
-        why = f"cannot be used on {LOOPBACK}: {error.strerror}"
+        why = f"cannot be used on {LOOPBACK}: {os.strerror(error.errno or 0)}"
         raise MissingError(f"bus.port = {port}: {why}; 0 takes a free one") from None
     return chosen
 
