@@ -79,7 +79,7 @@ class Publisher:
                 self._leave()
                 return
             self._outbox.keep(data[sent:])
-            if sent < len(data):
+            if not sent:
                 return
 
     def _leave(self) -> None:

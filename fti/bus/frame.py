@@ -56,10 +56,10 @@ def max_bytes(topic: str) -> int:
 
 def make_frame(topic: str, payload: bytes) -> Frame:
     """A message that is published now.  Raises FrameError when topic or payload is too large."""
-    name = topic.encode(errors="surrogatepass")
+    name = topic.encode(errors="replace")
     _check_size(topic, len(name), len(payload))
     sent_ns = time.monotonic_ns()
-    return Frame(topic, sent_ns, _HEAD.pack(len(payload), len(name), sent_ns) + name + payload)
+    return Frame(name.decode(), sent_ns, _HEAD.pack(len(payload), len(name), sent_ns) + name + payload)
 
 
 def _check_size(topic: str, topic_bytes: int, payload_bytes: int) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import selectors
 import socket
+import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -25,6 +26,9 @@ from fti.errors import MissingError
 #: Who may publish, and what.
 PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
 MAX_CONNECTIONS = 64
+#: So many sentences are told in such a time.
+MAX_SAID, SAYING_PERIOD_S = 5, 10.0
+ACCEPT_PAUSE_S = 0.05
 #: Told of what was refused or lost, in words; called by the thread of the hub.
 Tell = Callable[[str], None]
 
@@ -52,6 +56,7 @@ class Hub:
         self._clients: set[_Client] = set()
         self._alive: Counter[str] = Counter()
         self._too_large: set[str] = set()
+        self._said, self._silent_until = 0, 0.0
         self._ending = False
         self._selector = selectors.EpollSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
@@ -111,10 +116,11 @@ class Hub:
     def _accept(self) -> None:
         try:
             sock, _ = self._listener.accept()
-        except OSError:  # gone again, or no descriptor is left: it may come again
+        except OSError:  # gone again, or no descriptor is left
+            time.sleep(ACCEPT_PAUSE_S)  # it still waits, and is looked at again
             return
         if peer_uid(sock) != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
-            self._tell(f"a connection of user {peer_uid(sock)} is refused ({len(self._clients)} are open)")
+            self._say(f"a connection of user {peer_uid(sock)} is refused ({len(self._clients)} are open)")
             sock.close()
             return
         sock.setblocking(False)
@@ -128,7 +134,7 @@ class Hub:
         try:
             healthy = not events & selectors.EVENT_READ or self._receive(client)
         except FrameError as error:
-            self._tell(f"{client.name or 'a client'}: {error}; the connection is closed")
+            self._say(f"{client.name or 'a client'}: {error}; the connection is closed")
         finally:
             if not healthy:
                 self._drop(client)
@@ -167,7 +173,16 @@ class Hub:
             self._spread(frame)
         elif not client.reported:
             client.reported = True
-            self._tell(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+            self._say(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+
+    def _say(self, text: str) -> None:
+        """Tell something, but not more than a person reads: a client may do wrong very often."""
+        now = time.monotonic()
+        if now >= self._silent_until:
+            self._said, self._silent_until = 0, now + SAYING_PERIOD_S
+        self._said += 1
+        if self._said <= MAX_SAID:
+            self._tell(text if self._said < MAX_SAID else f"{text}; more is not told for {SAYING_PERIOD_S:g} s")
 
     def _drop(self, client: _Client) -> None:
         if client not in self._clients:
@@ -211,7 +226,7 @@ class Hub:
         if self._selector.get_key(client.sock).events != selectors.EVENT_READ | waits:
             self._selector.modify(client.sock, selectors.EVENT_READ | waits, client)
         if outbox.lost and not waits:
-            self._tell(f"{client.name} read too slowly: {outbox.lost} messages are lost")
+            self._say(f"{client.name} read too slowly: {outbox.lost} messages are lost")
             outbox.lost = 0
         return True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import struct
@@ -185,14 +186,38 @@ def test_nonsense_ends_its_own_connection_alone(
     with socket.socket(socket.AF_UNIX) as sock:
         sock.settimeout(DEADLINE_S)
         sock.connect(str(path))
-        try:
+        with contextlib.suppress(ConnectionError):  # closed before it had taken everything
             sock.sendall(nonsense)
             assert sock.recv(1) == b""
-        except ConnectionError:
-            pass  # closed before it had taken everything
     barrier(running, listener)
     assert len(running.told) == 1
     assert "the connection is closed" in running.told[0]
+
+
+def test_a_client_that_does_wrong_very_often_is_told_of_a_few_times(
+    running: RunningHub, path: Path, listener: Listener
+) -> None:
+    for _ in range(50):
+        with socket.socket(socket.AF_UNIX) as sock:
+            sock.settimeout(DEADLINE_S)
+            sock.connect(str(path))
+            sock.sendall(b"\xff" * 100)
+            with contextlib.suppress(ConnectionError):
+                assert sock.recv(1) == b""
+    barrier(running, listener)
+    assert len(running.told) == hub.MAX_SAID
+    assert running.told[-1].endswith("more is not told for 10 s")
+
+
+def test_connections_are_bounded(running: RunningHub, path: Path, listener: Listener) -> None:
+    with contextlib.ExitStack() as all_of_them:
+        sockets = [all_of_them.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(hub.MAX_CONNECTIONS)]
+        for sock in sockets:
+            sock.connect(str(path))
+        sockets[-1].settimeout(DEADLINE_S)
+        assert sockets[-1].recv(1) == b""
+        barrier(running, listener)
+    assert running.told == [f"a connection of user {os.getuid()} is refused ({hub.MAX_CONNECTIONS} are open)"]
 
 
 def test_a_stopped_subscriber_slows_nobody_and_gets_the_newest(running: RunningHub, path: Path) -> None:
