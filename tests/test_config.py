@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -358,3 +359,41 @@ def test_foreign_clients_are_served_where_the_configuration_says_so_or_names_the
     found = parse(f"{GOOD}\n{table}").bus
     assert found.enabled == enabled
     assert type(found).model_validate_json(found.model_dump_json()) == found
+
+
+# --------------------------------------------------------------------------------------------------------- bounds
+
+
+def _unbounded(node: Any, where: str) -> Iterator[str]:
+    """Places of a JSON schema where a number may be of any size."""
+    if isinstance(node, dict):
+        if node.get("type") in ("number", "integer") and not ({"maximum", "enum", "const"} & set(node)):
+            yield where
+        for key, child in node.items():
+            yield from _unbounded(child, f"{where}.{key}")
+    elif isinstance(node, list):
+        for child in node:
+            yield from _unbounded(child, where)
+
+
+def test_no_number_may_be_of_any_size() -> None:
+    """What is multiplied by 1e9 to nanoseconds, or allocated, must stay finite."""
+    schema = config.Config.model_json_schema()
+    assert list(_unbounded(schema, "")) == []
+
+
+@pytest.mark.parametrize("value", ["1e308", "86401.0", "0.0", "-1.0", "nan", "inf", "1" + "0" * 300])
+def test_a_split_of_any_length_is_a_wrong_configuration(value: str) -> None:
+    found = message(changed("[session]", f"[session]\nsplit_s = {value}"))
+    assert found.startswith(f"{FILE}: session.split_s = ")
+
+
+def test_elevation_files_in_a_zip_are_relative_to_the_file_and_gdal_paths_stay() -> None:
+    paths = {
+        "/vsizip/tiles.zip/a.hgt": f"/vsizip/{FILE.parent.absolute()}/tiles.zip/a.hgt",
+        "/vsizip//data/tiles.zip/a.hgt": "/vsizip//data/tiles.zip/a.hgt",
+        "/vsicurl/https://a.example/b.tif": "/vsicurl/https://a.example/b.tif",
+    }
+    loaded = parse(changed('"dem/a.npz"', ", ".join(f'"{path}"' for path in paths)))
+    assert loaded.nav.terrain is not None
+    assert loaded.nav.terrain.files == tuple(paths.values())

@@ -7,8 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-Positive = Annotated[float, Field(gt=0)]
-Vector = tuple[float, float, float]
+#: Far above every quantity that is meant; what is larger is a mistake and ends in infinities.
+Positive = Annotated[float, Field(gt=0, le=1e12)]
+Metres = Annotated[float, Field(ge=-1e6, le=1e6)]
+Vector = tuple[Metres, Metres, Metres]
 
 
 class StrictModel(BaseModel):
@@ -23,15 +25,17 @@ class StrictModel(BaseModel):
 class Session(StrictModel):
     """``[session]``: where the recording goes and how it is cut.
 
-    fallback : on another medium; the recording goes on there while ``directory`` refuses
+    fallback  : on another medium; the recording goes on there while ``directory`` refuses
+    file_mode : permissions of the files, octal; who may read them may enter their folder
     """
 
     name: Name
     directory: str = "data"
     fallback: str | None = None
-    split_s: Positive = 300.0
-    split_mb: Positive = 1024.0
-    min_free_mb: Annotated[float, Field(ge=0)] = 500.0
+    split_s: Annotated[float, Field(gt=0, le=86_400)] = 300.0
+    split_mb: Annotated[float, Field(gt=0, le=1_048_576)] = 1024.0
+    min_free_mb: Annotated[float, Field(ge=0, le=1e9)] = 500.0
+    file_mode: Literal["0600", "0640", "0644", "0660", "0664"] = "0640"
     origin: Literal["flight", "hil", "replay"] = "flight"
     mode: Literal["continuous", "snapshot"] = "continuous"  # snapshot: frames are recorded around a trigger only
 
@@ -56,7 +60,7 @@ class RecorderTuning(StrictModel):
     freeze_gc   : Python's collector of cycles stands still
     """
 
-    cpu: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    cpu: tuple[Annotated[int, Field(ge=0, le=8191)], ...] = ()
     scheduler: Literal["other", "fifo"] = "other"
     priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's own interrupt threads have 50
     lock_memory: bool = False
@@ -85,7 +89,7 @@ class SerialLink(Buffered):
 
     kind: Literal["serial"]
     port: str
-    baud: Annotated[int, Field(gt=0)] = 115200
+    baud: Annotated[int, Field(gt=0, le=100_000_000)] = 115200
     data_bits: Literal[5, 6, 7, 8] = 8
     parity: Literal["none", "even", "odd", "mark", "space"] = "none"
     stop_bits: Literal[1, 2] = 1
@@ -116,7 +120,7 @@ class CanLink(Buffered):
     kind: Literal["can"]
     interface: str
     channel: str
-    bitrate: Annotated[int, Field(gt=0)] | None = None
+    bitrate: Annotated[int, Field(gt=0, le=100_000_000)] | None = None
     fd: bool = False
     settings: dict[str, Any] = Field(default_factory=dict)  # further python-can arguments, as they are
 
@@ -139,7 +143,7 @@ class Altimeter(StrictModel):
     """
 
     kind: Literal["radar", "laser"]
-    range_m: tuple[float, float]
+    range_m: tuple[Metres, Metres]
     max_roll_deg: Positive = 30.0
     max_pitch_deg: Positive = 30.0
     max_deviation_m: Positive | None = None
@@ -158,8 +162,8 @@ class Device(StrictModel):
     link: Name
     driver: str
     rate_hz: Positive | None = None
-    max_age_ms: Positive = 1000.0
-    latency_ms: Annotated[float, Field(ge=0)] = 0.0
+    max_age_ms: Annotated[float, Field(gt=0, le=3_600_000)] = 1000.0
+    latency_ms: Annotated[float, Field(ge=0, le=3_600_000)] = 0.0
     use_device_time: bool = True  # once its clock is known against FTI time; false: validity from the arrival alone
     lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
     rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
@@ -226,7 +230,7 @@ class Station(StrictModel):
 
     lat_deg: Annotated[float, Field(ge=-90, le=90)]
     lon_deg: Annotated[float, Field(ge=-180, le=180)]
-    alt_m: float
+    alt_m: Metres
 
 
 class Radio(StrictModel):

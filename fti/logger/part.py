@@ -11,6 +11,7 @@ from pathlib import Path
 
 from fti.errors import StorageError
 from fti.logger.blueprint import Blueprint
+from fti.logger.file_mode import create_file
 from fti.logger.places import Stray, Trace, free_mb
 from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
@@ -120,7 +121,7 @@ class Part:
         fd = os.dup(self.writer.fileno())
         try:
             self.close()
-            with rescued.open("xb") as copy:
+            with os.fdopen(create_file(rescued), "wb") as copy:
                 at = 0
                 while block := os.pread(fd, RESCUE_BLOCK, at):
                     at += copy.write(block)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fti.errors import StorageError
+from fti.logger.file_mode import make_folder
 from fti.logger.session import SessionFolder
 
 MEGABYTE = 2**20
@@ -37,7 +38,9 @@ class Place:
         if mount != self.mount:
             raise StorageError(f"{self.folder}: no medium is mounted on {self.mount}")
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            self.folder.parent.mkdir(parents=True, exist_ok=True)
+            if not self.folder.is_dir():
+                make_folder(self.folder)
         except OSError as error:
             raise StorageError(f"{self.folder}: cannot be made: {error.strerror}") from error
         if min_free_mb and (free := free_mb(self.folder)) < min_free_mb:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal, cast
 
 from fti.errors import FtiError, MissingError, StorageError
+from fti.logger.file_mode import make_folder
 from fti.logger.regular_file import why_not_regular
 
 #: The attachment of every file of a session that holds the configuration it was recorded with.
@@ -148,7 +149,7 @@ def name_parts(path: Path) -> tuple[Kind, int]:
 
 def _made(path: Path) -> bool:
     try:
-        path.mkdir()
+        make_folder(path)
     except FileExistsError:
         return False
     return True

@@ -27,6 +27,7 @@ from fti.errors import StorageError
 from fti.logger import checkpoints, records
 from fti.logger.burst_records import NO_TIME, Share, forget, pack_shares
 from fti.logger.checkpoints import SLOT_BYTES, SLOTS, Checkpoint
+from fti.logger.file_mode import create_file
 from fti.logger.folder_sync import sync_folder
 from fti.logger.records import MESSAGE, MESSAGE_BODY
 from fti.logger.summary import Summary
@@ -306,7 +307,7 @@ class StreamWriter:
 def _create(path: Path) -> int:
     """Create a file exclusively and lock it."""
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        fd = create_file(path)
     except OSError as error:
         raise StorageError(f"{path}: cannot be created: {error.strerror}") from error
     with contextlib.suppress(OSError):  # a file system without locks: repair cannot lock either and leaves it alone

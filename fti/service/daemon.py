@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING
 
 from fti.errors import FtiError, RecordingError
+from fti.service import limits
 from fti.service.children import Child
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ Companion = Callable[["Supervisor"], Awaitable[None]]
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
+    limits.raise_open_files()
     child = Child("recorder", has_stand_in=True)
     child.prepare()
     try:
@@ -54,6 +56,7 @@ async def serve(
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor import Supervisor  # noqa: PLC0415
 
+    config = limits.fit(config, announce)
     supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce), shows_key=shows_key)
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
     try:

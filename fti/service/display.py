@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fti.clock import SystemClock
-from fti.errors import FtiError
+from fti.errors import FtiError, MissingError
 from fti.service.control import Channel, Message, adopt_channel
 from fti.service.listening import listen
 from fti.service.tcp_user import user_of_connection
@@ -24,6 +24,8 @@ from fti.web.server import PageServer
 
 EXIT_WRONG = 2
 PROCESS = "display"
+#: A port that another program has is tried again after this time [s].
+RETRY_S = 2.0
 
 
 async def wait_for_end(channel: Channel, take: Callable[[Message], None]) -> None:
@@ -72,14 +74,32 @@ async def serve(bus: Path, port: int, channel: Channel) -> None:
     clock = SystemClock(0)  # ages need differences only
     feed = Feed(clock.now_ns())
     server = PageServer(feed, clock.now_ns, CommandGate(key, channel.send, clock.now_ns), user_of_connection)
-    chosen = await server.start(port)
     subscriber = await asyncio.to_thread(listen, feed, bus, PROCESS, clock)
-    channel.send({"ready": True, "port": chosen})
+    starting = asyncio.create_task(start_page(server, port, channel.send), name="start-page")
     try:
         await wait_for_end(channel, server.board.take)
     finally:
+        starting.cancel()
+        await asyncio.gather(starting, return_exceptions=True)
         await server.stop()
         subscriber.close()
+
+
+async def start_page(server: PageServer, port: int, tell: Callable[[Message], object]) -> None:
+    """Start serving, and tell the port.
+
+    While another program has the port, that is told once and tried again: the recording goes on without the page.
+    """
+    is_told = False
+    while True:
+        try:
+            tell({"ready": True, "port": await server.start(port)})
+            return
+        except MissingError as error:
+            if not is_told:
+                tell({"fault": f"{error}; recording goes on without the page, which is tried again"})
+            is_told = True
+        await asyncio.sleep(RETRY_S)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from fti.clock import SystemClock
 from fti.config import Config
+from fti.logger.file_mode import set_file_mode
 from fti.service.compiling import compile_first
 from fti.service.control import await_order
 from fti.service.navigating import Navigator
@@ -29,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if told:
         channel, text, ring_fd = told
         order = NavigationOrder.model_validate_json(text)
+        set_file_mode(int(order.config.session.file_mode, 8))
         _load_kernels(order.config)
         Navigator(order, SystemClock(order.epoch_ns), channel, ring_fd).run()
     return 0

@@ -17,6 +17,7 @@ import sys
 from collections.abc import Sequence
 
 from fti.clock import SystemClock
+from fti.logger.file_mode import set_file_mode
 from fti.service import hygiene
 from fti.service.control import await_order
 from fti.service.orders import RecorderOrder
@@ -38,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if told:
         channel, text, ring_fd = told
         order = RecorderOrder.model_validate_json(text)
+        set_file_mode(int(order.config.session.file_mode, 8))
         recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fd)
         gc.freeze()
         recorder.tell_refused(hygiene.apply(order.config.recorder))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from fti.config import Session
 from fti.errors import ConfigError, StorageError
+from fti.logger.file_mode import set_file_mode
 from fti.logger.places import Place
 from fti.logger.recovery import repair
 from fti.logger.session import SessionFolder
@@ -34,6 +35,7 @@ class SessionPlaces:
         if len({directory.resolve() for directory in self.directories}) < len(self.directories):
             raise ConfigError(f"session.fallback = {session.fallback!r}: is session.directory itself")
         self._announce = announce
+        set_file_mode(int(session.file_mode, 8))
         self.folder = self._make(session.name, started_ns)
         self.all = [Place.of(directory / self.folder.name) for directory in self.directories]
 

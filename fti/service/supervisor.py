@@ -238,6 +238,8 @@ class Supervisor:
             self._announce(self._page.announcement)
             self._publish_info()
             self.displayed.set()
+        if child.name == DISPLAY and "fault" in message:
+            self._bulletin.event("error", DISPLAY, str(message["fault"]))
         if "event" in message:
             self._bulletin.pass_on(message["event"])
         if "sent" in message:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -26,12 +27,14 @@ from aiohttp.typedefs import Handler
 from fti.errors import MissingError
 from fti.web.command_board import CommandBoard
 from fti.web.commands import Client, CommandGate
+from fti.web.connections import ConnectionLimits
 from fti.web.feed import Feed
 
 LOOPBACK = "127.0.0.1"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 PERIOD_S = 0.1
 LONGEST_MESSAGE = 2048
+IDLE_S = 15.0  # a connection without a request is kept so long
 CONTENT_TYPES = {
     ".html": "text/html",
     ".css": "text/css",
@@ -109,10 +112,11 @@ class PageServer:
         self._files = static_files()
         self._sockets: WeakSet[web.WebSocketResponse] = WeakSet()
         self._runner: web.AppRunner | None = None
+        self._limits = ConnectionLimits()
 
     def make_app(self) -> web.Application:
         """The application; ``start`` serves it."""
-        app = web.Application(middlewares=[guard_origin])
+        app = web.Application(middlewares=[self._limits.note_request, guard_origin])
         app.router.add_get("/ws", self._serve_socket)
         app.router.add_get("/{path:.*}", self._serve_file)
         app.on_shutdown.append(self._close_sockets)
@@ -120,18 +124,24 @@ class PageServer:
 
     async def start(self, port: int) -> int:
         """Listen on a port of loopback, 0 for a free one; returns the port.  Raises MissingError when it is in use."""
-        self._runner = web.AppRunner(self.make_app(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(
+            self.make_app(), access_log=None, handle_signals=False, shutdown_timeout=1.0, keepalive_timeout=IDLE_S
+        )
         await self._runner.setup()
         try:
             await web.TCPSite(self._runner, LOOPBACK, port).start()
         except OSError as error:
             await self.stop()
-            raise MissingError(f"display.port = {port}: cannot be served on {LOOPBACK}: {error.strerror}") from None
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise MissingError(f"display.port = {port}: cannot be served on {LOOPBACK}: {reason}") from None
+        assert self._runner.server is not None
+        self._limits.watch(self._runner.server)
         chosen: int = self._runner.addresses[0][1]
         return chosen
 
     async def stop(self) -> None:
         """Close every connection and stop listening."""
+        self._limits.stop()
         if self._runner:
             await self._runner.cleanup()
 

@@ -17,6 +17,7 @@ from fti.cli._printing import print_json, print_line, print_status
 from fti.cli._reading import bar_title
 from fti.cli._watch_view import render
 from fti.cli.main import main
+from fti.clock import FakeClock
 from fti.logger.export.names import table_names
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.session import SessionFolder
@@ -171,11 +172,7 @@ def test_cells_of_a_table_are_no_formulas(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_what_the_supervisor_announces_goes_through_the_same_way(capsys: pytest.CaptureFixture[str]) -> None:
-    class Clock:
-        def now_ns(self) -> int:
-            return 0
-
-    bulletin = Bulletin(Clock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None)
+    bulletin = Bulletin(FakeClock(), lambda *_: None, lambda line: print_line(line, flush=True), lambda *_: None)
     bulletin.event("error", EVIL, EVIL)
     out = capsys.readouterr().out
     assert out.count("\n") == 1

@@ -97,16 +97,6 @@ def test_sigterm_ends_it_and_sigint_does_not(display: DisplayProcess) -> None:
     assert end_of(display) == 0
 
 
-def test_a_port_in_use_is_one_sentence(
-    daemon: FakeDaemon, display: DisplayProcess, capfd: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(ConnectionError, match="the display ended"):
-        DisplayProcess(daemon, display.port)
-    found = capfd.readouterr().err
-    assert found.startswith(f"fti display: display.port = {display.port}: cannot be served on 127.0.0.1")
-    assert found.count("\n") == 1
-
-
 def test_a_missing_bus_is_one_sentence(daemon: FakeDaemon, capfd: pytest.CaptureFixture[str]) -> None:
     daemon.hub.path.unlink()
     with pytest.raises(ConnectionError, match="the display ended"):

@@ -11,6 +11,7 @@ from typing import BinaryIO
 
 from fti.errors import StorageError
 from fti.logger import records
+from fti.logger.file_mode import create_file
 from fti.logger.reading.chunk_content import Content
 from fti.logger.records import HEAD, read_text
 from fti.logger.summary import Summary
@@ -25,7 +26,7 @@ class Rebuilt:
         self._summary = Summary()
         self._at = 0
         try:
-            self._stream: BinaryIO = path.open("xb")
+            self._stream: BinaryIO = os.fdopen(create_file(path), "wb")
         except OSError as error:
             raise _refusal(path, error) from error
         self._write(head)
