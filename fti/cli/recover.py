@@ -108,6 +108,8 @@ def _verdict(report: Report) -> str:
         return "not everything is there"
     if any(not file.summary for file in report.files):
         return "not proved complete: a file has no summary that holds, more may have followed at its end"
+    if any(file.doubts for file in report.files):
+        return "not everything is proved: a file was not finished by its writer, or was recovered before"
     return "nothing is missing; not everything is proved"
 
 
@@ -121,6 +123,8 @@ def _file_text(file: FileReport) -> Iterator[str]:
         yield f"  the first unproved message is of {_time(file.unproved_ns)}"
     if not file.summary:
         yield "  has no summary that holds: not proved complete, more may have followed at its end"
+    for doubt in file.doubts:
+        yield f"  {doubt}"
     for name in file.altered_metadata:
         yield f"  its metadata {name} is not as it was written"
     if file.copies:

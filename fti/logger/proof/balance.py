@@ -16,8 +16,8 @@ from itertools import zip_longest
 
 from fti.logger.proof.ledger import NOTHING, Amount, Entry, LedgerReader, Note, Recorder
 from fti.logger.proof.numbers import NumberProof, Span
-from fti.logger.proof.wording import clock_text
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.wording import clock_text
 
 _ZERO = Entry()
 

@@ -20,14 +20,14 @@ from fti.logger import records
 from fti.logger.blueprint import altered_tables
 from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
 from fti.logger.lock import is_being_written
-from fti.logger.proof.doubts import doubts_of, has_unproved, notes_of
-from fti.logger.proof.wording import clock_text
 from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
+from fti.logger.reading.doubts import doubts_of, has_unproved, notes_of
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, is_channel, is_schema, record_end
 from fti.logger.reading.tables import metadata_table, text_table
+from fti.logger.reading.wording import clock_text
 from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)

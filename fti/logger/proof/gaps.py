@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fti.logger.proof.numbers import Span
-from fti.logger.proof.wording import clock_text
+from fti.logger.reading.wording import clock_text
 
 GAP_TOPIC = "/fti/gap"
 OVERFLOW = "buffer_overflow"

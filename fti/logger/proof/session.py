@@ -12,10 +12,10 @@ from fti.logger.proof.gaps import Gaps
 from fti.logger.proof.ledger import SOCKET_QUEUE, Amount
 from fti.logger.proof.numbers import TICK_HOLE_NS, NumberProof, Span
 from fti.logger.proof.report import Account, Check, Report, Verdict
-from fti.logger.proof.wording import clock_text, ranges_text
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.file_numbers import absent_numbers
 from fti.logger.reading.recording import Recording
+from fti.logger.reading.wording import clock_text, ranges_text
 
 NOT_TRIGGERED = "not_triggered"
 #: Received by a recorder that was killed before it could write.

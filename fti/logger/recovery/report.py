@@ -25,6 +25,7 @@ class FileReport:
 
     messages : taken; unproved : those among them without a checksum that holds, unproved_ns : log time of the first;
     chunks : taken with their checksum.  altered_metadata : tables that are not as they were written.
+    doubts : what the file itself says is unproved or missing, as its writer did not finish it or a recovery made it.
     copies : messages that were taken from another one of joined files already.
     flipped : the bytes of the file in which a bit was turned back, one in each of so many chunks, all of them unproved.
     told_messages, missing_chunks : what the summary, if it was whole, told of besides.
@@ -45,14 +46,18 @@ class FileReport:
     damages: list[Damage] = field(default_factory=list)
     flipped: list[int] = field(default_factory=list)
     altered_metadata: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
     copies: int = 0
     #: The summary was whole, and all that it tells of was taken.
     all_told: bool = False
 
     @property
     def complete(self) -> bool:
-        """The summary is whole; nothing is lost, mended or altered.  Indexes, which are made anew, may be damaged."""
-        return self.summary and not (self.lost or self.flipped or self.altered_metadata)
+        """The summary is whole; nothing is lost, mended, altered or in doubt.
+
+        Indexes, which are made anew, may be damaged.
+        """
+        return self.summary and not (self.lost or self.flipped or self.altered_metadata or self.doubts)
 
     @property
     def lost(self) -> bool:

@@ -13,6 +13,7 @@ from fti.errors import StorageError
 from fti.logger import records
 from fti.logger.blueprint import RECOVERED_METADATA, altered_tables
 from fti.logger.reading.chunk_content import Content
+from fti.logger.reading.doubts import doubts_of
 from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
@@ -173,6 +174,7 @@ class _Salvage:
                 self._note_lost(piece)
         self._compare()
         self._report.altered_metadata = altered_tables(self._tables)
+        self._report.doubts = [doubt for name, table in self._tables.items() for doubt in doubts_of(name, table)]
         about = self_sealed(RECOVERED_METADATA, self._summary())
         self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, about))
         self._rebuilt.finish()

@@ -196,7 +196,7 @@ class Sum:
             self.failed[kind] += 1
             self.failures.append(outcome)
 
-    def lines(self, most: int = 40) -> Iterator[str]:
+    def lines(self, most: int = 60) -> Iterator[str]:
         """For a person."""
         for kind, count in self.tries.items():
             notes = ", ".join(f"{name} {n}" for name, n in sorted(self.notes[kind].items()) if n)

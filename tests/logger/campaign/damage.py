@@ -26,10 +26,11 @@ MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 
 
 class Damaged(NamedTuple):
-    """The bytes of the open file after it, and where it was hit."""
+    """The bytes of the open file after it, and where it was hit.  natural : a kill or a power cut may leave it."""
 
     data: bytes
     place: str
+    natural: bool = False
 
 
 Inflict = Callable[[OpenSession, Random], Damaged]
@@ -161,7 +162,7 @@ def _zero_several(session: OpenSession, chance: Random) -> Damaged:
 
 
 def _cut(session: OpenSession, at: int) -> Damaged:
-    return Damaged(session.data[:at], f"cut at byte {at} of {len(session.data)}")
+    return Damaged(session.data[:at], f"cut at byte {at} of {len(session.data)}", natural=True)
 
 
 def _cut_anywhere(session: OpenSession, chance: Random) -> Damaged:
@@ -203,11 +204,12 @@ def _power_cut(session: OpenSession, chance: Random) -> Damaged:
         if is_stale:
             stale.append(begin // PAGE)
         data[begin : begin + PAGE] = (before if is_stale else now)[: size - begin]
-    return Damaged(bytes(data), f"pages {stale} are as {len(new) - len(old)} bytes before, size {size} of {len(new)}")
+    place = f"pages {stale} are as {len(new) - len(old)} bytes before, size {size} of {len(new)}"
+    return Damaged(bytes(data), place, natural=True)
 
 
 def _power_cut_and_flip(session: OpenSession, chance: Random) -> Damaged:
-    data, place = _power_cut(session, chance)
+    data, place, _ = _power_cut(session, chance)
     at, bit = chance.randrange(len(data)) if data else 0, chance.randrange(8)
     hit = bytearray(data)
     if hit:
@@ -216,7 +218,7 @@ def _power_cut_and_flip(session: OpenSession, chance: Random) -> Damaged:
 
 
 def _none(session: OpenSession, chance: Random) -> Damaged:
-    return Damaged(session.data, "the kill alone")
+    return Damaged(session.data, "the kill alone", natural=True)
 
 
 FLIPS: dict[str, Inflict] = {

@@ -90,12 +90,12 @@ class OpenSession:
         """The files before it; one of them may be open, too, when the kill came between two files."""
         return [name for name in self.files if name != self.open_name and parse(self.files[name]).has_summary]
 
-    def put(self, directory: Path, data: bytes) -> Path:
-        """Write the session into a directory, its open file with these bytes; returns its folder."""
-        folder = directory / self.name
+    def put(self, directory: Path, data: bytes, name: str | None = None) -> Path:
+        """Write the session into a directory, its open file with these bytes; returns its folder, of that name."""
+        folder = directory / (name or self.name)
         folder.mkdir(parents=True)
-        for name, content in self.files.items():
-            (folder / name).write_bytes(data if name == self.open_name else content)
+        for file, content in self.files.items():
+            (folder / file).write_bytes(data if file == self.open_name else content)
         return folder
 
 

@@ -14,7 +14,6 @@ from tests.logger.campaign.damage import Damaged
 from tests.logger.campaign.mcap_parser import (
     ATTACHMENT,
     CHANNEL,
-    CHECKPOINTS,
     CHUNK,
     CHUNK_HEAD_BYTES,
     METADATA,
@@ -22,6 +21,7 @@ from tests.logger.campaign.mcap_parser import (
     Content,
     Message,
     Parsed,
+    Record,
     parse,
 )
 from tests.logger.campaign.official import OfficialFile, read_officially
@@ -41,7 +41,8 @@ class Truth:
         self.session = session
         self.damaged = damaged
         self._original = session.data
-        self.end_ns = max((m.content.log_time for m in session.parsed.messages), default=0)
+        there = [m for m in session.parsed.messages if m.begin < len(damaged.data)]
+        self.end_ns = max((m.content.log_time for m in there), default=0)
 
     def is_intact(self, begin: int, end: int) -> bool:
         """Are these bytes as they were?"""
@@ -75,16 +76,11 @@ class Truth:
         return sorted(found)
 
     @cached_property
-    def are_checkpoints_hit(self) -> bool:
-        """Is a byte of the checkpoints another than the writer left?"""
-        size = len(self.damaged.data)
-        return any(r.end <= size and not self.is_intact(r.begin, r.end) for r in self.session.parsed.of(CHECKPOINTS))
-
-    @cached_property
     def tells_more(self) -> bool:
         """Is the file shorter than the head of its last chunk, or a record at its end, tells?"""
         if self.is_cut:
-            return not any(r.end == len(self.damaged.data) for r in self.session.parsed.top_level())
+            size, ops = len(self.damaged.data), (CHUNK, ATTACHMENT, METADATA)
+            return any(r.begin < size < r.end for r in self.session.parsed.of(*ops))
         data, chunks = self.damaged.data, self.session.parsed.of(CHUNK)
         begin = chunks[-1].begin if chunks else len(data)
         size = int.from_bytes(data[begin + 1 : begin + 9], "little") if data[begin : begin + 1] == bytes([CHUNK]) else 0
@@ -103,17 +99,23 @@ class Truth:
     @cached_property
     def is_harmed_early(self) -> bool:
         """Is something altered that a sync had proved: a message, a declaration, a table, an attachment?"""
-        others = self.session.parsed.of(SCHEMA, CHANNEL, METADATA, ATTACHMENT)
-        size = len(self.damaged.data)
-        altered = any(
-            r.end <= size and not self.is_intact(r.begin, r.end) for r in others if not self._is_late(r.begin)
-        )
-        return altered or any(m.content.log_time <= self.end_ns - UNPROVED_NS for m in self.harmed)
+        hit = [r for r in self.session.parsed.of(SCHEMA, CHANNEL, METADATA, ATTACHMENT) if self._is_altered(r)]
+        declared = any(not self._is_before_late(r) for r in hit if r.op in (SCHEMA, CHANNEL))
+        others = any(self._is_followed(r) for r in hit if r.op in (METADATA, ATTACHMENT))
+        return declared or others or any(m.content.log_time <= self.end_ns - UNPROVED_NS for m in self.harmed)
 
-    def _is_late(self, offset: int) -> bool:
-        """Behind the first message of the last second?"""
-        early = (m.begin for m in self.session.parsed.messages if m.content.log_time > self.end_ns - UNPROVED_NS)
-        return offset >= next(early, len(self._original))
+    def _is_altered(self, record: Record) -> bool:
+        return record.end <= len(self.damaged.data) and not self.is_intact(record.begin, record.end)
+
+    def _is_before_late(self, record: Record) -> bool:
+        """Is the next message of the last second?"""
+        behind = (m for m in self.session.parsed.messages if m.begin >= record.end)
+        return (late := next(behind, None)) is None or self.is_late(late.begin)
+
+    def _is_followed(self, record: Record) -> bool:
+        """Is there a whole record behind it?  Else it may be a torn write."""
+        there = (r for r in self.session.parsed.top_level() if r.begin >= record.end)
+        return any(self.is_intact(r.begin, r.end) for r in there)
 
 
 def check_command(result: Result, allowed: tuple[int, ...]) -> Iterator[str]:
@@ -354,7 +356,7 @@ class ClosingCheck:
         unknown = not (self.altered or self.unproved or self.missing or self.rest or self.truth.tells_more)
         yield from check_command(file, (0, 1, 3) if self.complete or unknown else (1, 3))
         refuted = [r.command for r in (folder, file) if r.code == 1]
-        if refuted and not (self.altered or self.truth.harmed or self.truth.are_checkpoints_hit):
+        if refuted and self.truth.damaged.natural and not self.altered:
             lines = [line.strip() for line in (folder.text + file.text).splitlines() if "refuted: " in line]
             yield f"verify refutes a closed file in which nothing is altered: {'; '.join(lines)}"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from fti.logger.blueprint import CLOSED_METADATA, RECOVERED_METADATA
-from fti.logger.proof.wording import clock_text
+from fti.logger.reading.wording import clock_text
 
 
 def doubts_of(name: str, table: Mapping[str, str]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""How a proof words times and numbers."""
+"""Times of day and ranges of numbers as text."""
 
 from __future__ import annotations
 
