@@ -133,7 +133,7 @@ def _value(text: str, *, is_text: bool) -> object:
 
     try:
         value: object = tomllib.loads(f"value = {text}")["value"]
-    except (tomllib.TOMLDecodeError, KeyError):
+    except (ValueError, KeyError, RecursionError):
         return text
     return text if is_text and not isinstance(value, str) else value
 
@@ -190,6 +190,8 @@ def _candump_frame(time: str, channel: str, frame: str) -> tuple[int, bytes]:
 
     seconds, _, fraction = time.strip("()").partition(".")
     t_ns = int(seconds) * 1_000_000_000 + int(f"{fraction:0<9}"[:9])
+    if not 0 <= t_ns < 2**63:
+        raise ValueError("no time")
     word, fd, data = frame.partition("##") if "##" in frame else frame.partition("#")
     if not fd:
         raise ValueError("no #")

@@ -13,9 +13,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import inspect
+import io
+import os
 import pkgutil
 import sys
+import traceback
 from collections.abc import Sequence
+from pathlib import Path
 from types import ModuleType
 
 import fti.cli
@@ -25,6 +29,10 @@ from fti.errors import FtiError, RecordingError
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
 EXIT_INTERRUPTED = 130
+#: With this variable in the environment, an error that nobody expected keeps its traceback.
+TRACEBACK = "FTI_TRACEBACK"
+#: Arguments of commands that name what is read.
+FILES = ("session", "other", "file", "files", "config", "scenario", "reference", "airfield")
 
 
 def _commands() -> list[ModuleType]:
@@ -60,10 +68,25 @@ def _pydantic_errors() -> tuple[type[Exception], ...]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; what the user must know stands in one sentence on standard error."""
+    _print_everything()
+    args = argparse.Namespace(command="")
     try:
-        args, unknown = make_parser().parse_known_args(argv)
+        _, unknown = make_parser().parse_known_args(argv, args)
         if unknown:  # with the usage of the command, not of all
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return _run(args)
+    except _pydantic_errors():
+        raise
+    except Exception as error:
+        if os.environ.get(TRACEBACK):
+            raise
+        print_line(f"fti: {_unexpected(args, error)}", error=True)
+        return EXIT_LOSSES
+
+
+def _run(args: argparse.Namespace) -> int:
+    """The command, with the ends that are expected."""
+    try:
         return int(args.run(args))
     except RecordingError as error:
         print_line(f"fti: {error}", error=True)
@@ -80,6 +103,26 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has had enough, as with ``| head``
         sys.stderr.close()
         return 0
+
+
+def _print_everything() -> None:
+    """A text that the terminal's encoding has not (half of a surrogate pair, a file name of bytes) is escaped."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _unexpected(args: argparse.Namespace, error: Exception) -> str:
+    """An error that no command expects, as one sentence: the last net, for files that nobody has thought of."""
+    named = (getattr(args, name, None) for name in FILES)
+    files = [str(one) for value in named if value for one in (value if isinstance(value, list) else [value])]
+    *_, frame = traceback.extract_tb(error.__traceback__)
+    said = " ".join(str(error).split())[:200]
+    what = f"{type(error).__name__} {said}".strip() if said else type(error).__name__
+    return (
+        f"{args.command} {' '.join(files)}: failed by {what} ({Path(frame.filename).name}:{frame.lineno}); "
+        f"{TRACEBACK}=1 shows where, for a report"
+    )
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ Relative paths are relative to the file.  An error names the file, the key path,
 
 from fti.config.binding import bind
 from fti.config.loading import load, parse, read_toml, with_links, with_session
+from fti.config.parsing import decode_text, parse_toml
 from fti.config.tables import (
     Altimeter,
     Approach,
@@ -55,8 +56,10 @@ __all__ = [
     "UdpLink",
     "Vector",
     "bind",
+    "decode_text",
     "load",
     "parse",
+    "parse_toml",
     "read_toml",
     "with_links",
     "with_session",

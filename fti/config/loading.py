@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from fti.config.binding import bind
+from fti.config.parsing import MAX_TOML_BYTES, decode_text, parse_toml
 from fti.config.tables import CanLink, Config, Device, Nav, SerialLink, TerrainFiles, UdpLink
 from fti.errors import ConfigError, MissingError
 
@@ -27,15 +27,12 @@ LEAST_DOWN = math.cos(math.radians(85.0))
 def read_toml(path: Path) -> tuple[dict[str, Any], str]:
     """A TOML file as a table, and its text.  Raises MissingError or ConfigError."""
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            data = file.read(MAX_TOML_BYTES + 1)
     except OSError as error:
         raise MissingError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: is not UTF-8 text") from None
-    try:
-        return tomllib.loads(text), text
-    except (ValueError, RecursionError) as error:  # of tomllib, or of a number or a nesting that Python refuses
-        raise ConfigError(f"{path}: is not valid TOML: {error}") from None
+    text = decode_text(data, str(path))
+    return parse_toml(text, str(path)), text
 
 
 def load(path: str | Path) -> Config:

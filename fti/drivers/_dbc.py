@@ -18,6 +18,7 @@ A raw value becomes ``raw * factor + offset``.  Its state:
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -34,6 +35,13 @@ NOBODY = "Vector__XXX"
 NO_MESSAGE = "VECTOR__INDEPENDENT_SIG_MSG"
 #: Of a step: a raw value at its limit is within it, whatever factor times raw rounds to.
 ROUNDING = 1e-6
+#: The longest message that J1939 puts together of several frames [B]; a signal has as many bits at most.
+MAX_LENGTH = 1785
+LENGTH_DIGITS = 9
+_LENGTHS = (
+    (re.compile(r"BO_\s+\d+\s+(\w+)\s*:\s*(\d+)"), MAX_LENGTH, "message"),
+    (re.compile(r"SG_\s+(\w+)[^:\n]*:\s*\d+\s*\|\s*(\d+)"), 8 * MAX_LENGTH, "signal"),
+)
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
 #: Cuts a raw value out of the little-endian and the big-endian word of a frame.
@@ -142,13 +150,24 @@ class Layout:
 @cache
 def read_dbc(text: str) -> Database:
     """The database in the text of a DBC.  Raises ValueError naming what is wrong."""
+    _check_lengths(text)
     try:
         database = cantools.database.load_string(text, "dbc", strict=False)
     except Error as error:
         reason = str(error).removeprefix('DBC: "').removesuffix('"')
         raise ValueError(f"dbc: {reason}") from None
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise ValueError(f"dbc: cantools cannot read it: {type(error).__name__} {str(error)[:200]}") from None
     assert isinstance(database, Database)
     return database
+
+
+def _check_lengths(text: str) -> None:
+    """Raises ValueError for a length that no message has; cantools would prepare a place for each of its bits."""
+    for pattern, most, what in _LENGTHS:
+        for name, length in pattern.findall(text):
+            if len(length) > LENGTH_DIGITS or int(length) > most:
+                raise ValueError(f"dbc: {what} {name[:80]!r}: length {length[:20]}: must be at most {most}")
 
 
 @cache
@@ -160,7 +179,21 @@ def read_layouts(text: str) -> tuple[Layout, ...]:
         other = first.setdefault((layout.can_id, layout.extended), layout.name)
         if other != layout.name:
             raise ValueError(f"dbc: messages {other!r} and {layout.name!r} have the same identifier {layout.can_id}")
+        _check_multiplexers(layout)
     return layouts
+
+
+def _check_multiplexers(layout: Layout) -> None:
+    """Raises ValueError where a multiplexer is not in the message, or is selected by itself over others."""
+    parents = {signal.name: signal.selector for signal in layout.signals}
+    for name, selector in parents.items():
+        seen, parent = {name}, selector
+        while parent:
+            if parent in seen or parent not in parents:
+                wrong = "selects itself" if parent in seen else "is not in its message"
+                raise ValueError(f"dbc: multiplexer {parent!r} of signal {name!r} {wrong}")
+            seen.add(parent)
+            parent = parents[parent]
 
 
 def _layout(message: Any) -> Layout:
@@ -181,6 +214,14 @@ def _signal(signal: Any, length: int) -> Signal:
         raise ValueError(f"dbc: signal {signal.name!r} does not fit into the {length} bytes of its message")
     conversion = signal.conversion
     is_float = conversion.is_float
+    if signal.length < 1 or (is_float and signal.length not in _FLOATS):
+        allowed = f"{', '.join(map(str, _FLOATS))} of a floating-point number" if is_float else "1 or more"
+        raise ValueError(f"dbc: signal {signal.name!r} has {signal.length} bits; must be {allowed}")
+    if not all(math.isfinite(number) and number != 0.0 for number in (conversion.scale, conversion.offset or 1.0)):
+        raise ValueError(
+            f"dbc: signal {signal.name!r}: factor {conversion.scale}, offset {conversion.offset}: "
+            "must be finite, and the factor not 0"
+        )
     least, most = _range(signal.length, signal.is_signed, is_float)
     slack = 0.0 if is_float else ROUNDING * abs(float(conversion.scale))
     return Signal(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 from fti import config as configuration
@@ -17,5 +16,6 @@ def recorded_config(recording: Recording, session: Path) -> Config:
     data = recording.attachments().get(CONFIG_ATTACHMENT)
     if data is None:
         raise MissingError(f"{session}: holds no attachment {CONFIG_ATTACHMENT}; name the configuration with --config")
-    text = data.decode("utf-8")
-    return configuration.parse(tomllib.loads(text), text, session / CONFIG_ATTACHMENT)
+    file = session / CONFIG_ATTACHMENT
+    text = configuration.decode_text(data, str(file))
+    return configuration.parse(configuration.parse_toml(text, str(file)), text, file)

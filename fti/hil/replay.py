@@ -9,6 +9,7 @@ the recorder itself had sent on a link is not sent again: the far end never said
 from __future__ import annotations
 
 import asyncio
+import struct
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -128,7 +129,7 @@ def length_s(recording: Recording) -> float | None:
         with path.open("rb") as file:
             try:
                 summary = make_reader(file).get_summary()
-            except McapError:
+            except (McapError, ValueError, LookupError, struct.error, OverflowError, MemoryError):
                 return None
         if summary is None or summary.statistics is None:
             return None

@@ -7,13 +7,13 @@ have been true.  What is found comes on top of the ``latency_ms`` that was confi
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 
 from fti.errors import MissingError
+from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
 from fti.nav.altimetry.latency import Latency, estimate_latency
 
@@ -27,10 +27,12 @@ def altimeter_latencies(recording: Recording, folder: Path) -> dict[str, Latency
     Raises MissingError where nothing was predicted: without ``[nav] terrain`` nobody knows what should have been said.
     """
     series: dict[str, list[tuple[int, float, float]]] = defaultdict(list)
-    for topic, _, _, _, data in recording.messages(HEIGHT):
-        output = json.loads(data)
-        if all(output.get(name) is not None for name in NAMES):
-            series[topic.removeprefix(HEIGHT)].append(tuple(output[name] for name in NAMES))
+    for topic, t_ns, _, _, data in recording.messages(HEIGHT):
+        with using_message(topic, t_ns):
+            output = parse_table(data)
+            if all(output.get(name) is not None for name in NAMES):
+                valid_ns, raw, predicted = (output[name] for name in NAMES)
+                series[topic.removeprefix(HEIGHT)].append((whole_number(valid_ns), float(raw), float(predicted)))
     if not series:
         raise MissingError(
             f"{folder}: no height has a prediction beside it: fti reprocess, with [nav] terrain, makes them"

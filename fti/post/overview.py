@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import struct
-import tomllib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mcap.exceptions import McapError
-from mcap.records import Chunk
-from mcap.stream_reader import StreamReader
-
+from fti.config import decode_text, parse_toml
 from fti.drivers._times import GPS_EPOCH_UTC_NS, LEAP_NS
+from fti.errors import ConfigError
 from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import RAW, SENT, Recording
 from fti.logger.session import CONFIG_ATTACHMENT
@@ -142,17 +136,8 @@ class GnssTime:
 def _file_state(recording: Recording, path: Path) -> FileState:
     fault = recording.faults.get(path)
     text = fault.text if fault else None
-    return FileState(path, path.stat().st_size, McapFile(path).finished, _compression(path), text)
-
-
-def _compression(path: Path) -> str:
-    """Compression of the first chunk; "" when it has none, or there is no chunk."""
-    with path.open("rb") as stream, suppress(McapError, ValueError, struct.error):
-        limit = os.fstat(stream.fileno()).st_size
-        for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
-            if isinstance(record, Chunk):
-                return record.compression
-    return ""
+    file = McapFile(path)
+    return FileState(path, path.stat().st_size, file.finished, file.compression(), text)
 
 
 def configured_rates(recording: Recording) -> dict[str, float]:
@@ -166,7 +151,8 @@ def configured_rates(recording: Recording) -> dict[str, float]:
 def _devices(text: bytes) -> list[dict[str, Any]]:
     """The devices of a configuration, perhaps of another version."""
     try:
-        tables = tomllib.loads(text.decode()).get("device", [])
-    except ValueError:
+        tables = parse_toml(decode_text(text, CONFIG_ATTACHMENT), CONFIG_ATTACHMENT).get("device", [])
+    except ConfigError:
         return []
-    return [d for d in tables if isinstance(d, dict) and isinstance(d.get("link"), str)]
+    listed = tables if isinstance(tables, list) else []
+    return [d for d in listed if isinstance(d, dict) and isinstance(d.get("link"), str)]

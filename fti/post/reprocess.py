@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import gc
 import itertools
-import json
 import math
-import tomllib
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +22,7 @@ from fti import config as configuration
 from fti.config import Config
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
+from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
@@ -118,19 +117,33 @@ class Segment:
 
 def recorded_setup(recording: Recording, file: Path) -> Setup:
     """The configuration that the session was recorded with, from its attachments.  Raises RecordingError."""
-    texts = {name: data.decode() for name, data in recording.attachments().items()}
+    texts = {name: configuration.decode_text(data, f"{file / name}") for name, data in recording.attachments().items()}
     text = texts.pop(CONFIG_ATTACHMENT, None)
     if text is None:
         raise RecordingError(f"{file}: holds no configuration; name one")
-    setup = _setup(configuration.parse(tomllib.loads(text), text, file / CONFIG_ATTACHMENT), texts)
-    notes = [json.loads(data) for *_, data in recording.messages(TERRAIN_TOPIC, kind="derived")]
-    files = tuple(file for note in notes for file in note.get("files", ()))
-    grounds = tuple(map(_ground_note, notes))
-    return replace(setup, config=_with_files(setup.config, files), grounds=grounds, recorded=True)
+    place = file / CONFIG_ATTACHMENT
+    setup = _setup(configuration.parse(configuration.parse_toml(text, str(place)), text, place), texts)
+    files: list[str] = []
+    grounds: list[GroundNote] = []
+    for topic, t_ns, _, _, data in recording.messages(TERRAIN_TOPIC, kind="derived"):
+        with using_message(topic, t_ns):
+            note = parse_table(data)
+            files += map(_text, note.get("files", ()))
+            grounds.append(_ground_note(note))
+    config = _with_files(setup.config, tuple(files))
+    return replace(setup, config=config, grounds=tuple(grounds), recorded=True)
 
 
 def _ground_note(note: dict[str, Any]) -> GroundNote:
-    return GroundNote(note["after_seq"], note["t_ns"], note.get("sha256"), note.get("fault"))
+    """Raises KeyError or ValueError."""
+    sha256, fault = (None if note.get(key) is None else _text(note[key]) for key in ("sha256", "fault"))
+    return GroundNote(whole_number(note["after_seq"]), whole_number(note["t_ns"]), sha256, fault)
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{str(value)[:40]!r} is not a text")
+    return value
 
 
 def _with_files(config: Config, files: tuple[str, ...]) -> Config:
@@ -156,18 +169,22 @@ def flown_segments(recording: Recording) -> list[Segment]:
     """What each navigation process of the flight saw, from the gaps that it noted."""
     segments: list[Segment] = []
     first, lost = 0, list[tuple[int, int]]()
-    for note in _gaps(recording):
-        if note["kind"] == "restart":
-            segments.append(Segment(first, note["after_seq"], tuple(lost)))
-            first, lost = note["before_seq"], []
+    for kind, after, before in _gaps(recording):
+        if kind == "restart":
+            segments.append(Segment(first, after, tuple(lost)))
+            first, lost = before, []
         else:
-            lost.append((note["after_seq"], note["before_seq"]))
+            lost.append((after, before))
     return [*segments, Segment(first, None, tuple(lost))]
 
 
-def _gaps(recording: Recording) -> Iterator[dict[str, Any]]:
-    for *_, data in recording.messages("/fti/gap", kind="derived"):
-        yield json.loads(data)
+def _gaps(recording: Recording) -> Iterator[tuple[str, int, int]]:
+    """Kind of each gap of navigation, and the frames before and behind it."""
+    for topic, t_ns, _, _, data in recording.messages("/fti/gap", kind="derived"):
+        with using_message(topic, t_ns):
+            note = parse_table(data)
+            gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"])
+        yield gap
 
 
 def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, progress: Progress) -> Path:

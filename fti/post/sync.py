@@ -6,7 +6,6 @@ Raw stamps are read and never touched.
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from fti.config import Device
 from fti.drivers import Decoder
 from fti.logger.reading.about import about
+from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
 from fti.nav.times.device_clock import DeviceClock, Segment
 from fti.nav.times.device_times import told_time
@@ -31,6 +31,8 @@ SECOND_NS = 1_000_000_000
 PROGRESS_FRAMES = 5000
 #: The real-time clock was set when it moved against the monotonic one by more than both readings can be wrong.
 STEP_NS = 100_000
+#: What is read of ``/fti/clock``, each with ``_ns``.
+CLOCKS = ("t", "monotonic_raw", "realtime", "width")
 GNSS_SCALES = (TimeScale.GPS, TimeScale.UTC)
 
 
@@ -167,6 +169,8 @@ def read_computer_clock(recording: Recording) -> ComputerClock:
 
 
 def _clock_rows(recording: Recording) -> Iterator[tuple[int, int, int, int]]:
-    for *_, data in recording.messages("/fti/clock", kind="raw"):
-        row = json.loads(data)
-        yield row["t_ns"], row["monotonic_raw_ns"], row["realtime_ns"], row.get("width_ns", STEP_NS)
+    for topic, t_ns, _, _, data in recording.messages("/fti/clock", kind="raw"):
+        with using_message(topic, t_ns):
+            row = {"width_ns": STEP_NS, **parse_table(data)}
+            t, raw, real, width = (whole_number(row[f"{key}_ns"]) for key in CLOCKS)
+        yield t, raw, real, width

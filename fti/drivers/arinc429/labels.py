@@ -118,7 +118,7 @@ def read_sets(text: str, file: str) -> dict[str, LabelSet]:
     """The sets of a TOML text by name.  Raises ValueError or ConfigError naming file, key and what is allowed."""
     try:
         tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # of tomllib, or of what Python refuses
         raise ValueError(f"{file}: is no TOML: {error}") from None
     for name, table in tables.items():
         if not isinstance(table, dict):

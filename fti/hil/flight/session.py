@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fti.config import Config
+from fti.config import Config, decode_text
 from fti.errors import ConfigError
 from fti.hil.flight.trajectory import Samples
 from fti.hil.recorded import recorded_config
@@ -37,7 +37,7 @@ def read_session(folder: Path, device: str | None) -> Samples:
     """
     recording = Recording.open(folder)
     config = recorded_config(recording, folder)
-    texts = {name: data.decode() for name, data in recording.attachments().items()}
+    texts = {name: decode_text(data, f"{folder / name}") for name, data in recording.attachments().items()}
     known = {bound.device.name: bound for bound in bind_devices(config, texts)}
     if device is not None and device not in known:
         raise ConfigError(f"{folder}: {device!r} is no device of the session; there are {', '.join(known)}")

@@ -10,7 +10,6 @@ seen cannot be said, since nobody flew there.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -28,6 +27,7 @@ from fti.hil.references.calibration import calibrate
 from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
 from fti.hil.references.profile import DS_M, Surface, binned, correlation_length, lagged_products, surface_of
 from fti.hil.sensors.errors import slow
+from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
 from fti.nav.altimetry.heights import BY_GROUND
 from fti.nav.integrity.approach import ApproachPath
@@ -131,11 +131,12 @@ def read_passes(folder: Path, sensor: str, path: ApproachPath, s_max: float) -> 
     """The ways down the track in a session.  Raises MissingError when it has no outputs of that altimeter."""
     recording = Recording.open(folder)
     heights, solutions = list[tuple[float, ...]](), list[tuple[float, ...]]()
-    for topic, _, _, _, data in recording.messages("/nav/"):
-        if topic == HEIGHT + sensor:
-            heights += _heights(json.loads(data))
-        elif topic == SOLUTION and (solution := json.loads(data)).get("altitude_source") not in NOT_DEVICES:
-            solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"), solution["valid"])
+    for topic, t_ns, _, _, data in recording.messages("/nav/"):
+        with using_message(topic, t_ns):
+            if topic == HEIGHT + sensor:
+                heights += _heights(parse_table(data))
+            elif topic == SOLUTION and (solution := parse_table(data)).get("altitude_source") not in NOT_DEVICES:
+                solutions += _numbers(solution, ("t_valid_ns", "lat", "lon", "alt", "roll", "pitch"), solution["valid"])
     if not heights or not solutions:
         raise MissingError(f"{folder}: has no heights of {sensor!r} with a position: fti reprocess makes them")
     return list(split(_joined(np.array(heights), np.array(solutions), path), s_max))

@@ -71,15 +71,17 @@ class ColumnFinder:
         self._topic = topic
         self._found: dict[str, set[type]] = {}
 
-    def add(self, message: Any) -> None:
-        """A message, as JSON has it."""
+    def add(self, message: Any) -> int:
+        """A message, as JSON has it; returns how many columns it has that no message before it had."""
         found = self._found
+        before = len(found)
         for name, value in flatten(message).items():
             kind = float if type(value) is int and abs(value) > LARGEST else type(value)
             if name in found:
                 found[name].add(kind)
             else:
                 found[name] = {kind}
+        return len(found) - before
 
     def columns(self) -> list[Column]:
         """The columns.  A list that was once null is not a column of its own."""

@@ -6,7 +6,6 @@ tables says of which session they are, and that it is a snapshot, where it is on
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +20,8 @@ from fti.logger.export.columns import Column, ColumnFinder, Type, cell, flatten
 from fti.logger.export.names import table_names
 from fti.logger.note_changes import ENTRY_TABLES
 from fti.logger.reading.about import about
+from fti.logger.reading.json_message import parse_json
+from fti.logger.reading.limits import MAX_COLUMNS, check_topic_count
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW, SENT, Recording
@@ -109,13 +110,19 @@ def export(recording: Recording, folder: Path, form: Format, choice: Choice) -> 
 
 def _find_contents(recording: Recording, *, raw: bool) -> _Contents:
     contents, states = _Contents(), NoteStates()
+    columns = 0
     for item in _items(recording):
         topic = item.topic.name
         contents.start_ns = min(contents.start_ns or item.log_time, item.log_time)
         if item.topic.encoding == JSON:
             finder, count = contents.tables.get(topic) or (ColumnFinder(topic), 0)
-            finder.add(_parse(item, states))
+            columns += finder.add(_parse(item, states))
             contents.tables[topic] = finder, count + 1
+            check_topic_count(len(contents.tables), recording.path)
+            if columns > MAX_COLUMNS:
+                raise RecordingError(
+                    f"{recording.path}: {topic}: with it the tables have more than {MAX_COLUMNS} columns"
+                )
         elif raw and topic.startswith((RAW, SENT)):
             contents.links[topic] = contents.links.get(topic, 0) + 1
     return contents
@@ -132,7 +139,7 @@ def _items(recording: Recording) -> Iterator[Item]:
 def _parse(item: Item, states: NoteStates) -> Any:
     """The content of a message; of a note that holds changes, all that it is known to be.  Raises RecordingError."""
     try:
-        content = json.loads(item.data)
+        content = parse_json(item.data)
     except ValueError as error:
         raise RecordingError(f"{item.topic.name}: a message at {item.log_time} ns is not JSON: {error}") from None
     return states.take(item.topic.name, item.log_time, content).table

@@ -22,6 +22,7 @@ from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
 from fti.logger.lock import is_being_written
 from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
 from fti.logger.reading.doubts import doubts_of, has_unproved, notes_of
+from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.source import Source
@@ -82,15 +83,22 @@ class ProofFile:
         self.notes: list[str] = []
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
+        self._sizes = DeclaredSizes()
         self._index: dict[int, bytes] = {}  # what must follow the last chunk
         self._ended = False  # the data section
         self._unproved_at: list[int] = []  # chunks that their checkpoints do not prove
 
     def pages(self, at: int = 0) -> Iterator[Page]:
-        """What the chunks hold.  Raises MissingError when the file cannot be opened.
+        """What the chunks hold, as far as the file is within the limits.  Raises MissingError when it cannot be opened.
 
         at : where a page begins that is to be had again, with those behind it
         """
+        try:
+            yield from self._pages(at)
+        except LimitError as error:
+            self.faults.append(f"is not read to its end: {error}")
+
+    def _pages(self, at: int) -> Iterator[Page]:
         with Source(self.path) as source:
             self.size = source.size
             at = at or self._begin(source)
@@ -159,8 +167,12 @@ class ProofFile:
 
     def _chunk(self, source: Source, head: ChunkHead) -> Iterator[Page]:
         self._expect_no_index()
-        at, data = head.at, head.content(source)
-        if data is None:
+        at = head.at
+        try:
+            data = head.read(source)
+        except LimitError:
+            raise
+        except ValueError:
             self.faults.append(f"the chunk at byte {at} is damaged")
             return
         rows, walked = self._walk(data)
@@ -221,6 +233,7 @@ class ProofFile:
             channel, _ = struct.unpack_from("<HH", body)
             name, at = read_text(body, 4)
             encoding, at = read_text(body, at)
+            self._sizes.channel(channel, name, len(body))
             self._topics[channel] = Topic(name, encoding, text_table(body, at))
         except (struct.error, UnicodeDecodeError):
             return False
@@ -239,6 +252,7 @@ class ProofFile:
             return
         self._expect_no_index()
         if op == Op.METADATA:
+            self._sizes.metadata(end - at)
             name, table = metadata_table(source.read(at, end - at))
             self.metadata[name] = table
             self.doubts += doubts_of(name, table)

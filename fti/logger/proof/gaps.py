@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from typing import Any
 
 from fti.logger.proof.numbers import Span
+from fti.logger.reading.json_message import parse_table
+from fti.logger.reading.limits import MAX_TEXT_LENGTH
 from fti.logger.reading.wording import clock_text
 
 GAP_TOPIC = "/fti/gap"
@@ -40,10 +41,10 @@ class Gaps:
     def take(self, t_ns: int, data: bytes, *, raw: bool) -> None:
         """A note from a raw or a derived file."""
         try:
-            table = json.loads(data)
+            table = parse_table(data)
             if raw and table.get("kind") == OVERFLOW:
                 numbers = (int(table[key]) for key in ("first_seq", "last_seq", "frames"))
-                self.overflows.append(Overflow(str(table["link"]), *numbers))
+                self.overflows.append(Overflow(str(table["link"])[:MAX_TEXT_LENGTH], *numbers))
             else:
                 self._tell(f"{clock_text(t_ns)}: {table.get('text') or _unseen(table)}")
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError, RecursionError):
@@ -51,7 +52,7 @@ class Gaps:
 
     def _tell(self, text: str) -> None:
         if len(self.told) < MOST_TOLD:
-            self.told.append(text)
+            self.told.append(text[:MAX_TEXT_LENGTH])
         else:
             self.untold += 1
 

@@ -159,7 +159,7 @@ class LedgerReader:
 
     def read(self, log_time: int, data: bytes) -> Note:
         """A ledger.  Raises KeyError, TypeError, AttributeError or ValueError when it is none."""
-        _, table, whole = self._states.take(LEDGER_TOPIC, log_time, json.loads(data))
+        _, table, whole = self._states.take(LEDGER_TOPIC, log_time, parse_table(data))
         recorder = Recorder(*(_count(table["recorder"][name]) for name in Recorder._fields))
         entries, digests = {TICK_TOPIC: Entry.parse(table["ticks"])}, [_digest(table["ticks"])]
         for link, found in table["links"].items():

@@ -16,9 +16,10 @@ from typing import IO
 
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import SeekingReader
-from mcap.records import Chunk, ChunkIndex, Message
+from mcap.records import Chunk, ChunkIndex, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 
+from fti.errors import RecordingError
 from fti.logger.lock import is_being_written
 from fti.logger.proof.balance import LedgerProof
 from fti.logger.proof.file import Page, ProofFile, Row
@@ -29,8 +30,11 @@ from fti.logger.proof.report import Check, Report, Topic, Verdict
 from fti.logger.proof.session import apart, conclude
 from fti.logger.proof.snapshot import SnapshotProof
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.compression import decompress
+from fti.logger.reading.limits import MAX_GAP_NOTES, MAX_HOLES, check_topic_count
 from fti.logger.reading.mcap_file import Topic as Channel
 from fti.logger.reading.recording import Recording
+from fti.logger.reading.structure import check_content
 from fti.logger.records import MESSAGE_BODY
 from fti.logger.session import name_parts
 
@@ -90,6 +94,7 @@ class _Verification:
             elif snapshot:
                 self._snapshots.compare(page)
             self._take(page, raw=raw, frames=frames)
+            self._check_limits(path)
             self._progress(self._done + page.end, self._total)
         size = path.stat().st_size
         self._done += size
@@ -105,6 +110,15 @@ class _Verification:
         for fault in self._read_officially(file):
             official.add(Verdict.REFUTED, f"{path.name}: {fault}")
         self._done += size
+
+    def _check_limits(self, path: Path) -> None:
+        """What is kept of a session.  Raises RecordingError."""
+        check_topic_count(len(self._report.topics), path)
+        holes = max(MAX_HOLES, self._total // 16)
+        if len(self._numbers.coverage.ranges) > holes:
+            raise RecordingError(f"{path}: its numbers have more than {holes} holes")
+        if len(self._gaps.overflows) > MAX_GAP_NOTES:
+            raise RecordingError(f"{path}: has more than {MAX_GAP_NOTES} notes of gaps")
 
     def _take(self, page: Page, *, raw: bool, frames: bool) -> None:
         if frames:
@@ -153,12 +167,15 @@ class _Verification:
     def _by_index(self, file: ProofFile) -> list[str]:
         """A finished file: by its summary, which must tell of what is there."""
         found: Counter[int] = Counter()
+        known = set(file.chunks)  # within the limits
         with file.path.open("rb") as stream:
             reader = SeekingReader(stream, validate_crcs=True, record_size_limit=file.path.stat().st_size)
             summary = reader.get_summary()
             if summary is None or summary.statistics is None:
                 return ["has no summary"]
             for index in summary.chunk_indexes:
+                if index.chunk_start_offset not in known:
+                    raise McapError(f"there is no chunk at byte {index.chunk_start_offset}")
                 found.update(_channels_of(stream, index))
                 self._progress(self._done + stream.tell(), self._total)
         chunks = [index.chunk_start_offset for index in summary.chunk_indexes]
@@ -182,13 +199,22 @@ class _Verification:
         found, size = 0, file.path.stat().st_size
         with file.path.open("rb") as stream:
             try:
-                for record in StreamReader(stream, validate_crcs=True, record_size_limit=size).records:
-                    found += isinstance(record, Message)
+                for record in StreamReader(stream, emit_chunks=True, record_size_limit=size).records:
+                    found += _messages_in(record)
             except (EndOfFile, struct.error):
                 pass
         known = file.messages.total()
         grown = file.path.stat().st_size > file.size and found > known
         return [] if found == known or grown else [f"{found} messages, {known} by this program"]
+
+
+def _messages_in(record: McapRecord) -> int:
+    """How many messages a record holds, or is.  Raises ValueError for a chunk that is beyond a limit."""
+    if not isinstance(record, Chunk):
+        return int(isinstance(record, Message))
+    content = decompress(record.compression, record.data, record.uncompressed_size)
+    check_content(content, len(record.data))
+    return sum(isinstance(inner, Message) for inner in breakup_chunk(record, validate_crc=True))
 
 
 def _channels_of(stream: IO[bytes], index: ChunkIndex) -> Iterator[int]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import lz4.frame
 import zstandard
 
-#: Greatest chunk, attachment or other record that is read, compressed or not [B].
-MAX_RECORD = 2**30
+from fti.logger.reading.limits import MAX_RECORD, LimitError, check_unpacked
+
 #: Level of zstd of ``fti pack``: level 6 gains a tenth at a third of the speed, level 19 a sixth at a hundredth.
 LEVEL = 3
 
@@ -19,14 +19,29 @@ def compress(data: bytes) -> bytes:
 def decompress(compression: str, data: bytes, size: int) -> bytes:
     """The ``size`` bytes of a chunk's records; compression : "", "zstd" or "lz4".
 
-    Raises ValueError when the content is not exactly that, or larger than MAX_RECORD.
+    Raises ValueError when the content is not exactly that, LimitError when it is larger than is read.
     """
-    if size > MAX_RECORD:
-        raise ValueError(f"a chunk of {size} bytes is larger than {MAX_RECORD}")
+    check_sizes(compression, data, size)
     content = _expand(compression, data, size)
     if len(content) != size:
         raise ValueError(f"a chunk holds {len(content)} bytes where its head tells of {size}")
     return content
+
+
+def check_sizes(compression: str, data: bytes, size: int) -> None:
+    """Raises as ``decompress`` by what the heads of chunk and frame say, before anything is unpacked."""
+    if not compression:
+        if size > MAX_RECORD:
+            raise LimitError(f"a chunk of {size} bytes; at most {MAX_RECORD} are read")
+        return
+    check_unpacked(size, len(data))
+    if compression == "zstd":
+        try:
+            told = zstandard.get_frame_parameters(data).content_size
+        except zstandard.ZstdError as error:
+            raise ValueError(f"a chunk cannot be decompressed: {error}") from None
+        if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError(f"a chunk holds {told} bytes where its head tells of {size}")
 
 
 def _expand(compression: str, data: bytes, size: int) -> bytes:
@@ -44,9 +59,6 @@ def _expand(compression: str, data: bytes, size: int) -> bytes:
 
 
 def _expand_zstd(data: bytes, size: int) -> bytes:
-    told = zstandard.get_frame_parameters(data).content_size
-    if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-        raise ValueError(f"a chunk holds {told} bytes where its head tells of {size}")
     return zstandard.ZstdDecompressor(max_window_size=MAX_RECORD).decompress(data, max_output_size=size or 1)
 
 

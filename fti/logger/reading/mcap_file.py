@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple, cast
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError, RecordLengthLimitExceeded
@@ -21,6 +21,7 @@ from mcap.stream_reader import StreamReader
 
 from fti.errors import MissingError
 from fti.logger.reading.compression import decompress
+from fti.logger.reading.limits import MAX_RECORD, MAX_TIME_NS, DeclaredSizes, LimitError, check_messages
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import chunk_head, record_end
@@ -30,6 +31,8 @@ from fti.logger.regular_file import open_regular
 _MESSAGE = int(Op.MESSAGE)  # looking up a member of an enumeration is slow in a loop over all messages
 _STAMPS = struct.Struct("<HIQQ")
 FOOTER_BYTES = 9 + 20 + len(MAGIC)
+#: Messages of a large chunk that are given out together.
+_TOGETHER = 2**16
 
 
 class Topic(NamedTuple):
@@ -65,6 +68,7 @@ class McapFile:
         self.path = path
         self.fault: str | None = None
         self._topics: dict[int, Topic] = {}
+        self._sizes = DeclaredSizes()
         self._at = 0
 
     @property
@@ -89,16 +93,23 @@ class McapFile:
                 break
         return head
 
+    def compression(self) -> str:
+        """Compression of the first chunk; "" when it has none, or there is no chunk."""
+        return next((record.compression for record in self._records() if isinstance(record, Chunk)), "")
+
     def chunks(self) -> Iterator[list[Item]]:
-        """The messages, chunk by chunk, in the order of the file, up to the end or the break."""
+        """The messages, chunk by chunk (a large one in parts), in the order of the file, up to the end or the break."""
         for record in self._records():
             try:
-                items = self._take(record)
-            except (McapError, ValueError, KeyError, struct.error) as error:
+                for items in self._take(record):
+                    if items:
+                        yield items
+            except LimitError as error:
+                self.fault = _beyond(self._at, error)
+                return
+            except (McapError, ValueError, struct.error) as error:
                 self.fault = f"is damaged after byte {self._at}: {error}"
                 break
-            if items:
-                yield items
         if self.fault and not self.finished:
             yield from self._unfinished()
 
@@ -110,7 +121,8 @@ class McapFile:
                 return
             try:
                 chunk = read_open_chunk(source, head, Declarations())
-                yield self._walk(bytes(chunk.content.data))
+                data = bytes(chunk.content.data)
+                yield from self._walk(data, len(data))
             except (DamagedChunkError, McapError, ValueError, KeyError, struct.error):
                 return  # the fault stands
 
@@ -123,12 +135,16 @@ class McapFile:
         """The records outside of chunks; sets ``fault`` where they break off."""
         self.fault = None
         self._at = 0
+        self._sizes = DeclaredSizes()
         try:
             with open_regular(self.path) as stream:
                 limit = os.fstat(stream.fileno()).st_size
-                for record in StreamReader(stream, emit_chunks=True, record_size_limit=limit).records:
+                for record in StreamReader(_limited(stream), emit_chunks=True, record_size_limit=limit).records:
+                    self._count(record, stream.tell() - self._at)
                     yield record
                     self._at = stream.tell()
+        except LimitError as error:
+            self.fault = _beyond(self._at, error)
         except (EndOfFile, RecordLengthLimitExceeded, struct.error):
             self.fault = f"ends after byte {self._at} without a footer: it is being written, or was cut off"
         except (McapError, ValueError) as error:
@@ -136,19 +152,39 @@ class McapFile:
         except OSError as error:
             raise MissingError(f"{self.path}: cannot be read: {error.strerror}") from error
 
-    def _take(self, record: Any) -> list[Item]:
-        if isinstance(record, Chunk):
-            return self._walk(_content(record))
-        if isinstance(record, Channel):
-            self._topics[record.id] = Topic(record.topic, record.message_encoding, record.metadata)
-        elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
-            topic = self._topics[record.channel_id]
-            return [Item(topic, record.log_time, record.publish_time, record.sequence, record.data)]
-        return []
+    def _count(self, record: Any, size: int) -> None:
+        """What a record outside of chunks adds to metadata and attachments.  Raises LimitError."""
+        if isinstance(record, Metadata):
+            self._sizes.metadata(size)
+        elif isinstance(record, Attachment):
+            self._sizes.attachment(size)
 
-    def _walk(self, data: bytes) -> list[Item]:
-        """The messages among the records of a chunk."""
+    def _take(self, record: Any) -> Iterator[list[Item]]:
+        if isinstance(record, Chunk):
+            yield from self._walk(_content(record), len(record.data))
+        elif isinstance(record, Channel):
+            self._declare(record)
+        elif isinstance(record, Message):  # appended, not yet covered by the head of its chunk
+            _check_times(record.log_time, record.publish_time)
+            topic = self._topic(record.channel_id)
+            yield [Item(topic, record.log_time, record.publish_time, record.sequence, record.data)]
+
+    def _declare(self, channel: Channel) -> None:
+        table = channel.metadata
+        texts = len(channel.topic) + len(channel.message_encoding) + sum(len(key) + len(table[key]) for key in table)
+        self._sizes.channel(channel.id, channel.topic, texts)
+        self._topics[channel.id] = Topic(channel.topic, channel.message_encoding, table)
+
+    def _topic(self, channel_id: int) -> Topic:
+        topic = self._topics.get(channel_id)
+        if topic is None:
+            raise ValueError(f"a message is of channel {channel_id}, which is not declared")
+        return topic
+
+    def _walk(self, data: bytes, stored: int) -> Iterator[list[Item]]:
+        """The messages among the records of a chunk, which takes so many bytes in the file."""
         items: list[Item] = []
+        given = 0
         at, size, topics = 0, len(data), self._topics
         while at < size:
             op, length = HEAD.unpack_from(data, at)
@@ -157,12 +193,47 @@ class McapFile:
                 raise ValueError("a record is longer than its chunk")
             if op == _MESSAGE:
                 channel_id, sequence, log_time, publish_time = _STAMPS.unpack_from(data, at + HEAD.size)
+                if log_time > MAX_TIME_NS or publish_time > MAX_TIME_NS:
+                    _check_times(log_time, publish_time)
                 body = data[at + MESSAGE.size : end]
-                items.append(Item(topics[channel_id], log_time, publish_time, sequence, body))
+                topic = topics.get(channel_id) or self._topic(channel_id)
+                items.append(Item(topic, log_time, publish_time, sequence, body))
+                if len(items) == _TOGETHER:
+                    given += _TOGETHER
+                    check_messages(given, stored)
+                    yield items
+                    items = []
             elif op == Op.CHANNEL:
-                self._take(Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end]))))
+                self._declare(Channel.read(ReadDataStream(BytesIO(data[at + HEAD.size : end]))))
             at = end
-        return items
+        yield items
+
+
+class _Limited:
+    """A file that gives no more at once than a record may have, whatever length stands in it."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream = stream
+
+    def read(self, length: int) -> bytes:
+        """As of a file.  Raises LimitError."""
+        if length > MAX_RECORD:
+            raise LimitError(f"a length of {length} bytes; at most {MAX_RECORD} are read at once")
+        return self._stream.read(length)
+
+
+def _limited(stream: IO[bytes]) -> IO[bytes]:
+    return cast(IO[bytes], _Limited(stream))
+
+
+def _beyond(at: int, error: LimitError) -> str:
+    """The fault of a file that is beyond a limit."""
+    return f"is not read on after byte {at}: {error}"
+
+
+def _check_times(*times: int) -> None:
+    if max(times) > MAX_TIME_NS:
+        raise LimitError(f"a message is of {max(times)} ns; the latest time that is read is {MAX_TIME_NS}")
 
 
 def _content(chunk: Chunk) -> bytes:

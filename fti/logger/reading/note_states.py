@@ -6,6 +6,7 @@ import json
 from typing import Any, NamedTuple
 
 from fti.logger.note_changes import AGE, COMPLETE, ENTRY_TABLES, SINCE
+from fti.logger.reading.json_message import parse_json
 
 Table = dict[str, Any]
 
@@ -45,7 +46,7 @@ class NoteStates:
         """The same as JSON.  Raises ValueError when it is none."""
         if topic not in ENTRY_TABLES:
             return data
-        return json.dumps(self.take(topic, log_time, json.loads(data)).table).encode()
+        return json.dumps(self.take(topic, log_time, parse_json(data)).table).encode()
 
 
 def _joined(before: Any, changed: Any, passed_ms: float) -> Any:

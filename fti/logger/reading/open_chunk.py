@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from fti.logger.checkpoints import Segment, segments
 from fti.logger.reading.chunk_content import NO_TIME, Content
 from fti.logger.reading.chunk_marks import ChunkMarks, chunk_marks
-from fti.logger.reading.compression import MAX_RECORD
+from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead
 from fti.logger.records import HEAD, Op

@@ -12,12 +12,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fti.logger.checkpoints import SLOT_BYTES, SLOTS
-from fti.logger.reading.compression import MAX_RECORD, decompress
+from fti.logger.reading.compression import decompress
+from fti.logger.reading.limits import (
+    MAX_ATTACHMENTS,
+    MAX_CHUNK_MESSAGES,
+    MAX_RECORD,
+    MAX_SMALL_RECORD,
+    LimitError,
+    check_messages,
+)
 from fti.logger.reading.source import Source
-from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE_BODY, SECTOR, Op, read_text
+from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, SECTOR, Op, read_text
 
-#: Records that are read whole to be checked are no longer than this, but for attachments [B].
-MAX_SMALL = 16 * 2**20
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
 COMPRESSIONS = (b"", b"zstd", b"lz4")
 
@@ -34,14 +40,36 @@ class ChunkHead:
     compression: str
 
     def content(self, source: Source) -> bytes | None:
-        """The records, unpacked and checked; None when they are damaged."""
-        if self.end > source.size or self.end - self.begin > MAX_RECORD:
-            return None
+        """The records, unpacked and checked; None when they are damaged or beyond a limit."""
         try:
-            content = decompress(self.compression, source.read(self.begin, self.end - self.begin), self.size)
+            return self.read(source)
         except ValueError:
             return None
-        return content if self.crc in (0, zlib.crc32(content)) else None
+
+    def read(self, source: Source) -> bytes:
+        """The same.  Raises ValueError when they are damaged, LimitError when they are beyond a limit."""
+        stored = self.end - self.begin
+        if self.end > source.size:
+            raise ValueError("a chunk ends behind its file")
+        if stored > MAX_RECORD:
+            raise LimitError(f"a chunk of {stored} bytes; at most {MAX_RECORD} are read")
+        content = decompress(self.compression, source.read(self.begin, stored), self.size)
+        if self.crc not in (0, zlib.crc32(content)):
+            raise ValueError("the checksum of a chunk does not hold")
+        check_content(content, stored)
+        return content
+
+
+def check_content(content: bytes, stored: int) -> None:
+    """Raises LimitError when a chunk, which takes so many bytes in its file, has more messages than are read."""
+    if len(content) // MESSAGE.size <= MAX_CHUNK_MESSAGES:
+        return
+    messages = at = 0
+    while at + HEAD.size <= len(content):
+        op, length = HEAD.unpack_from(content, at)
+        messages += op == Op.MESSAGE
+        at += HEAD.size + length
+    check_messages(messages, stored)
 
 
 def chunk_head(source: Source, at: int) -> ChunkHead | None:
@@ -79,7 +107,7 @@ def record_end(source: Source, at: int, limit: int) -> int | None:
 def _has_form(source: Source, op: int, at: int, length: int) -> bool:
     """Has the body at an offset the form of such a record?  What only looks like a long one is not read to its end."""
     check, begins = _FORMS.get(op), _BEGINNINGS.get(op)
-    if check is None or length > (MAX_RECORD if op == Op.ATTACHMENT else MAX_SMALL):
+    if check is None or length > (MAX_ATTACHMENTS if op == Op.ATTACHMENT else MAX_SMALL_RECORD):
         return False
     try:
         fits = begins is None or begins(source.read(at, _BEGINNING), length)

@@ -21,7 +21,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.chunk_marks import chunk_marks
-from fti.logger.reading.compression import MAX_RECORD
+from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.open_chunk import is_open
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end

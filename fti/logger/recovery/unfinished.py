@@ -9,7 +9,7 @@ from fti.errors import RecordingError
 from fti.logger import records
 from fti.logger.blueprint import altered_tables
 from fti.logger.reading.chunk_content import Content
-from fti.logger.reading.compression import MAX_RECORD
+from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, OpenChunk, is_open, read_open_chunk
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end

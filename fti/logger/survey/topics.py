@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from array import array
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fti.logger.foxglove import LOG_LEVELS
+from fti.logger.reading.json_message import parse_table, whole_number
+from fti.logger.reading.limits import MAX_TEXT_LENGTH, check_topic_count
 from fti.logger.reading.mcap_file import Item
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC, EVENT_TOPIC
@@ -109,18 +111,26 @@ class Survey:
             self.more_events += 1
             return
         table = _table(item.data)
-        level = _LEVELS.get(table.get("level", 0), "unknown")
-        self.events.append(Note(item.log_time, level, str(table.get("name", "")), str(table.get("message", ""))))
+        told = table.get("level", 0)
+        level = _LEVELS.get(told, "unknown") if isinstance(told, int) else "unknown"
+        source, text = (str(table.get(key, ""))[:MAX_TEXT_LENGTH] for key in ("name", "message"))
+        self.events.append(Note(item.log_time, level, source, text))
 
     def take_clock(self, item: Item) -> None:
-        """A reading of the clocks."""
-        self.clocks[1:] = [_table(item.data)]
+        """A reading of the clocks; nothing where its times are no times."""
+        table = _table(item.data)
+        with suppress(ValueError):
+            self.clocks[1:] = [{key: whole_number(value) for key, value in table.items()}]
 
     def take_device_clocks(self, item: Item) -> None:
         """What navigation knows of the devices' clocks."""
         table = _table(item.data)
-        if table.get("gnss"):
-            self.gnss = {"t_ns": table["t_ns"], **table["gnss"]}
+        found = table.get("gnss")
+        if isinstance(found, dict) and found:
+            with suppress(ValueError):
+                times = {"t_ns": whole_number(table.get("t_ns")), "time_ns": whole_number(found.get("time_ns"))}
+                about = {key: str(found.get(key, "")) for key in ("device", "scale")}
+                self.gnss = {**found, **about, **times}
 
 
 def survey(recording: Recording) -> list[TopicSurvey]:
@@ -145,6 +155,7 @@ def look_through(recording: Recording) -> Survey:
             name = item.topic.name
             topic = topics.get((kind, name))
             if topic is None:
+                check_topic_count(len(topics) + 1, recording.path)
                 topic = topics[kind, name] = TopicSurvey(name, kind)
             topic.add(item.log_time, len(item.data))
             if (take := takers.get(name)) and not (kind == "snapshot" and recording.raw_files):  # copies
@@ -163,10 +174,9 @@ def _order(topic: TopicSurvey) -> tuple[int, int, str]:
 
 def _table(data: bytes) -> Mapping[str, Any]:
     try:
-        table = json.loads(data)
+        return parse_table(data)
     except ValueError:
         return {}
-    return table if isinstance(table, dict) else {}
 
 
 def time_span(topics: list[TopicSurvey]) -> tuple[int, int]:

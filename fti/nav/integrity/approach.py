@@ -13,15 +13,13 @@ Source: Spiegel 2018, 7.2.2, made exact; ICAO Doc 8168 for the geometry of GPI.
 from __future__ import annotations
 
 import math
-import tomllib
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from fti.config import Positive, StrictModel, bind
-from fti.errors import ConfigError
+from fti.config import Positive, StrictModel, bind, parse_toml
 from fti.geodesy import wgs84
 from fti.geodesy.local import LocalFrame
 from fti.geodesy.one_point import to_local
@@ -51,10 +49,7 @@ class Airfield(StrictModel):
 
 def load_airfield(text: str, file: str) -> Airfield:
     """The airfield in a TOML text; file : its name, for messages.  Raises ConfigError."""
-    try:
-        return bind(Airfield, tomllib.loads(text), file)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{file}: is not valid TOML: {error}") from None
+    return bind(Airfield, parse_toml(text, file), file)
 
 
 class ApproachPath:

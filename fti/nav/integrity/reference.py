@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import tomllib
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from fti.config import Approach, Device, Positive, StrictModel, bind
+from fti.config import Approach, Device, Positive, StrictModel, bind, parse_toml
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield
 
@@ -33,6 +32,8 @@ COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
 MARGIN_M = 200.0
 #: How far the beam may differ from the reference's [deg].
 BEAM_TOLERANCE_DEG = 1.0
+#: Tables within each other that a key of the header names.
+MAX_FOLDERS = 8
 #: Correlation lengths that a window must hold.
 LEAST_CORRELATIONS = 8
 
@@ -192,17 +193,21 @@ def _read_header(lines: list[str], file: str) -> tuple[dict[str, Any], dict[str,
         where[key] = number
         *folders, name = key.split(".")
         inner = table
-        for folder in folders:
+        for folder in folders[:MAX_FOLDERS]:
             inner = inner.setdefault(folder, {})
+            if not isinstance(inner, dict):
+                raise ConfigError(f"{file}:{number}: {key}: {folder} has a value already")
+        if len(folders) > MAX_FOLDERS:
+            raise ConfigError(f"{file}:{number}: {key[:60]}...: must have {MAX_FOLDERS} dots at most")
         inner[name] = _read_value(value, f"{file}:{number}: {key}")
     return table, where
 
 
 def _read_value(text: str, place: str) -> Any:
     try:
-        return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{place} = {text}: is not a value: {error}") from None
+        return parse_toml(f"v = {text}", place)["v"]
+    except (ConfigError, KeyError) as error:
+        raise ConfigError(f"{place} = {text[:60]}: is not a value: {error}") from None
 
 
 def _with_line(message: str, file: str, where: dict[str, int]) -> str:
@@ -226,6 +231,9 @@ def _read_rows(lines: list[str], file: str, first: int) -> Array:
 
 
 def _check_grid(s: Array, profile: Profile, file: str, first: int) -> None:
+    asked = (profile.s_max_m + 2 * MARGIN_M) / profile.ds_m + 1
+    if not abs(asked - len(s)) < 1:
+        raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {asked:.0f}")
     expected = grid(profile.ds_m, profile.s_max_m)
     if len(s) != len(expected):
         raise ConfigError(f"{file}:{first}: s_m: {len(s)} rows; profile.s_max_m asks for {len(expected)}")

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fti.errors import ConfigError, MissingError
+from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.hil.truth import RANGES, SCENARIO_ATTACHMENT, TOPIC
+from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Item, McapFile
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath, load_airfield
@@ -68,7 +69,10 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     told = source.head().attachments.get(SCENARIO_ATTACHMENT)
     if told is None:
         raise MissingError(f"{file}: is no truth of the emulator: it does not say which scenario was flown")
-    _check_same(file, json.loads(told), json.loads(scenario.flown))
+    try:
+        _check_same(file, parse_table(told), json.loads(scenario.flown))
+    except ValueError as error:
+        raise RecordingError(f"{file}: {SCENARIO_ATTACHMENT}: cannot be read: {error}") from None
     rows = [item for item in source.items() if item.topic.name == TOPIC]
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
@@ -85,7 +89,7 @@ def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) 
 
 
 def _truth(rows: list[Item]) -> Truth:
-    states = [json.loads(item.data) for item in rows]
+    states = [_row(item) for item in rows]
     of_beam, least, most = RANGES
     altimeters = sorted({key.removeprefix(of_beam) for row in states for key in row if key.startswith(of_beam)})
     ranges = [f"{begin}{name}" for name in altimeters for begin in RANGES]
@@ -94,6 +98,13 @@ def _truth(rows: list[Item]) -> Truth:
     height_agl, s, y, roll, pitch, down = (columns[name] for name in NAMES)
     beams = {name: (columns[of_beam + name], columns[least + name], columns[most + name]) for name in altimeters}
     return Truth(t, height_agl, s - _intercept_m(), y, roll, pitch, -down, ranges=beams)
+
+
+def _row(item: Item) -> dict[str, float]:
+    """The numbers of a row; what is no number is not known.  Raises RecordingError."""
+    with using_message(item.topic.name, item.log_time):
+        row = parse_table(item.data)
+        return {key: float(value) for key, value in row.items() if isinstance(value, int | float)}
 
 
 def _intercept_m() -> float:

@@ -6,7 +6,6 @@ which it has not.
 
 from __future__ import annotations
 
-import json
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,6 +13,7 @@ from typing import Any
 
 from fti.config import Config
 from fti.hil.expected.duties import DEVICES, HEIGHT, INTEGRITY, LEDGER, LINKS, SOLUTION
+from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.nav.navigation import FILTER, RADIO
@@ -77,14 +77,16 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
         if topic == TICK:
             reader.tick(t, said)
             continue
-        if topic == HEALTH:
-            reader.lag(t, data, said)
-        for place, words in reader.read(topic, data):
+        with using_message(topic, t_ns):
+            if topic == HEALTH:
+                reader.lag(t, data, said)
+            statements = list(reader.read(topic, data))
+            content = parse_table(data) if topic in wanted and t >= 0.0 else {}
+        for place, words in statements:
             said.take(t, place, words - {CLOCK_KNOWN})
             if CLOCK_KNOWN in words:
                 said.clocks.setdefault(place.rpartition("/")[2], t)
-        if topic in wanted and t >= 0.0:
-            content = json.loads(data)
+        if content:
             for name in wanted[topic]:
                 said.values[f"{topic}.{name}"].append((t, content.get(name)))
     said.finish()
@@ -121,7 +123,7 @@ class Reader:
 
         Health knows how late it is also while it says nothing, and then has a hint beside it.
         """
-        navigation = json.loads(data)["navigation"]
+        navigation = parse_table(data)["navigation"]
         lag_ms = navigation.get("lag_ms")
         if lag_ms is None:
             return
@@ -141,14 +143,14 @@ class Reader:
                 LEDGER: self._ledger,
                 EVENT: _event,
             }
-            yield from rules[topic](json.loads(data))
+            yield from rules[topic](parse_table(data))
         elif topic.split("/")[1] in self._devices:
             yield topic, _device(topic, data)
 
     def _navigation(self, topic: str, data: bytes) -> Iterator[Statement]:
         if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
             return
-        content = json.loads(data)
+        content = parse_table(data)
         words = frozenset(content["reasons"]) - self._idle
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))
@@ -210,6 +212,6 @@ def _event(content: Mapping[str, Any]) -> Iterator[Statement]:
 def _device(topic: str, data: bytes) -> Words:
     """What a device says of itself, or of a measurement."""
     if topic.endswith(STATUS):
-        content = json.loads(data)
+        content = parse_table(data)
         return NOTHING if content["ok"] else frozenset(("invalid", *content["flags"]))
     return frozenset(("invalid",)) if b'"valid":false' in data else NOTHING

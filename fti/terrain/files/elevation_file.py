@@ -18,9 +18,11 @@ import pyproj
 import rasterio
 from numpy.typing import ArrayLike, NDArray
 from pyproj.datadir import append_data_dir, get_data_dir
+from pyproj.exceptions import ProjError
 from pyproj.transformer import AreaOfInterest, TransformerGroup
+from rasterio._err import CPLE_BaseError
 from rasterio.enums import ColorInterp
-from rasterio.errors import NotGeoreferencedWarning, RasterioIOError
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.windows import Window
 
 from fti.errors import ConfigError, MissingError
@@ -37,6 +39,10 @@ LOWEST, HIGHEST = -500.0, 9000.0
 #: What no height is, whether the file says so or not.
 VOID = -32768.0
 WGS84 = "EPSG:4326"
+#: Posts of a row, which is read whole: once around the Earth every 10 m.
+MAX_COLUMNS = 2**22
+#: What GDAL, rasterio and PROJ raise for a file that is damaged.
+FAULTS = (RasterioError, CPLE_BaseError, ProjError, ValueError, LookupError, TypeError, ArithmeticError)
 _EDGE_POINTS = 33
 
 if str(SYSTEM) not in get_data_dir():  # grids of horizontal datums, as Gauss-Krueger's: 1 m instead of 3
@@ -66,6 +72,9 @@ class ElevationFile:
             datum, by = find_datum(path, upright, self._dataset, words)
             self._unit_m = find_unit(path, self.crs, upright, self._dataset.units[0])
             self.source = self._describe(path, datum, by)
+        except FAULTS as error:
+            self.close()
+            raise ConfigError(f"{path}: cannot be used as an elevation file: {_reason(error)}") from None
         except BaseException:
             self.close()
             raise
@@ -155,8 +164,8 @@ class ElevationFile:
         window = Window.from_slices(rows, columns)
         try:
             masked = self._dataset.read(1, window=window, masked=True)
-        except RasterioIOError as error:
-            raise ConfigError(f"{self.source.path}: cannot be read: {error.__cause__ or error}") from None
+        except (*FAULTS, MemoryError) as error:
+            raise ConfigError(f"{self.source.path}: cannot be read: {_reason(error)}") from None
         raw = masked.astype(np.float64).filled(np.nan)
         raw[raw == VOID] = np.nan
         for block in self._unwritten(rows, columns):
@@ -213,8 +222,13 @@ def _open(path: str, local_only: bool) -> Any:
         raise MissingError(f"{path}: there is no such file")
     try:
         return _quietly(rasterio.open, path)
-    except RasterioIOError as error:
-        raise ConfigError(f"{path}: is no elevation file that GDAL reads: {error}") from None
+    except FAULTS as error:
+        raise ConfigError(f"{path}: is no elevation file that GDAL reads: {_reason(error)}") from None
+
+
+def _reason(error: Exception) -> str:
+    """What a library says, as one line."""
+    return " ".join(str(error.__cause__ or error).split())[:300] or type(error).__name__
 
 
 def _quietly(opener: Callable[[str], Any], path: str) -> Any:
@@ -228,6 +242,8 @@ def _read_crs(path: str, dataset: Any) -> pyproj.CRS:
         raise ConfigError(f"{path}: has {dataset.count} bands; an elevation file has one")
     if dataset.dtypes[0].startswith("complex") or dataset.colorinterp[0] is ColorInterp.palette:
         raise ConfigError(f"{path}: its values are complex or numbers of colours; an elevation file has heights")
+    if dataset.shape[1] > MAX_COLUMNS:
+        raise ConfigError(f"{path}: has {dataset.shape[1]} posts in a row; must be {MAX_COLUMNS} at most")
     if min(dataset.shape) < 2:
         raise ConfigError(f"{path}: has {dataset.shape[0]} x {dataset.shape[1]} posts; must be 2 x 2 at least")
     if dataset.crs is None:

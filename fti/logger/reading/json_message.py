@@ -1,0 +1,79 @@
+"""Messages that are JSON: parsed within the limits, and one sentence for those that cannot be used."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from fti.errors import RecordingError
+from fti.logger.reading.limits import MAX_DIGITS, MAX_JSON_BYTES, MAX_JSON_DEPTH, LimitError
+
+_BRACKETS = b"[]{}"
+_NO_BRACKETS = bytes(set(range(256)) - set(_BRACKETS))
+_CLOSING = b"]}"
+#: What a message that is not as the recorder writes it can raise while it is used.
+FAULTS = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError, RecursionError)
+
+
+def parse_json(data: bytes) -> Any:
+    """The value in a JSON text.  Raises ValueError, LimitError where it is beyond a limit.
+
+    A text with half of a surrogate pair is refused, because it can be neither printed nor written.
+    """
+    if len(data) > MAX_JSON_BYTES:
+        raise LimitError(f"JSON of {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
+    if data.count(b"[") + data.count(b"{") > MAX_JSON_DEPTH and _depth(data) > MAX_JSON_DEPTH:
+        raise LimitError(f"JSON is nested deeper than {MAX_JSON_DEPTH}")
+    value = _DECODER.decode(data.decode())
+    if b"\\u" in data:
+        json.dumps(value, ensure_ascii=False).encode()
+    return value
+
+
+def parse_table(data: bytes) -> dict[str, Any]:
+    """The same of a text that must be a JSON object.  Raises ValueError."""
+    value = parse_json(data)
+    if not isinstance(value, dict):
+        raise ValueError("it is not a JSON object")
+    return value
+
+
+@contextmanager
+def using_message(topic: str, t_ns: int) -> Iterator[None]:
+    """Whatever a recorded message lacks becomes a RecordingError that names its topic and its time [ns]."""
+    try:
+        yield
+    except KeyError as error:
+        raise RecordingError(f"{topic}: the message at {t_ns} ns has no {error}") from None
+    except FAULTS as error:
+        raise RecordingError(f"{topic}: the message at {t_ns} ns cannot be used: {error}") from None
+
+
+def whole_number(value: Any) -> int:
+    """An integer of 64 bits.  Raises ValueError for everything else."""
+    if type(value) is not int or not -(2**63) <= value < 2**63:
+        raise ValueError(f"{str(value)[:40]!r} is not a whole number of 64 bits")
+    return value
+
+
+def _depth(data: bytes) -> int:
+    """How deep brackets stand within each other, counting those in texts, too: never less than it is."""
+    depth = deepest = 0
+    for bracket in data.translate(None, _NO_BRACKETS):
+        if bracket in _CLOSING:
+            depth -= 1
+        else:
+            depth += 1
+            deepest = max(deepest, depth)
+    return deepest
+
+
+def _whole(text: str) -> int:
+    if len(text) > MAX_DIGITS + 1:
+        raise LimitError(f"a number of {len(text)} digits; at most {MAX_DIGITS} are read")
+    return int(text)
+
+
+_DECODER = json.JSONDecoder(parse_int=_whole)
