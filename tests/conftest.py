@@ -19,6 +19,7 @@ SCALES = {"quick": 1, "full": 20}
 EXAMPLES = {"quick": 60, "full": 2000}  # of a property
 GRACE_S = 3.0  # what was told to end may take this long
 
+os.environ.setdefault("FTI_TRACEBACK", "1")  # no test takes an error that nobody expects for a sentence
 os.environ.setdefault("NUMBA_CACHE_DIR", str(KERNELS))  # also for the processes that tests start
 
 before_key = pytest.StashKey[dict[str, str]]()

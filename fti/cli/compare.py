@@ -3,7 +3,7 @@
 Recording a replay must give the same: on a serial line the same bytes in the same order, on UDP and CAN the same
 frames.  When they arrived, and how reads of a serial line were cut, is not compared.
 
-Exit code 0: every link is equal; 1: one is not.
+Exit code 0: every link is equal; 1: one is not; 3: they are equal as far as the files can be read.
 
   fti compare data/da42_20260102T030405Z_0
   fti compare data/da42_20260102T030405Z_0 data/da42_20260103T030405Z_0
@@ -16,9 +16,11 @@ import argparse
 from typing import TYPE_CHECKING
 
 from fti.cli._printing import print_json, print_lines
+from fti.cli.main import EXIT_LOSSES
 
 if TYPE_CHECKING:
     from fti.logger.proof.hashes import LinkHash
+    from fti.logger.reading.recording import Recording
 
 SHOWN_DIGITS = 16
 
@@ -37,27 +39,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show or compare; 1 when a link differs."""
+    """Show or compare; 1 when a link differs, 3 when a file broke off."""
 
-    first, second = _hashes(args.session, args.only), _hashes(args.other, args.only) if args.other else None
+    from fti.cli._reading import report_faults
+    from fti.logger.reading.recording import Recording
+
+    sessions = [Recording.open(name) for name in (args.session, args.other) if name]
+    first, *others = (_hashes(recording, args.only) for recording in sessions)
+    second = others[0] if others else None
     verdicts = {} if second is None else {link: _verdict(first.get(link), second.get(link)) for link in first | second}
     if args.json:
         print_json(_as_json(first, second, verdicts))
     else:
         print_lines(_as_text(first, second, verdicts))
-    return int(any(verdict != "EQUAL" for verdict in verdicts.values()))
+    if any(verdict != "EQUAL" for verdict in verdicts.values()):
+        return 1
+    for recording in sessions:
+        report_faults(recording)
+    return EXIT_LOSSES if any(recording.faults for recording in sessions) else 0
 
 
-def _hashes(session: str, only: list[str] | None) -> dict[str, LinkHash]:
+def _hashes(recording: Recording, only: list[str] | None) -> dict[str, LinkHash]:
     """The hashes of a session.  Raises MissingError when it has not the links that are asked for."""
     from fti.errors import MissingError
     from fti.logger.proof.hashes import link_hashes
-    from fti.logger.reading.recording import Recording
 
-    found = link_hashes(Recording.open(session))
+    found = link_hashes(recording)
     for name in only or ():
         if name not in found:
-            raise MissingError(f"{session}: has no link {name!r}; there are {', '.join(found)}")
+            raise MissingError(f"{recording.path}: has no link {name!r}; there are {', '.join(found)}")
     return {link: of for link, of in found.items() if only is None or link in only}
 
 

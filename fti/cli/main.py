@@ -71,22 +71,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     _print_everything()
     args = argparse.Namespace(command="")
     try:
-        _, unknown = make_parser().parse_known_args(argv, args)
-        if unknown:  # with the usage of the command, not of all
-            args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
-        return _run(args)
+        return _run(argv, args)
     except _pydantic_errors():
         raise
-    except Exception as error:
+    except Exception as error:  # a file that nobody has thought of
         if os.environ.get(TRACEBACK):
             raise
         print_line(f"fti: {_unexpected(args, error)}", error=True)
         return EXIT_LOSSES
 
 
-def _run(args: argparse.Namespace) -> int:
-    """The command, with the ends that are expected."""
+def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
+    """The command, with the ends that are expected.  args : filled"""
     try:
+        _, unknown = make_parser().parse_known_args(argv, args)
+        if unknown:  # with the usage of the command, not of all
+            args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         return int(args.run(args))
     except RecordingError as error:
         print_line(f"fti: {error}", error=True)
@@ -119,10 +119,8 @@ def _unexpected(args: argparse.Namespace, error: Exception) -> str:
     *_, frame = traceback.extract_tb(error.__traceback__)
     said = " ".join(str(error).split())[:200]
     what = f"{type(error).__name__} {said}".strip() if said else type(error).__name__
-    return (
-        f"{args.command} {' '.join(files)}: failed by {what} ({Path(frame.filename).name}:{frame.lineno}); "
-        f"{TRACEBACK}=1 shows where, for a report"
-    )
+    where = f"{Path(frame.filename).name}:{frame.lineno}"
+    return f"{' '.join((args.command, *files))}: failed by {what} ({where}); {TRACEBACK}=1 shows more, for a report"
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterator
 from typing import Any
@@ -12,6 +13,7 @@ from fti.errors import ConfigError
 MAX_TOML_BYTES = 4 * 2**20
 #: Tables and arrays within each other: a configuration has 5.
 MAX_TOML_DEPTH = 32
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])[\w"'-]++(?:\s*+\.\s*+[\w"'-]++){{{MAX_TOML_DEPTH}}}""")
 _LEAST, _MOST = -(2**63), 2**63 - 1
 
 
@@ -27,6 +29,8 @@ def parse_toml(text: str, file: str) -> dict[str, Any]:
     """The table in a TOML text; file : its name, for the message.  Raises ConfigError."""
     if len(text) > MAX_TOML_BYTES:
         raise ConfigError(f"{file}: is longer than {MAX_TOML_BYTES} bytes")
+    if _LONG_KEY.search(text):  # of which tomllib would remember every beginning
+        raise ConfigError(f"{file}: a key has more than {MAX_TOML_DEPTH} parts")
     try:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # of tomllib, or of a number or a nesting that Python refuses

@@ -39,8 +39,8 @@ ROUNDING = 1e-6
 MAX_LENGTH = 1785
 LENGTH_DIGITS = 9
 _LENGTHS = (
-    (re.compile(r"BO_\s+\d+\s+(\w+)\s*:\s*(\d+)"), MAX_LENGTH, "message"),
-    (re.compile(r"SG_\s+(\w+)[^:\n]*:\s*\d+\s*\|\s*(\d+)"), 8 * MAX_LENGTH, "signal"),
+    (re.compile(r"BO_\s+\d+\s+(\w+)\s*:\s*(\d+)"), MAX_LENGTH, "length of message"),
+    (re.compile(r"SG_\s+(\w+)[^:\n]*:\s*(\d+)\s*\|\s*(\d+)"), 8 * MAX_LENGTH, "place or length of signal"),
 )
 _FLOATS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">d")}
 
@@ -165,9 +165,9 @@ def read_dbc(text: str) -> Database:
 def _check_lengths(text: str) -> None:
     """Raises ValueError for a length that no message has; cantools would prepare a place for each of its bits."""
     for pattern, most, what in _LENGTHS:
-        for name, length in pattern.findall(text):
-            if len(length) > LENGTH_DIGITS or int(length) > most:
-                raise ValueError(f"dbc: {what} {name[:80]!r}: length {length[:20]}: must be at most {most}")
+        for name, *numbers in pattern.findall(text):
+            if wrong := [n for n in numbers if len(n) > LENGTH_DIGITS or int(n) > most]:
+                raise ValueError(f"dbc: {what} {name[:80]!r}: {wrong[0][:20]}: must be at most {most}")
 
 
 @cache
@@ -197,6 +197,8 @@ def _check_multiplexers(layout: Layout) -> None:
 
 
 def _layout(message: Any) -> Layout:
+    if message.cycle_time is not None and not isinstance(message.cycle_time, int):
+        raise ValueError(f"dbc: message {message.name!r}: GenMsgCycleTime = {message.cycle_time!r}: must be whole ms")
     return Layout(
         name=message.name,
         can_id=message.frame_id,

@@ -165,6 +165,8 @@ def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | Non
     # they bring numpy, and recording should begin soon
     from fti.nav.integrity.reference import Reference, check_settings  # noqa: PLC0415
 
+    if "nav.approach.profile" not in texts:  # of a recorded configuration
+        raise ConfigError(f"{config.path}: nav.approach.profile = {settings.profile!r}: its text is not attached")
     reference = Reference.parse(texts["nav.approach.profile"], settings.profile)
     check_settings(reference, settings, config.path)
     return reference

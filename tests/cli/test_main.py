@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from pydantic_core import SchemaError
@@ -28,3 +32,44 @@ def test_a_table_that_cannot_be_built_is_not_hidden(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ports, "run", run)
     with pytest.raises(SchemaError, match="unknown type"):
         main(["ports"])
+
+
+def _failing(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    def run(args: argparse.Namespace) -> int:
+        raise error
+
+    monkeypatch.setattr(ports, "run", run)
+
+
+@pytest.mark.parametrize("error", [KeyError("t_ns"), RecursionError("too deep\nagain"), MemoryError(), TypeError("x")])
+def test_what_nobody_expected_is_one_sentence(
+    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("FTI_TRACEBACK")
+    _failing(monkeypatch, error)
+    assert main(["ports"]) == 3
+    said = capsys.readouterr().err
+    assert said.startswith("fti: ports: ") and said.count("\n") == 1
+    assert type(error).__name__ in said and "FTI_TRACEBACK=1" in said
+
+
+def test_with_the_variable_it_keeps_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FTI_TRACEBACK", "1")
+    _failing(monkeypatch, KeyError("t_ns"))
+    with pytest.raises(KeyError):
+        main(["ports"])
+
+
+def test_half_of_a_surrogate_pair_is_printed_escaped(tmp_path: Path) -> None:
+    """In a process of its own: there standard output is strict."""
+    name = os.fsdecode(b"\xff\xfe.mcap")
+    (tmp_path / name).write_bytes(b"\x89MCAP0\r\n")
+    made = subprocess.run(
+        [sys.executable, "-m", "fti.cli.main", "info", name],
+        capture_output=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONUTF8": "1", "PYTHONIOENCODING": "utf-8:strict"},
+        check=False,
+    )
+    assert made.returncode == 3, made.stderr
+    assert b"\\udcff\\udcfe.mcap" in made.stdout and b"Traceback" not in made.stderr

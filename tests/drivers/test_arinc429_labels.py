@@ -398,7 +398,7 @@ def test_a_wrong_label_is_named_by_its_place() -> None:
 @pytest.mark.parametrize(
     ("text", "error", "sentence"),
     [
-        ("labels = [", ValueError, "labels_file: is no TOML"),
+        ("labels = [", ValueError, "labels_file: is not valid TOML"),
         ("labels = 3", ValueError, r"labels_file: labels: must be a table with labels, \[labels\]"),
         ("[ours]", ConfigError, "labels_file: ours.labels: missing"),
         ("[ours]\nequipment = '7'\nlabels = []", ConfigError, "labels_file: ours.equipment = '7'"),

@@ -17,15 +17,15 @@ same form, and its sets go before built-in ones of the same name:
 from __future__ import annotations
 
 import importlib.resources
-import tomllib
 from functools import cache
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fti.config import StrictModel, bind
+from fti.config import StrictModel, bind, parse_toml
 from fti.drivers._quantities import QUANTITIES, to_si
 from fti.drivers.arinc429.word import BNR_BITS_BESIDE_SDI, DISCRETE_HIGH, DISCRETE_LOW
+from fti.errors import ConfigError
 
 Bit = Annotated[int, Field(ge=DISCRETE_LOW, le=DISCRETE_HIGH)]
 Octal = Annotated[str, Field(pattern=r"^[0-3][0-7]{2}$")]
@@ -117,9 +117,9 @@ class LabelSet(StrictModel):
 def read_sets(text: str, file: str) -> dict[str, LabelSet]:
     """The sets of a TOML text by name.  Raises ValueError or ConfigError naming file, key and what is allowed."""
     try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # of tomllib, or of what Python refuses
-        raise ValueError(f"{file}: is no TOML: {error}") from None
+        tables = parse_toml(text, file)
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
     for name, table in tables.items():
         if not isinstance(table, dict):
             raise ValueError(f"{file}: {name}: must be a table with labels, [{name}]")

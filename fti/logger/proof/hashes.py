@@ -53,5 +53,5 @@ def link_hashes(recording: Recording) -> dict[str, LinkHash]:
     sums = {link: _Sum(kind) for link, kind in recording.links.items()}
     for frame in recording.frames():
         if frame.link != TICK_LINK:
-            sums[frame.link].add(frame.data)
+            sums.setdefault(frame.link, _Sum("unknown")).add(frame.data)
     return {link: found.result for link, found in sums.items()}

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from fti.logger.raw_log import TICK_TOPIC
+from fti.logger.reading.json_message import parse_table
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW, SENT
 

@@ -45,7 +45,7 @@ MAX_TEXT_LENGTH = 10_000
 #: FTI time is below this [ns]: the year 2262.
 MAX_TIME_NS = 2**63 - 1
 #: Ranges of missing numbers, or one for each 8 B of the files: every one has a frame of 31 B or more behind it.
-MAX_HOLES = 2**18
+MAX_HOLES = 2**19
 #: Notes of gaps: each of them is about a run of dropped frames.
 MAX_GAP_NOTES = 2**17
 #: Columns of all tables of an export: health of 200 links has 5000.

@@ -93,7 +93,9 @@ class Recording:
     def elsewhere(self) -> list[Path]:
         """Folders in which more of the session may lie: the files name them, and none of theirs is here."""
         told = self.metadata.get(FILE_METADATA, {})
-        named = [Path(folder) for key, folder in sorted(told.items()) if key.startswith(PLACE_KEY)]
+        named = [
+            Path(folder) for key, folder in sorted(told.items()) if key.startswith(PLACE_KEY) and "\0" not in folder
+        ]
         here = {file.parent.resolve() for file in self.files}
         return [folder for folder in named if folder.resolve() not in here]
 

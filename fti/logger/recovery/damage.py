@@ -19,9 +19,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterator
 
-from fti.logger.reading.chunk_content import Content
+from fti.errors import RecordingError
+from fti.logger.reading.chunk_content import Content, channel_name
 from fti.logger.reading.chunk_marks import chunk_marks
-from fti.logger.reading.limits import MAX_RECORD
+from fti.logger.reading.limits import MAX_RECORD, DeclaredSizes, LimitError
 from fti.logger.reading.open_chunk import is_open
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
@@ -45,6 +46,7 @@ class Walk:
     def __init__(self, source: Source, told: Told | None, progress: Callable[[int], None]) -> None:
         self.channels: dict[int, bytes] = {}
         self.schemas: dict[int, bytes] = {}
+        self._sizes = DeclaredSizes()
         self._source = source
         self._told = told
         self._progress = progress
@@ -72,12 +74,23 @@ class Walk:
 
     def _note(self, piece: Piece) -> None:
         if isinstance(piece, Messages):
-            self.channels |= piece.content.channels
-            self.schemas |= piece.content.schemas
+            self._declare(piece.content)
             self._bare = piece.head is None
             self._chunk_end = piece.end
         if isinstance(piece, Messages) or (isinstance(piece, Other) and piece.op == Op.ATTACHMENT):
             self._proved = piece.end
+
+    def _declare(self, content: Content) -> None:
+        """Keep schemas and channels.  Raises RecordingError where they are beyond the limits."""
+        try:
+            for channel_id, record in content.channels.items():
+                self._sizes.channel(channel_id, channel_name(record)[0], len(record))
+            for schema_id, record in content.schemas.items():
+                self._sizes.schema(schema_id, len(record))
+        except LimitError as error:
+            raise RecordingError(f"{self._source.path}: is not recovered: {error}") from None
+        self.channels |= content.channels
+        self.schemas |= content.schemas
 
     # ------------------------------------------------------------------------------------------------- one record
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fti.errors import RecordingError
 from fti.logger.raw_log import RAW_ENCODING
 from fti.logger.reading.chunk_content import Content, channel_name
+from fti.logger.reading.limits import MAX_HOLES
 from fti.logger.reading.recording import unwrap
 
 
@@ -36,6 +38,7 @@ class NumbersFound:
     def __init__(self) -> None:
         self._runs: list[Run] = []
         self._last: int | None = None
+        self._next_joined = 2 * MAX_HOLES
 
     def add(self, content: Content, channels: Mapping[int, bytes]) -> None:
         """The numbered messages of a chunk; channels : all that are known."""
@@ -49,6 +52,11 @@ class NumbersFound:
             full = sorted((unwrap(number, base), t_ns) for number, t_ns in found)
             self._last = full[-1][0]
             self._runs += _runs_of(full)
+            if len(self._runs) > self._next_joined:
+                self._runs = _joined(self._runs)
+                self._next_joined = 2 * max(len(self._runs), MAX_HOLES)
+                if len(self._runs) > 2 * MAX_HOLES:
+                    raise RecordingError(f"its numbers have more than {2 * MAX_HOLES} holes")
 
     def gaps(self) -> list[Gap]:
         """What is missing between the first and the last number found."""
@@ -60,6 +68,18 @@ class NumbersFound:
             if reached is None or run.last > reached.last:
                 reached = run
         return gaps
+
+
+def _joined(runs: list[Run]) -> list[Run]:
+    """The same numbers; runs that touch are one."""
+    joined: list[Run] = []
+    for run in sorted(runs, key=lambda run: run.first):
+        if joined and run.first <= joined[-1].last + 1:
+            if run.last > joined[-1].last:
+                joined[-1].last, joined[-1].last_ns = run.last, run.last_ns
+        else:
+            joined.append(run)
+    return joined
 
 
 def _runs_of(numbered: list[tuple[int, int]]) -> list[Run]:
