@@ -31,7 +31,7 @@ class Publisher:
 
     What the hub does not take at once goes with the next message; of what waits then, the newest of each topic stays.
 
-    path : of the hub; process : a name that the hub knows; lost : messages that nobody will get
+    path : of the hub; process : a name that the hub knows
     """
 
     def __init__(self, path: Path, process: str) -> None:
@@ -39,18 +39,23 @@ class Publisher:
         self._retry_at = 0.0
         self._outbox = Outbox()
         self._sock = connect(path, PUBLISH, process)
-        self.lost = 0
+        self._lost = 0
+
+    @property
+    def lost(self) -> int:
+        """Messages that nobody will get, other than those that a newer one of their topic displaced."""
+        return self._lost + self._outbox.lost
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Send one message to whoever listens; never waits.  One that is too large is lost."""
         try:
             frame = make_frame(topic, payload)
         except FrameError:
-            self.lost += 1
+            self._lost += 1
             return
         self._connect()
         if self._sock is None:
-            self.lost += 1
+            self._lost += 1
             return
         self._outbox.add(frame)
         self._send(self._sock)
@@ -85,7 +90,7 @@ class Publisher:
     def _leave(self) -> None:
         if self._sock:
             self._sock.close()
-        self.lost += self._outbox.lost + len(self._outbox)
+        self._lost += self._outbox.lost + len(self._outbox)
         self._sock, self._outbox = None, Outbox()
 
 

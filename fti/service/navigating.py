@@ -213,6 +213,7 @@ class Navigator:
                         "last_seq": self._last_seq,
                         "terrain": self._loading.state if self._loading else None,
                         "derived_lost": self._derived.lost,
+                        "bus_lost": self._bus.lost,
                         "derived_fault": fault,
                     },
                 }

@@ -205,6 +205,8 @@ class World:
 
     # --------------------------------------------------------------------------------------- it is its own bus, too
 
+    lost = 0
+
     def publish(self, topic: str, payload: bytes) -> None:
         """Note the age of a height."""
         said = json.loads(payload)
