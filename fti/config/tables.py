@@ -60,7 +60,7 @@ class RecorderTuning(StrictModel):
     freeze_gc   : Python's collector of cycles stands still
     """
 
-    cpu: tuple[Annotated[int, Field(ge=0, le=8191)], ...] = ()
+    cpu: tuple[Annotated[int, Field(ge=0, le=65_535)], ...] = ()
     scheduler: Literal["other", "fifo"] = "other"
     priority: Annotated[int, Field(ge=2, le=49)] = 20  # the kernel's own interrupt threads have 50
     lock_memory: bool = False

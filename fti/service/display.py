@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -80,7 +81,8 @@ async def serve(bus: Path, port: int, channel: Channel) -> None:
         await wait_for_end(channel, server.board.take)
     finally:
         starting.cancel()
-        await asyncio.gather(starting, return_exceptions=True)
+        with contextlib.suppress(asyncio.CancelledError):
+            await starting
         await server.stop()
         subscriber.close()
 
