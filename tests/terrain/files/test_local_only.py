@@ -1,19 +1,20 @@
-"""What a recording may name as an elevation file: single local files of five formats; an own server counts requests."""
+"""What a recording may name as an elevation file: single local files of five formats; no address is connected to."""
 
 from __future__ import annotations
 
 import os
-import threading
+import socket
 import zipfile
-from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 from rasterio.shutil import copy
 
 from fti.errors import ConfigError, FtiError
+from fti.terrain.files.local_only import local_environment, open_local
 from fti.terrain.terrain import Terrain
 from tests.terrain.elevation_files import LAT, LON, Array, from_origin, write_ground, write_hgt, write_tif
 
@@ -24,28 +25,30 @@ def _slope(lat: Array, lon: Array) -> Array:
     return 600.0 + 1000.0 * (lat - LAT) + 500.0 * (lon - LON)
 
 
+Server = tuple[str, Callable[[], bool]]
+
+
 @pytest.fixture
-def server() -> Iterator[tuple[str, list[str]]]:
-    """An address of this machine, and what was asked for there."""
-    asked: list[str] = []
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    """An address of this machine, and whether somebody has connected to it.
 
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            asked.append(self.path)
-            self.send_error(404)
+    The kernel takes the connection; nobody answers, for GDAL may hold the interpreter's lock while it waits.
+    """
+    for option in ("GDAL_HTTP_TIMEOUT", "GDAL_HTTP_CONNECTTIMEOUT"):
+        monkeypatch.setenv(option, "1")
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        listening.setblocking(False)
 
-        do_HEAD = do_GET
+        def connected() -> bool:
+            try:
+                listening.accept()[0].close()
+            except BlockingIOError:
+                return False
+            return True
 
-        def log_message(self, *_: object) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    thread = threading.Thread(target=server.serve_forever)
-    thread.start()
-    yield f"http://127.0.0.1:{server.server_port}", asked
-    server.shutdown()
-    server.server_close()
-    thread.join()
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}", connected
 
 
 def _tif(folder: Path, name: str = "a.tif") -> str:
@@ -94,8 +97,8 @@ def test_the_promised_formats_are_opened_as_by_a_user(tmp_path: Path) -> None:
         "{folder}/a_vrt.tif",
     ],
 )
-def test_everything_else_is_refused_and_named(tmp_path: Path, server: tuple[str, list[str]], named: str) -> None:
-    url, asked = server
+def test_everything_else_is_refused_and_named(tmp_path: Path, server: Server, named: str) -> None:
+    url, connected = server
     os.mkfifo(tmp_path / "fifo")
     copy(_tif(tmp_path), tmp_path / "a.vrt", driver="VRT")
     (tmp_path / "a_vrt.tif").write_bytes((tmp_path / "a.vrt").read_bytes())
@@ -104,18 +107,23 @@ def test_everything_else_is_refused_and_named(tmp_path: Path, server: tuple[str,
         _open(path, local_only=True)
     assert str(refused.value).startswith(f"{path}: the recording names")
     assert "GTiff, SRTMHGT, DTED, AAIGrid, HFA" in str(refused.value)
-    assert asked == []
+    assert not connected()
 
 
-def test_no_address_in_a_file_or_beside_it_is_followed(tmp_path: Path, server: tuple[str, list[str]]) -> None:
-    url, asked = server
+def test_no_address_in_a_file_or_beside_it_is_followed(tmp_path: Path, server: Server) -> None:
+    url, connected = server
     path = _tif(tmp_path)
     Path(f"{path}.aux.xml").write_text(
         '<PAMDataset><Metadata domain="OVERVIEWS">'
         f'<MDI key="OVERVIEW_FILE">/vsicurl/{url}/overview.tif</MDI></Metadata></PAMDataset>'
     )
     _open(path, local_only=True)
-    assert asked == []
+    with local_environment(), open_local(path) as dataset:
+        assert dataset.overviews(1) == []
+    assert not connected()
+    with rasterio.open(path) as dataset:
+        assert dataset.overviews(1) == []
+    assert connected(), "without the limits GDAL loads it"
 
 
 def test_a_file_that_is_not_there_is_named_as_the_recordings(tmp_path: Path) -> None:
