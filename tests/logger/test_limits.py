@@ -14,22 +14,9 @@ from fti.logger.packing.pack import pack
 from fti.logger.reading.json_message import parse_json, using_message, whole_number
 from fti.logger.reading.limits import LimitError
 from fti.logger.reading.mcap_file import McapFile
-from fti.logger.session import SessionFolder, missing_numbers
+from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.small_session import STARTED, make
-
-
-@pytest.mark.parametrize(
-    ("numbers", "missing"),
-    [
-        ([], []),
-        ([0, 1, 2], []),
-        ([1, 3, 3, 7], [(0, 0), (2, 2), (4, 6)]),
-        ([99_999_999_999], [(0, 99_999_999_998)]),
-    ],
-)
-def test_missing_numbers_are_ranges(numbers: list[int], missing: list[tuple[int, int]]) -> None:
-    assert missing_numbers(numbers) == missing
 
 
 @pytest.mark.parametrize("number", ["99999999999", "9" * 200])
