@@ -36,7 +36,8 @@ def test_a_file_with_a_large_number(
     ("text", "said"),
     [
         (b"[" * 65 + b"]" * 65, "nested deeper than 64"),
-        (b"9" * 22, "a number of 22 digits"),
+        (b'["]",' * 65 + b"1" + b"]" * 65, "nested deeper than 64"),
+        (b"9" * 42, "a number of 42 digits"),
         (b" " * (4 * 2**20 + 1), "at most 4194304 are read"),
     ],
 )
@@ -45,10 +46,16 @@ def test_json_beyond_a_limit(text: bytes, said: str) -> None:
         parse_json(text)
 
 
-@pytest.mark.parametrize("text", [b'"\\ud800"', b"\xff", b"", b"{", b'"\\udc00\\ud800"'])
+@pytest.mark.parametrize("text", [b"\xff", b"", b"{", b"nothing"])
 def test_json_that_is_no_text(text: bytes) -> None:
     with pytest.raises(ValueError):
         parse_json(text)
+
+
+def test_half_of_a_surrogate_pair_is_a_question_mark() -> None:
+    """The recorder writes one itself where the name of a file is not UTF-8."""
+    text = b'{"a\\udcff": ["\\ud800 half", "\\ud83d\\udee9 whole"], "n": 1}'
+    assert parse_json(text) == {"a?": ["? half", "\U0001f6e9 whole"], "n": 1}
 
 
 @pytest.mark.parametrize(
@@ -58,7 +65,7 @@ def test_json_that_is_no_text(text: bytes) -> None:
         -(2**63),
         "\U0001f6e9 \ud83d\udee9".encode("utf-16", "surrogatepass").decode("utf-16"),
         [[[[1.5]]]],
-        {"many": [[]] * 1000, "brackets in texts": "[" * 60},
+        {"many": [[]] * 1000, "brackets in texts": '"[' * 600},
         {"a": None, "b": True},
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -13,6 +14,7 @@ from fti.logger.reading.limits import MAX_DIGITS, MAX_JSON_BYTES, MAX_JSON_DEPTH
 _BRACKETS = b"[]{}"
 _NO_BRACKETS = bytes(set(range(256)) - set(_BRACKETS))
 _CLOSING = b"]}"
+_TEXT = re.compile(rb'"(?:[^"\\]|\\[\s\S])*+"')
 #: What a message that is not as the recorder writes it can raise while it is used.
 FAULTS = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowError, RecursionError)
 
@@ -20,16 +22,20 @@ FAULTS = (KeyError, TypeError, AttributeError, ValueError, IndexError, OverflowE
 def parse_json(data: bytes) -> Any:
     """The value in a JSON text.  Raises ValueError, LimitError where it is beyond a limit.
 
-    A text with half of a surrogate pair is refused, because it can be neither printed nor written.
+    Half of a surrogate pair becomes "?": it can be neither printed nor written.  The name of a file may have one.
     """
     if len(data) > MAX_JSON_BYTES:
         raise LimitError(f"JSON of {len(data)} bytes; at most {MAX_JSON_BYTES} are read")
     if data.count(b"[") + data.count(b"{") > MAX_JSON_DEPTH and _depth(data) > MAX_JSON_DEPTH:
         raise LimitError(f"JSON is nested deeper than {MAX_JSON_DEPTH}")
     value = _DECODER.decode(data.decode())
-    if b"\\u" in data:
-        json.dumps(value, ensure_ascii=False).encode()
-    return value
+    return _without_halves(value) if b"\\ud" in data or b"\\uD" in data else value
+
+
+def _without_halves(value: Any) -> Any:
+    text = json.dumps(value, ensure_ascii=False)
+    written = text.encode("utf-8", "replace")
+    return value if written.decode() == text else _DECODER.decode(written.decode())
 
 
 def parse_table(data: bytes) -> dict[str, Any]:
@@ -59,9 +65,9 @@ def whole_number(value: Any) -> int:
 
 
 def _depth(data: bytes) -> int:
-    """How deep brackets stand within each other, counting those in texts, too: never less than it is."""
+    """How deep brackets stand within each other."""
     depth = deepest = 0
-    for bracket in data.translate(None, _NO_BRACKETS):
+    for bracket in _TEXT.sub(b"", data).translate(None, _NO_BRACKETS):
         if bracket in _CLOSING:
             depth -= 1
         else:

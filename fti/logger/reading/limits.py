@@ -38,8 +38,8 @@ MAX_METADATA_BYTES = 4 * _MIB
 MAX_JSON_BYTES = 4 * _MIB
 #: Tables and lists within each other in JSON: the recorder's have 6.
 MAX_JSON_DEPTH = 64
-#: Digits of a whole number in JSON: 64 bits have 20.
-MAX_DIGITS = 20
+#: Digits of a whole number in JSON: the recorder's have 64 bits, 20 digits; with 40 it still is a float.
+MAX_DIGITS = 40
 #: A text of an event that is kept [characters]: the recorder's have some 200.
 MAX_TEXT_LENGTH = 10_000
 #: FTI time is below this [ns]: the year 2262.
