@@ -26,7 +26,15 @@ from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
 from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead, chunk_head, is_channel, is_schema, record_end
+from fti.logger.reading.structure import (
+    ChunkHead,
+    chunk_head,
+    is_channel,
+    is_followed_by_chunk,
+    is_schema,
+    is_torn_write,
+    record_end,
+)
 from fti.logger.reading.tables import metadata_table, text_table
 from fti.logger.reading.wording import clock_text
 from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
@@ -110,7 +118,7 @@ class ProofFile:
                     break
                 end = record_end(source, at, source.size)
                 if end is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
-                    self._break(at)
+                    self._break(at, torn=self._ended or is_torn_write(source, at))
                     return
                 if head:
                     yield from self._chunk(source, head)
@@ -136,9 +144,9 @@ class ProofFile:
             self.broken = f"ends after byte {len(found)}, within its head"
         return 0
 
-    def _break(self, at: int) -> None:
-        """What stands here is no record of this place."""
-        if self.finished:
+    def _break(self, at: int, *, torn: bool = True) -> None:
+        """What stands here is no record of this place; torn : a writer that ended may have left it."""
+        if self.finished or not (torn or is_being_written(self.path)):
             self.faults.append(f"is damaged at byte {at}")
         elif self.broken is None:
             self.broken = f"ends after byte {at} without a footer: it is being written, or was cut off"
@@ -160,7 +168,7 @@ class ProofFile:
             self.doubts.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
         if found.missing_bytes:
             self.doubts.append(f"{found.missing_bytes} bytes of records are missing at its end")
-        self._break(head.begin + end)
+        self._break(head.begin + end, torn=not is_followed_by_chunk(source, head.begin + end))
         yield self._page(data, rows, head.at, head.begin + end)
 
     # --------------------------------------------------------------------------------------------------- records

@@ -6,9 +6,10 @@ does not pass: its length must fit what its own fields say, to the byte.
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from fti.logger.checkpoints import SLOT_BYTES, SLOTS
@@ -24,8 +25,12 @@ from fti.logger.reading.limits import (
 from fti.logger.reading.source import Source
 from fti.logger.records import CHUNK, CHUNK_BODY, HEAD, MESSAGE, MESSAGE_BODY, SECTOR, Op, read_text
 
+_CHUNK_BEGIN = re.compile(rb"\x06(?=[\s\S]{5}\x00\x00\x00)")  # shorter than 2^40 bytes
+_LONG = (Op.ATTACHMENT, Op.MESSAGE_INDEX)
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # a chunk up to the name of its compression
 COMPRESSIONS = (b"", b"zstd", b"lz4")
+#: A torn write outside of chunks is no longer than this, but for attachments and message indexes [B].
+MAX_TORN_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +91,31 @@ def chunk_head(source: Source, at: int) -> ChunkHead | None:
         return None
     begin = at + CHUNK.size + name_length
     return ChunkHead(at, begin, begin + stored, size, crc, name.decode())
+
+
+def is_torn_write(source: Source, at: int) -> bool:
+    """May a write outside of chunks, in which its writer ended, have left what stands from an offset on?
+
+    Then it is short, or a long record that the file cuts off, or zeros; and no chunk begins in it.
+    """
+    rest = source.read(at, min(source.size - at, MAX_SMALL)).rstrip(b"\0")
+    if next(_chunks_behind(source, at), None):
+        return False
+    if len(rest) <= MAX_TORN_BYTES:
+        return True
+    op, length = HEAD.unpack_from(rest)
+    return op in _LONG and at + HEAD.size + length > source.size
+
+
+def is_followed_by_chunk(source: Source, at: int) -> bool:
+    """Does a chunk whose checksum holds begin behind an offset?"""
+    return any(head.crc and head.content(source) is not None for head in _chunks_behind(source, at))
+
+
+def _chunks_behind(source: Source, at: int) -> Iterator[ChunkHead]:
+    rest = source.read(at, min(source.size - at, MAX_SMALL))
+    heads = (chunk_head(source, at + found.start()) for found in _CHUNK_BEGIN.finditer(rest, 1))
+    yield from (head for head in heads if head)
 
 
 def record_end(source: Source, at: int, limit: int) -> int | None:

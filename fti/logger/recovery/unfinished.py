@@ -12,14 +12,12 @@ from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, OpenChunk, is_open, read_open_chunk
 from fti.logger.reading.source import Source
-from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
+from fti.logger.reading.structure import MAX_TORN_BYTES, ChunkHead, chunk_head, record_end
 from fti.logger.reading.tables import metadata_table
 from fti.logger.records import CHUNK, HEAD, Op, read_text
 from fti.logger.recovery.damage import Walk
 from fti.logger.summary import Summary
 
-#: A torn write outside of chunks is no longer than this [B].
-MAX_TORN_BYTES = 4096
 _FILE_HEAD = records.file_head()
 DATA_END_HEAD = HEAD.pack(Op.DATA_END, 4)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
-from fti.cli.main import main
+from fti.cli.main import TRACEBACK, main
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,8 @@ def fti(*arguments: str | Path) -> Result:
     out, err = io.StringIO(), io.StringIO()
     crash = None
     code = -1
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    shown = mock.patch.dict(os.environ, {TRACEBACK: "1"})  # else the last net turns it into a sentence
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), shown:
         try:
             code = main([str(argument) for argument in arguments])
         except SystemExit as end:

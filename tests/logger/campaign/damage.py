@@ -26,11 +26,15 @@ MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 
 
 class Damaged(NamedTuple):
-    """The bytes of the open file after it, and where it was hit.  natural : a kill or a power cut may leave it."""
+    """The bytes of the open file after it, and where it was hit.
+
+    natural : a kill or a power cut may leave it; twice : a power cut, and something else
+    """
 
     data: bytes
     place: str
     natural: bool = False
+    twice: bool = False
 
 
 Inflict = Callable[[OpenSession, Random], Damaged]
@@ -209,12 +213,12 @@ def _power_cut(session: OpenSession, chance: Random) -> Damaged:
 
 
 def _power_cut_and_flip(session: OpenSession, chance: Random) -> Damaged:
-    data, place, _ = _power_cut(session, chance)
+    data, place, *_ = _power_cut(session, chance)
     at, bit = chance.randrange(len(data)) if data else 0, chance.randrange(8)
     hit = bytearray(data)
     if hit:
         hit[at] ^= 1 << bit
-    return Damaged(bytes(hit), f"{place}; bit {bit} of byte {at}")
+    return Damaged(bytes(hit), f"{place}; bit {bit} of byte {at}", twice=True)
 
 
 def _none(session: OpenSession, chance: Random) -> Damaged:

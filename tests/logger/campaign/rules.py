@@ -29,6 +29,8 @@ from tests.logger.campaign.open_sessions import SECOND_NS, STEP_NS, OpenSession
 
 #: Since the last sync: a second, and the sync itself.
 UNPROVED_NS = SECOND_NS + 5 * STEP_NS
+#: The same where a power cut may have come before the last sync had ended, and something else was hit besides.
+UNPROVED_TWICE_NS = UNPROVED_NS + SECOND_NS
 #: Of a channel whose declaration is lost.
 UNNAMED = "/recovered/channel_"
 TOO_GOOD = ("all holds", "nothing is missing")
@@ -43,6 +45,7 @@ class Truth:
         self._original = session.data
         there = [m for m in session.parsed.messages if m.begin < len(damaged.data)]
         self.end_ns = max((m.content.log_time for m in there), default=0)
+        self.unproved_ns = UNPROVED_TWICE_NS if damaged.twice else UNPROVED_NS
 
     def is_intact(self, begin: int, end: int) -> bool:
         """Are these bytes as they were?"""
@@ -81,10 +84,9 @@ class Truth:
         if self.is_cut:
             size, ops = len(self.damaged.data), (CHUNK, ATTACHMENT, METADATA)
             return any(r.begin < size < r.end for r in self.session.parsed.of(*ops))
-        data, chunks = self.damaged.data, self.session.parsed.of(CHUNK)
-        begin = chunks[-1].begin if chunks else len(data)
-        size = int.from_bytes(data[begin + 1 : begin + 9], "little") if data[begin : begin + 1] == bytes([CHUNK]) else 0
-        return begin + 9 + size > len(data)
+        data = self.damaged.data
+        heads = [r.begin for r in self.session.parsed.of(CHUNK) if data[r.begin : r.begin + 1] == bytes([CHUNK])]
+        return any(at + 9 + int.from_bytes(data[at + 1 : at + 9], "little") > len(data) for at in heads)
 
     @cached_property
     def is_cut(self) -> bool:
@@ -94,7 +96,7 @@ class Truth:
     def is_late(self, offset: int) -> bool:
         """Does a byte stand in the last second?"""
         message = self.session.parsed.message_at(offset)
-        return message is None or message.content.log_time > self.end_ns - UNPROVED_NS
+        return message is None or message.content.log_time > self.end_ns - self.unproved_ns
 
     @cached_property
     def is_harmed_early(self) -> bool:
@@ -102,7 +104,7 @@ class Truth:
         hit = [r for r in self.session.parsed.of(SCHEMA, CHANNEL, METADATA, ATTACHMENT) if self._is_altered(r)]
         declared = any(not self._is_before_late(r) for r in hit if r.op in (SCHEMA, CHANNEL))
         others = any(self._is_followed(r) for r in hit if r.op in (METADATA, ATTACHMENT))
-        return declared or others or any(m.content.log_time <= self.end_ns - UNPROVED_NS for m in self.harmed)
+        return declared or others or any(m.content.log_time <= self.end_ns - self.unproved_ns for m in self.harmed)
 
     def _is_altered(self, record: Record) -> bool:
         return record.end <= len(self.damaged.data) and not self.is_intact(record.begin, record.end)
@@ -196,9 +198,8 @@ class CopyCheck:
         )
 
     def _check_others(self, copy: OfficialFile, report: dict[str, object]) -> None:
-        if altered := altered_others(self.truth, copy):
-            named = str(report.get("altered_metadata", ""))
-            self.faults += [f"recover: altered {name} in the copy" for name in altered if name not in named]
+        if not report.get("altered_metadata"):
+            self.faults += [f"recover: altered {name} in the copy" for name in altered_others(self.truth, copy)]
 
     def check_verified(self, verified: Result) -> Iterator[str]:
         """``fti verify`` of the copy."""
@@ -301,9 +302,9 @@ class ClosingCheck:
             if not (in_head or in_rest or data[at] == 0):
                 gone.append(at)
         if gone:
-            lost = {
-                m.begin for at in gone if (m := self.truth.session.parsed.message_at(at)) and m in self.truth.intact
-            }
+            intact = {message.begin for message in self.truth.intact}
+            hit = (self.truth.session.parsed.message_at(at) for at in gone)
+            lost = {message.begin for message in hit if message} & intact
             self.faults.append(
                 f"closing: {len(gone)} bytes are gone from byte {gone[0]} on, {len(lost)} intact messages among them"
             )

@@ -1,0 +1,70 @@
+"""What the campaign has found, each place aimed at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from fti.logger.recovery.repair import close_all
+from tests.logger.campaign.commands import fti
+from tests.logger.campaign.mcap_parser import ATTACHMENT, CHUNK, MESSAGE_INDEX, Record
+from tests.logger.campaign.open_sessions import SHAPES, OpenSession, make_open_session
+
+CHUNKS = next(shape for shape in SHAPES if shape.name == "chunks")
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> OpenSession:
+    return make_open_session(tmp_path_factory.mktemp("killed"), CHUNKS, Random(4))
+
+
+def _put(session: OpenSession, directory: Path, at: int, new: bytes) -> Path:
+    return session.put(directory, session.data[:at] + new + session.data[at + len(new) :])
+
+
+def _last_chunk(session: OpenSession) -> Record:
+    return session.parsed.of(CHUNK)[-1]
+
+
+def test_a_copy_of_a_closed_file_says_what_of_it_is_unproved(killed: OpenSession, tmp_path: Path) -> None:
+    """Closing gives the chunk a checksum that holds; the copy does not take it for a proof."""
+    cut = killed.parsed.messages[-3].begin
+    assert cut > _last_chunk(killed).begin
+    folder = killed.put(tmp_path / "data", killed.data[:cut])
+    assert close_all(tmp_path / "data")[0].unproved > 0
+    copied = fti("recover", folder, "--out", tmp_path / "copy")
+    assert copied.code == 3
+    assert "unproved" in copied.out
+    assert "nothing is missing" not in copied.out
+    again = fti("recover", tmp_path / "copy", "--out", tmp_path / "again")
+    assert again.code == 3, "nor does a copy of that"
+
+
+@pytest.mark.parametrize("shift", [41, 46, 49, 62])
+def test_a_length_beyond_any_memory_is_refuted(killed: OpenSession, tmp_path: Path, shift: int) -> None:
+    """In the head of the first chunk, which opening a session reads over."""
+    first = killed.parsed.of(CHUNK)[0]
+    at = first.begin + 9 + 8 + 8 + 8 + 4 + 4
+    length = int.from_bytes(killed.data[at : at + 8], "little") | 1 << shift
+    verified = fti("verify", _put(killed, tmp_path, at, length.to_bytes(8, "little")))
+    assert verified.crash is None
+    assert verified.code == 1
+
+
+def test_a_damaged_attachment_is_refuted_though_the_file_has_no_end(killed: OpenSession, tmp_path: Path) -> None:
+    record = killed.parsed.of(ATTACHMENT)[0]
+    verified = fti("verify", _put(killed, tmp_path, record.end - 20, b"\0\0\0"))
+    assert verified.code == 1
+    assert f"is damaged at byte {record.begin}" in verified.out
+
+
+def test_a_finished_chunk_without_its_message_index_is_refuted(killed: OpenSession, tmp_path: Path) -> None:
+    """It looks like the open one, but for the chunks behind it."""
+    chunk = killed.parsed.of(CHUNK)[1]
+    index = [r for r in killed.parsed.of(MESSAGE_INDEX) if chunk.end <= r.begin < killed.parsed.of(CHUNK)[2].begin]
+    size = index[-1].end - chunk.end
+    verified = fti("verify", _put(killed, tmp_path, chunk.end - 40, bytes(40 + size)))
+    assert verified.code == 1
+    assert "is damaged at byte" in verified.out
