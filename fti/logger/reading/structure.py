@@ -98,7 +98,7 @@ def is_torn_write(source: Source, at: int) -> bool:
 
     Then it is short, or a long record that the file cuts off, or zeros; and no chunk begins in it.
     """
-    rest = source.read(at, min(source.size - at, MAX_SMALL)).rstrip(b"\0")
+    rest = source.read(at, min(source.size - at, MAX_SMALL_RECORD)).rstrip(b"\0")
     if next(_chunks_behind(source, at), None):
         return False
     if len(rest) <= MAX_TORN_BYTES:
@@ -113,7 +113,7 @@ def is_followed_by_chunk(source: Source, at: int) -> bool:
 
 
 def _chunks_behind(source: Source, at: int) -> Iterator[ChunkHead]:
-    rest = source.read(at, min(source.size - at, MAX_SMALL))
+    rest = source.read(at, min(source.size - at, MAX_SMALL_RECORD))
     heads = (chunk_head(source, at + found.start()) for found in _CHUNK_BEGIN.finditer(rest, 1))
     yield from (head for head in heads if head)
 
