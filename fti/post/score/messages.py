@@ -81,6 +81,7 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
             if topic == HEALTH:
                 reader.lag(t, data, said)
             statements = list(reader.read(topic, data))
+            _check_words(statements)
             content = parse_table(data) if topic in wanted and t >= 0.0 else {}
         for place, words in statements:
             said.take(t, place, words - {CLOCK_KNOWN})
@@ -91,6 +92,12 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
                 said.values[f"{topic}.{name}"].append((t, content.get(name)))
     said.finish()
     return said
+
+
+def _check_words(statements: Iterable[Statement]) -> None:
+    """Raises ValueError for a flag that is no text."""
+    if wrong := [word for _, words in statements for word in words if not isinstance(word, str)]:
+        raise ValueError(f"{str(wrong[0])[:40]} is not a text")
 
 
 def _messages(recording: Recording) -> Iterator[tuple[str, int, bytes]]:
