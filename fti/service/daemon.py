@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import signal
 from collections.abc import Awaitable, Callable, Iterator
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from fti.errors import FtiError, RecordingError
@@ -21,9 +22,22 @@ if TYPE_CHECKING:
 Companion = Callable[["Supervisor"], Awaitable[None]]
 
 
+class InterruptHandler:
+    """Raises KeyboardInterrupt at SIGINT, and keeps that it did: a library may swallow the exception while it loads."""
+
+    def __init__(self) -> None:
+        self.interrupted = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Called by the interpreter."""
+        self.interrupted = True
+        signal.default_int_handler(number, frame)
+
+
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
+    before = signal.signal(signal.SIGINT, InterruptHandler())
     limits.raise_open_files()
     child = Child("recorder", has_stand_in=True)
     child.prepare()
@@ -31,6 +45,7 @@ def early_recorder() -> Iterator[Child]:
         yield child
     finally:
         child.dismiss()
+        signal.signal(signal.SIGINT, before)
 
 
 async def serve(
@@ -91,8 +106,11 @@ def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
         signalled.set()
         stop_supervisor()
 
+    loop, before = asyncio.get_running_loop(), signal.getsignal(signal.SIGINT)
     for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop)
+        loop.add_signal_handler(number, stop)
+    if isinstance(before, InterruptHandler) and before.interrupted:
+        loop.call_soon(stop)
     return signalled
 
 
