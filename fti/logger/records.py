@@ -13,6 +13,8 @@ from enum import IntEnum
 
 MAGIC = b"\x89MCAP0\r\n"
 SECTOR = 512
+#: Of chunk heads, and so of the checkpoints before them [B].
+ALIGNMENT = 16
 
 
 class Op(IntEnum):
@@ -99,17 +101,15 @@ def chunk_head(first_ns: int, last_ns: int, size: int, crc: int) -> bytes:
 
 
 def padding(offset: int) -> bytes:
-    """What must stand at ``offset`` so that a chunk head after it lies within one sector.
+    """What must stand at ``offset`` so that a chunk head after it lies within one sector and on a multiple of ALIGNMENT.
 
-    Patching a chunk head then writes within one page, which a kill cannot split, and within one sector, which a power
-    cut splits least often.
+    Patching a chunk head or a checkpoint before it then writes within one page, which a kill cannot split, and within
+    one sector, which a power cut splits least often.
     """
-    if offset % SECTOR <= SECTOR - CHUNK.size:
-        return b""
-    gap = SECTOR - offset % SECTOR
-    if gap < HEAD.size:
-        gap += SECTOR
-    return record(Op.PADDING, bytes(gap - HEAD.size))
+    gap = -offset % ALIGNMENT
+    while 0 < gap < HEAD.size or (offset + gap) % SECTOR > SECTOR - CHUNK.size:
+        gap += ALIGNMENT
+    return record(Op.PADDING, bytes(gap - HEAD.size)) if gap else b""
 
 
 def message_index(channel_id: int, entries: bytes) -> bytes:

@@ -42,7 +42,7 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
         await asyncio.to_thread(until, lambda: links.is_dir() or flying.poll() is not None, START_S, "the ports")
         with daemon(config, tmp_path / "out", "--links", str(links)) as running:
             async with Chromium() as browser:
-                address = await asyncio.to_thread(lambda: running.display)
+                address = await asyncio.to_thread(lambda: running.page)
                 page = await browser.open(address)
                 await page.wait_for(f"{by_testid('origin')}.textContent === 'HIL'")
                 for testid in (HEIGHT, "attitude-heading"):
@@ -73,7 +73,8 @@ async def test_the_page_shows_the_flight_and_every_end_of_it(tmp_path: Path) -> 
                 await page.wait_for("document.body.classList.contains('disconnected')", LONG_S)
                 shown = f"getComputedStyle({by_testid('no-connection')}).display !== 'none'"
                 assert await page.eval(shown)
-                local = (address, address.replace("http:", "ws:"))
+                site = address.partition("#")[0]
+                local = (site, site.replace("http:", "ws:"))
                 assert page.requests
                 assert all(url.startswith(local) for url in page.requests)
     assert _marks_of(tmp_path / "out") == [MARK]
