@@ -23,8 +23,9 @@ def notes_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
 
 
 def has_unproved(tables: Mapping[str, Mapping[str, str]]) -> bool:
-    """Does a file say that its last chunk was closed with messages that no checksum proves?"""
-    return tables.get(CLOSED_METADATA, {}).get("unproved_messages", "0") != "0"
+    """Does a file say that its last chunk was closed with messages that no checksum proves, or without its end?"""
+    about = tables.get(CLOSED_METADATA, {})
+    return any(about.get(key, "0") != "0" for key in ("unproved_messages", "missing_bytes"))
 
 
 def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:

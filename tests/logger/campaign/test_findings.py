@@ -9,7 +9,7 @@ import pytest
 
 from fti.logger.recovery.repair import close_all
 from tests.logger.campaign.commands import fti
-from tests.logger.campaign.mcap_parser import ATTACHMENT, CHUNK, MESSAGE_INDEX, Record
+from tests.logger.campaign.mcap_parser import ATTACHMENT, CHECKPOINTS, CHUNK, CHUNK_HEAD_BYTES, MESSAGE_INDEX, Record
 from tests.logger.campaign.open_sessions import SHAPES, OpenSession, make_open_session
 
 CHUNKS = next(shape for shape in SHAPES if shape.name == "chunks")
@@ -68,3 +68,20 @@ def test_a_finished_chunk_without_its_message_index_is_refuted(killed: OpenSessi
     verified = fti("verify", _put(killed, tmp_path, chunk.end - 40, bytes(40 + size)))
     assert verified.code == 1
     assert "is damaged at byte" in verified.out
+
+
+def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenSession, tmp_path: Path) -> None:
+    """All that is left of it is proved, and the checkpoints tell of more: a loss."""
+    chunk = killed.parsed.of(CHUNK)[-2]
+    slots = killed.parsed.of(CHECKPOINTS)[-2]
+    assert slots.end == chunk.begin
+    sizes = [int.from_bytes(killed.data[at : at + 8], "little") for at in range(slots.begin + 9, slots.end, 16)]
+    assert sizes[1] > sizes[0] > 0
+    folder = killed.put(tmp_path, killed.data[: chunk.begin + CHUNK_HEAD_BYTES + sizes[0]])
+    (closed,) = close_all(tmp_path)
+    assert closed.unproved == 0
+    assert closed.missing_bytes > 0
+    for place in (folder, closed.path):
+        verified = fti("verify", place)
+        assert verified.code == 3, verified.out
+        assert "bytes of records were missing at its end" in verified.out
