@@ -256,10 +256,11 @@ class Recording:
 
 
 def unwrap(sequence: int, last: int | None) -> int:
-    """The full number whose low 32 bits are ``sequence`` and which is nearest to ``last``."""
+    """The full number whose low 32 bits are ``sequence`` and which is nearest to ``last``; never negative."""
     if last is None:
         return sequence
-    return last + ((sequence - last + 2**31) & 0xFFFF_FFFF) - 2**31
+    full = last + ((sequence - last + 2**31) & 0xFFFF_FFFF) - 2**31
+    return full if full >= 0 else full + 2**32
 
 
 class _Role(NamedTuple):

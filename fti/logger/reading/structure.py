@@ -108,8 +108,8 @@ def is_torn_write(source: Source, at: int) -> bool:
 
 
 def is_followed_by_chunk(source: Source, at: int) -> bool:
-    """Does a chunk whose checksum holds begin behind an offset?"""
-    return any(head.crc and head.content(source) is not None for head in _chunks_behind(source, at))
+    """Does a chunk begin behind an offset?  Whether its checksum holds is another question."""
+    return any(_chunks_behind(source, at))
 
 
 def _chunks_behind(source: Source, at: int) -> Iterator[ChunkHead]:

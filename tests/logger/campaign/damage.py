@@ -28,7 +28,7 @@ MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 class Damaged(NamedTuple):
     """The bytes of the open file after it, and where it was hit.
 
-    natural : a kill or a power cut may leave it; twice : a power cut, and something else
+    natural : a kill or a power cut may leave it; twice : two places, which may look like a power cut
     """
 
     data: bytes
@@ -162,7 +162,8 @@ def _zero_in_last_second(session: OpenSession, chance: Random) -> Damaged:
 
 
 def _zero_several(session: OpenSession, chance: Random) -> Damaged:
-    return _zero(session, sorted(chance.sample(range(_pages(session)), min(_pages(session), chance.randint(2, 4)))))
+    pages = chance.sample(range(_pages(session)), min(_pages(session), chance.randint(2, 4)))
+    return _zero(session, sorted(pages))._replace(twice=True)
 
 
 def _cut(session: OpenSession, at: int) -> Damaged:

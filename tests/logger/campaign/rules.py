@@ -29,7 +29,7 @@ from tests.logger.campaign.open_sessions import SECOND_NS, STEP_NS, OpenSession
 
 #: Since the last sync: a second, and the sync itself.
 UNPROVED_NS = SECOND_NS + 5 * STEP_NS
-#: The same where a power cut may have come before the last sync had ended, and something else was hit besides.
+#: The same where it may look as if a power cut had come before the last sync had ended.
 UNPROVED_TWICE_NS = UNPROVED_NS + SECOND_NS
 #: Of a channel whose declaration is lost.
 UNNAMED = "/recovered/channel_"

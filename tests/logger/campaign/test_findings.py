@@ -85,3 +85,12 @@ def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenS
         verified = fti("verify", place)
         assert verified.code == 3, verified.out
         assert "bytes of records were missing at its end" in verified.out
+
+
+def test_a_number_far_from_the_others_is_a_sentence(killed: OpenSession, tmp_path: Path) -> None:
+    """The highest bit of a frame's number, in the last second: its full number is none below zero."""
+    frames = [m for m in killed.parsed.messages if m.content.channel[0] == "/raw/ins"]
+    at = frames[-1].begin + 9 + 2 + 3
+    verified = fti("verify", _put(killed, tmp_path, at, bytes([killed.data[at] | 0x80])))
+    assert verified.crash is None
+    assert verified.code in (1, 3)
