@@ -12,7 +12,13 @@ from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, OpenChunk, is_open, read_open_chunk
 from fti.logger.reading.source import Source
-from fti.logger.reading.structure import MAX_TORN_BYTES, ChunkHead, chunk_head, record_end
+from fti.logger.reading.structure import (
+    MAX_TORN_BYTES,
+    ChunkHead,
+    chunk_head,
+    is_followed_by_chunk,
+    record_end,
+)
 from fti.logger.reading.tables import metadata_table
 from fti.logger.records import CHUNK, HEAD, Op, read_text
 from fti.logger.recovery.damage import Walk
@@ -163,5 +169,7 @@ class _Surveyor:
         later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
         if later is not None:
             raise self._refusal(f"it makes no sense from byte {found.end} on, and goes on at byte {later}")
+        if is_followed_by_chunk(self._source, found.end):
+            raise self._refusal(f"it makes no sense from byte {found.end} on, and a chunk begins behind that")
         if found.chunk is None and len(rest) > max(MAX_TORN_BYTES, CHUNK.size):
             raise self._refusal(f"it makes no sense from byte {found.end} on")
