@@ -28,7 +28,7 @@ MESSAGE_HEAD_BYTES = RECORD_HEAD_BYTES + 22
 class Damaged(NamedTuple):
     """The bytes of the open file after it, and where it was hit.
 
-    natural : a kill or a power cut may leave it; twice : two places, which may look like a power cut
+    natural : a kill or a power cut may leave it; twice : may look like a power cut before the last sync had ended
     """
 
     data: bytes
@@ -138,7 +138,7 @@ def _zero(session: OpenSession, pages: list[int]) -> Damaged:
     for page in pages:
         size = len(data[page * PAGE : (page + 1) * PAGE])
         data[page * PAGE : page * PAGE + size] = bytes(size)
-    return Damaged(bytes(data), f"pages {', '.join(map(str, pages))} zero")
+    return Damaged(bytes(data), f"pages {', '.join(map(str, pages))} zero", twice=True)
 
 
 def _pages(session: OpenSession) -> int:
@@ -163,7 +163,7 @@ def _zero_in_last_second(session: OpenSession, chance: Random) -> Damaged:
 
 def _zero_several(session: OpenSession, chance: Random) -> Damaged:
     pages = chance.sample(range(_pages(session)), min(_pages(session), chance.randint(2, 4)))
-    return _zero(session, sorted(pages))._replace(twice=True)
+    return _zero(session, sorted(pages))
 
 
 def _cut(session: OpenSession, at: int) -> Damaged:
