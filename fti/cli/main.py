@@ -25,6 +25,7 @@ from types import ModuleType
 import fti.cli
 from fti.cli._printing import print_line
 from fti.errors import FtiError, RecordingError
+from fti.interrupts import remembered_interrupts
 
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
@@ -84,7 +85,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(argv: Sequence[str] | None, args: argparse.Namespace) -> int:
     """The command, with the ends that are expected.  args : filled"""
     try:
-        _, unknown = make_parser().parse_known_args(argv, args)
+        with remembered_interrupts() as handler:
+            _, unknown = make_parser().parse_known_args(argv, args)
+        if handler.interrupted:
+            raise KeyboardInterrupt
         if unknown:  # with the usage of the command, not of all
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         return int(args.run(args))

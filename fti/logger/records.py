@@ -101,7 +101,7 @@ def chunk_head(first_ns: int, last_ns: int, size: int, crc: int) -> bytes:
 
 
 def padding(offset: int) -> bytes:
-    """What must stand at ``offset`` so that a chunk head after it lies within one sector and on a multiple of ALIGNMENT.
+    """What must stand at ``offset`` so that a chunk head after it lies within one sector, at a multiple of ALIGNMENT.
 
     Patching a chunk head or a checkpoint before it then writes within one page, which a kill cannot split, and within
     one sector, which a power cut splits least often.

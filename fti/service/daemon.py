@@ -6,10 +6,10 @@ import asyncio
 import contextlib
 import signal
 from collections.abc import Awaitable, Callable, Iterator
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from fti.errors import FtiError, RecordingError
+from fti.interrupts import InterruptHandler, remembered_interrupts
 from fti.service import limits
 from fti.service.children import Child
 
@@ -22,30 +22,17 @@ if TYPE_CHECKING:
 Companion = Callable[["Supervisor"], Awaitable[None]]
 
 
-class InterruptHandler:
-    """Raises KeyboardInterrupt at SIGINT, and keeps that it did: a library may swallow the exception while it loads."""
-
-    def __init__(self) -> None:
-        self.interrupted = False
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Called by the interpreter."""
-        self.interrupted = True
-        signal.default_int_handler(number, frame)
-
-
 @contextlib.contextmanager
 def early_recorder() -> Iterator[Child]:
     """The recorder, started before anything else is loaded: it is ready when the configuration is."""
-    before = signal.signal(signal.SIGINT, InterruptHandler())
     limits.raise_open_files()
     child = Child("recorder", has_stand_in=True)
     child.prepare()
     try:
-        yield child
+        with remembered_interrupts():
+            yield child
     finally:
         child.dismiss()
-        signal.signal(signal.SIGINT, before)
 
 
 async def serve(

@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import signal
 
-from fti.service.daemon import InterruptHandler, _stop_on_signals
+from fti.interrupts import InterruptHandler
+from fti.service.daemon import _stop_on_signals
 
 
 async def test_an_interrupt_that_a_library_has_swallowed_ends_the_daemon() -> None:
