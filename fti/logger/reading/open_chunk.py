@@ -69,7 +69,7 @@ class OpenChunk:
 
     content        : the records taken
     unproved       : messages among them that no checksum proves; unproved_ns : log time of the first of them
-    missing_bytes  : bytes of records that the head or a checkpoint tells of and that the file does not hold
+    missing_bytes  : bytes that the head or a checkpoint counts as records and that are not taken: cut off or damaged
     """
 
     content: Content
@@ -104,8 +104,9 @@ def judge_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: Dec
     content = _content(data[:proved], known)
     if not content.whole:
         raise DamagedChunkError(f"its records are damaged {content.end} bytes behind its head")
-    found = OpenChunk(content, missing_bytes=max(0, covered - len(data)))
+    found = OpenChunk(content)
     _take_unproved(found, data[proved:], known)
+    found.missing_bytes = max(0, covered - found.content.end)
     return found
 
 
@@ -123,7 +124,7 @@ def _without_proof(data: bytes, covered: int, known: Declarations) -> OpenChunk:
         raise DamagedChunkError(f"its records are damaged {content.end} bytes behind its head")
     content = _content(data, known)
     first = None if content.times[0] == NO_TIME else content.times[0]
-    return OpenChunk(content.trim(), content.messages, first, max(0, covered - len(data)))
+    return OpenChunk(content.trim(), content.messages, first, max(0, covered - content.end))
 
 
 def _proved_bytes(data: bytes, head: ChunkHead, marks: ChunkMarks) -> int:

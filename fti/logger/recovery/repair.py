@@ -35,7 +35,7 @@ class Closed:
     """What became of an unfinished file.
 
     unproved      : messages that no checksum proves; unproved_ns : log time of the first of them
-    missing_bytes : of records that are known to have been there
+    missing_bytes : of records that are known to have been there, and are missing or damaged
     kept          : file beside it with bytes that are no whole records; kept_bytes : its size
     fault         : why the file was left alone; None when it is closed
     """
@@ -55,7 +55,7 @@ class Closed:
             return self.fault
         parts = [f"{self.unproved} messages at its end are unproved"] if self.unproved else []
         if self.missing_bytes:
-            parts.append(f"{self.missing_bytes} bytes of records are missing at its end")
+            parts.append(f"{self.missing_bytes} bytes of records at its end are missing or damaged")
         if self.kept:
             parts.append(f"{self.kept_bytes} bytes that are no whole record are kept in {self.kept.name}")
         return f"{self.path}: closed; {', '.join(parts)}" if parts else ""

@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
+from fti.logger.proof.file import ProofFile
 from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.seal import sealed
 from fti.logger.stream_writer import StreamWriter
@@ -86,6 +87,23 @@ def test_a_hole_behind_the_last_sync_costs_what_is_behind_it(tmp_path: Path) -> 
     assert (closed.unproved, closed.unproved_ns) == (11, 300)
     kept = tmp_path / f"a.rest-at-{len(data) - closed.kept_bytes}.bin"
     assert closed.kept == kept and bytes(data).endswith(kept.read_bytes()) and closed.kept_bytes > 900
+
+
+def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
+    """A power cut: size and head of the chunk reached the medium, all pages behind the last sync did not."""
+    path = tmp_path / "a.mcap"
+    whole = write_synced(path, messages=330, every=100)
+    missing = 30 * (records.MESSAGE.size + 20)
+    path.write_bytes(whole[:-missing] + bytes(missing))
+    proof = ProofFile(path)
+    assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
+    assert proof.doubts == [f"{missing} bytes of records at its end are missing or damaged"] and not proof.proved
+    closed = close_unfinished(path)
+    assert closed and (closed.unproved, closed.missing_bytes, closed.kept) == (0, missing, None)
+    assert f"{missing} bytes of records" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
+    proof = ProofFile(path)
+    assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
+    assert proof.doubts == [f"was closed later: {missing} bytes of records at its end were missing or damaged"]
 
 
 def test_a_hole_before_the_last_sync_is_reported_and_nothing_is_touched(tmp_path: Path) -> None:
