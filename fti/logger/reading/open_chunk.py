@@ -83,6 +83,8 @@ def read_open_chunk(source: Source, head: ChunkHead, known: Declarations, *, gro
 
     growing : the file is being written, so that the head may tell of more than was there when it was opened
     """
+    if head.size > MAX_RECORD:
+        raise DamagedChunkError(f"it has {head.size} bytes; at most {MAX_RECORD} are read")
     marks = chunk_marks(source, head)
     data = source.read(head.begin, min(source.size - head.begin, MAX_RECORD))
     if growing and head.size > len(data):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import glob
+import itertools
 import os
 import zlib
 from collections.abc import Callable, Collection, Iterable
@@ -19,6 +20,7 @@ from pathlib import Path
 from fti.errors import FtiError, StorageError
 from fti.logger import records
 from fti.logger.blueprint import CLOSED_METADATA
+from fti.logger.file_mode import create_file
 from fti.logger.folder_sync import sync_folder
 from fti.logger.lock import is_being_written, locked
 from fti.logger.reading.mcap_file import has_footer
@@ -162,15 +164,23 @@ class _Closing:
         expected = (closed, self._tail(before)) if self._found.begin else (_FILE_HEAD,)
         if not rest.strip(b"\0") or any(tail.startswith(rest) for tail in expected):
             return before
-        kept = self._path.with_name(f"{self._path.stem}.rest-at-{self._found.end}.bin")
+        kept = self._rest_path(rest)
         draft = kept.with_name(f".{kept.name}.part")
-        with draft.open("wb") as stream:
+        draft.unlink(missing_ok=True)
+        with os.fdopen(create_file(draft), "wb") as stream:
             stream.write(rest)
             stream.flush()
             os.fsync(stream.fileno())
         draft.replace(kept)
         sync_folder(kept.parent)
         return kept
+
+    def _rest_path(self, rest: bytes) -> Path:
+        """Where the rest is saved: a new file, or one with the same bytes; another rest that was saved here stays."""
+        name = f"{self._path.stem}.rest-at-{self._found.end}"
+        suffixes = itertools.chain([""], (f"-{number}" for number in itertools.count(2)))
+        paths = (self._path.with_name(f"{name}{suffix}.bin") for suffix in suffixes)
+        return next(p for p in paths if not os.path.lexists(p) or (p.is_file() and p.read_bytes() == rest))
 
     def _tail(self, kept: Path | None) -> bytes:
         """What comes behind the records: message index, what was found, summary, footer."""

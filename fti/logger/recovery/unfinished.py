@@ -162,7 +162,9 @@ class _Surveyor:
     def _check_rest(self) -> None:
         """What is not kept must be a torn write: nothing in it may prove that it is a record."""
         found, size = self._found, self._source.size
-        rest = self._source.read(found.end, min(size - found.end, MAX_RECORD))
+        if size - found.end > MAX_RECORD:
+            raise self._refusal(f"{size - found.end} bytes behind byte {found.end} are no record")
+        rest = self._source.read(found.end, size - found.end)
         found.data_ended = rest.startswith(DATA_END_HEAD)
         if not rest.strip(b"\0") or found.data_ended:
             return

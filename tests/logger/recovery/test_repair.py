@@ -13,6 +13,7 @@ from mcap.writer import CompressionType, Writer
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
 from fti.logger.proof.file import ProofFile
+from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.seal import sealed
 from fti.logger.stream_writer import StreamWriter
@@ -58,6 +59,31 @@ def test_what_is_no_record_behind_the_last_one_is_kept_beside_the_file(tmp_path:
         assert [file.read_bytes() for file in kept] == ([garbage] if any(garbage) else [])
         assert any(garbage) == (closed.describe_loss() != "")
         assert read_closed(path) == read_stream(before)
+
+
+def test_a_kept_rest_is_never_replaced_and_no_link_is_followed(tmp_path: Path) -> None:
+    """What an earlier repair saved stays; a link that a stick brought leads nowhere."""
+    path, other = tmp_path / "a.mcap", tmp_path / "other"
+    before = write_killed(path, messages=110)
+    garbage = bytes([255]) * 40
+    path.write_bytes(before + garbage)
+    earlier = tmp_path / f"a.rest-at-{len(before)}.bin"
+    earlier.write_bytes(b"saved by an earlier repair")
+    other.write_bytes(b"of somebody else")
+    (tmp_path / f".a.rest-at-{len(before)}-2.bin.part").symlink_to(other)
+    closed = close_unfinished(path)
+    assert closed and closed.kept == tmp_path / f"a.rest-at-{len(before)}-2.bin"
+    assert closed.kept.read_bytes() == garbage and closed.kept.stat().st_mode & 0o777 == 0o640
+    assert (earlier.read_bytes(), other.read_bytes()) == (b"saved by an earlier repair", b"of somebody else")
+
+
+def test_more_behind_the_records_than_is_read_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    size = len(write_killed(path, messages=110)) + MAX_RECORD + 1
+    os.truncate(path, size)
+    with pytest.raises(RecordingError, match="it is left as it is"):
+        close_unfinished(path)
+    assert path.stat().st_size == size
 
 
 def write_synced(path: Path, messages: int, every: int) -> bytes:
