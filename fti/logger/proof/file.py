@@ -118,7 +118,7 @@ class ProofFile:
                     break
                 end = record_end(source, at, source.size)
                 if end is None or op not in (_IN_SUMMARY if self._ended else _IN_DATA):
-                    self._break(at, torn=self._ended or is_torn_write(source, at))
+                    self._break(at, torn=self._is_torn(source, at))
                     return
                 if head:
                     yield from self._chunk(source, head)
@@ -143,6 +143,10 @@ class ProofFile:
         else:
             self.broken = f"ends after byte {len(found)}, within its head"
         return 0
+
+    def _is_torn(self, source: Source, at: int) -> bool:
+        """May the writer have ended here?  A summary may be long, but no chunk is in it."""
+        return not is_followed_by_chunk(source, at) if self._ended else is_torn_write(source, at)
 
     def _break(self, at: int, *, torn: bool = True) -> None:
         """What stands here is no record of this place; torn : a writer that ended may have left it."""

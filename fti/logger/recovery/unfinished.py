@@ -166,12 +166,12 @@ class _Surveyor:
             raise self._refusal(f"{size - found.end} bytes behind byte {found.end} are no record")
         rest = self._source.read(found.end, size - found.end)
         found.data_ended = rest.startswith(DATA_END_HEAD)
-        if not rest.strip(b"\0") or found.data_ended:
+        if not rest.strip(b"\0"):
             return
         later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
         if later is not None:
             raise self._refusal(f"it makes no sense from byte {found.end} on, and goes on at byte {later}")
         if is_followed_by_chunk(self._source, found.end):
             raise self._refusal(f"it makes no sense from byte {found.end} on, and a chunk begins behind that")
-        if found.chunk is None and len(rest) > max(MAX_TORN_BYTES, CHUNK.size):
+        if found.chunk is None and not found.data_ended and len(rest) > max(MAX_TORN_BYTES, CHUNK.size):
             raise self._refusal(f"it makes no sense from byte {found.end} on")

@@ -197,6 +197,23 @@ def test_a_file_damaged_in_its_middle_is_left_alone(tmp_path: Path) -> None:
         assert path.read_bytes() == bytes(data)
 
 
+def test_a_recording_joined_behind_a_finished_one_is_left_alone(tmp_path: Path) -> None:
+    """The rest of a summary cannot hold a chunk: what follows is another recording, whose records are no torn end."""
+    write_killed(tmp_path / "a.mcap")
+    close_unfinished(tmp_path / "a.mcap")
+    killed = write_killed(tmp_path / "b.mcap", messages=7, chunk_bytes=10**6)
+    joined = tmp_path / "joined.mcap"
+    for cut in (0, 3):  # the first one as it was finished, or with a torn end
+        data = (tmp_path / "a.mcap").read_bytes()
+        joined.write_bytes(data[: len(data) - cut] + killed)
+        before = joined.read_bytes()
+        with pytest.raises(RecordingError, match="it is left as it is"):
+            close_unfinished(joined)
+        assert joined.read_bytes() == before and not list(tmp_path.glob("*.bin"))
+        proof = ProofFile(joined)
+        assert sum(len(page.rows[0][1]) for page in proof.pages()) == 100 and proof.faults
+
+
 def test_foreign_files_are_left_alone(tmp_path: Path) -> None:
     with (tmp_path / "other.mcap").open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.LZ4)
