@@ -107,9 +107,9 @@ class Watchdog:
         """One turn, at a time of the monotonic clock [s]."""
         pid = self._recorder.pid
         self._stall.observe(now_s, pid, self._progress())
+        self._hold_notes()
         if self._is_ending():
             return
-        self._hold_notes()
         if pid is not None and pid != self._killed and self._stall.too_long:
             self._killed = pid
             text = f"has not moved for {self._stall.seconds:.1f} s, while the supervisor did: it is killed"
@@ -117,7 +117,7 @@ class Watchdog:
             self._recorder.kill()
 
     def _hold_notes(self) -> None:
-        stands = self._stall.seconds >= HOLD_S
+        stands = self._stall.seconds >= HOLD_S and not self._is_ending()
         if stands != self._holding:
             self._holding = stands
             (self._mail.hold if stands else self._mail.go_on)()

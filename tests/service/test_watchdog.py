@@ -122,6 +122,17 @@ def test_notes_wait_while_the_recorder_does_not_move(bench: Bench) -> None:
     assert not bench.held
 
 
+def test_notes_do_not_wait_for_a_recorder_that_ends(bench: Bench) -> None:
+    """A mark of the last moment before the end is recorded; one that ends adds no ticks."""
+    bench.run(1.0, moving=False)
+    assert bench.held
+    bench.ending = True
+    bench.run(0.1, moving=False)
+    assert not bench.held
+    bench.run(10.0, moving=False)
+    assert not bench.held
+
+
 class Listening:
     """The channel of a recorder."""
 
