@@ -19,6 +19,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from fti.peer_credentials import Peer
+
 #: Name of the socket in the run directory.
 SOCKET_NAME = "bus.sock"
 PUBLISH, SUBSCRIBE, ALIVE = "@publish", "@subscribe", "@alive/"
@@ -29,7 +31,6 @@ MAX_BYTES = {"/health": 4 * 2**20, "/hil": 2**20}
 MAX_OTHER_BYTES = 2**16
 RECEIVE_BYTES = 2**18
 _HEAD = struct.Struct("<IHq")
-_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
 
 
 class FrameError(ValueError):
@@ -108,19 +109,13 @@ def _parse(raw: bytes) -> Frame:
     return Frame(topic, sent_ns, raw)
 
 
-def peer_uid(sock: socket.socket) -> int:
-    """The user at the other end, as the kernel says."""
-    _, uid, _ = _CREDENTIALS.unpack(sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
-    return int(uid)
-
-
 def connect(path: Path, first_topic: str, process: str) -> socket.socket | None:
     """A connection to the hub of this user, with the first frame sent; None when there is no such hub."""
     sock = socket.socket(socket.AF_UNIX)
     try:
         sock.setblocking(False)  # a hub that stands still with a full backlog refuses at once
         sock.connect(str(path))
-        if peer_uid(sock) == os.getuid():
+        if Peer.of(sock).uid == os.getuid():
             sock.send(make_frame(first_topic, process.encode()).raw)
             return sock
     except OSError:

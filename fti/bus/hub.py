@@ -19,9 +19,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, Frame, FrameError, FrameReader, make_frame, peer_uid
+from fti.bus.frame import ALIVE, PUBLISH, RECEIVE_BYTES, SUBSCRIBE, Frame, FrameError, FrameReader, make_frame
 from fti.bus.outbox import Outbox
 from fti.errors import MissingError
+from fti.peer_credentials import Peer
 
 #: Who may publish, and what.
 PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
@@ -119,8 +120,9 @@ class Hub:
         except OSError:  # gone again, or no descriptor is left
             time.sleep(ACCEPT_PAUSE_S)  # it still waits, and is looked at again
             return
-        if peer_uid(sock) != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
-            self._say(f"a connection of user {peer_uid(sock)} is refused ({len(self._clients)} are open)")
+        peer = Peer.of(sock)
+        if peer.uid != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
+            self._say(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
             sock.close()
             return
         sock.setblocking(False)

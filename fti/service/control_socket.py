@@ -13,8 +13,8 @@ import socket
 from collections.abc import Awaitable, Callable
 from typing import Any
 
+from fti.peer_credentials import Peer
 from fti.service.guard import Report, guarded
-from fti.service.peer_credentials import Peer
 
 Answer = dict[str, Any]
 #: Does what a command of somebody says; answers with ``{"fault": ...}`` when it cannot.

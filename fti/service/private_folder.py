@@ -9,23 +9,14 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pwd
 import stat
 from pathlib import Path
 
 from fti.errors import MissingError
+from fti.peer_credentials import ROOT_UID, user_name
 
-ROOT_UID = 0
 OPEN_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
-
-
-def user_name(uid: int) -> str:
-    """The name of a user, for people."""
-    try:
-        return pwd.getpwuid(uid).pw_name
-    except KeyError:
-        return f"user {uid}"
 
 
 def make_own(path: Path) -> int:

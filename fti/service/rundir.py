@@ -28,7 +28,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from fti.errors import MissingError
-from fti.service.peer_credentials import Peer
+from fti.peer_credentials import Peer
 from fti.service.private_folder import make_own, open_own, path_within, read_file, remove_file, write_file
 
 INFO = "fti.json"

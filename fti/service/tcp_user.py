@@ -6,7 +6,7 @@ import socket
 import sys
 from pathlib import Path
 
-from fti.service.private_folder import user_name
+from fti.peer_credentials import user_name
 
 TABLE = Path("/proc/net/tcp")
 #: Columns of the table: local and remote address, and the user of the socket.

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from fti.bus.frame import SOCKET_NAME
 from fti.bus.hub import Hub
 from fti.service.bus_thread import serving
+
+DEADLINE_S = 20.0
+
+
+def wait_for(condition: Callable[[], object], what: str) -> None:
+    end = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end, f"{what}: not within {DEADLINE_S} s"
+        time.sleep(0.01)
 
 
 class RunningHub:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,9 +18,9 @@ import pytest
 from fti.bus import frame, hub
 from fti.bus.client import Publisher, Subscriber
 from fti.errors import MissingError
-from tests.bus.running_hub import RunningHub
+from fti.peer_credentials import Peer
+from tests.bus.running_hub import DEADLINE_S, RunningHub, wait_for
 
-DEADLINE_S = 20.0
 COUNT = "/nav/count"
 PUBLISHER = """
 import itertools, sys, time
@@ -38,13 +38,6 @@ from fti.bus.client import Subscriber
 subscriber = Subscriber(Path(sys.argv[1]), "test", lambda topic, payload, sent_ns: print(topic, flush=True))
 sys.stdin.read()
 """
-
-
-def wait_for(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end, f"{what}: not within {DEADLINE_S} s"
-        time.sleep(0.01)
 
 
 class Listener:
@@ -133,10 +126,18 @@ def test_the_socket_is_its_owners_alone(path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+class Stranger:
+    """In place of ``Peer``: every other end belongs to another user."""
+
+    @staticmethod
+    def of(sock: socket.socket) -> Peer:
+        return Peer(pid=1, uid=os.getuid() + 1)
+
+
 def test_another_user_is_refused_whatever_the_mode_of_the_socket(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hub, "peer_uid", lambda sock: os.getuid() + 1)
+    monkeypatch.setattr(hub, "Peer", Stranger)
     with socket.socket(socket.AF_UNIX) as sock:
         sock.connect(str(path))
         sock.settimeout(DEADLINE_S)
@@ -145,7 +146,7 @@ def test_another_user_is_refused_whatever_the_mode_of_the_socket(
 
 
 def test_a_hub_of_another_user_is_none(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame, "peer_uid", lambda sock: os.getuid() + 1)
+    monkeypatch.setattr(frame, "Peer", Stranger)
     with pytest.raises(MissingError, match="no bus of this user"):
         Subscriber(path, "test", lambda topic, payload, sent_ns: None)
 

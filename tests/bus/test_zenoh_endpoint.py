@@ -7,8 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -22,17 +21,9 @@ from fti.clock import SystemClock
 from fti.errors import MissingError
 from fti.service import zenoh as relay
 from fti.service.control import Channel
-from tests.bus.running_hub import RunningHub
+from tests.bus.running_hub import DEADLINE_S, RunningHub, wait_for
 
 NAME = "test_1"
-DEADLINE_S = 20.0
-
-
-def wait_for(condition: Callable[[], object], what: str) -> None:
-    end = time.monotonic() + DEADLINE_S
-    while not condition():
-        assert time.monotonic() < end, f"{what}: not within {DEADLINE_S} s"
-        time.sleep(0.01)
 
 
 class ForeignClient:

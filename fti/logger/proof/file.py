@@ -40,7 +40,6 @@ from fti.logger.reading.wording import clock_text
 from fti.logger.records import HEAD, MAGIC, MESSAGE, MESSAGE_BODY, Op, read_text
 
 _MESSAGE, _SCHEMA, _CHANNEL = int(Op.MESSAGE), int(Op.SCHEMA), int(Op.CHANNEL)
-_IN_CHUNKS = (_SCHEMA, _CHANNEL, _MESSAGE)
 _HEAD = HEAD.size
 _TIMES = struct.Struct("<QQ")
 _BLOCK = 2**22

@@ -11,8 +11,8 @@ from fti.logger.reading.mcap_file import McapFile
 from fti.logger.reading.recording import Recording
 from fti.logger.session import Kind, name_parts
 
-#: A longer number is not one of ours.
-MAX_DIGITS = 10
+#: A longer number of a file is not one of ours.
+MAX_NUMBER_DIGITS = 10
 
 
 class AbsentNumbers(NamedTuple):
@@ -46,4 +46,4 @@ def _stated_numbers(recording: Recording, kind: Kind) -> set[int]:
     """The numbers that files state as given up."""
     tables = (McapFile(path).head().metadata.get(FILE_METADATA, {}) for path in recording.paths(kind))
     words = (word for table in tables for word in table.get(GIVEN_UP_KEY, "").split())
-    return {int(word) for word in words if word.isascii() and word.isdigit() and len(word) < MAX_DIGITS}
+    return {int(word) for word in words if word.isascii() and word.isdigit() and len(word) <= MAX_NUMBER_DIGITS}

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import os
+import pwd
 import socket
 import struct
 from typing import NamedTuple, Protocol
 
-from fti.service.private_folder import ROOT_UID, user_name
-
+ROOT_UID = 0
 _CREDENTIALS = struct.Struct("3i")  # pid, uid, gid: struct ucred
+
+
+def user_name(uid: int) -> str:
+    """The name of a user, for people."""
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return f"user {uid}"
 
 
 class HasSocketOptions(Protocol):
