@@ -21,7 +21,7 @@ from fti.logger.blueprint import altered_tables
 from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
 from fti.logger.lock import is_being_written
 from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
-from fti.logger.reading.doubts import doubts_of, has_unproved, notes_of
+from fti.logger.reading.doubts import doubts_of, has_doubtful_end, notes_of
 from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
@@ -286,7 +286,7 @@ class ProofFile:
             self._index = {}
 
     def _check_metadata(self) -> None:
-        if has_unproved(self.metadata):  # the last chunk of one that was closed later
+        if has_doubtful_end(self.metadata):  # the last chunk of one that was closed later
             self._unproved_at = [at for at in self._unproved_at if at != self.chunks[-1]]
         for at in self._unproved_at:
             self.faults.append(f"the checkpoints before the chunk at byte {at} are not those of its records")

@@ -22,10 +22,9 @@ def notes_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
         yield "was closed later: its writer had gone before it had finished"
 
 
-def has_unproved(tables: Mapping[str, Mapping[str, str]]) -> bool:
-    """Does a file say that its last chunk was closed with messages that no checksum proves, or without its end?"""
-    about = tables.get(CLOSED_METADATA, {})
-    return any(about.get(key, "0") != "0" for key in ("unproved_messages", "missing_bytes"))
+def has_doubtful_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
+    """Does a file say that its last chunk was closed without all that its checkpoints prove?"""
+    return any(_of_closing(tables[CLOSED_METADATA])) if CLOSED_METADATA in tables else False
 
 
 def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:

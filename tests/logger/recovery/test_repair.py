@@ -132,6 +132,20 @@ def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
     assert proof.doubts == [f"was closed later: {missing} bytes of records at its end were missing or damaged"]
 
 
+def test_a_cut_within_a_sync_is_a_loss_and_no_contradiction(tmp_path: Path) -> None:
+    """The checkpoint of the last sync reached the medium, its records did not: verify must not refute what is left."""
+    path = tmp_path / "a.mcap"
+    whole = write_synced(path, messages=300, every=100)
+    missing = 100 * (records.MESSAGE.size + 20)
+    for rest in (b"", bytes(missing)):
+        path.write_bytes(whole[:-missing] + rest)
+        closed = close_unfinished(path)
+        assert closed and (closed.messages, closed.unproved, closed.missing_bytes) == (200, 0, missing)
+        proof = ProofFile(path)
+        assert [len(page.rows[0][1]) for page in proof.pages()] == [200]
+        assert proof.faults == [] and len(proof.doubts) == 1
+
+
 def test_a_hole_before_the_last_sync_is_reported_and_nothing_is_touched(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     data = bytearray(write_synced(path, messages=330, every=100))
