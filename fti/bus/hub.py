@@ -27,16 +27,16 @@ from fti.peer_credentials import Peer
 #: Who may publish, and what.
 PUBLISHERS = {"navigation": "/nav/", "emulator": "/hil"}
 MAX_CONNECTIONS = 64
-#: So many sentences are told in such a time.
-MAX_SAID, SAYING_PERIOD_S = 5, 10.0
+#: At most so many warnings are given in such a time.
+MAX_WARNINGS, WARNING_PERIOD_S = 5, 10.0
 ACCEPT_PAUSE_S = 0.05
-#: Told of what was refused or lost, in words; called by the thread of the hub.
-Tell = Callable[[str], None]
+#: Gets a sentence about what was refused or lost; called by the thread of the hub.
+Warn = Callable[[str], None]
 
 
 @dataclass(slots=True, eq=False)
 class _Client:
-    """A connection.  outbox : of a subscriber; name : once it has said who it is"""
+    """A connection.  outbox : of a subscriber; name : once it has named itself"""
 
     sock: socket.socket
     reader: FrameReader = field(default_factory=FrameReader)
@@ -46,25 +46,25 @@ class _Client:
 
 
 class Hub:
-    """Listens from the beginning; ``serve`` does the work.  tell : see ``Tell``"""
+    """Listens from the beginning; ``serve`` does the work.  warn : see ``Warn``"""
 
-    def __init__(self, path: Path, tell: Tell) -> None:
+    def __init__(self, path: Path, warn: Warn) -> None:
         self.path = path
-        self._tell = tell
+        self._warn = warn
         self._listener = _bind(path)
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._own: deque[Frame] = deque(maxlen=1024)
         self._clients: set[_Client] = set()
         self._alive: Counter[str] = Counter()
         self._too_large: set[str] = set()
-        self._said, self._silent_until = 0, 0.0
+        self._warnings, self._period_end_s = 0, 0.0
         self._ending = False
         self._selector = selectors.EpollSelector()
         self._selector.register(self._listener, selectors.EVENT_READ)
         self._selector.register(self._wake, selectors.EVENT_READ)
 
     def publish(self, topic: str, payload: bytes) -> None:
-        """Send a message of the supervisor's own; from any thread, never waits.  One that is too large is told of."""
+        """Send a message of the supervisor's own; from any thread, never waits.  One that is too large is a warning."""
         if self._ending:
             return
         try:
@@ -72,7 +72,7 @@ class Hub:
         except FrameError as error:
             if topic not in self._too_large:
                 self._too_large.add(topic)
-                self._tell(str(error))
+                self._warn(str(error))
         os.eventfd_write(self._wake, 1)
 
     @property
@@ -122,7 +122,7 @@ class Hub:
             return
         peer = Peer.of(sock)
         if peer.uid != os.getuid() or len(self._clients) >= MAX_CONNECTIONS:
-            self._say(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
+            self._warn_rarely(f"a connection of user {peer.uid} is refused ({len(self._clients)} are open)")
             sock.close()
             return
         sock.setblocking(False)
@@ -136,7 +136,7 @@ class Hub:
         try:
             healthy = not events & selectors.EVENT_READ or self._receive(client)
         except FrameError as error:
-            self._say(f"{client.name or 'a client'}: {error}; the connection is closed")
+            self._warn_rarely(f"{client.name or 'a client'}: {error}; the connection is closed")
         finally:
             if not healthy:
                 self._drop(client)
@@ -175,16 +175,20 @@ class Hub:
             self._spread(frame)
         elif not client.reported:
             client.reported = True
-            self._say(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
+            self._warn_rarely(f"{client.name}: may not publish on {frame.topic!a}; such messages are thrown away")
 
-    def _say(self, text: str) -> None:
-        """Tell something, but not more than a person reads: a client may do wrong very often."""
+    def _warn_rarely(self, text: str) -> None:
+        """Warn, but not more often than a person reads: a client may do wrong very often."""
         now = time.monotonic()
-        if now >= self._silent_until:
-            self._said, self._silent_until = 0, now + SAYING_PERIOD_S
-        self._said += 1
-        if self._said <= MAX_SAID:
-            self._tell(text if self._said < MAX_SAID else f"{text}; more is not told for {SAYING_PERIOD_S:g} s")
+        if now >= self._period_end_s:
+            self._warnings, self._period_end_s = 0, now + WARNING_PERIOD_S
+        self._warnings += 1
+        if self._warnings <= MAX_WARNINGS:
+            self._warn(
+                text
+                if self._warnings < MAX_WARNINGS
+                else f"{text}; further warnings are left out for {WARNING_PERIOD_S:g} s"
+            )
 
     def _drop(self, client: _Client) -> None:
         if client not in self._clients:
@@ -228,7 +232,7 @@ class Hub:
         if self._selector.get_key(client.sock).events != selectors.EVENT_READ | waits:
             self._selector.modify(client.sock, selectors.EVENT_READ | waits, client)
         if outbox.lost and not waits:
-            self._say(f"{client.name} read too slowly: {outbox.lost} messages are lost")
+            self._warn_rarely(f"{client.name} read too slowly: {outbox.lost} messages are lost")
             outbox.lost = 0
         return True
 

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 
-from fti.bus.hub import Hub, Tell
+from fti.bus.hub import Hub, Warn
 from fti.service.guard import guarded
 
 #: After a failure of the hub itself.
@@ -15,9 +15,9 @@ PAUSE_S = 0.5
 
 
 @contextlib.contextmanager
-def serving(hub: Hub, tell: Tell) -> Iterator[None]:
-    """The hub works while the block lasts, and is closed behind it.  tell : gets its failures, in its thread"""
-    thread = threading.Thread(target=_serve, args=(hub, tell), name="fti-bus")
+def serving(hub: Hub, warn: Warn) -> Iterator[None]:
+    """The hub works while the block lasts, and is closed behind it.  warn : gets its failures, in its thread"""
+    thread = threading.Thread(target=_serve, args=(hub, warn), name="fti-bus")
     thread.start()
     try:
         yield
@@ -27,9 +27,9 @@ def serving(hub: Hub, tell: Tell) -> Iterator[None]:
         hub.close()
 
 
-def _serve(hub: Hub, tell: Tell) -> None:
+def _serve(hub: Hub, warn: Warn) -> None:
     while not hub.is_ending:
-        with guarded("bus", lambda unit, error: tell(f"{type(error).__name__}: {error}")):
+        with guarded("bus", lambda unit, error: warn(f"{type(error).__name__}: {error}")):
             hub.serve()
             return
         time.sleep(PAUSE_S)

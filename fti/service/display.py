@@ -90,17 +90,17 @@ async def serve(bus: Path, port: int, channel: Channel) -> None:
 async def start_page(server: PageServer, port: int, tell: Callable[[Message], object]) -> None:
     """Start serving, and tell the port.
 
-    While another program has the port, that is told once and tried again: the recording goes on without the page.
+    While another program has the port, that is reported once and tried again: the recording goes on without the page.
     """
-    is_told = False
+    is_reported = False
     while True:
         try:
             tell({"ready": True, "port": await server.start(port)})
             return
         except MissingError as error:
-            if not is_told:
+            if not is_reported:
                 tell({"fault": f"{error}; recording goes on without the page, which is tried again"})
-            is_told = True
+            is_reported = True
         await asyncio.sleep(RETRY_S)
 
 

@@ -126,7 +126,7 @@ class Supervisor:
             recorder,
             self._mail,
             progress=lambda: self._ring.next_seq,
-            tell=self._bulletin.event,
+            report_event=self._bulletin.event,
             is_ending=lambda: self._keeper.stopping,
             report=self._bulletin.report,
         )

@@ -35,7 +35,7 @@ class Recorder(Protocol):
         """End it now."""
 
 
-class Mail(Protocol):
+class NoteQueue(Protocol):
     """The notes for the recorder."""
 
     def hold(self) -> None:
@@ -76,22 +76,22 @@ class Stall:
 class Watchdog:
     """Watches one recorder after the other.
 
-    progress : changes while the recorder moves; tell : level, source and text of an event
-    is_ending : the recorder has been told to end, and writes what it holds
+    progress : changes while the recorder moves; report_event : gets level, source and text
+    is_ending : the recorder has its order to end, and writes what it holds
     """
 
     def __init__(
         self,
         recorder: Recorder,
-        mail: Mail,
+        notes: NoteQueue,
         *,
         progress: Callable[[], int],
-        tell: Callable[[str, str, str], None],
+        report_event: Callable[[str, str, str], None],
         is_ending: Callable[[], bool],
         report: Report,
     ) -> None:
-        self._recorder, self._mail = recorder, mail
-        self._progress, self._tell, self._is_ending, self._report = progress, tell, is_ending, report
+        self._recorder, self._notes = recorder, notes
+        self._progress, self._report_event, self._is_ending, self._report = progress, report_event, is_ending, report
         self._stall = Stall()
         self._holding = False
         self._killed: int | None = None
@@ -113,11 +113,11 @@ class Watchdog:
         if pid is not None and pid != self._killed and self._stall.too_long:
             self._killed = pid
             text = f"has not moved for {self._stall.seconds:.1f} s, while the supervisor did: it is killed"
-            self._tell("error", "recorder", text)
+            self._report_event("error", "recorder", text)
             self._recorder.kill()
 
     def _hold_notes(self) -> None:
         stands = self._stall.seconds >= HOLD_S and not self._is_ending()
         if stands != self._holding:
             self._holding = stands
-            (self._mail.hold if stands else self._mail.go_on)()
+            (self._notes.hold if stands else self._notes.go_on)()

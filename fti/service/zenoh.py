@@ -36,7 +36,7 @@ class Relay:
         self._endpoint: ZenohEndpoint | None = None
         self._subscriber: Subscriber | None = None
         self._failed = False
-        self._told = ""
+        self._reported = ""
 
     def run(self) -> None:
         """Until the supervisor says stop or has gone."""
@@ -85,8 +85,8 @@ class Relay:
         """Tell of a failure once; the next one only if it is another."""
         self._failed = True
         text = f"foreign clients get nothing: {error}"
-        if text != self._told:
-            self._told = text
+        if text != self._reported:
+            self._reported = text
             event = {"level": "warning", "source": unit, "text": text, "t_ns": self._clock.now_ns()}
             self._channel.send({"event": event})
 

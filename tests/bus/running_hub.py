@@ -23,14 +23,14 @@ def wait_for(condition: Callable[[], object], what: str) -> None:
 
 
 class RunningHub:
-    """Until ``close``, or as a context.  told : what it had to say; path : in a directory of its own without one"""
+    """Until ``close``, or as a context.  warnings : of the hub; path : in a directory of its own without one"""
 
     def __init__(self, path: Path | None = None) -> None:
         self._ending = contextlib.ExitStack()
         folder = self._ending.enter_context(tempfile.TemporaryDirectory(prefix="fti-bus-"))
-        self.told: list[str] = []
-        self.hub = Hub(path or Path(folder) / SOCKET_NAME, self.told.append)
-        self._ending.enter_context(serving(self.hub, self.told.append))
+        self.warnings: list[str] = []
+        self.hub = Hub(path or Path(folder) / SOCKET_NAME, self.warnings.append)
+        self._ending.enter_context(serving(self.hub, self.warnings.append))
 
     def __enter__(self) -> RunningHub:
         return self

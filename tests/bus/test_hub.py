@@ -109,7 +109,7 @@ def test_hub_and_publishers_reach_a_subscriber_in_order(running: RunningHub, pat
     assert listener.payloads(COUNT) == [b"%d" % i for i in range(500)]
     assert (listener.payloads("/hil"), listener.payloads("/health")) == ([b"flies"], [b"well"])
     assert all(sent <= time.monotonic_ns() for sent in listener.sent_ns)
-    assert running.told == []
+    assert running.warnings == []
 
 
 def test_a_message_of_the_largest_size_arrives_whole(running: RunningHub, listener: Listener) -> None:
@@ -118,8 +118,8 @@ def test_a_message_of_the_largest_size_arrives_whole(running: RunningHub, listen
     running.hub.publish("/health", large + b"x")
     barrier(running, listener)
     assert listener.payloads("/health") == [large]
-    assert len(running.told) == 1
-    assert "at most 4194304 are allowed" in running.told[0]
+    assert len(running.warnings) == 1
+    assert "at most 4194304 are allowed" in running.warnings[0]
 
 
 def test_the_socket_is_its_owners_alone(path: Path) -> None:
@@ -142,7 +142,7 @@ def test_another_user_is_refused_whatever_the_mode_of_the_socket(
         sock.connect(str(path))
         sock.settimeout(DEADLINE_S)
         assert sock.recv(1) == b""
-    assert running.told == [f"a connection of user {os.getuid() + 1} is refused (1 are open)"]
+    assert running.warnings == [f"a connection of user {os.getuid() + 1} is refused (1 are open)"]
 
 
 def test_a_hub_of_another_user_is_none(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -161,9 +161,9 @@ def test_nobody_publishes_for_others(running: RunningHub, path: Path, listener: 
     wait_for(lambda: listener.messages, "the message that is allowed")
     assert listener.messages == [("/hil", b"last")]
     assert set(listener.alive) == {"supervisor", "emulator"}
-    wait_for(lambda: len(running.told) == 2, "two sentences")
-    assert "emulator: may not publish on '/nav/clearance_integrity'; such messages are thrown away" in running.told
-    assert "a client: 'stranger' may not publish or subscribe; the connection is closed" in running.told
+    wait_for(lambda: len(running.warnings) == 2, "two sentences")
+    assert "emulator: may not publish on '/nav/clearance_integrity'; such messages are thrown away" in running.warnings
+    assert "a client: 'stranger' may not publish or subscribe; the connection is closed" in running.warnings
     emulator.close()
     stranger.close()
 
@@ -191,8 +191,8 @@ def test_nonsense_ends_its_own_connection_alone(
             sock.sendall(nonsense)
             assert sock.recv(1) == b""
     barrier(running, listener)
-    assert len(running.told) == 1
-    assert "the connection is closed" in running.told[0]
+    assert len(running.warnings) == 1
+    assert "the connection is closed" in running.warnings[0]
 
 
 def test_a_client_that_does_wrong_very_often_is_told_of_a_few_times(
@@ -206,8 +206,8 @@ def test_a_client_that_does_wrong_very_often_is_told_of_a_few_times(
             with contextlib.suppress(ConnectionError):
                 assert sock.recv(1) == b""
     barrier(running, listener)
-    assert len(running.told) == hub.MAX_SAID
-    assert running.told[-1].endswith("more is not told for 10 s")
+    assert len(running.warnings) == hub.MAX_WARNINGS
+    assert running.warnings[-1].endswith("further warnings are left out for 10 s")
 
 
 def test_connections_are_bounded(running: RunningHub, path: Path, listener: Listener) -> None:
@@ -218,7 +218,7 @@ def test_connections_are_bounded(running: RunningHub, path: Path, listener: List
         sockets[-1].settimeout(DEADLINE_S)
         assert sockets[-1].recv(1) == b""
         barrier(running, listener)
-    assert running.told == [f"a connection of user {os.getuid()} is refused ({hub.MAX_CONNECTIONS} are open)"]
+    assert running.warnings == [f"a connection of user {os.getuid()} is refused ({hub.MAX_CONNECTIONS} are open)"]
 
 
 def test_a_stopped_subscriber_slows_nobody_and_gets_the_newest(running: RunningHub, path: Path) -> None:
@@ -274,8 +274,8 @@ def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_told(running:
     assert events == sorted(events)
     lost = 400 - len(events)
     assert lost > 0
-    wait_for(lambda: running.told, "the sentence")
-    assert running.told == [f"deaf read too slowly: {lost} messages are lost"]
+    wait_for(lambda: running.warnings, "the sentence")
+    assert running.warnings == [f"deaf read too slowly: {lost} messages are lost"]
     deaf.close()
     listener.subscriber.close()
 
@@ -349,4 +349,4 @@ def test_a_failure_of_the_hub_is_told_and_it_works_on(
     running.hub.publish("/health", b"lost")
     wait_for(failed.is_set, "the failure")
     barrier(running, listener)
-    assert running.told == ["RuntimeError: sick"]
+    assert running.warnings == ["RuntimeError: sick"]

@@ -112,7 +112,7 @@ def test_clients_read_and_what_they_send_reaches_nobody(running: RunningHub) -> 
         navigation.close()
         wait_for(lambda: reader.alive.get(tokens[0]) is False, "the end of navigation")
         token.undeclare()  # type: ignore[no-untyped-call]
-    assert running.told == []
+    assert running.warnings == []
 
 
 def test_a_port_in_use_is_named() -> None:

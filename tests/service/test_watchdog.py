@@ -19,13 +19,13 @@ class Bench:
         self.pid: int | None = 1000
         self.now_s, self.progress, self.ending = 50.0, 0, False
         self.killed: list[int | None] = []
-        self.told: list[str] = []
+        self.events: list[str] = []
         self.held = False
         self.watchdog = Watchdog(
             self,
             self,
             progress=lambda: self.progress,
-            tell=lambda level, source, text: self.told.append(f"{level}: {source}: {text}"),
+            report_event=lambda level, source, text: self.events.append(f"{level}: {source}: {text}"),
             is_ending=lambda: self.ending,
             report=lambda unit, error: pytest.fail(f"{unit}: {error}"),
         )
@@ -61,7 +61,7 @@ def test_a_recorder_that_moves_is_left_alone(bench: Bench) -> None:
     for _ in range(20):
         bench.run(MAX_STALL_S - 2 * PERIOD_S, moving=False)
         bench.run(PERIOD_S, moving=True)
-    assert (bench.killed, bench.told) == ([], [])
+    assert (bench.killed, bench.events) == ([], [])
 
 
 def test_one_that_does_not_move_is_killed_once_and_told(bench: Bench) -> None:
@@ -71,7 +71,7 @@ def test_one_that_does_not_move_is_killed_once_and_told(bench: Bench) -> None:
     assert bench.killed == [1000]
     bench.run(60.0, moving=False)  # a medium may keep a killed process for long
     assert bench.killed == [1000]
-    assert bench.told == ["error: recorder: has not moved for 3.0 s, while the supervisor did: it is killed"]
+    assert bench.events == ["error: recorder: has not moved for 3.0 s, while the supervisor did: it is killed"]
 
 
 @pytest.mark.parametrize("pause_s", [3.5, 60.0, 86_400.0])

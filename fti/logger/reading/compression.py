@@ -37,11 +37,11 @@ def check_sizes(compression: str, data: bytes, size: int) -> None:
     check_unpacked(size, len(data))
     if compression == "zstd":
         try:
-            told = zstandard.get_frame_parameters(data).content_size
+            stated = zstandard.get_frame_parameters(data).content_size
         except zstandard.ZstdError as error:
             raise ValueError(f"a chunk cannot be decompressed: {error}") from None
-        if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-            raise ValueError(f"a chunk holds {told} bytes where its head tells of {size}")
+        if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+            raise ValueError(f"a chunk holds {stated} bytes where its head tells of {size}")
 
 
 def _expand(compression: str, data: bytes, size: int) -> bytes:
