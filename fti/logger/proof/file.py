@@ -170,7 +170,7 @@ class ProofFile:
             since = "" if found.unproved_ns is None else f" from {clock_text(found.unproved_ns)} on"
             self.doubts.append(f"{found.unproved} messages{since} are unproved: no checksum covers them")
         if found.missing_bytes:
-            self.doubts.append(f"{found.missing_bytes} bytes of records at its end are missing or damaged")
+            self.doubts.append(f"{found.missing_bytes} bytes at its end are missing or damaged")
         self._break(head.begin + end, torn=not is_followed_by_chunk(source, head.begin + end))
         yield self._page(data, rows, head.at, head.begin + end)
 

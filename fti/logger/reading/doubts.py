@@ -42,7 +42,7 @@ def _of_closing(table: Mapping[str, str]) -> Iterator[str]:
     if unproved != "0":
         yield f"was closed later: {unproved} messages{_since(table)} are unproved, no checksum covered them"
     if missing != "0":
-        yield f"was closed later: {missing} bytes of records at its end were missing or damaged"
+        yield f"was closed later: {missing} bytes at its end were missing or damaged"
     if "kept_file" in table:
         yield f"was closed later: what was no whole record at its end is kept in {table['kept_file']}"
 

@@ -37,7 +37,7 @@ class Closed:
     """What became of an unfinished file.
 
     unproved      : messages that no checksum proves; unproved_ns : log time of the first of them
-    missing_bytes : of records that are known to have been there, and are missing or damaged
+    missing_bytes : that are known to have been written at its end, and are missing, damaged or zero
     kept          : file beside it with bytes that are no whole records; kept_bytes : its size
     fault         : why the file was left alone; None when it is closed
     """
@@ -57,7 +57,7 @@ class Closed:
             return self.fault
         parts = [f"{self.unproved} messages at its end are unproved"] if self.unproved else []
         if self.missing_bytes:
-            parts.append(f"{self.missing_bytes} bytes of records at its end are missing or damaged")
+            parts.append(f"{self.missing_bytes} bytes at its end are missing or damaged")
         if self.kept:
             parts.append(f"{self.kept_bytes} bytes that are no whole record are kept in {self.kept.name}")
         return f"{self.path}: closed; {', '.join(parts)}" if parts else ""
@@ -147,7 +147,7 @@ class _Closing:
             self._found.summary.counts.total(),
             chunk.unproved if chunk else 0,
             chunk.unproved_ns if chunk else None,
-            chunk.missing_bytes if chunk else 0,
+            self._found.missing_bytes,
             kept,
             kept.stat().st_size if kept else 0,
         )
@@ -196,7 +196,7 @@ class _Closing:
         table = {"unproved_messages": str(chunk.unproved if chunk else 0)}
         if chunk and chunk.unproved_ns is not None:
             table["unproved_from_ns"] = str(chunk.unproved_ns)
-        table["missing_bytes"] = str(chunk.missing_bytes if chunk else 0)
+        table["missing_bytes"] = str(self._found.missing_bytes)
         if kept:
             table["kept_file"] = kept.name
         return table

@@ -35,6 +35,7 @@ class Survey:
     begin  : end of magic and header; 0 when the file ends within them
     end    : end of what is kept of it [B]
     chunk  : the open chunk and its head, when there is one; ``summary`` knows all that is finished
+    zeros  : bytes behind it, when all of them are zero: pages that a power cut has left without their content
     tables : the metadata; data_ended : the writer had begun the summary, nothing but a part of that is missing
     """
 
@@ -45,6 +46,12 @@ class Survey:
     summary: Summary = field(default_factory=Summary)
     tables: dict[str, dict[str, str]] = field(default_factory=dict)
     data_ended: bool = False
+    zeros: int = 0
+
+    @property
+    def missing_bytes(self) -> int:
+        """Bytes that are known to have been written at the end, and are not kept."""
+        return max(self.chunk.missing_bytes if self.chunk else 0, self.zeros)
 
     @property
     def message_index(self) -> bytes:
@@ -167,6 +174,7 @@ class _Surveyor:
         rest = self._source.read(found.end, size - found.end)
         found.data_ended = rest.startswith(DATA_END_HEAD)
         if not rest.strip(b"\0"):
+            found.zeros = len(rest)
             return
         later = Walk(self._source, None, lambda done: None).next_proved(found.end + 1)
         if later is not None:

@@ -57,7 +57,7 @@ def test_what_is_no_record_behind_the_last_one_is_kept_beside_the_file(tmp_path:
         kept = list(tmp_path.glob(f"{len(garbage)}.rest-at-*.bin"))
         assert closed and closed.kept == (kept[0] if any(garbage) else None)
         assert [file.read_bytes() for file in kept] == ([garbage] if any(garbage) else [])
-        assert any(garbage) == (closed.describe_loss() != "")
+        assert closed.describe_loss() and closed.missing_bytes == (0 if any(garbage) else len(garbage))
         assert read_closed(path) == read_stream(before)
 
 
@@ -123,13 +123,13 @@ def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
     path.write_bytes(whole[:-missing] + bytes(missing))
     proof = ProofFile(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
-    assert proof.doubts == [f"{missing} bytes of records at its end are missing or damaged"] and not proof.proved
+    assert proof.doubts == [f"{missing} bytes at its end are missing or damaged"] and not proof.proved
     closed = close_unfinished(path)
     assert closed and (closed.unproved, closed.missing_bytes, closed.kept) == (0, missing, None)
-    assert f"{missing} bytes of records" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
+    assert f"{missing} bytes at its end" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
     proof = ProofFile(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
-    assert proof.doubts == [f"was closed later: {missing} bytes of records at its end were missing or damaged"]
+    assert proof.doubts == [f"was closed later: {missing} bytes at its end were missing or damaged"]
 
 
 def test_a_cut_within_a_sync_is_a_loss_and_no_contradiction(tmp_path: Path) -> None:
