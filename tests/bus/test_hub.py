@@ -137,6 +137,7 @@ class Stranger:
 def test_another_user_is_refused_whatever_the_mode_of_the_socket(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    wait_for(lambda: listener.alive.get("supervisor"), "the connection of the listener")
     monkeypatch.setattr(hub, "Peer", Stranger)
     with socket.socket(socket.AF_UNIX) as sock:
         sock.connect(str(path))

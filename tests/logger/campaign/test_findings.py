@@ -84,7 +84,7 @@ def test_a_file_cut_off_at_a_sync_is_not_refuted_when_it_is_closed(killed: OpenS
     for place in (folder, closed.path):
         verified = fti("verify", place)
         assert verified.code == 3, verified.out
-        assert "bytes of records were missing at its end" in verified.out
+        assert "bytes at its end were missing or damaged" in verified.out
 
 
 def test_a_number_far_from_the_others_is_a_sentence(killed: OpenSession, tmp_path: Path) -> None:
