@@ -38,6 +38,10 @@ class RunningHub:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def wait_for_subscribers(self, count: int) -> None:
+        """Until the hub knows so many: a subscriber is connected before that."""
+        wait_for(lambda: sum(c.outbox is not None for c in [*self.hub._clients]) == count, f"{count} subscribers")
+
     def close(self) -> None:
         """End it."""
         self._ending.close()

@@ -137,7 +137,7 @@ class Stranger:
 def test_another_user_is_refused_whatever_the_mode_of_the_socket(
     running: RunningHub, path: Path, listener: Listener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wait_for(lambda: listener.alive.get("supervisor"), "the connection of the listener")
+    running.wait_for_subscribers(1)
     monkeypatch.setattr(hub, "Peer", Stranger)
     with socket.socket(socket.AF_UNIX) as sock:
         sock.connect(str(path))
@@ -263,7 +263,7 @@ def test_events_are_kept_as_long_as_the_queue_lasts_and_losses_are_told(running:
     reader = frame.FrameReader()
     events: list[int] = []
     listener = Listener(path)
-    wait_for(lambda: listener.alive.get("supervisor"), "the connection")
+    running.wait_for_subscribers(2)
     for i in range(400):
         running.hub.publish("/event", b"%d" % i + b" " * 60000)
         if i % 20 == 19:  # the hub's own queue is bounded, too
