@@ -9,9 +9,9 @@ in recovered.json in the new folder and in each file.  Exit code 0: nothing is m
 something is missing, unproved, or not proved complete, as of every file without a summary.
 
 With --in-place: a file that a kill or a power cut left open gets its index, summary and footer, so that every reader
-takes it.  No byte is taken away: what is no whole record at its end is kept in FILE.rest-at-OFFSET.bin beside it.  A
-file that is being written, or is damaged before its end, is left as it is.  The next `fti run` does the same for all
-sessions in its directory.
+takes it.  No byte is taken away: bytes behind the last readable record are saved in FILE.rest-at-OFFSET.bin beside it.
+A file that is being written, or is damaged before its end, is left as it is.  Then the session is verified; exit code 3
+when not everything holds.  The next `fti run` closes files in the same way, in all sessions in its directory.
 
   fti recover data/da42_20260102T030405Z_0
   fti recover broken.mcap --out saved --json
@@ -55,7 +55,7 @@ def _close(session: str) -> int:
     from fti.logger.reading.recording import Recording
     from fti.logger.recovery.repair import close_unfinished
 
-    code = 0
+    code, is_changed = 0, False
     for path in Recording.open(session).files:
         try:
             closed = close_unfinished(path)
@@ -68,8 +68,21 @@ def _close(session: str) -> int:
             continue
         print_line(closed.describe_loss() or f"{path}: closed")
         print_line(f"{path}: holds {closed.messages} messages")
-        code = 3 if closed.describe_loss() else code
-    return code
+        is_changed = True
+    return max(code, _prove(session)) if is_changed else code
+
+
+def _prove(session: str) -> int:
+    """What a proof finds of a session whose files were closed; 3 when not everything holds."""
+    from fti.logger.proof.verify import verify
+    from fti.logger.reading.recording import Recording
+
+    report = verify(Recording.open(session))
+    if report.holds:
+        return 0
+    print_lines(report.findings[:SHOWN])
+    print_line(f"not proved complete; all findings: fti verify {session}")
+    return 3
 
 
 def _salvage(session: Path, out: Path | None, *, as_json: bool) -> int:

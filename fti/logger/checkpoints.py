@@ -51,10 +51,9 @@ def read_slots(body: bytes) -> tuple[list[Checkpoint], int]:
     """Checkpoints in the body of a record, rising in size, and the number of slots that are damaged."""
     found: list[Checkpoint] = []
     damaged = 0
-    for at in range(0, SLOTS * SLOT_BYTES, SLOT_BYTES):
-        entry = body[at : at + SLOT_BYTES]
-        if not any(entry):
-            continue
+    body = body.rstrip(b"\0")  # slots are filled one after another: an empty one before a filled one is damaged, too
+    for at in range(0, len(body), SLOT_BYTES):
+        entry = body[at : at + SLOT_BYTES].ljust(SLOT_BYTES, b"\0")
         checkpoint = Checkpoint(*_VALUES.unpack_from(entry))
         if entry == slot(checkpoint) and checkpoint.size > (found[-1].size if found else 0):
             found.append(checkpoint)

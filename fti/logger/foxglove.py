@@ -67,10 +67,10 @@ def _time(t_ns: int) -> Json:
     return {"sec": t_ns // SECOND_NS, "nsec": t_ns % SECOND_NS}
 
 
-def log(event: Event) -> Json:
-    """An event as ``foxglove.Log``."""
+def log(event: Event, who: str = "") -> Json:
+    """An event as ``foxglove.Log``; who has caused it stands in ``file``, which has no other use here."""
     level = LOG_LEVELS.get(event.level, LOG_LEVELS["unknown"])
-    told = {"level": level, "message": event.text, "name": event.source, "file": "", "line": 0}
+    told = {"level": level, "message": event.text, "name": event.source, "file": who, "line": 0}
     return {"timestamp": _time(event.t_ns), **told}
 
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 from typing import Any
 
 #: The tables of each topic whose entries are left out while they do not change.
-ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), "/fti/ledger": ("links",)}
+LEDGER_TOPIC = "/fti/ledger"
+ENTRY_TABLES = {"/fti/health": ("links", "devices", "processes"), LEDGER_TOPIC: ("links",)}
 COMPLETE, SINCE, AGE, CLOCKS = "complete", "since_ns", "age_ms", "clocks"
 #: Values of an entry and of its clocks that go on without anything having happened.
 RUNNING = frozenset({AGE, "offset_ms", "offset_sd_ms", "drift_ppm", "drift_sd_ppm", "late_share"})

@@ -163,9 +163,11 @@ def note_schema(topic: str) -> Schema:
 
 
 def encode_note(topic: str, obj: Any) -> bytes:
-    """A note as JSON; an event becomes a ``foxglove.Log``."""
+    """A note as JSON; an event, and ``who`` has caused it, becomes a ``foxglove.Log``."""
     if topic == EVENT_TOPIC:
-        return encode(foxglove.log(obj if isinstance(obj, Event) else Event(**obj)))
+        if isinstance(obj, Event):
+            return encode(foxglove.log(obj))
+        return encode(foxglove.log(Event(**{key: obj[key] for key in obj if key != "who"}), obj.get("who", "")))
     return encode(obj)
 
 

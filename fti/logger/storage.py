@@ -245,7 +245,8 @@ class StorageMachine:
             return State.GONE, self._stray.text
         if self.place != MAIN:
             assert self.place is not None
-            return State.FALLBACK, f"recording in {self._names[self.place]}: {self._failures[MAIN]}"
+            why = self._failures[MAIN] or f"{self._names[MAIN]} has not opened a file in time"
+            return State.FALLBACK, f"recording in {self._names[self.place]}: {why}"
         if self._overdue:
             return State.OVERDUE, f"the present file goes on, as no new one can be made: {self._overdue}"
         return (State.FULL, self._short) if self._short else (State.OK, "")

@@ -30,12 +30,12 @@ class Bulletin:
         """Something has happened now.  level : info, warning or error."""
         self.pass_on({"t_ns": self._clock.now_ns(), "level": level, "source": source, "text": text})
 
-    def pass_on(self, event: dict[str, Any]) -> None:
-        """An event, of ours or of a child."""
+    def pass_on(self, event: dict[str, Any], who: str = "") -> None:
+        """An event, of ours or of a child.  who : has caused it; recorded, where it is known"""
         if event["level"] != "info":
             self._announce(f"{event['level']}: {event['source']}: {event['text']}")
         self._publish("/event", encode_event(event))
-        self._note("/fti/event", event["t_ns"], event)
+        self._note("/fti/event", event["t_ns"], {**event, "who": who} if who else event)
 
     def report(self, unit: str, error: Exception) -> None:
         """A unit under the guard has failed."""

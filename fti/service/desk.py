@@ -36,7 +36,7 @@ class Desk:
             return await self._commander.obey(command["send"], who)
         if "commands" in command:
             return {"devices": self._commander.catalogue.describe()}
-        return self._mark(command)
+        return self._mark(command, who)
 
     def hear_page(self, message: Message) -> None:
         """Do what the display process hands up; one that has just started is told what it shows of commands."""
@@ -44,19 +44,20 @@ class Desk:
             self._show({"catalogue": self._commander.catalogue.usable()})
             for command in self._commander.recent():
                 self._show({"command": command})
-        if "mark" in message and (fault := self._mark(message).get("fault")):
+        who = f"the page (the owner's key, {message.get('who')})"
+        if "mark" in message and (fault := self._mark(message, who).get("fault")):
             self._bulletin.event("warning", "mark", fault)
         if "send" in message:
-            self._commander.begin(message["send"], f"the page (the owner's key, {message['who']})")
+            self._commander.begin(message["send"], who)
 
-    def _mark(self, command: dict[str, Any]) -> Answer:
+    def _mark(self, command: dict[str, Any], who: str) -> Answer:
         text, now = command.get("mark"), self._clock.now_ns()
         if not isinstance(text, str):
             return {"fault": "there is no such command"}
         if command.get("trigger") and (fault := self._trigger(text, now)):
             return {"fault": fault}
         source = "trigger" if command.get("trigger") else "mark"
-        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": source, "text": text})
+        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": source, "text": text}, who)
         return {"t_ns": now}
 
     def _trigger(self, text: str, t_ns: int) -> str | None:

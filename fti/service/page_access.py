@@ -1,9 +1,10 @@
 """Who may command from the page: whoever has the key of this start, which only the owner of the daemon can read.
 
 Any user of the machine can open a port of loopback, so the page shows itself to everybody and takes marks and commands
-only with the key.  The supervisor makes it and hands it to the display process over its control channel (command line
-and environment are no place for it), and to the owner in the run directory: in ``fti.json`` and in ``page.html``, which
-leads a browser to the address with the key.  The key stands behind a ``#``, so that a browser keeps it to itself.
+only with the key.  The supervisor makes one for each start of the display and hands it over the control channel
+(command line and environment are no place for it), and to the owner in the run directory: in ``fti.json`` and in
+``page.html``, which leads a browser to the address with the key.  The key stands behind a ``#``, which a browser does
+not send.
 """
 
 from __future__ import annotations
@@ -22,6 +23,11 @@ class PageAccess:
     def __init__(self, address: str, *, shows_key: bool) -> None:
         self._address, self._shows_key = address, shows_key
         self._port: int | None = None
+        self.key = secrets.token_urlsafe(KEY_BYTES)
+
+    def forget(self) -> None:
+        """The display has gone: another program may have its port, and pages that are open send it the key."""
+        self._port = None
         self.key = secrets.token_urlsafe(KEY_BYTES)
 
     def on_port(self, port: int) -> None:

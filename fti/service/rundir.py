@@ -27,6 +27,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from fti.bus.frame import SOCKET_NAME
 from fti.errors import MissingError
 from fti.peer_credentials import Peer
 from fti.service.private_folder import make_own, open_own, path_within, read_file, remove_file, write_file
@@ -81,6 +82,8 @@ class RunDir:
         """Let clients find the daemon, and the owner's browser its page."""
         if info.page:
             write_file(self.fd, PAGE, REDIRECT.format(url=info.page).encode())
+        else:
+            remove_file(self.fd, PAGE)
         write_file(self.fd, INFO, json.dumps(asdict(info)).encode())
 
     def bind(self, name: str = SOCKET) -> socket.socket:
@@ -99,7 +102,7 @@ class RunDir:
 
     def withdraw(self) -> None:
         """Remove what ``publish`` and ``bind`` left, and let others have the directory."""
-        for name in (INFO, SOCKET, PAGE):
+        for name in (INFO, SOCKET, PAGE, SOCKET_NAME):
             remove_file(self.fd, name)
         os.close(self.fd)
 

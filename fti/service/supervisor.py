@@ -218,6 +218,9 @@ class Supervisor:
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
         if child.name == NAVIGATION and (why := self._trial.ended()):
             child.order = self._preparation.navigation_order(self._places.all, self._hub.path, why)
+        if child.name == DISPLAY:
+            self._page.forget()
+            self._publish_info()
         self._bulletin.event("error", child.name, ending.describe_restart(child, code))
         if child.name == RECORDER and not self.recording.is_set() and child.restarts >= MOST_STARTS:
             self.failed = True  # a recorder that never begins is the one thing that cannot be cured by trying on

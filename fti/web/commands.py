@@ -68,7 +68,7 @@ class CommandGate:
             return fault
         if command["command"] == CHECK:
             return None
-        found = read_wish(command, client.user) if command["command"] == "send" else read_mark(command)
+        found = read_wish(command, client.user) if command["command"] == "send" else read_mark(command, client.user)
         if isinstance(found, str):
             return found
         if not self._has_room():
@@ -93,12 +93,12 @@ class CommandGate:
         return True
 
 
-def read_mark(command: Mapping[str, Any]) -> dict[str, Any] | str:
-    """A mark as the daemon takes it, or why it is none."""
+def read_mark(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:
+    """A mark as the daemon takes it, or why it is none.  user : whose browser it comes from"""
     text, name = clean(command.get("text")), command["command"]
     if not isinstance(name, str) or name not in MARKS or text is None:
         return NO_SUCH
-    return fault_of_mark(text) or {"mark": text, **MARKS[name]}
+    return fault_of_mark(text) or {"mark": text, **MARKS[name], "who": user}
 
 
 def read_wish(command: Mapping[str, Any], user: str) -> dict[str, Any] | str:

@@ -1,6 +1,8 @@
 """The page in a real browser, fed by the real display process over the real bus."""
 
 import asyncio
+import os
+import pwd
 import signal
 from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
@@ -20,6 +22,8 @@ WRONG_KEY = "the key is old; to control: fti page"
 LASER = "height-laser_altimeter"
 MAY_COMMAND = f"!{by_testid('mark-text')}.hidden"
 FRESH = f"document.body.className === '' && {by_testid('origin')}?.textContent === 'HIL'"
+#: Whose browser it is.
+ME = pwd.getpwuid(os.getuid()).pw_name
 
 
 @pytest.fixture
@@ -170,7 +174,7 @@ async def test_a_lost_connection_is_unmistakable_and_ends(
         await page.wait_for(FRESH)
         await page.eval(f"{by_testid('mark-text')}.value = 'second display'")
         await page.wait_for(f"{by_testid('mark-button')}.click() || {shows('mark-answer', 'marked')}")
-        assert await asyncio.to_thread(successor.read_message) == {"mark": "second display"}
+        assert await asyncio.to_thread(successor.read_message) == {"mark": "second display", "who": ME}
     finally:
         await asyncio.to_thread(successor.close)
 
@@ -258,7 +262,7 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     assert await page.eval(f"document.activeElement === {by_testid('mark-text')}")
     await page.type_text("approach 3 <b>")
     await page.press("Enter")
-    assert await asyncio.to_thread(display.read_message) == {"mark": "approach 3 <b>"}
+    assert await asyncio.to_thread(display.read_message) == {"mark": "approach 3 <b>", "who": ME}
     await page.wait_for(shows("mark-answer", "marked"))
     assert await page.eval(f"{by_testid('mark-text')}.value === '' && document.activeElement === document.body")
     daemon.say("info", "mark", "approach 3 <b>")
@@ -268,7 +272,10 @@ async def test_a_mark_goes_up_and_comes_back_as_event_and_line(
     await page.screenshot(tmp_path / "mark.png")
     assert page.problems == []
     await page.eval(f"{by_testid('mark-button')}.click()")
-    assert await asyncio.to_thread(display.read_message) == {"mark": "mark"}  # there may be no time for words
+    assert await asyncio.to_thread(display.read_message) == {
+        "mark": "mark",
+        "who": ME,
+    }  # there may be no time for words
     await page.eval(f"for (let i = 0; i < 20; i += 1) {by_testid('mark-button')}.click()")
     await page.wait_for(shows("mark-answer", "more than 5 marks or commands in a second"))
 
@@ -288,7 +295,7 @@ async def test_a_fallback_medium_and_a_snapshot_session_are_said(
         await page.resize(width, height)
         assert await page.eval(CUT_OFF) == []
     await page.eval(f"{by_testid('snapshot-button')}.click()")
-    assert await asyncio.to_thread(display.read_message) == {"mark": "snapshot", "trigger": True}
+    assert await asyncio.to_thread(display.read_message) == {"mark": "snapshot", "trigger": True, "who": ME}
     await page.wait_for(shows("mark-answer", "triggered"))
 
 

@@ -149,7 +149,7 @@ async def test_a_mark_goes_to_the_daemon(site: Site) -> None:
     async with site.connect() as ws:
         text = "  begin of\u0000\n approach\u202e 3 – Ä \ud83d\ude80 "
         assert await answers(ws, {"command": "mark", "text": text, "key": KEY}) == [None]
-        assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680"}]
+        assert site.taken == [{"mark": "begin of approach 3 – Ä \U0001f680", "who": "alice:True"}]
         site.listens = False
         assert await answers(ws, {"command": "mark", "text": "x", "key": KEY}) == ["the daemon does not listen"]
 
@@ -198,7 +198,7 @@ async def test_who_tries_keys_is_cut_off(site: Site) -> None:
 async def test_a_snapshot_is_a_mark_that_triggers(site: Site) -> None:
     async with site.connect() as ws:
         assert await answers(ws, {"command": "snapshot", "text": "flutter", "key": KEY}) == [None]
-    assert site.taken == [{"mark": "flutter", "trigger": True}]
+    assert site.taken == [{"mark": "flutter", "trigger": True, "who": "alice:True"}]
 
 
 async def test_a_command_to_a_device_goes_to_the_daemon(site: Site) -> None:
@@ -259,7 +259,7 @@ async def test_what_is_no_mark_is_refused(site: Site, command: dict[str, Any], f
 async def test_the_longest_mark_is_taken_in_any_script(site: Site) -> None:
     async with site.connect() as ws:
         assert await answers(ws, {"command": "mark", "text": "ä" * 200, "key": KEY}) == [None]
-    assert site.taken == [{"mark": "ä" * 200}]
+    assert site.taken == [{"mark": "ä" * 200, "who": "alice:True"}]
 
 
 async def test_a_flood_is_stopped_for_all_pages_together(site: Site) -> None:

@@ -12,12 +12,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from fti.logger.note_changes import LEDGER_TOPIC
 from fti.logger.raw_log import TICK_TOPIC
 from fti.logger.reading.json_message import parse_table
 from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import RAW, SENT
 
-LEDGER_TOPIC = "/fti/ledger"
 #: Frames that were dropped for this reason never got a number.
 SOCKET_QUEUE = "socket_queue"
 

@@ -21,10 +21,10 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from fti.errors import RecordingError
 from fti.logger.lock import is_being_written
+from fti.logger.note_changes import LEDGER_TOPIC
 from fti.logger.proof.balance import LedgerProof
 from fti.logger.proof.file import Page, ProofFile, Row
 from fti.logger.proof.gaps import GAP_TOPIC, Gaps
-from fti.logger.proof.ledger import LEDGER_TOPIC
 from fti.logger.proof.numbers import NumberProof
 from fti.logger.proof.report import Check, Report, Topic, Verdict
 from fti.logger.proof.session import apart, conclude

@@ -19,12 +19,17 @@ class ChunkMarks:
 
     checkpoints : rising in size, the one of the chunk's head among them
     synced      : size at the last sync [B]; 0 when there was none
-    reliable    : the record of the checkpoints is there and none of its filled slots is damaged
+    damaged     : slots of the record of the checkpoints that are damaged; None: there is no such record
     """
 
     checkpoints: list[Checkpoint]
     synced: int = 0
-    reliable: bool = False
+    damaged: int | None = None
+
+    @property
+    def reliable(self) -> bool:
+        """The record of the checkpoints is there and none of its slots is damaged."""
+        return self.damaged == 0
 
 
 def chunk_marks(source: Source, head: ChunkHead) -> ChunkMarks:
@@ -32,8 +37,9 @@ def chunk_marks(source: Source, head: ChunkHead) -> ChunkMarks:
     record = source.read(head.at - RECORD_BYTES, RECORD_BYTES) if head.at >= RECORD_BYTES else b""
     if head.compression:
         return ChunkMarks([])
-    found, damaged = read_slots(record[HEAD.size :]) if record.startswith(CHECKPOINTS_HEAD) else ([], 0)
+    is_there = record.startswith(CHECKPOINTS_HEAD)
+    found, damaged = read_slots(record[HEAD.size :]) if is_there else ([], None)
     synced = found[-1].size if found else 0
     if head.crc and all(checkpoint.size != head.size for checkpoint in found):
         found = sorted([*found, Checkpoint(head.size, head.crc)])
-    return ChunkMarks(found, synced, record.startswith(CHECKPOINTS_HEAD) and not damaged)
+    return ChunkMarks(found, synced, damaged)

@@ -86,6 +86,8 @@ def read_open_chunk(source: Source, head: ChunkHead, known: Declarations, *, gro
     if head.size > MAX_RECORD:
         raise DamagedChunkError(f"it has {head.size} bytes; at most {MAX_RECORD} are read")
     marks = chunk_marks(source, head)
+    if marks.damaged and not growing:
+        raise DamagedChunkError("its checkpoints are damaged")
     data = source.read(head.begin, min(source.size - head.begin, MAX_RECORD))
     if growing and head.size > len(data):
         there = [mark for mark in marks.checkpoints if mark.size <= len(data)]

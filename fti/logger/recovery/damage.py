@@ -113,7 +113,9 @@ class Walk:
         """May a record that ends there stand outside of chunks?"""
         if op == Op.FOOTER:
             return self._source.read(end - len(MAGIC), len(MAGIC)) == MAGIC
-        return op != Op.MESSAGE and (op != Op.METADATA or self._sound(end))
+        if op == Op.METADATA:  # before an attachment that is damaged, too: a table is checked by its own lengths
+            return self._sound(end) or self._source.read(end, 1) == bytes([Op.ATTACHMENT])
+        return op != Op.MESSAGE
 
     def _take_chunk(self, pieces: list[Piece]) -> Piece | None:
         """The first piece of a chunk; the others follow."""

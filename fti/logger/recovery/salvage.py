@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import struct
 from collections.abc import Callable
 from dataclasses import asdict
@@ -11,7 +12,8 @@ from pathlib import Path
 
 from fti.errors import StorageError
 from fti.logger import records
-from fti.logger.blueprint import RECOVERED_METADATA, altered_tables
+from fti.logger.blueprint import CLOSED_METADATA, RECOVERED_METADATA, altered_tables
+from fti.logger.file_mode import create_file
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.doubts import doubts_of
 from fti.logger.reading.place import check_place
@@ -23,6 +25,7 @@ from fti.logger.reading.told import read_told
 from fti.logger.records import HEAD, MAGIC, Op, read_text
 from fti.logger.recovery.concatenated import file_begins
 from fti.logger.recovery.damage import Walk, unknown_channels
+from fti.logger.recovery.final_ledger import FinalLedger
 from fti.logger.recovery.numbers_found import NumbersFound
 from fti.logger.recovery.pieces import Lost, Messages, Other
 from fti.logger.recovery.rebuilt import Rebuilt
@@ -62,7 +65,8 @@ def salvage_session(session: Path, out: Path, progress: Progress) -> Report:
     if not Recording.open(out).snapshot_mode:  # there, numbers stand in the snapshots, or nowhere without a loss
         report.gaps = numbers.gaps()
     try:
-        (out / REPORT).write_text(json.dumps(report.as_json(), indent=1))
+        with os.fdopen(create_file(out / REPORT), "w") as stream:
+            json.dump(report.as_json(), stream, indent=1)
     except OSError as error:
         raise StorageError(f"{out / REPORT}: cannot be written: {error.strerror}") from error
     return report
@@ -162,6 +166,7 @@ class _Salvage:
         self._places: set[int] = set()  # where the chunks, attachments and metadata taken stood
         self._last_ns: int | None = None
         self._tables: dict[str, dict[str, str]] = {}
+        self._ledger = FinalLedger()
 
     def run(self) -> FileReport:
         """Take every piece."""
@@ -175,6 +180,8 @@ class _Salvage:
         self._compare()
         self._report.altered_metadata = altered_tables(self._tables)
         self._report.doubts = [doubt for name, table in self._tables.items() for doubt in doubts_of(name, table)]
+        if CLOSED_METADATA in self._tables and not self._ledger.is_there:
+            self._report.doubts.append("was closed later and has no final ledger: not proved complete")
         about = self_sealed(RECOVERED_METADATA, self._summary())
         self._rebuilt.metadata(records.metadata(RECOVERED_METADATA, about))
         self._rebuilt.finish()
@@ -196,6 +203,7 @@ class _Salvage:
             compression = piece.head.compression
         self._rebuilt.chunk(content, compression, stored)
         self._numbers.add(content, self._rebuilt.channels)
+        self._ledger.add(content, self._rebuilt.channels)
         report.messages += content.messages
         report.chunks += piece.proved
         if not piece.proved:

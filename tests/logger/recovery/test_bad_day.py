@@ -218,3 +218,39 @@ def test_a_raw_file_that_is_finished_and_has_no_ledger_is_a_loss(
     run(capsys, "recover", "--in-place", path)
     code, said = run(capsys, "verify", path)
     assert code == 3 and "no ledger stands in these files" in said and "all holds" not in said
+
+
+def test_closing_does_not_make_a_cut_file_complete(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Closed at once, it has a summary and no trace of what followed; only a final ledger would prove it."""
+    whole = write_own(tmp_path / "whole.mcap", messages=300, chunk_bytes=3000)
+    for size in (0, 8, Original(whole).chunks[2][0][0] - 1033):
+        path = tmp_path / f"{size}_000.mcap"
+        path.write_bytes(whole[:size])
+        code, said = run(capsys, "recover", "--in-place", path)
+        assert code == 3 and "not proved complete" in said, size
+        code, said = run(capsys, "recover", path, "--out", tmp_path / f"{size}")
+        assert code == 3 and "no final ledger: not proved complete" in said and "nothing is missing\n" not in said, size
+
+
+def test_a_damaged_checkpoint_gives_one_answer_before_and_after(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_session(tmp_path, 10)
+    flip(path, path.read_bytes().index(b"\x81\x00\x04\0\0\0\0\0\0") + 9 + 3 * 16)
+    damaged = path.read_bytes()
+    assert run(capsys, "verify", path.parent)[0] == 1
+    code, said = run(capsys, "recover", "--in-place", path.parent)
+    assert code == 3 and "its checkpoints are damaged" in said and path.read_bytes() == damaged
+    assert run(capsys, "verify", path.parent)[0] == 1
+
+
+def test_a_table_before_a_damaged_attachment_is_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    session = SessionFolder.create(tmp_path, "da42", START_NS)
+    text = b"name = 1\n" * 20
+    log = RawLog(session, [], split_s=60, split_mb=10, attachments=[("config.toml", "text/plain", text)])
+    log.tick(0, START_NS)
+    log.close()
+    flip(log.path, log.path.read_bytes().index(text) + 5)
+    code, said = run(capsys, "recover", log.path.parent, "--out", tmp_path / "copy")
+    assert code == 3 and "metadata" not in said.replace("metadata records recovered", "")
+    assert json.loads((tmp_path / "copy" / "recovered.json").read_text())["files"][0]["altered_metadata"] == []

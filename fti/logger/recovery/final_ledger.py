@@ -1,0 +1,33 @@
+"""Whether the last ledger of a file is the final one, with which its recorder ended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fti.logger.note_changes import LEDGER_TOPIC
+from fti.logger.reading.chunk_content import Content, channel_name
+from fti.logger.reading.json_message import parse_table
+from fti.logger.records import HEAD, MESSAGE
+
+
+class FinalLedger:
+    """Looks at the ledgers of a file, chunk by chunk.  is_there : the last one so far is a final one"""
+
+    def __init__(self) -> None:
+        self.is_there = False
+
+    def add(self, content: Content, channels: Mapping[int, bytes]) -> None:
+        """The messages of a chunk; channels : all that are known."""
+        for channel_id, entries in content.index.items():
+            record = channels.get(channel_id)
+            if record and channel_name(record)[0] == LEDGER_TOPIC:
+                self.is_there = _is_final(content, entries[-1])
+
+
+def _is_final(content: Content, at: int) -> bool:
+    """Is the ledger whose record begins at an offset a final one?"""
+    _, length = HEAD.unpack_from(content.data, at)
+    try:
+        return parse_table(bytes(content.data[at + MESSAGE.size : at + HEAD.size + length])).get("final") is True
+    except ValueError:
+        return False
