@@ -139,7 +139,7 @@ def _file_text(file: FileReport) -> Iterator[str]:
     for doubt in file.doubts:
         yield f"  {doubt}"
     for name in file.altered_metadata:
-        yield f"  its metadata {name} is not as it was written"
+        yield f"  the checksum of its metadata {name} does not match"
     if file.copies:
         yield f"  {file.copies} messages stand in an earlier one of the joined files too, and are taken once"
     for byte in file.flipped[:SHOWN]:

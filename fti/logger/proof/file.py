@@ -291,7 +291,7 @@ class ProofFile:
         for at in self._unproved_at:
             self.faults.append(f"the checkpoints before the chunk at byte {at} are not those of its records")
         for name in altered_tables(self.metadata):
-            self.faults.append(f"its table {name} is not as it was written")
+            self.faults.append(f"the checksum of its metadata {name} does not match")
 
     def _check_data_crc(self, source: Source, at: int) -> None:
         told = int.from_bytes(source.read(at + _HEAD, 4), "little")

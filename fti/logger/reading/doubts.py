@@ -44,7 +44,7 @@ def _of_closing(table: Mapping[str, str]) -> Iterator[str]:
     if missing != "0":
         yield f"was closed later: {missing} bytes at its end were missing or damaged"
     if "kept_file" in table:
-        yield f"was closed later: what was no whole record at its end is kept in {table['kept_file']}"
+        yield f"was closed later: bytes behind its last record, perhaps more records, are in {table['kept_file']}"
 
 
 def _since(table: Mapping[str, str]) -> str:

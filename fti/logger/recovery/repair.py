@@ -59,7 +59,7 @@ class Closed:
         if self.missing_bytes:
             parts.append(f"{self.missing_bytes} bytes at its end are missing or damaged")
         if self.kept:
-            parts.append(f"{self.kept_bytes} bytes that are no whole record are kept in {self.kept.name}")
+            parts.append(f"{self.kept_bytes} bytes behind its last readable record are saved in {self.kept.name}")
         return f"{self.path}: closed; {', '.join(parts)}" if parts else ""
 
 

@@ -164,7 +164,7 @@ class _Surveyor:
 
     def _check_tables(self) -> None:
         if altered := altered_tables(self._found.tables):
-            raise self._refusal(f"its metadata {', '.join(altered)} is not as it was written")
+            raise self._refusal(f"the checksum of its metadata {', '.join(altered)} does not match")
 
     def _check_rest(self) -> None:
         """What is not kept must be a torn write: nothing in it may prove that it is a record."""

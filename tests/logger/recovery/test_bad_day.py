@@ -177,7 +177,7 @@ def test_altered_metadata_is_copied_and_reported(tmp_path: Path, capsys: pytest.
     path = log.path
     path.write_bytes(path.read_bytes().replace(b"D-EFTI", b"D-EFTJ"))
     code, said = run(capsys, "recover", path.parent, "--out", tmp_path / "copy")
-    assert code == 3 and "its metadata fti is not as it was written" in said and "nothing is missing;" in said
+    assert code == 3 and "the checksum of its metadata fti does not match" in said and "nothing is missing;" in said
     told = json.loads((tmp_path / "copy" / "recovered.json").read_text())
     assert told["files"][0]["altered_metadata"] == ["fti"] and not told["complete"]
     assert run(capsys, "verify", tmp_path / "copy")[0] == 1

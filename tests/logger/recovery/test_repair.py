@@ -192,7 +192,7 @@ def test_altered_metadata_of_an_unfinished_file_is_left_alone(tmp_path: Path) ->
     writer.abandon()
     data = path.read_bytes().replace(b"da42", b"da43")
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match="its metadata fti is not as it was written"):
+    with pytest.raises(RecordingError, match="the checksum of its metadata fti does not match"):
         close_unfinished(path)
     assert path.read_bytes() == data
 
