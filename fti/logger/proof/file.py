@@ -21,7 +21,7 @@ from fti.logger.blueprint import altered_tables
 from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
 from fti.logger.lock import is_being_written
 from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
-from fti.logger.reading.doubts import doubts_of, has_doubtful_end, notes_of
+from fti.logger.reading.doubts import doubts_of, end_doubts_of, has_doubtful_end, notes_of
 from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
 from fti.logger.reading.open_chunk import DamagedChunkError, Declarations, is_open, read_open_chunk
@@ -73,6 +73,7 @@ class ProofFile:
     messages : of each channel id; chunks : where they begin; metadata : the tables as they stand, by name
     size     : so far it was read [B]; it may have grown since
     doubts   : what is not proved of it: because it was not finished, was closed later or was made by a recovery
+    end_doubts : what is missing at its end since it was closed later; other files may have it
     notes    : what else is to be known of it
     proved   : False where the last chunk of an unfinished file holds less, or more, than its checksum covers
     """
@@ -87,6 +88,7 @@ class ProofFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.proved = True
         self.doubts: list[str] = []
+        self.end_doubts: list[str] = []
         self.notes: list[str] = []
         self.finished = has_footer(path)
         self._topics: dict[int, Topic] = {}
@@ -267,6 +269,7 @@ class ProofFile:
             name, table = metadata_table(source.read(at, end - at))
             self.metadata[name] = table
             self.doubts += doubts_of(name, table)
+            self.end_doubts += end_doubts_of(name, table)
             self.notes += notes_of(name, table)
         elif op == Op.DATA_END:
             self._ended = True

@@ -60,6 +60,7 @@ class _Verification:
         self._begins = begins
         self._gaps = Gaps()
         self._snapshots = SnapshotProof(self._numbers)
+        self._ends: list[str] = []
         self._progress = progress
         self._done = 0
         self._total = 2 * sum(path.stat().st_size for path in recording.files)
@@ -77,7 +78,19 @@ class _Verification:
         conclude(report, self._recording, self._numbers, self._ledger, self._gaps, begins=self._begins)
         if self._recording.raw_files or self._recording.snapshot_mode:
             report.checks += self._judge_snapshots()
+        self._judge_ends(files)
         return report
+
+    def _judge_ends(self, files: Check) -> None:
+        """Bytes missing at the end of a raw file are no loss where the session is proved complete without them.
+
+        As where a medium failed: what it may not have kept was written again into the next file.
+        """
+        others = (check.verdict for check in self._report.checks if check is not files)
+        complete = not self._report.missing and all(verdict in (Verdict.OK, Verdict.TOLD) for verdict in others)
+        complete = complete and bool(self._ledger.runs) and all(run.last.final for run in self._ledger.runs)
+        for text in self._ends:
+            files.add(Verdict.TOLD if complete else Verdict.LOSS, text)
 
     # ---------------------------------------------------------------------------------------------------------- files
 
@@ -105,6 +118,11 @@ class _Verification:
             files.add(Verdict.LOSS, being)
         for doubt in file.doubts:
             files.add(Verdict.LOSS, f"{path.name}: {doubt}")
+        for doubt in file.end_doubts:
+            if raw:
+                self._ends.append(f"{path.name}: {doubt}")
+            else:
+                files.add(Verdict.LOSS, f"{path.name}: {doubt}")
         for note in file.notes:
             files.add(Verdict.TOLD, f"{path.name}: {note}")
         for fault in self._read_officially(file):

@@ -9,22 +9,29 @@ from fti.logger.reading.wording import clock_text
 
 
 def doubts_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
-    """Sentences, each of them a loss, from one table of metadata."""
+    """Sentences about messages that no checksum proves, from one table of metadata."""
     if name == RECOVERED_METADATA:
         yield from _of_recovery(table)
     elif name == CLOSED_METADATA:
-        yield from _of_closing(table)
+        yield from _of_unproved(table)
+
+
+def end_doubts_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
+    """Sentences about bytes that are missing at the end of a file; other files may have what they held."""
+    if name == CLOSED_METADATA:
+        yield from _of_end(table)
 
 
 def notes_of(name: str, table: Mapping[str, str]) -> Iterator[str]:
     """Sentences that are no loss."""
-    if name == CLOSED_METADATA and not any(_of_closing(table)):
+    if name == CLOSED_METADATA and not (any(_of_unproved(table)) or any(_of_end(table))):
         yield "was closed later: its writer had gone before it had finished"
 
 
 def has_doubtful_end(tables: Mapping[str, Mapping[str, str]]) -> bool:
     """Does a file say that its last chunk was closed without all that its checkpoints prove?"""
-    return any(_of_closing(tables[CLOSED_METADATA])) if CLOSED_METADATA in tables else False
+    table = tables.get(CLOSED_METADATA)
+    return table is not None and (any(_of_unproved(table)) or any(_of_end(table)))
 
 
 def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:
@@ -36,11 +43,15 @@ def _of_recovery(table: Mapping[str, str]) -> Iterator[str]:
         yield "was recovered from a file of which not everything was whole"
 
 
-def _of_closing(table: Mapping[str, str]) -> Iterator[str]:
+def _of_unproved(table: Mapping[str, str]) -> Iterator[str]:
     """The checksum of its last chunk was made when it was closed."""
-    unproved, missing = table.get("unproved_messages", "?"), table.get("missing_bytes", "?")
+    unproved = table.get("unproved_messages", "?")
     if unproved != "0":
         yield f"was closed later: {unproved} messages{_since(table)} are unproved, no checksum covered them"
+
+
+def _of_end(table: Mapping[str, str]) -> Iterator[str]:
+    missing = table.get("missing_bytes", "?")
     if missing != "0":
         yield f"was closed later: {missing} bytes at its end were missing or damaged"
     if "kept_file" in table:

@@ -15,7 +15,7 @@ from fti.logger import records
 from fti.logger.blueprint import CLOSED_METADATA, RECOVERED_METADATA, altered_tables
 from fti.logger.file_mode import create_file
 from fti.logger.reading.chunk_content import Content
-from fti.logger.reading.doubts import doubts_of
+from fti.logger.reading.doubts import doubts_of, end_doubts_of
 from fti.logger.reading.place import check_place
 from fti.logger.reading.recording import Recording
 from fti.logger.reading.source import Source
@@ -179,7 +179,8 @@ class _Salvage:
                 self._note_lost(piece)
         self._compare()
         self._report.altered_metadata = altered_tables(self._tables)
-        self._report.doubts = [doubt for name, table in self._tables.items() for doubt in doubts_of(name, table)]
+        for name, table in self._tables.items():
+            self._report.doubts += [*doubts_of(name, table), *end_doubts_of(name, table)]
         if CLOSED_METADATA in self._tables and not self._ledger.is_there:
             self._report.doubts.append("was closed later and has no final ledger: not proved complete")
         about = self_sealed(RECOVERED_METADATA, self._summary())

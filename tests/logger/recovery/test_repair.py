@@ -123,13 +123,17 @@ def test_zeros_to_the_end_are_counted_as_missing(tmp_path: Path) -> None:
     path.write_bytes(whole[:-missing] + bytes(missing))
     proof = ProofFile(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
-    assert proof.doubts == [f"{missing} bytes at its end are missing or damaged"] and not proof.proved
+    assert [*proof.doubts, *proof.end_doubts] == [
+        f"{missing} bytes at its end are missing or damaged"
+    ] and not proof.proved
     closed = close_unfinished(path)
     assert closed and (closed.unproved, closed.missing_bytes, closed.kept) == (0, missing, None)
     assert f"{missing} bytes at its end" in closed.describe_loss() and read_closed(path) == read_stream(whole)[:300]
     proof = ProofFile(path)
     assert [len(page.rows[0][1]) for page in proof.pages()] == [300]
-    assert proof.doubts == [f"was closed later: {missing} bytes at its end were missing or damaged"]
+    assert [*proof.doubts, *proof.end_doubts] == [
+        f"was closed later: {missing} bytes at its end were missing or damaged"
+    ]
 
 
 def test_a_cut_within_a_sync_is_a_loss_and_no_contradiction(tmp_path: Path) -> None:
@@ -143,7 +147,7 @@ def test_a_cut_within_a_sync_is_a_loss_and_no_contradiction(tmp_path: Path) -> N
         assert closed and (closed.messages, closed.unproved, closed.missing_bytes) == (200, 0, missing)
         proof = ProofFile(path)
         assert [len(page.rows[0][1]) for page in proof.pages()] == [200]
-        assert proof.faults == [] and len(proof.doubts) == 1
+        assert proof.faults == [] and len([*proof.doubts, *proof.end_doubts]) == 1
 
 
 def test_a_hole_before_the_last_sync_is_reported_and_nothing_is_touched(tmp_path: Path) -> None:
