@@ -30,7 +30,7 @@ from fti.interrupts import remembered_interrupts
 EXIT_WRONG = 2
 EXIT_LOSSES = 3
 EXIT_INTERRUPTED = 130
-#: With this variable in the environment, an error that nobody expected keeps its traceback.
+#: With this variable in the environment, an unexpected error keeps its traceback.
 TRACEBACK = "FTI_TRACEBACK"
 #: Arguments of commands that name what is read.
 FILES = ("session", "other", "file", "files", "config", "scenario", "reference", "airfield")

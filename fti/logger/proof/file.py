@@ -18,9 +18,9 @@ from pathlib import Path
 
 from fti.logger import records
 from fti.logger.blueprint import altered_tables
-from fti.logger.checkpoints import RECORD_BYTES, read_slots, segments, slot
+from fti.logger.checkpoints import segments
 from fti.logger.lock import is_being_written
-from fti.logger.reading.chunk_marks import CHECKPOINTS_HEAD
+from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.doubts import doubts_of, end_doubts_of, has_doubtful_end, notes_of
 from fti.logger.reading.limits import DeclaredSizes, LimitError
 from fti.logger.reading.mcap_file import FOOTER_BYTES, Topic, has_footer
@@ -113,7 +113,7 @@ class ProofFile:
             at = at or self._begin(source)
             while at and at < source.size:
                 op = source.read(at, 1)[0]
-                head = chunk_head(source, at)
+                head = chunk_head(source, at) if op == Op.CHUNK else None
                 if head and not self.finished and is_open(source, head):
                     yield from self._open_chunk(source, head)
                     break
@@ -201,14 +201,10 @@ class ProofFile:
 
     def _check_checkpoints(self, source: Source, head: ChunkHead, data: bytes) -> None:
         """Is every byte of the checkpoints before a chunk what follows from its records?"""
-        record = source.read(max(0, head.at - RECORD_BYTES), RECORD_BYTES)
-        if not record.startswith(CHECKPOINTS_HEAD) or head.compression:
-            return
-        found, damaged = read_slots(record[HEAD.size :])
-        filled = b"".join(map(slot, found))
-        if damaged or filled != record[HEAD.size :].rstrip(b"\0").ljust(len(filled), b"\0"):
+        marks = chunk_marks(source, head)
+        if marks.damaged:
             self.faults.append(f"the checkpoints before the chunk at byte {head.at} are damaged")
-        elif not all(segment.proved for segment in segments(data, found)):
+        elif not all(segment.proved for segment in segments(data, marks.checkpoints)):
             self._unproved_at.append(head.at)
 
     def _page(self, data: bytes, rows: dict[int, list[Row]], at: int, end: int) -> Page:

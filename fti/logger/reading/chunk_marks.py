@@ -9,8 +9,7 @@ from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead
 from fti.logger.records import HEAD, Op
 
-#: How the record of the checkpoints begins.
-CHECKPOINTS_HEAD = HEAD.pack(Op.CHECKPOINTS, SLOTS * SLOT_BYTES)
+_RECORD_HEAD = HEAD.pack(Op.CHECKPOINTS, SLOTS * SLOT_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +36,7 @@ def chunk_marks(source: Source, head: ChunkHead) -> ChunkMarks:
     record = source.read(head.at - RECORD_BYTES, RECORD_BYTES) if head.at >= RECORD_BYTES else b""
     if head.compression:
         return ChunkMarks([])
-    is_there = record.startswith(CHECKPOINTS_HEAD)
+    is_there = record.startswith(_RECORD_HEAD)
     found, damaged = read_slots(record[HEAD.size :]) if is_there else ([], None)
     synced = found[-1].size if found else 0
     if head.crc and all(checkpoint.size != head.size for checkpoint in found):

@@ -44,10 +44,13 @@ class Declarations:
         self.channels |= content.channels
 
     def agree(self, content: Content) -> bool:
-        """Does the chunk declare nothing that is declared otherwise, and no channel whose schema is unknown?"""
+        """Does the chunk declare nothing that is declared otherwise?"""
+        return _agree(self.schemas, content.schemas) and _agree(self.channels, content.channels)
+
+    def suffice(self, content: Content) -> bool:
+        """Do they agree, and is the schema of each channel known?"""
         schemas = {**self.schemas, **content.schemas}
-        known = all(_schema_id(record) in (0, *schemas) for record in content.channels.values())
-        return known and _agree(self.schemas, content.schemas) and _agree(self.channels, content.channels)
+        return self.agree(content) and all(_schema_id(r) in (0, *schemas) for r in content.channels.values())
 
 
 def _schema_id(channel: bytes) -> int:
@@ -116,7 +119,7 @@ def judge_open_chunk(data: bytes, head: ChunkHead, marks: ChunkMarks, known: Dec
 
 def _content(data: bytes, known: Declarations) -> Content:
     content = Content(set(known.channels)).feed(data)
-    if not known.agree(content):
+    if not known.suffice(content):
         raise DamagedChunkError("it declares a channel or schema in another way than the file before it")
     return content
 
@@ -160,7 +163,7 @@ def _take_unproved(found: OpenChunk, data: bytes, known: Declarations) -> None:
     content.feed(data)
     if not content.torn and content.last >= proved:
         content = found.content = content.cut()
-    if not known.agree(content):
+    if not known.suffice(content):
         found.content = _content(bytes(content.data[:proved]), known)
         return
     content.trim()

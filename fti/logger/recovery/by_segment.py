@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from fti.logger.checkpoints import RECORD_BYTES, Checkpoint, Segment, segments
+from fti.logger.checkpoints import Checkpoint, Segment, segments
 from fti.logger.reading.chunk_content import Content
 from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.source import Source
@@ -31,7 +31,7 @@ def headless_chunk(source: Source, at: int) -> ChunkHead | None:
     """The head of a chunk that must have stood at an offset, from the checkpoints before it; None without any."""
     begin = at + CHUNK.size
     blank = ChunkHead(at, begin, begin, 0, 0, "")
-    found = chunk_marks(source, blank).checkpoints if at >= RECORD_BYTES else []
+    found = chunk_marks(source, blank).checkpoints
     return ChunkHead(at, begin, begin + found[-1].size, found[-1].size, found[-1].crc, "") if found else None
 
 

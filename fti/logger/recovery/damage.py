@@ -23,7 +23,7 @@ from fti.errors import RecordingError
 from fti.logger.reading.chunk_content import Content, channel_name
 from fti.logger.reading.chunk_marks import chunk_marks
 from fti.logger.reading.limits import MAX_RECORD, DeclaredSizes, LimitError
-from fti.logger.reading.open_chunk import is_open
+from fti.logger.reading.open_chunk import Declarations, is_open
 from fti.logger.reading.source import Source
 from fti.logger.reading.structure import ChunkHead, chunk_head, record_end
 from fti.logger.reading.told import Told
@@ -40,12 +40,11 @@ _BARE = frozenset(int(op) for op in (Op.SCHEMA, Op.CHANNEL, Op.MESSAGE))
 class Walk:
     """The pieces of a file in its order; together they cover it.  ``at`` : where the walk stands.
 
-    known : channels of the messages taken so far; schemas likewise.  told : the summary, if it is whole.
+    declared : channels and schemas of what was taken so far.  told : the summary, if it is whole.
     """
 
     def __init__(self, source: Source, told: Told | None, progress: Callable[[int], None]) -> None:
-        self.channels: dict[int, bytes] = {}
-        self.schemas: dict[int, bytes] = {}
+        self.declared = Declarations()
         self._sizes = DeclaredSizes()
         self._source = source
         self._told = told
@@ -89,8 +88,7 @@ class Walk:
                 self._sizes.schema(schema_id, len(record))
         except LimitError as error:
             raise RecordingError(f"{self._source.path}: is not recovered: {error}") from None
-        self.channels |= content.channels
-        self.schemas |= content.schemas
+        self.declared.add(content)
 
     # ------------------------------------------------------------------------------------------------- one record
 
@@ -151,7 +149,7 @@ class Walk:
             found = self._split(head)
         else:
             found = _listed(self._unproved(head, stored))
-        agree = all(self._agrees(piece.content) for piece in found if isinstance(piece, Messages))
+        agree = all(self.declared.agree(piece.content) for piece in found if isinstance(piece, Messages))
         self._found = head, found if agree else []
         return self._found[1]
 
@@ -163,7 +161,7 @@ class Walk:
             return []
         data = self._source.read(head.begin, min(size, self._limit - head.begin))
         unfinished = self._told is None and is_open(self._source, head)
-        return split(ChunkData(head, data, marks.checkpoints), self.channels, open_end=unfinished)
+        return split(ChunkData(head, data, marks.checkpoints), self.declared.channels, open_end=unfinished)
 
     def _headless(self, at: int) -> list[Piece]:
         """A chunk whose head is damaged, by the checkpoints before it."""
@@ -175,16 +173,10 @@ class Walk:
             return []
         return [Lost(at, head.begin), *pieces]
 
-    def _agrees(self, content: Content) -> bool:
-        """Schemas and channels mean the same in the whole file."""
-        return all(self.channels.get(key, record) == record for key, record in content.channels.items()) and all(
-            self.schemas.get(key, record) == record for key, record in content.schemas.items()
-        )
-
     def _unproved_packed(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
         if stored is None:
             return None
-        content = Content(self.channels).feed(stored)
+        content = Content(self.declared.channels).feed(stored)
         return Messages(head.at, head.end, content, False, head) if content.whole else None
 
     def _unproved(self, head: ChunkHead, stored: bytes | None) -> Messages | None:
@@ -194,7 +186,7 @@ class Walk:
         size = min(head.end, self._limit) - head.begin
         if size > MAX_RECORD:
             return None
-        content = Content(self.channels).feed(self._source.read(head.begin, size))
+        content = Content(self.declared.channels).feed(self._source.read(head.begin, size))
         while content.torn and (more := self._more(head.begin + len(content.data))):
             content.feed(more)
         return self._as_messages(head, content)
@@ -216,9 +208,9 @@ class Walk:
 
     def _bare_messages(self, at: int) -> Messages | None:
         """Messages outside of chunks, as many as a block holds."""
-        content = Content(self.channels).feed(self._source.read(at, min(BLOCK, self._limit - at)))
+        content = Content(self.declared.channels).feed(self._source.read(at, min(BLOCK, self._limit - at)))
         if not content.end and (end := record_end(self._source, at, self._limit)):
-            content = Content(self.channels).feed(self._source.read(at, end - at))
+            content = Content(self.declared.channels).feed(self._source.read(at, end - at))
         if content.torn and content.end:
             return Messages(at, at + content.end, content.trim(), False)
         return self._as_messages(None, content, at)

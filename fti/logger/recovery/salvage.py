@@ -86,11 +86,12 @@ def _salvage_file(path: Path, out: Path, numbers: NumbersFound, progress: Progre
     with Source(path) as source:
         begins = file_begins(source)
         ends = [*begins[1:], source.size]
-    known = KnownChunks()
+    known = KnownChunks() if len(begins) > 1 else None  # a digest of each chunk is made for them alone
     found = []
     for n, (begin, end) in enumerate(zip(begins, ends, strict=True), 1):
         copy = out / f"{path.stem}{f'_part{n}' if n > 1 else ''}.mcap"
-        known.begin_part()
+        if known:
+            known.begin_part()
         report = salvage(path, copy, numbers, lambda at: progress(begin + at), part=(begin, end), known=known)  # noqa: B023
         found.append(report)
     return found
@@ -132,7 +133,7 @@ def salvage(
     draft = out.with_name(f".{out.name}.part")
     try:
         with Source(path, *part) as source, Rebuilt(draft, _head(source)) as rebuilt:
-            report = _Salvage(source, rebuilt, numbers, progress, known or KnownChunks()).run()
+            report = _Salvage(source, rebuilt, numbers, progress, known).run()
         report.file = out.name if part[0] else report.file
         draft.rename(out)
     finally:
@@ -154,7 +155,7 @@ class _Salvage:
     """One file."""
 
     def __init__(
-        self, source: Source, rebuilt: Rebuilt, numbers: NumbersFound, progress: Progress, known: KnownChunks
+        self, source: Source, rebuilt: Rebuilt, numbers: NumbersFound, progress: Progress, known: KnownChunks | None
     ) -> None:
         self._source = source
         self._known = known
@@ -193,7 +194,7 @@ class _Salvage:
         self._places.add(piece.begin)
         if not content.messages:
             return
-        if piece.proved and self._known.is_copy(content):
+        if self._known and piece.proved and self._known.is_copy(content):
             report.copies += content.messages
             return
         for channel_id in unknown_channels(content, self._rebuilt.channels):
@@ -218,11 +219,12 @@ class _Salvage:
         """A channel whose record was lost: as the rest of the file tells of it, or by a name of our own."""
         told_channels = self._told.channels if self._told else {}
         told_schemas = self._told.schemas if self._told else {}
-        channel = self._walk.channels.get(channel_id) or told_channels.get(channel_id)
+        channel = self._walk.declared.channels.get(channel_id) or told_channels.get(channel_id)
         if channel is None:
             channel = records.channel(channel_id, f"/recovered/channel_{channel_id}", "", 0, {})
         (schema_id,) = struct.unpack_from("<H", channel, HEAD.size + 2)
-        self._rebuilt.declare(channel_id, channel, self._walk.schemas.get(schema_id) or told_schemas.get(schema_id))
+        schema = self._walk.declared.schemas.get(schema_id) or told_schemas.get(schema_id)
+        self._rebuilt.declare(channel_id, channel, schema)
 
     def _take_other(self, piece: Other) -> None:
         record = self._source.read(piece.begin, piece.end - piece.begin)

@@ -20,7 +20,7 @@ from fti.logger.reading.structure import (
     record_end,
 )
 from fti.logger.reading.tables import metadata_table
-from fti.logger.records import CHUNK, HEAD, Op, read_text
+from fti.logger.records import HEAD, Op, read_text
 from fti.logger.recovery.damage import Walk
 from fti.logger.summary import Summary
 
@@ -140,7 +140,7 @@ class _Surveyor:
     def _finished_content(self, head: ChunkHead) -> Content:
         data = head.content(self._source)
         content = Content(set(self._known.channels)).feed(data) if data is not None else None
-        if content is None or not content.whole or not head.crc or not self._known.agree(content):
+        if content is None or not content.whole or not head.crc or not self._known.suffice(content):
             raise self._refusal(f"the chunk at byte {head.at} is not what was written")
         return content
 
@@ -181,5 +181,5 @@ class _Surveyor:
             raise self._refusal(f"it makes no sense from byte {found.end} on, and goes on at byte {later}")
         if is_followed_by_chunk(self._source, found.end):
             raise self._refusal(f"it makes no sense from byte {found.end} on, and a chunk begins behind that")
-        if found.chunk is None and not found.data_ended and len(rest) > max(MAX_TORN_BYTES, CHUNK.size):
+        if found.chunk is None and not found.data_ended and len(rest) > MAX_TORN_BYTES:
             raise self._refusal(f"it makes no sense from byte {found.end} on")
