@@ -1,0 +1,91 @@
+"""The messages of one topic of a session as columns over time."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.logger.reading.json_message import parse_table, using_message
+from fti.logger.reading.recording import Recording
+
+Array = NDArray[np.float64]
+Times = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSeries:
+    """The messages of a topic, in the order of the file.
+
+    log_ns : log times [ns], shape (n,); rows : content of each message; repeated : how many messages have the log time
+    and the bytes of the one before
+    """
+
+    topic: str
+    log_ns: Times
+    rows: Sequence[dict[str, Any]]
+    repeated: int = 0
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def valid_ns(self) -> Times:
+        """When the content of each message was true [ns], shape (n,): its stamp, else its log time."""
+        times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") for row in self.rows)
+        pairs = zip(times, self.log_ns.tolist(), strict=True)
+        return np.array([t if isinstance(t, int) else log_ns for t, log_ns in pairs], dtype=np.int64)
+
+    @property
+    def valid(self) -> Mask:
+        """Which messages declare themselves valid, shape (n,); where there is no such field, all do."""
+        return np.array([row.get("valid", True) is True for row in self.rows], dtype=bool)
+
+    def column(self, name: str) -> Array:
+        """A field as numbers, shape (n,); NaN where a message has none."""
+        return np.array([_number(row.get(name)) for row in self.rows], dtype=np.float64)
+
+    def values(self, name: str) -> list[Any]:
+        """A field as it is, None where a message has none."""
+        return [row.get(name) for row in self.rows]
+
+    def pick(self, mask: Mask) -> TopicSeries:
+        """The messages of a mask, shape (n,)."""
+        chosen = np.flatnonzero(mask)
+        return TopicSeries(self.topic, self.log_ns[chosen], [self.rows[i] for i in chosen], self.repeated)
+
+
+def read_series(recording: Recording, topics: Iterable[str]) -> dict[str, TopicSeries]:
+    """Topics of the derived files of a session; one without a message is empty.  Raises RecordingError."""
+    wanted = dict.fromkeys(topics)
+    times: dict[str, list[int]] = defaultdict(list)
+    rows: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    repeated: dict[str, int] = defaultdict(int)
+    last: dict[str, tuple[int, bytes]] = {}
+    for topic, t_ns, _, _, data in recording.messages(kind="derived"):
+        if topic not in wanted:
+            continue
+        with using_message(topic, t_ns):
+            rows[topic].append(parse_table(data))
+        times[topic].append(t_ns)
+        repeated[topic] += last.get(topic) == (t_ns, data)
+        last[topic] = t_ns, data
+    return {
+        topic: TopicSeries(topic, np.array(times[topic], dtype=np.int64), rows[topic], repeated[topic])
+        for topic in wanted
+    }
+
+
+def _stamp(row: dict[str, Any]) -> dict[str, Any]:
+    stamp = row.get("stamp")
+    return stamp if isinstance(stamp, dict) else {}
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
