@@ -24,8 +24,10 @@ from fti.hil.report import Report, lateness_by_link
 from fti.hil.scenario import Scenario
 from fti.hil.scheduler import Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
+from fti.hil.sensors.intended import intended_values
 from fti.hil.sensors.measured import check_numbers
 from fti.hil.sensors.power_unit import distribute
+from fti.hil.sensors.sent_rates import sent_rates
 from fti.hil.streams import Babble, SensorStream, StatusStream
 from fti.hil.tables.bases import OnLinks
 from fti.hil.tables.dynamics import JsbsimFlight
@@ -117,7 +119,8 @@ class Emulator:
         if self._truth:
             progress("truth")
             altimeters = [device for device in self.config.device if device.altimeter]
-            self._truth_rows = TruthRows(self._world, altimeters)
+            rates, intended = sent_rates(self._sensors, self._world), intended_values(self._sensors, self._world)
+            self._truth_rows = TruthRows(self._world, altimeters, rates, intended)
 
     def start(self) -> None:
         """Let the flight begin (as soon as the endpoints are there)."""

@@ -1,19 +1,22 @@
 """The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
 
 Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
-The file says which scenario was flown (attachment ``scenario.json``).
+The file says which scenario was flown (attachment ``scenario.json``), and how often each device sends each kind of
+measurement (``sent_rates.json``).  What each device means to state once a second is on ``/truth/measurement/<device>``,
+at the time of the sample.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fti.config import Device
+from fti.hil.sensors.intended import IntendedValues
 from fti.hil.world import World
 from fti.logger.stream_writer import StreamWriter
 
@@ -21,16 +24,19 @@ RATE_HZ = 25.0
 FLUSH_EVERY = 5
 SECOND_NS = 1_000_000_000
 TOPIC = "/truth/state"
-SCENARIO_ATTACHMENT = "scenario.json"
+MEASUREMENT = "/truth/measurement/"
+SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"
 #: Nobody knows better where an aircraft is [m]: ``ranges_around`` of the world.
 PLACE_M = 3.0
 QUANTITIES = {
     "lat": "latitude [rad]",
     "lon": "longitude [rad]",
     "alt": "height of P above the WGS84 ellipsoid [m]",
+    "alt_msl": "height of P above mean sea level [m]",
     "vel_north": "[m/s]",
     "vel_east": "[m/s]",
     "vel_down": "[m/s]",
+    "ground_speed": "[m/s]",
     "roll": "right wing down [rad]",
     "pitch": "nose up [rad]",
     "heading": "clockwise from true north [rad]",
@@ -49,14 +55,35 @@ RANGES = {
 }
 
 
+_INTENDED_SCHEMA = {
+    "type": "object",
+    "title": "fti.IntendedValues",
+    "properties": {
+        "t_ns": {"type": "integer", "description": "FTI time of the sample [ns]"},
+        "values": {
+            "type": "object",
+            "description": "by measurement, its name in brackets, and field; SI and radians, before faults",
+            "additionalProperties": {"type": "number"},
+        },
+    },
+}
+
+
 class TruthRows:
     """What stands in the truth file of one flight; everything is computed before the flight begins.
 
     That takes a second of a core, in which whoever comes before others would keep others from theirs.
     """
 
-    def __init__(self, world: World, altimeters: Sequence[Device] = ()) -> None:
+    def __init__(
+        self,
+        world: World,
+        altimeters: Sequence[Device] = (),
+        rates: Mapping[str, Mapping[str, float]] | None = None,
+        intended: Sequence[IntendedValues] = (),
+    ) -> None:
         self.altimeters, self.flown = altimeters, world.scenario.flown
+        self.rates, self.intended = rates or {}, intended
         self.t = np.arange(0.0, world.duration, 1.0 / RATE_HZ)
         self._columns = _columns(world, self.t)
         for device in altimeters:
@@ -77,8 +104,16 @@ class TruthLog:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
         self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.flown.encode(), log_time=0)
+        rates_json = json.dumps(rows.rates).encode()
+        self._writer.add_attachment(RATES_ATTACHMENT, "application/json", rates_json, log_time=0)
         schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(rows.altimeters)).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)
+        values = self._writer.add_schema("fti.IntendedValues", "jsonschema", json.dumps(_INTENDED_SCHEMA).encode())
+        self._of_device = {
+            device: self._writer.add_channel(f"{MEASUREMENT}{device}", "json", values)
+            for device in dict.fromkeys(one.device for one in rows.intended)
+        }
+        self._written = 0
 
     def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
         """The rows as a stream of the scheduler, for a flight that begins at start_ns; now_ns : FTI time [ns]."""
@@ -89,8 +124,19 @@ class TruthLog:
         t_ns = start_ns + round(float(self._rows.t[k]) * SECOND_NS)
         row = {"t_ns": t_ns, **self._rows.row(k)}
         self._writer.write(self._channel, t_ns, json.dumps(row).encode(), k, now_ns)
+        self._write_intended(float(self._rows.t[k]), start_ns, now_ns)
         if k % FLUSH_EVERY == 0:
             self._writer.flush()
+
+    def _write_intended(self, until_s: float, start_ns: int, now_ns: int) -> None:
+        """Write what devices have meant to state until a time of the flight."""
+        intended = self._rows.intended
+        while self._written < len(intended) and intended[self._written].t_s <= until_s:
+            one = intended[self._written]
+            t_ns = start_ns + round(one.t_s * SECOND_NS)
+            content = json.dumps({"t_ns": t_ns, "values": one.values}).encode()
+            self._writer.write(self._of_device[one.device], t_ns, content, self._written, now_ns)
+            self._written += 1
 
     def close(self) -> None:
         """Finish the file."""
@@ -140,7 +186,7 @@ def _columns(world: World, t: np.ndarray[tuple[int], np.dtype[np.float64]]) -> d
     deviation = np.where(s > 0.0, np.arctan2(s * math.tan(path.glide) + dh, s) - path.glide, np.nan)
     north, east, down = now.vel_n.T
     values = (
-        now.lat, now.lon, now.alt, north, east, down, now.roll, now.pitch, now.heading, now.tas,
-        s, y, now.alt - world.ground(now), dh, deviation,
+        now.lat, now.lon, now.alt, now.alt - world.undulation, north, east, down, np.hypot(north, east),
+        now.roll, now.pitch, now.heading, now.tas, s, y, now.alt - world.ground(now), dh, deviation,
     )  # fmt: skip
     return dict(zip(QUANTITIES, values, strict=True))

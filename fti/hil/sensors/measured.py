@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -24,7 +25,8 @@ def check_numbers(sensors: Sequence[Sensor], world: World) -> None:
     for i, fault in enumerate(world.scenario.fault):
         if isinstance(fault, OnQuantity):
             named = [s for s in sensors if fault.may_be_on(s.name)]
-            _check(f"{world.scenario.where}: fault[{i}].quantity", fault, {s.name: _look(s, world) for s in named})
+            measured = {s.name: list(chain(*first_cycles(s, world, LOOK_S))) for s in named}
+            _check(f"{world.scenario.where}: fault[{i}].quantity", fault, measured)
 
 
 def _check(where: str, fault: OnQuantity, told: dict[str, list[Measurement]]) -> None:
@@ -36,17 +38,17 @@ def _check(where: str, fault: OnQuantity, told: dict[str, list[Measurement]]) ->
     raise ConfigError(f"{where}: {name!r} does not measure {what}; it has {', '.join(_numbers(found)) or 'none'}")
 
 
-def _look(sensor: Sensor, world: World) -> list[Measurement]:
-    """The first measurements of a device like this one; the one that flies is not touched.
+def first_cycles(sensor: Sensor, world: World, look_s: float) -> list[list[Measurement]]:
+    """What a device like this one measures in its first look_s [s], cycle by cycle; the one that flies is not touched.
 
     What a power unit says depends on what it feeds, and not on what it has said before: it is asked itself.
     """
     if isinstance(sensor.model, PowerPanel):
-        return sensor.model.measure(0, Stamp(0))
-    count = min(max(math.ceil(LOOK_S * sensor.rate_hz), 2), len(sensor.t))
+        return [sensor.model.measure(0, Stamp(0))]
+    count = min(max(math.ceil(look_s * sensor.rate_hz), 2), len(sensor.t))
     model = MODELS[sensor.bound.device.driver](sensor.bound, world, sensor.t[:count], np.random.default_rng(0))
     stamps = (Stamp(t_ns, t_ns, TimeScale.UTC) for t_ns in (round(1e9 * t) for t in sensor.t[:count]))
-    return [m for k, stamp in enumerate(stamps) for m in model.measure(k, stamp)]
+    return [model.measure(k, stamp) for k, stamp in enumerate(stamps)]
 
 
 def _is_in(fault: OnQuantity, measurements: Iterable[Measurement]) -> bool:

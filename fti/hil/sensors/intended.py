@@ -1,0 +1,117 @@
+"""What a device means to state once a second: the numbers of its measurements before faults, encoder and line.
+
+They are the ground truth of what a recording must contain for the device, errors of its own included.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fti.drivers._quick import quick_stamp
+from fti.hil.sensors.base import Sensor
+from fti.hil.sensors.measured import first_cycles
+from fti.hil.sensors.sent_rates import encoded
+from fti.hil.tables.quantities import NAMING, changed, is_meant, parse, quantities
+from fti.hil.world import World
+from fti.types import Measurement
+
+EVERY_S = 1.0
+#: Numbers that a device sends at all are in its first messages [s].
+LOOK_S = 1.0
+#: Between two messages of that look [ns]; no decoder waits for longer.
+STEP_NS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class IntendedValues:
+    """One sample of a device.
+
+    t_s : when it was taken [s of the flight]; values : SI and radians, by the kind of measurement, in brackets the name
+    of a reading, surface or station, and the field: ``reading[supply_current].value``
+    """
+
+    device: str
+    t_s: float
+    values: dict[str, float]
+
+
+def intended_values(sensors: Sequence[Sensor], world: World) -> list[IntendedValues]:
+    """Of every device, those numbers that its messages carry, in order of time.
+
+    A device whose measurements depend on what happens until then is left out.
+    """
+    found = [one for sensor in sensors if not sensor.is_live for one in _of_one(sensor, world)]
+    return sorted(found, key=lambda one: one.t_s)
+
+
+def _of_one(sensor: Sensor, world: World) -> Iterator[IntendedValues]:
+    """A sample in every second; what a device sends more seldom than it samples is in those that are whole seconds."""
+    sent = _carried(sensor, first_cycles(sensor, world, LOOK_S))
+    for k in range(0, len(sensor.t), max(round(EVERY_S * sensor.rate_hz), 1)):
+        values = {name: v for name, v in numbers(sensor.model.measure(k, quick_stamp(0))).items() if name in sent}
+        if values:
+            yield IntendedValues(sensor.name, float(sensor.t[k]), values)
+
+
+def _carried(sensor: Sensor, cycles: Sequence[Sequence[Measurement]]) -> set[str]:
+    """Names of the numbers by which the bytes of the device change, and that come out of them under the same name.
+
+    Some go into another one: a velocity north and east into ground speed and track.
+    """
+    whole = encoded(sensor.bound, cycles)
+    decoder = sensor.bound.make_decoder()
+    messages = (message for cycle in whole for message in cycle)
+    decoded = numbers(m for k, message in enumerate(messages) for m in decoder.feed(message, k * STEP_NS))
+    return {name for name in decoded if _differs(sensor, _other(name, cycles), whole)}
+
+
+def _differs(sensor: Sensor, cycles: Sequence[Sequence[Measurement]], whole: list[list[bytes]]) -> bool:
+    """Are these other bytes?  A number that no message can carry would have been carried."""
+    try:
+        return encoded(sensor.bound, cycles) != whole
+    except struct.error:
+        return True
+
+
+def _other(name: str, cycles: Sequence[Sequence[Measurement]]) -> list[list[Measurement]]:
+    """The same measurements with another value of one number."""
+    kind, _, field = name.rpartition(".")
+    kind, _, label = kind.rstrip("]").partition("[")
+    quantity = parse(f"{kind}.{field}")
+    return [
+        [changed(m, quantity, _otherwise) if is_meant(m, quantity, label or None) else m for m in cycle]
+        for cycle in cycles
+    ]
+
+
+def _otherwise(value: float) -> float:
+    """Another value of the same sign and size."""
+    return 0.7 * value if value else 0.01
+
+
+def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:
+    """The finite numbers of valid measurements, by name."""
+    found = dict[str, float]()
+    for m in measurements:
+        for kind, quantities_of in quantities().items():
+            for field, quantity in quantities_of.items():
+                if isinstance(m, quantity.kind) and getattr(m, "valid", True):
+                    value = _number(getattr(m, quantity.field), quantity.component)
+                    found |= {} if value is None else {f"{kind}{_name_of(m)}.{field}": value}
+    return found
+
+
+def _name_of(m: Measurement) -> str:
+    names = [str(getattr(m, field)) for field in NAMING if hasattr(m, field)]
+    return f"[{names[0]}]" if names else ""
+
+
+def _number(value: Any, component: int | None) -> float | None:
+    if value is None:
+        return None
+    number = float(value if component is None else value[component])
+    return number if math.isfinite(number) else None

@@ -1,0 +1,49 @@
+"""How often each device sends each kind of measurement, before any fault: what a recording of it must contain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from fti.hil.sensors.base import Sensor
+from fti.hil.sensors.measured import first_cycles
+from fti.hil.world import World
+from fti.logger.derived_log import snake_case
+from fti.service.binding import BoundDevice
+from fti.types import Measurement
+
+#: Devices are looked at for so long [s]; the rarest measurement comes once a second.
+LOOK_S = 2.0
+
+
+def sent_rates(sensors: Sequence[Sensor], world: World) -> dict[str, dict[str, float]]:
+    """Measurement topic -> rate [Hz], of each device by name.
+
+    A kind counts as sent if the bytes of the device are others without it: its encoder may have no message for what
+    the model measures, or may not have been asked for it.
+    """
+    return {sensor.name: _of_one(sensor, world) for sensor in sensors}
+
+
+def _of_one(sensor: Sensor, world: World) -> dict[str, float]:
+    cycles = first_cycles(sensor, world, LOOK_S)
+    kinds = {type(m): None for cycle in cycles for m in cycle}
+    whole = encoded(sensor.bound, cycles)
+    sent = [kind for kind in kinds if encoded(sensor.bound, _without(kind, cycles)) != whole]
+    return {
+        snake_case(kind.__name__): sensor.rate_hz * sum(_has(kind, cycle) for cycle in cycles) / len(cycles)
+        for kind in sent
+    }
+
+
+def encoded(bound: BoundDevice, cycles: Iterable[Iterable[Measurement]]) -> list[list[bytes]]:
+    """The messages of each cycle, from an encoder that has sent nothing before."""
+    encoder = bound.driver.make_encoder(bound.options)
+    return [[message for m in cycle for message in encoder.encode(m)] for cycle in cycles]
+
+
+def _without(kind: type[Measurement], cycles: Sequence[Sequence[Measurement]]) -> list[list[Measurement]]:
+    return [[m for m in cycle if not isinstance(m, kind)] for cycle in cycles]
+
+
+def _has(kind: type[Measurement], cycle: Iterable[Measurement]) -> bool:
+    return any(isinstance(m, kind) for m in cycle)
