@@ -32,6 +32,9 @@ channel = "/nav/height_above_ground/altimeter.valid"
 at_s = 30
 value = false
 within_s = 1
+
+[limits]                           # what outputs are judged by: fti/hil/tables/limits.py
+vertical_m = 10
 """
 
 from __future__ import annotations
@@ -47,6 +50,7 @@ from fti.hil.ports.outside import Port
 from fti.hil.tables.bases import NotNegative
 from fti.hil.tables.flights import ApproachFlight, FlightTable
 from fti.hil.tables.kinds import Fault, Obstacle
+from fti.hil.tables.limits import ScoreLimits
 
 
 class Air(StrictModel):
@@ -127,6 +131,7 @@ class Scenario(StrictModel):
     fault: tuple[Fault, ...] = ()
     expect: tuple[Expectation, ...] = ()
     profile: str | None = None
+    limits: ScoreLimits = ScoreLimits()
     _file: str = PrivateAttr("")
 
     def of_file(self, file: str) -> Scenario:
@@ -151,7 +156,9 @@ class Scenario(StrictModel):
 
         Which configuration was flown with it is told by the session.
         """
-        words_and_places: dict[str, Any] = dict.fromkeys(("config", "description", "expect", "port", "profile"), True)
+        words_and_places: dict[str, Any] = dict.fromkeys(
+            ("config", "description", "expect", "limits", "port", "profile"), True
+        )
         return self.model_dump_json(exclude={**words_and_places, "flight": {"file"}})
 
     @property

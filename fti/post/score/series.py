@@ -57,7 +57,7 @@ class TopicSeries:
 
     def pick(self, mask: Mask) -> TopicSeries:
         """The messages of a mask, shape (n,)."""
-        chosen = np.flatnonzero(mask)
+        chosen = np.flatnonzero(mask).tolist()
         return TopicSeries(self.topic, self.log_ns[chosen], [self.rows[i] for i in chosen], self.repeated)
 
 

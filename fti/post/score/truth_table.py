@@ -56,7 +56,7 @@ class TruthTable:
 
     def seconds(self, t_ns: Times) -> Array:
         """Time of the flight [s], shape as t_ns."""
-        return (t_ns - self.t_ns[0]) / SECOND_NS
+        return np.asarray((t_ns - self.t_ns[0]) / SECOND_NS, dtype=np.float64)
 
     def at(self, name: str, t_ns: Times) -> Array:
         """A quantity at FTI times [ns], linear between rows, shape as t_ns; NaN beside a row that has none.
@@ -66,7 +66,8 @@ class TruthTable:
         column = self.columns.get(name)
         if column is None:
             return np.full(np.shape(t_ns), math.nan)
-        return np.interp(self.seconds(t_ns), self.seconds(self.t_ns), column, left=math.nan, right=math.nan)
+        t, rows = self.seconds(t_ns), self.seconds(self.t_ns)
+        return np.asarray(np.interp(t, rows, column, left=math.nan, right=math.nan), dtype=np.float64)
 
 
 def _numbers(item: Item) -> dict[str, float]:

@@ -1,0 +1,134 @@
+"""When faults explain that an output is missing, not valid, or wrong.
+
+A device that is lost must be noticed: its faults explain an output that is rarer or not valid, never a wrong value that
+is called valid.  A device that measures wrong values explains those, too: what it must raise is an expected flag.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.duties import HEIGHT, INTEGRITY, doubted_s
+from fti.hil.expected.flags import told
+from fti.hil.expected.required_outputs import FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
+from fti.hil.faults.fitting import is_of
+from fti.hil.tables.bases import OnDevices, OnQuantity
+from fti.hil.tables.kinds import (
+    Babbling,
+    BitErrors,
+    Burst,
+    BusOff,
+    ClockDrift,
+    ClockJump,
+    Fault,
+    Fog,
+    Freeze,
+    GnssDegraded,
+    GnssOffset,
+    LostHeader,
+    Obstacle,
+    OffTrack,
+    Reordered,
+    Stuck,
+    Truncated,
+    WrongLabel,
+)
+
+Interval = tuple[float, float]
+#: A fault that no device is lost by.
+HARMLESS = GnssDegraded
+#: Faults by which a device states a wrong value, a right one at a wrong time, or one that may be taken for another.
+WRONG = (
+    Stuck | Freeze | OnQuantity | Fog | GnssOffset | ClockJump | ClockDrift | Burst | Reordered
+    | BitErrors | LostHeader | Truncated | WrongLabel
+)  # fmt: skip
+#: A device that was lost has its fix, its clock and its rate again so long after it came back [s].
+BACK_S = 2.0
+
+
+class Affected:
+    """The faults of a scenario, and which outputs of a configuration they touch."""
+
+    def __init__(self, faults: Sequence[Fault], craft: Aircraft, truth: Truth) -> None:
+        self._faults, self._craft, self._truth = faults, craft, truth
+        self._bound = {bound.device.name: bound for bound in craft.devices}
+
+    def lost(self, output: RequiredOutput) -> list[Interval]:
+        """When the output may be rare, or not valid [s of the flight]."""
+        found = [
+            (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
+            for fault, name in self._on(output.devices)
+            if not isinstance(fault, HARMLESS) and self._counts(name, fault, output)
+        ]
+        return found + list(self._on_ground(output)) + list(self._beside_track(output))
+
+    def wrong(self, output: RequiredOutput) -> list[Interval]:
+        """When the output may be wrong and call itself valid [s of the flight]."""
+        found = [
+            (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
+            for fault, name in self._on(output.devices)
+            if isinstance(fault, WRONG) and self._counts(name, fault, output)
+        ]
+        return found + list(self._on_ground(output))
+
+    def _on(self, names: Sequence[str]) -> Iterator[tuple[OnDevices | BusOff | Babbling, str]]:
+        """The faults of these devices."""
+        for fault in self._faults:
+            for name in names:
+                bound = self._bound.get(name)
+                if bound and isinstance(fault, OnDevices | BusOff) and is_of(fault, bound):
+                    yield fault, name
+                if bound and isinstance(fault, Babbling) and bound.device.link in (fault.links or (bound.device.link,)):
+                    yield fault, name
+
+    def _counts(self, name: str, fault: OnDevices | BusOff | Babbling, output: RequiredOutput) -> bool:
+        """Is the device asked during the fault?  Not while one before it in every list has an answer."""
+        lists = [names for names in output.preferred if name in names]
+        only_there = lists and not output.topic.endswith(f"/{name}")
+        return not only_there or any(self._is_asked(name, names, fault) for names in lists)
+
+    def _is_asked(self, name: str, names: Sequence[str], fault: OnDevices | BusOff | Babbling) -> bool:
+        before = names[: names.index(name)]
+        gone = {
+            other
+            for loss, other in self._on(before)
+            if loss.from_s < fault.to_s + BACK_S and self._back_s(loss, other) > fault.from_s
+        }
+        return gone.issuperset(before)
+
+    def _back_s(self, fault: OnDevices | BusOff | Babbling, name: str) -> float:
+        """When the device is there again [s of the flight]."""
+        craft = self._craft
+        return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + BACK_S
+
+    def _memory_s(self, output: RequiredOutput) -> float:
+        """How long the effect of a fault lasts in the output [s]."""
+        return doubted_s(self._craft) if output.topic in (INTEGRITY, GLIDE) else output.memory_s
+
+    def _on_ground(self, output: RequiredOutput) -> Iterator[Interval]:
+        """Obstacles that the reference does not know, in what is compared with the known ground."""
+        monitored, aided = output.topic in (INTEGRITY, GLIDE), output.topic in (FILTER, VERTICAL, FIX)
+        if not (monitored or aided or output.topic.startswith(HEIGHT)):
+            return
+        for fault in self._faults:
+            if isinstance(fault, Obstacle):
+                for may in (may for one in told(fault, self._craft, self._truth) for may in one.may):
+                    if (may.place == INTEGRITY) is monitored:
+                        yield may.from_s, may.until_s + (output.memory_s if aided else 0.0)
+
+    def _beside_track(self, output: RequiredOutput) -> Iterator[Interval]:
+        for fault in self._faults:
+            if isinstance(fault, OffTrack) and output.topic in (INTEGRITY, GLIDE):
+                yield fault.from_s, fault.to_s + fault.turn_s + doubted_s(self._craft)
+
+
+def inside(t: NDArray[np.float64], intervals: Sequence[Interval]) -> NDArray[np.bool_]:
+    """Which times lie in one of the intervals, ends included; shape as t."""
+    found = np.zeros(np.shape(t), dtype=bool)
+    for from_s, until_s in intervals:
+        found |= (t >= from_s) & (t <= until_s)
+    return found

@@ -1,0 +1,85 @@
+"""Does the error of a quantity fit its limit, and the sigma that the messages state?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fti.hil.tables.limits import ScoreLimits
+from fti.post.score.outputs.errors import QuantityError
+from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.series import Array, Mask
+
+#: So many errors say something about a sigma.
+LEAST_COUNT = 20
+#: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
+LEAST_RATIO = 0.02
+
+
+def accuracy(topic: str, quantity: QuantityError, judged: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
+    """Rows of one quantity.  judged : valid messages that no fault explains, shape (n,); t : their times [s]"""
+    known = judged & np.isfinite(quantity.error)
+    if not known.any():
+        return
+    yield _error(topic, quantity, known, t, limits)
+    stated = known & np.isfinite(quantity.sd)
+    if stated.any():
+        yield _sigma(topic, quantity, stated, t, limits)
+
+
+def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
+    """A row where values are wrong and called valid while a fault explains it; it is not judged.
+
+    excused : valid messages during such faults, shape (n,)
+    """
+    known = excused & np.isfinite(quantity.error)
+    if known.any():
+        row = _error(topic, quantity, known, t, limits)
+        if row.verdict is OutputVerdict.FAILS:
+            yield replace(row, verdict=OutputVerdict.NOT_JUDGED, found=f"{row.found}, called valid during a fault")
+
+
+def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
+    """The largest error beside what is allowed to it."""
+    error = np.abs(quantity.error[known])
+    allowed = np.fmax(quantity.limit, limits.worst_sigmas * np.nan_to_num(quantity.sd[known]))
+    worst = int(np.argmax(error / allowed))
+    return OutputRow(
+        topic,
+        Check.ERROR,
+        quantity.name,
+        verdict_of(bool(error[worst] <= allowed[worst])),
+        f"{error[worst]:.3g} {quantity.unit} at most, RMS {np.sqrt(np.mean(error**2)):.3g} {quantity.unit}",
+        f"<= {allowed[worst]:.3g} {quantity.unit}",
+        float(t[known][worst]),
+    )
+
+
+def _sigma(topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
+    """The share of errors beyond some sigmas; sigmas that are positive, and no larger than they may be."""
+    error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
+    beyond = error > limits.sigmas * sd
+    share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
+    median = float(np.median(sd))
+    found = (
+        f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, median sigma {median:.3g} {quantity.unit}"
+    )
+    limit = (
+        f"<= {limits.beyond_share:.0%} beyond, RMS >= {LEAST_RATIO:g} sigma, sigma > 0, "
+        f"median <= {quantity.limit:.3g} {quantity.unit}"
+    )
+    enough = len(error) >= LEAST_COUNT
+    verdict = verdict_of(
+        bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= LEAST_RATIO and median <= quantity.limit
+    )
+    at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
+    return OutputRow(
+        topic, Check.SIGMA, quantity.name, verdict if enough else OutputVerdict.NOT_JUDGED, found, limit, at
+    )
+
+
+def _rms_ratio(error: Array, sd: Array) -> float:
+    positive = sd > 0.0
+    return float(np.sqrt(np.mean((error[positive] / sd[positive]) ** 2))) if positive.any() else 0.0

@@ -1,0 +1,59 @@
+"""Is an output valid where it has all that it needs?
+
+An output that is never valid harms nobody and helps nobody: a score that asks only what is wrongly called valid would
+be met by it.  Where it must be valid follows from the truth and from the faults.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fti.hil.expected.duties import May
+from fti.hil.tables.limits import ScoreLimits
+from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.series import Array, Mask, TopicSeries
+
+#: So many messages say something about a share.
+LEAST_COUNT = 10
+#: Flags that a flight may raise at any time explain no larger share of it.
+EXPLAINED_SHARE = 0.3
+
+
+def availability(
+    series: TopicSeries, due: Mask, t: Array, may: Sequence[May], limits: ScoreLimits
+) -> Iterator[OutputRow]:
+    """One row.
+
+    due : messages that must be valid, shape (n,); t : times of all messages [s of the flight], shape (n,)
+    may : flags that the flight explains
+    """
+    if "valid" not in (series.rows[0] if series.rows else {}):
+        return
+    invalid = due & ~series.valid
+    explained = np.zeros(len(t), dtype=bool)
+    for i in np.flatnonzero(invalid).tolist():
+        explained[i] = _is_explained(series.topic, series.rows[i].get("reasons"), float(t[i]), may)
+    count = int(np.count_nonzero(due))
+    share = 1.0 - int(np.count_nonzero(invalid & ~explained)) / max(count, 1)
+    excuse = int(np.count_nonzero(explained)) / max(count, 1)
+    verdict = verdict_of(share >= limits.valid_share and excuse <= EXPLAINED_SHARE)
+    at = np.flatnonzero(invalid & ~explained)
+    yield OutputRow(
+        series.topic,
+        Check.VALID,
+        "",
+        verdict if count >= LEAST_COUNT else OutputVerdict.NOT_JUDGED,
+        f"{share:.1%} of {count} messages" + (f", {excuse:.1%} not, as the flight explains" if excuse else ""),
+        f">= {limits.valid_share:.0%}",
+        float(t[at[0]]) if len(at) else None,
+    )
+
+
+def _is_explained(topic: str, reasons: object, t: float, may: Sequence[May]) -> bool:
+    """Does the flight explain every reason?"""
+    if not isinstance(reasons, list) or not reasons:
+        return False
+    now = [one for one in may if one.from_s <= t <= one.until_s]
+    return all(any(one.explains(topic, str(reason)) for one in now) for reason in reasons)

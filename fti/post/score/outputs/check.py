@@ -1,0 +1,143 @@
+"""All checks of all outputs that a configuration promises, for one flight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.config import Config, Vector
+from fti.hil.expected.affected import Affected, Interval, inside
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.duties import INTEGRITY, SOLUTION, May
+from fti.hil.expected.of_flight import of_flight
+from fti.hil.expected.required_outputs import GLIDE, RequiredOutput, approach_altimeter, required_outputs
+from fti.hil.faults.fitting import is_of
+from fti.hil.scenario import Scenario
+from fti.hil.tables.kinds import Duplicated
+from fti.logger.reading.recording import Recording
+from fti.nav.integrity.reference import Reference
+from fti.post.score.outputs.accuracy import accuracy, explained
+from fti.post.score.outputs.approach import approach_due
+from fti.post.score.outputs.availability import availability
+from fti.post.score.outputs.consistency import Consistency
+from fti.post.score.outputs.errors import Comparison
+from fti.post.score.outputs.measured import Intended, measured
+from fti.post.score.outputs.presence import presence
+from fti.post.score.outputs.protection import protection
+from fti.post.score.outputs.row import OutputRow
+from fti.post.score.series import Array, Mask, TopicSeries, read_series
+from fti.post.score.truth_table import TruthTable
+
+#: What the emulator's lateness leaves behind in outputs [s].
+AFTER_LATE_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class FlightEvidence:
+    """What a flight is judged by.
+
+    sent : rate [Hz] of each kind of measurement of each device; intended : what each device meant to state
+    late : when the emulator was late [s of the flight]
+    start_s : outputs are required from then on [s of the flight]
+    """
+
+    scenario: Scenario
+    config: Config
+    reference: Reference | None
+    craft: Aircraft
+    truth: Truth
+    table: TruthTable
+    sent: Mapping[str, Mapping[str, float]]
+    intended: Mapping[str, Intended]
+    late: Sequence[Interval]
+    start_s: float
+
+
+def check_outputs(recording: Recording, evidence: FlightEvidence) -> list[OutputRow]:
+    """Rows of every output that the configuration promises, topic by topic.  Raises RecordingError."""
+    required = required_outputs(evidence.config, evidence.reference, evidence.sent)
+    series = read_series(recording, [output.topic for output in required])
+    checks = _Checks(evidence, series)
+    return [row for output in required for row in checks.of(output)]
+
+
+class _Checks:
+    def __init__(self, evidence: FlightEvidence, series: Mapping[str, TopicSeries]) -> None:
+        self._evidence, self._series = evidence, series
+        self._affected = Affected(evidence.scenario.fault, evidence.craft, evidence.truth)
+        self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in evidence.late]
+        self._may = of_flight(evidence.craft, evidence.truth)
+        header = evidence.reference.header if evidence.reference else None
+        self._glide = math.radians(header.airfield.glide_deg) if header else None
+
+    def of(self, output: RequiredOutput) -> Iterator[OutputRow]:
+        """Every check of one output."""
+        evidence, series = self._evidence, self._series[output.topic]
+        t = evidence.table.seconds(series.log_ns)
+        flight = (evidence.start_s, evidence.truth.end_s)
+        lost = [*self._affected.lost(output), *self._late]
+        yield from presence(output, series, t, flight, lost, copies=self._has_copies(output))
+        if not len(series):
+            return
+        during = (t >= flight[0]) & (t <= flight[1])
+        yield from availability(
+            series, during & self._due(output, t) & ~inside(t, lost), t, self._may_of(output), evidence.scenario.limits
+        )
+        yield from self._values(output, series, t, during)
+
+    def _values(self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask) -> Iterator[OutputRow]:
+        evidence = self._evidence
+        judged = during & series.valid & ~inside(t, [*self._affected.wrong(output), *self._late])
+        limits, excused = evidence.scenario.limits, during & series.valid & ~judged
+        for quantity in Comparison(series, evidence.table, limits, self._arm_b(output)).errors():
+            yield from accuracy(output.topic, quantity, judged, t, limits)
+            yield from explained(output.topic, quantity, excused, t, limits)
+        yield from self._measured(output, series)
+        yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
+        if output.topic == INTEGRITY:
+            yield from protection(series, self._series[SOLUTION], judged, t, evidence.table)
+
+    def _measured(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
+        evidence, device = self._evidence, output.topic.split("/")[1]
+        if device in evidence.intended:
+            excused = [*self._affected.lost(output), *self._affected.wrong(output), *self._late]
+            span = (evidence.start_s, evidence.truth.end_s)
+            yield from measured(series, evidence.intended[device], span, excused, evidence.table.begin_ns)
+
+    def _arm_b(self, output: RequiredOutput) -> Vector:
+        """Where the device of a measurement is; outputs of navigation are those of P."""
+        device = self._evidence.config.find_device(output.topic.split("/")[1])
+        return device.lever_arm_b if device else (0.0, 0.0, 0.0)
+
+    def _has_copies(self, output: RequiredOutput) -> bool:
+        return any(
+            isinstance(fault, Duplicated) and is_of(fault, bound)
+            for fault in self._evidence.scenario.fault
+            for bound in self._evidence.craft.devices
+            if bound.device.name in output.devices
+        )
+
+    def _may_of(self, output: RequiredOutput) -> Sequence[May]:
+        """What the flight explains of an output; the glide slope needs what the monitor needs."""
+        if output.topic != GLIDE:
+            return self._may
+        return [May(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
+
+    def _due(self, output: RequiredOutput, t: Array) -> Mask:
+        """When the flight lets the output be valid, faults aside."""
+        evidence = self._evidence
+        if output.topic in (INTEGRITY, GLIDE):
+            altimeter = approach_altimeter(evidence.config, evidence.reference)
+            if altimeter is None or evidence.reference is None:
+                return np.zeros(len(t), dtype=bool)
+            due = approach_due(evidence.table, evidence.reference, evidence.craft, altimeter, evidence.start_s)
+            return np.asarray(np.interp(t, evidence.truth.t, due.astype(float)) >= 1.0)
+        nav = evidence.config.nav
+        if output.topic == SOLUTION and not (nav.position and nav.attitude):
+            return np.zeros(len(t), dtype=bool)
+        after = t >= evidence.start_s + output.lead_s
+        blind = [(may.from_s, may.until_s) for may in self._may if not may.words and may.explains(output.topic, "")]
+        return np.asarray(after & ~inside(t, blind))

@@ -1,0 +1,104 @@
+"""Fields of one message that must agree with each other, and with what the configuration has of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from fti.config import Config
+from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.expected.required_outputs import GLIDE
+from fti.nav.navigation import FILTER, RADIO, VERTICAL
+from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.series import Array, Mask, TopicSeries
+from fti.post.score.truth_table import TruthTable
+
+#: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).
+FULL_SCALE_DOTS, DOT = 2.0, 0.12
+DOTS_EQUAL, ANGLES_EQUAL_DEG = 0.01, 0.005
+#: By roll and pitch the beam is turned by more than by their product, and the mounting adds to it.
+TILT_FACTOR, TILT_MARGIN, HEIGHT_MARGIN_M = 1.5, 0.02, 1.0
+#: The window is counted in bins of the reference.
+WINDOW_SHARE = 0.05
+
+
+class Consistency:
+    """Rows of one topic.
+
+    judged : valid messages, shape (n,); t : times of all messages [s of the flight], shape (n,); glide : glide angle
+    of the approach [rad]; None without one
+    """
+
+    def __init__(self, series: TopicSeries, judged: Mask, t: Array, config: Config, glide: float | None) -> None:
+        self._series, self._judged, self._t = series, judged, t
+        self._config, self._glide = config, glide
+
+    def rows(self, truth: TruthTable) -> Iterator[OutputRow]:
+        """Every check of the topic."""
+        topic, nav = self._series.topic, self._config.nav
+        if topic == SOLUTION:
+            yield self._named("position_source", (*nav.position, FILTER, RADIO))
+            yield self._named("attitude_source", (*nav.attitude, FILTER))
+            yield self._named("altitude_source", (*nav.position, FILTER, RADIO, VERTICAL))
+        elif topic.startswith(f"{HEIGHT}/"):
+            name = topic.rpartition("/")[2]
+            yield self._named("sensor", (name,), may_be_none=False)
+            yield from self._height_of_range(truth, name)
+        elif topic == GLIDE and self._glide is not None:
+            yield from self._deviation(self._glide)
+        elif topic == INTEGRITY and nav.approach:
+            yield from self._window(nav.approach.window_m)
+
+    def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
+        """A field that names a device must name one that the configuration has for it."""
+        allowed = (*names, None) if may_be_none else names
+        wrong = [i for i, name in enumerate(self._series.values(field)) if name not in allowed]
+        found = f"{self._series.rows[wrong[0]].get(field)!r}" if wrong else "as configured"
+        at_s = float(self._t[wrong[0]]) if wrong else None
+        return OutputRow(
+            self._series.topic, Check.CONSISTENT, field, verdict_of(not wrong), found, ", ".join(names), at_s
+        )
+
+    def _height_of_range(self, truth: TruthTable, name: str) -> Iterator[OutputRow]:
+        """Height of P from a range: turned by the attitude, less the lever arm; never by more than both together."""
+        series, device, wheels = self._series, self._config.find_device(name), self._config.nav.wheels_b
+        raw = series.column("raw")
+        tilt = np.cos(truth.at("roll", series.valid_ns)) * np.cos(truth.at("pitch", series.valid_ns))
+        arm = math.hypot(*device.lever_arm_b) if device else 0.0
+        allowed = abs(raw) * (TILT_FACTOR * (1.0 - tilt) + TILT_MARGIN) + arm + HEIGHT_MARGIN_M
+        yield from self._largest("height_agl - raw", "m", abs(series.column("height_agl") - raw), allowed)
+        if wheels is not None:
+            below = abs(series.column("wheels") - series.column("height_agl"))
+            yield from self._largest("wheels - height_agl", "m", below, math.hypot(*wheels) + HEIGHT_MARGIN_M)
+
+    def _deviation(self, glide: float) -> Iterator[OutputRow]:
+        """deviation = atan2(s tan g + dh, s) - g, and dots = deviation / 0.12 g within full scale."""
+        s, dh, deviation = (self._series.column(name) for name in ("s", "dh", "deviation"))
+        other = np.rad2deg(abs(deviation - np.arctan2(s * math.tan(glide) + dh, s) + glide))
+        yield from self._largest("deviation of s and dh", "deg", other, ANGLES_EQUAL_DEG)
+        dots = np.clip(deviation / (DOT * glide), -FULL_SCALE_DOTS, FULL_SCALE_DOTS)
+        yield from self._largest("dots of deviation", "dots", abs(self._series.column("dots") - dots), DOTS_EQUAL)
+
+    def _window(self, window_m: float) -> Iterator[OutputRow]:
+        """The window lies behind the aircraft and is as long as configured."""
+        length = self._series.column("s_begin") - self._series.column("s_end")
+        yield from self._largest("window length", "m", abs(length - window_m), WINDOW_SHARE * window_m)
+
+    def _largest(self, what: str, unit: str, value: Array, allowed: Array | float) -> Iterator[OutputRow]:
+        """The largest of some differences beside what is allowed; none where nothing can be compared."""
+        limit = np.broadcast_to(np.asarray(allowed, dtype=np.float64), value.shape)
+        known = np.flatnonzero(self._judged & np.isfinite(value) & np.isfinite(limit))
+        if not len(known):
+            return
+        worst = int(known[np.argmax(value[known] - limit[known])])
+        yield OutputRow(
+            self._series.topic,
+            Check.CONSISTENT,
+            what,
+            verdict_of(bool(value[worst] <= limit[worst])),
+            f"{value[worst]:.3g} {unit}",
+            f"<= {limit[worst]:.3g} {unit}",
+            float(self._t[worst]),
+        )

@@ -1,0 +1,168 @@
+"""Errors of the quantities of each topic against the ground truth, with the sigmas that the messages state.
+
+Truth: ``fti.hil.truth``.  Everything is compared at the time at which the message says that it was true.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.config import Vector
+from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import radii
+from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
+from fti.hil.expected.required_outputs import FILTER, FIX, GLIDE, LOCATION, VERTICAL
+from fti.hil.tables.limits import ScoreLimits
+from fti.post.score.series import Array, Times, TopicSeries
+from fti.post.score.truth_table import TruthTable
+
+
+@dataclass(frozen=True, slots=True)
+class QuantityError:
+    """The error of one quantity in each message of a topic.
+
+    error : found minus true, or a distance, shape (n,), NaN where there is nothing to compare
+    sd    : stated one sigma, same shape, NaN where none is stated; limit : largest error where none is stated
+    unit  : of all of them
+    """
+
+    name: str
+    unit: str
+    error: Array
+    sd: Array
+    limit: float
+
+
+class Comparison:
+    """One topic against the truth.
+
+    limits : of the scenario; arm_b : from P to where the topic's device measures, body frame [m]
+    """
+
+    def __init__(self, series: TopicSeries, truth: TruthTable, limits: ScoreLimits, arm_b: Vector) -> None:
+        self._series, self._truth, self._limits = series, truth, limits
+        self._t: Times = series.valid_ns
+        self._arm_n = self._turned(arm_b)
+
+    def errors(self) -> list[QuantityError]:
+        """Every quantity of the topic that the truth has."""
+        topic = self._series.topic
+        if topic in (SOLUTION, FILTER, FIX, VERTICAL):
+            return [*self._position(), *self._velocity(), *self._attitude()]
+        if topic == LOCATION:
+            return list(self._location())
+        if topic == GLIDE:
+            return list(self._glide_slope())
+        if topic == INTEGRITY:
+            return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
+        if topic.startswith(f"{HEIGHT}/"):
+            return list(self._height(topic.rpartition("/")[2]))
+        return list(self._measurement(*topic.strip("/").split("/")))
+
+    # ------------------------------------------------------------------------------------------------ navigation
+
+    def _position(self) -> Iterator[QuantityError]:
+        yield self._horizontal(self._column("lat"), self._column("lon"), self._column("horizontal_sd"))
+        yield self._altitude("altitude", "alt")
+
+    def _velocity(self) -> Iterator[QuantityError]:
+        for name in ("vel_north", "vel_east", "vel_down"):
+            sd = f"{name}_sd" if self._series.topic == VERTICAL else "vel_sd"
+            yield self._plain((name, "m/s"), name, name, self._limits.velocity_mps, sd)
+
+    def _attitude(self) -> Iterator[QuantityError]:
+        limits = self._limits
+        for name in ("roll", "pitch"):
+            yield self._angle(name, name, "tilt_sd", limits.attitude_deg)
+        yield self._angle("heading", "heading", "heading_sd", limits.heading_deg)
+
+    def _location(self) -> Iterator[QuantityError]:
+        lat, lon = np.deg2rad(self._column("latitude")), np.deg2rad(self._column("longitude"))
+        yield self._horizontal(lat, lon, self._column("no sigma"))
+        yield self._plain(("altitude", "m"), "altitude", "alt", self._limits.vertical_m)
+
+    def _glide_slope(self) -> Iterator[QuantityError]:
+        limits = self._limits
+        yield self._plain(("along the track", "m"), "s", "s", limits.horizontal_m)
+        yield self._plain(("beside the track", "m"), "y", "y", limits.horizontal_m)
+        yield self._plain(("height above the path", "m"), "dh", "dh", limits.vertical_m, "dh_sd")
+        yield self._plain(("navigated height above the path", "m"), "dh_nav", "dh", limits.vertical_m)
+        yield self._angle("deviation", "deviation", "sd", limits.deviation_deg)
+
+    def _height(self, name: str) -> Iterator[QuantityError]:
+        """Of an altimeter: what it measures along its beam, and what follows for the height straight below."""
+        limits = self._limits
+        # between two rows of the truth, and within the error of the place, the beam meets what is within the spread
+        here, spread = self._true("range_" + name), self._true("most_range_" + name) - self._true("least_range_" + name)
+        sd = np.hypot(self._column("sd"), np.nan_to_num(spread) / 2.0)
+        yield QuantityError("measured range", "m", self._column("raw") - here, sd, limits.vertical_m)
+        compensated = self._column("compensated") - self._true("height_agl")
+        yield QuantityError("height below", "m", compensated, self._column("compensated_sd"), limits.vertical_m)
+        predicted = self._column("predicted") - here
+        yield QuantityError("predicted range", "m", predicted, self._column("predicted_sd"), limits.vertical_m)
+
+    # ----------------------------------------------------------------------------------------------- measurements
+
+    def _measurement(self, device: str, kind: str) -> Iterator[QuantityError]:
+        limits = self._limits
+        if kind == "position":
+            yield from self._position()
+            yield self._altitude("altitude above sea", "alt_msl")
+        elif kind == "velocity":
+            for axis in ("north", "east", "down"):
+                yield self._plain((f"vel_{axis}", "m/s"), axis, f"vel_{axis}", limits.velocity_mps)
+            yield self._plain(("ground speed", "m/s"), "ground_speed", "ground_speed", limits.velocity_mps)
+        elif kind == "attitude":
+            yield from self._attitude()
+        elif kind in ("range", "radio_height"):
+            field = "slant_range" if kind == "range" else "height_agl"
+            yield self._plain(("measured range", "m"), field, "range_" + device, limits.vertical_m)
+        elif kind == "airspeed":
+            yield self._plain(("true airspeed", "m/s"), "tas", "tas", limits.airspeed_mps)
+
+    # ------------------------------------------------------------------------------------------------------ tools
+
+    def _turned(self, arm_b: Vector) -> Array:
+        """A lever arm north, east, down at each message [m], shape (n, 3); NaN outside the flight."""
+        if not any(arm_b):
+            return np.zeros((len(self._t), 3))
+        return np.asarray(mat_from_rpy(*(self._true(name) for name in ("roll", "pitch", "heading"))) @ np.array(arm_b))
+
+    def _column(self, name: str) -> Array:
+        return self._series.column(name)
+
+    def _true(self, name: str) -> Array:
+        return self._truth.at(name, self._t)
+
+    def _plain(self, name_unit: tuple[str, str], field: str, true: str, limit: float, sd: str = "") -> QuantityError:
+        error = self._column(field) - self._true(true)
+        return QuantityError(*name_unit, error, self._column(sd), limit)
+
+    def _angle(self, name: str, field: str, sd: str, limit_deg: float) -> QuantityError:
+        error = self._column(field) - self._true(field)
+        within_half_a_turn = np.rad2deg((error + math.pi) % (2.0 * math.pi) - math.pi)
+        return QuantityError(name, "deg", within_half_a_turn, np.rad2deg(self._column(sd)), limit_deg)
+
+    def _altitude(self, name: str, field: str) -> QuantityError:
+        """Altitude where the device measures, which lies above P by what its lever arm points up."""
+        error = self._column(field) - self._true(field) + self._arm_n[:, 2]
+        return QuantityError(name, "m", error, self._column("vertical_sd"), self._limits.vertical_m)
+
+    def _horizontal(self, lat: Array, lon: Array, sd: Array) -> QuantityError:
+        """Distance over ground, of latitude and longitude [rad]."""
+        true_lat, alt = self._true("lat"), np.nan_to_num(self._true("alt"))
+        meridian, normal = radii(np.nan_to_num(true_lat))
+        north = (lat - true_lat) * (meridian + alt)
+        turn = (lon - self._true("lon") + math.pi) % (2.0 * math.pi) - math.pi
+        east = turn * (normal + alt) * np.cos(np.nan_to_num(true_lat))
+        return QuantityError(
+            "horizontal",
+            "m",
+            np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1]),
+            sd,
+            self._limits.horizontal_m,
+        )

@@ -1,0 +1,142 @@
+"""Is a topic there at its rate, from the beginning of the flight to its end, in order and once?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fti.hil.expected.affected import Interval, inside
+from fti.hil.expected.required_outputs import RequiredOutput
+from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.series import Array, Mask, TopicSeries
+
+#: A rate is told from so much time without a fault [s].
+LEAST_S = 2.0
+#: The first output needs the first measurements of all its devices [s].
+FIRST_S = 1.0
+#: Content and log time state the same instant [ns]; a number of 64 bits has a step of 256 ns.
+SAME_NS = 1e3
+#: Nothing was true after it was said [s].
+AHEAD_S = 0.05
+#: A message may be late by this much where devices are good: rates of a real bus, ticks [s].
+MARGIN_S = 0.05
+
+
+def presence(
+    output: RequiredOutput,
+    series: TopicSeries,
+    t: Array,
+    flight: Interval,
+    excused: Sequence[Interval],
+    *,
+    copies: bool,
+) -> Iterator[OutputRow]:
+    """Rows of one topic.
+
+    t : times of its messages [s of the flight], shape (n,); flight : from when until when it is required [s];
+    excused : faults and lateness of the emulator, when it may be missing;
+    copies : a fault lets devices send messages twice
+    """
+    flight = (flight[0] + FIRST_S, flight[1])
+    during = (t >= flight[0]) & (t <= flight[1])
+    free = _free(flight, excused)
+    if not during.any():
+        needed = bool(free)
+        verdict = OutputVerdict.FAILS if needed else OutputVerdict.NOT_JUDGED
+        yield OutputRow(output.topic, Check.RATE, "", verdict, "no message", _rate_limit(output), flight[0])
+        return
+    yield _rate(output, t[during], free)
+    yield _gap(output, t[during], flight, excused)
+    yield _order(output, series, t, (during, during & ~inside(t, excused)), copies=copies)
+
+
+def _rate_limit(output: RequiredOutput) -> str:
+    least, most = output.rate_hz
+    return f">= {least:.3g} Hz" if most == float("inf") else f"{least:.3g} to {most:.3g} Hz"
+
+
+def _free(flight: Interval, excused: Sequence[Interval]) -> list[Interval]:
+    """The parts of a flight that no interval covers, those long enough for a rate."""
+    free, at = list[Interval](), flight[0]
+    for from_s, until_s in [*sorted(excused), (flight[1], flight[1])]:
+        if from_s - at >= LEAST_S:
+            free.append((at, min(from_s, flight[1])))
+        at = max(at, until_s)
+    return [one for one in free if one[1] - one[0] >= LEAST_S]
+
+
+def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputRow:
+    """The rate while nothing explains another one: over all of that, and in no part of it half or double."""
+    limit = _rate_limit(output)
+    if not free:
+        return OutputRow(output.topic, Check.RATE, "", OutputVerdict.NOT_JUDGED, "faults all the time", limit)
+    least, most = output.rate_hz
+    counts = [int(np.count_nonzero((t >= from_s) & (t < until_s))) for from_s, until_s in free]
+    total_s = sum(until_s - from_s for from_s, until_s in free)
+    rate = sum(counts) / total_s
+    slack = len(free) / total_s  # a message more or less at each border
+    return OutputRow(
+        output.topic, Check.RATE, "", verdict_of(least - slack <= rate <= most + slack), f"{rate:.2f} Hz", limit
+    )
+
+
+def _gap(output: RequiredOutput, t: Array, flight: Interval, excused: Sequence[Interval]) -> OutputRow:
+    """The longest time without a message; the beginning and the end of the flight count as messages."""
+    edges = np.concatenate(([flight[0]], t, [flight[1]]))
+    gaps = np.diff(edges)
+    free = ~_touches(edges[:-1], edges[1:], excused)
+    limits = np.full(len(gaps), np.inf if output.always_gap_s is None else output.always_gap_s)
+    limits[free] = output.gap_s
+    over = gaps - limits
+    worst = int(np.argmax(over))
+    return OutputRow(
+        output.topic,
+        Check.GAP,
+        "",
+        verdict_of(bool(over[worst] <= MARGIN_S)),
+        f"{gaps[worst]:.2f} s",
+        f"<= {limits[worst]:.2f} s",
+        float(edges[worst]),
+    )
+
+
+def _touches(begin: Array, end: Array, intervals: Sequence[Interval]) -> Mask:
+    """Which gaps overlap one of the intervals."""
+    found = np.zeros(len(begin), dtype=bool)
+    for from_s, until_s in intervals:
+        found |= (begin < until_s) & (end > from_s)
+    return found
+
+
+def _order(
+    output: RequiredOutput, series: TopicSeries, t: Array, during_free: tuple[Mask, Mask], *, copies: bool
+) -> OutputRow:
+    """Messages in order of their log times, each once; valid ones not older than allowed, nor from the future.
+
+    during_free : messages of the flight, and those of them that no fault explains
+    """
+    during, free = during_free
+    limit = f"ascending, each once, age {-AHEAD_S:g} to {output.age_s:g} s"
+    back, later = np.diff(series.log_ns) < 0, np.zeros(len(t), dtype=bool)
+    later[1:] = back
+    stamps, age_s = series.column("t_ns"), (series.log_ns - series.valid_ns) / 1e9
+    other = np.isfinite(stamps) & (abs(stamps - series.log_ns) > SAME_NS)
+    old = free & series.valid & ((age_s > output.age_s) | (age_s < -AHEAD_S))
+    findings = (
+        (later, "before the one behind it"),
+        (other, "t_ns differs from the log time"),
+        (old, "of another time"),
+    )
+    for where, text in findings:
+        at = np.flatnonzero(where & during)
+        if len(at):
+            found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
+            return _of_times(series, OutputVerdict.FAILS, found, limit, float(t[at[0]]))
+    if series.repeated and not copies:
+        return _of_times(series, OutputVerdict.FAILS, f"{series.repeated} messages twice", limit, None)
+    return _of_times(series, OutputVerdict.HOLDS, "in order", limit, None)
+
+
+def _of_times(series: TopicSeries, verdict: OutputVerdict, found: str, limit: str, at_s: float | None) -> OutputRow:
+    return OutputRow(series.topic, Check.TIMES, "", verdict, found, limit, at_s)
