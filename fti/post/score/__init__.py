@@ -2,5 +2,7 @@
 
 flown.py    from the truth file: when the flight began, what was true, when the bench was late
 said.py     from the session: words, and from when until when they stood
-judging.py  the comparison          report.py  as text and JSON          picture.py  over time
+judging.py  the comparison, of flags that are due (flag_rows.py), of others (unexpected_flags.py), of ``[[expect]]``
+            (expectations.py); what comes of it stands in rows.py
+report.py   as text and JSON          picture.py  over time
 """

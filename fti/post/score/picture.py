@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from fti import figures
 from fti.figures import BLUE, GREEN, ORANGE, VERMILION
-from fti.post.score.judging import FAILURES, Row, Score, Unexpected, Verdict
+from fti.post.score.judging import Score
+from fti.post.score.rows import FAILURES, Row, Unexpected, Verdict
 
 ROW_INCH = 0.24
 BAR = 0.62

@@ -7,17 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.judging import (
-    AFTER_PAUSE_S,
-    BEHIND_SHARE,
-    FAILURES,
-    WINDOW_S,
-    Met,
-    Row,
-    Score,
-    Unexpected,
-    Verdict,
-)
+from fti.post.score.judging import BEHIND_SHARE, Score
+from fti.post.score.rows import FAILURES, Met, Row, Unexpected, Verdict
+from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 

@@ -13,8 +13,9 @@ from fti.nav.altimetry import validity
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.sources import Source
 from fti.nav.times.device_clock import DeviceClock
-from fti.post.score.judging import Score, Verdict
+from fti.post.score.judging import Score
 from fti.post.score.report import as_text
+from fti.post.score.rows import Verdict
 from fti.service import diagnosis
 from fti.service.diagnosis import Diagnosis
 from fti.service.health import HealthBoard

@@ -14,8 +14,9 @@ from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
 from fti.post.score.flown import Flown, Pause, merged
-from fti.post.score.judging import Score, Verdict, judge
+from fti.post.score.judging import Score, judge
 from fti.post.score.report import as_json, as_text
+from fti.post.score.rows import Verdict
 from fti.post.score.said import Said, Words
 from fti.service.binding import bind_devices
 from tests.post.score.flying import daemon_config, short

@@ -1,0 +1,29 @@
+"""The rows of ``[[expect]]``: was the value there in time?"""
+
+from __future__ import annotations
+
+from fti.hil.tables.schema import Expectation
+from fti.post.score.evidence import BEFORE_S, Evidence
+from fti.post.score.rows import Met, Verdict
+
+
+def meet_expectation(expectation: Expectation, evidence: Evidence) -> Met:
+    """What became of a row of ``[[expect]]``."""
+    begin, end = expectation.at_s, expectation.at_s + expectation.within_s
+    if end > evidence.end_s:
+        return Met(expectation, Verdict.NOT_FLOWN, None, None)
+    during = [(t, value) for t, value in evidence.said.values[expectation.channel] if begin <= t <= end]
+    for t, value in during:
+        if _is_met(expectation, value):
+            return Met(expectation, Verdict.FOUND, t - begin, value)
+    verdict = Verdict.LATE_BENCH if evidence.paused(begin - BEFORE_S, end) else Verdict.MISSING
+    return Met(expectation, verdict, None, during[-1][1] if during else None)
+
+
+def _is_met(expectation: Expectation, value: object) -> bool:
+    wanted = expectation.value
+    if isinstance(value, list):
+        return wanted in value
+    if isinstance(wanted, bool | str) or isinstance(value, bool) or not isinstance(value, int | float):
+        return value == wanted
+    return wanted - expectation.minus <= value <= wanted + expectation.plus

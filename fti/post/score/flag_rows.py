@@ -1,0 +1,93 @@
+"""Every fault with the flags that it had to raise: whether each was there in time, and gone in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from fti.hil.expected.duties import Duty, Told
+from fti.hil.faults.words import describe
+from fti.hil.tables.kinds import Fault
+from fti.post.score.evidence import BEFORE_S, Evidence
+from fti.post.score.rows import FAILURES, Row, Verdict
+from fti.post.score.said import Span
+
+
+def flag_rows(belongs: Sequence[tuple[int, Told]], faults: Sequence[Fault], evidence: Evidence) -> Iterator[Row]:
+    """One row for each flag.  belongs : what is due, with the index of its fault"""
+    for i, one in _held_on(belongs):
+        yield from _fault_rows(i, faults[i], one, evidence)
+
+
+def _held_on(belongs: Sequence[tuple[int, Told]]) -> list[tuple[int, Told]]:
+    """The same; a flag that another fault raises before it must have gone need not go until that one ends."""
+    duties = sorted((duty for _, one in belongs for duty in one.duties), key=lambda duty: duty.from_s)
+    return [
+        (i, replace(one, duties=tuple(replace(duty, until_s=_until_s(duty, duties)) for duty in one.duties)))
+        for i, one in belongs
+    ]
+
+
+def _until_s(duty: Duty, duties: Sequence[Duty]) -> float:
+    """When nothing raises its flag any more [s].  duties : of all faults, in order of ``from_s``"""
+    until_s = duty.until_s
+    for other in duties:
+        same = other.place == duty.place and not set(other.words).isdisjoint(duty.words)
+        if same and duty.from_s <= other.from_s <= until_s + duty.clears_s:
+            until_s = max(until_s, other.until_s)
+    return until_s
+
+
+def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iterator[Row]:
+    what = describe(fault)
+    span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
+    if one.unknown:
+        yield Row(index, what, one.subject, one.unknown, *span, Verdict.UNKNOWN)
+    elif not one.duties:
+        yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
+    for duty in one.duties:
+        flag = f"{duty.place} {' or '.join(duty.words) if duty.value is None else f'= {duty.value:g}'}"
+        row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
+        judged = _judged(row, duty, evidence)
+        yield replace(judged, verdict=Verdict.LATE_BENCH) if _is_excused(judged, evidence) else judged
+
+
+def _is_excused(row: Row, evidence: Evidence) -> bool:
+    """Had the bench no time until the flag had to stand, or, where it did not go, until it had to be gone?"""
+    if row.verdict not in FAILURES:
+        return False
+    stays = row.verdict is Verdict.STAYS
+    cause_s, allowed_s = (row.until_s, row.clears_s) if stays else (row.from_s, row.within_s)
+    return evidence.paused(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0)) > 0.0
+
+
+def _judged(row: Row, duty: Duty, evidence: Evidence) -> Row:
+    if duty.from_s + duty.within_s > evidence.end_s:
+        return replace(row, verdict=Verdict.NOT_FLOWN)
+    if duty.ports and not evidence.said.ports:
+        return replace(row, verdict=Verdict.PORTS)
+    if duty.clock and not evidence.said.knows_clock(duty.clock, duty.from_s):
+        return replace(row, verdict=Verdict.NOT_DUE)
+    said = evidence.said
+    spans = said.at(duty.place, duty.words) if duty.value is None else said.near(duty.place, duty.value)
+    standing = [span for span in spans if span.until_s > duty.from_s and span.from_s < duty.until_s]
+    return _timed(row, duty, standing, evidence) if standing else replace(row, verdict=Verdict.MISSING)
+
+
+def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: Evidence) -> Row:
+    """How long it took to stand, and to go; a pause of the bench in either is allowed for."""
+    after_s = max(standing[0].from_s - duty.from_s, 0.0)
+    if duty.value is not None:
+        within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
+        return replace(row, verdict=Verdict.LATE if after_s > within_s else Verdict.FOUND, after_s=after_s)
+    gone_s = max(max(span.until_s for span in standing) - duty.until_s, 0.0)
+    within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
+    clears_s = duty.clears_s + evidence.paused(duty.until_s, duty.until_s + gone_s)
+    verdict = Verdict.FOUND
+    if after_s > within_s:
+        verdict = Verdict.LATE
+    elif gone_s > clears_s and duty.until_s + clears_s <= evidence.end_s:
+        verdict = Verdict.STAYS
+    clear_s = gone_s if math.isfinite(gone_s) else None
+    return replace(row, verdict=verdict, after_s=after_s, within_s=within_s, clear_s=clear_s, clears_s=clears_s)

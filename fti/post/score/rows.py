@@ -1,0 +1,66 @@
+"""The rows of a score: what became of each flag, of what nobody expected, and of ``[[expect]]``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fti.hil.tables.schema import Expectation
+
+
+class Verdict(StrEnum):
+    """What became of something that was expected."""
+
+    FOUND = "found"
+    LATE = "late"
+    MISSING = "missing"
+    STAYS = "does not clear"
+    UNKNOWN = "not known yet"
+    NOT_FLOWN = "not flown"
+    PORTS = "needs real ports"
+    NOT_DUE = "nothing is due"
+    LATE_BENCH = "bench was late"
+
+
+FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One flag of one fault.
+
+    from_s, until_s : of its cause [s of the flight]; after_s : found so long after it, clear_s : gone so long after its
+    end; within_s, clears_s : how long each may take
+    """
+
+    fault: int
+    what: str
+    subject: str
+    flag: str
+    from_s: float
+    until_s: float
+    verdict: Verdict
+    after_s: float | None = None
+    within_s: float | None = None
+    clear_s: float | None = None
+    clears_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unexpected:
+    """A word that stood where no fault explains it."""
+
+    place: str
+    word: str
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """A row of ``[[expect]]``.  after_s : met so long after its time; value : the last that was said until then."""
+
+    expectation: Expectation
+    verdict: Verdict
+    after_s: float | None
+    value: object
