@@ -21,11 +21,16 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   not known yet   no part of the daemon compares this so far: neither a miss nor a success
   not flown       the flight ended before        needs real ports   an accelerated flight has no ports
   nothing is due  too short or too small to be seen; or of a device that navigation does not use
-  bench was late  the machine had no time for emulator or daemon just then; when that is most of it: exit code 1
-                  (navigation that is behind for more than half of a flight, or says nothing for its last 15 s: 1)
+  not judged: start   the unit was starting, for which it has 10 s, and none in an accelerated flight
+  bench was late  the emulator was late just then, as its truth file says; an accelerated flight has no such excuse
+
+Neither how late navigation calls itself nor missing ticks of the recorder excuse anything.  Navigation that is behind for
+more than a fifth of a flight, that begins after 10 s or says nothing for the last 5 s, and a recorder that stands still
+are misses.  Where the emulator was late for more than a fifth of the flight, and there is no miss, the flight proves
+nothing: exit code 1.
 
 When the flight began stands in the truth file alone, with the scenario that was flown: another one is refused.
-Exit code 0: all holds; 1: it does not; 2: wrong call, no truth, another scenario; 3: the recording has losses.
+Exit code 0: all holds; 1: it does not, or proves nothing; 2: wrong call, no truth, another scenario; 3: the recording has losses.
 """
 
 from __future__ import annotations

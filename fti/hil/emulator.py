@@ -172,7 +172,7 @@ class Emulator:
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
         if self._truth is None or self._truth_rows is None:
             return contextlib.nullcontext()
-        return contextlib.closing(TruthLog(self._truth, self._truth_rows))
+        return contextlib.closing(TruthLog(self._truth, self._truth_rows, real_time=self.bench.is_real_time))
 
     def _line_faults(self) -> list[Stream]:
         buses = [link.name for link in self.config.link if link.kind == "can"]

@@ -1,9 +1,9 @@
 """The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
 
 Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
-The file says which scenario was flown (attachment ``scenario.json``), and how often each device sends each kind of
-measurement (``sent_rates.json``).  What each device means to state once a second is on ``/truth/measurement/<device>``,
-at the time of the sample.
+The file says which scenario was flown (attachment ``scenario.json``), whether in real time or faster (metadata
+``flight``), and how often each device sends each kind of measurement (``sent_rates.json``).  What each device means to
+state once a second is on ``/truth/measurement/<device>``, at the time of the sample.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ SECOND_NS = 1_000_000_000
 TOPIC = "/truth/state"
 MEASUREMENT = "/truth/measurement/"
 SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"
+#: Metadata of the file, and what it says: "true" or "false".
+FLIGHT_METADATA, REAL_TIME_KEY = "flight", "real_time"
 #: Nobody knows better where an aircraft is [m]: ``ranges_around`` of the world.
 PLACE_M = 3.0
 QUANTITIES = {
@@ -97,15 +99,16 @@ class TruthRows:
 
 
 class TruthLog:
-    """The truth file of one flight."""
+    """The truth file of one flight.  real_time : the bench's, not a clock that jumps"""
 
-    def __init__(self, path: Path, rows: TruthRows) -> None:
+    def __init__(self, path: Path, rows: TruthRows, *, real_time: bool = True) -> None:
         self._rows = rows
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
         self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.flown.encode(), log_time=0)
         rates_json = json.dumps(rows.rates).encode()
         self._writer.add_attachment(RATES_ATTACHMENT, "application/json", rates_json, log_time=0)
+        self._writer.add_metadata(FLIGHT_METADATA, {REAL_TIME_KEY: str(real_time).lower()})
         schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(rows.altimeters)).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)
         values = self._writer.add_schema("fti.IntendedValues", "jsonschema", json.dumps(_INTENDED_SCHEMA).encode())

@@ -1,25 +1,53 @@
-"""What was said until the end of a flight, and when the bench was late."""
+"""What was said until the end of a flight, and what excuses that it was not said: the truth file's pauses, a start.
+
+The unit under test has no say in it: neither how late it calls itself nor what its recorder left out is an excuse.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fti.post.score.flown import Pause
+from fti.post.score.flown import Flown, Pause, merged, overlap_s
 from fti.post.score.said import Said
 
 #: What is judged over a window may have a pause in it from so long before [s].
 BEFORE_S = 5.0
+#: A unit may need so long after the flight has begun until its first word [s]: its processes start while the sensors
+#: speak already.  An accelerated one is there before.
+START_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What was said until the end of the flight, and when the bench was late."""
+    """What was said until the end of the flight.
+
+    pauses    : of the bench, in order
+    start_s   : until then the unit was starting, and might [s]
+    has_ports : it was flown over real ports
+    """
 
     said: Said
     end_s: float
     pauses: Sequence[Pause]
+    start_s: float
+    has_ports: bool
+
+    @classmethod
+    def of_flight(cls, flown: Flown, said: Said) -> Evidence:
+        """Of one flight."""
+        start_s = min(max(said.began_s, 0.0), start_limit_s(flown))
+        return cls(said, flown.truth.end_s, flown.pauses, start_s, flown.real_time)
 
     def paused(self, from_s: float, until_s: float) -> float:
-        """So much of an interval was a pause [s]."""
-        return sum(max(0.0, min(p.until_s, until_s) - max(p.from_s, from_s)) for p in self.pauses)
+        """The bench was late for so much of an interval [s]."""
+        return overlap_s(self.pauses, from_s, until_s)
+
+    def excused(self, from_s: float, until_s: float) -> float:
+        """The same, and what of the interval is in the start [s]."""
+        return overlap_s(merged((*self.pauses, Pause(0.0, self.start_s))), from_s, until_s)
+
+
+def start_limit_s(flown: Flown) -> float:
+    """How long a unit may take until its first word [s]."""
+    return START_S if flown.real_time else 0.0

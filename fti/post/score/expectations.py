@@ -16,7 +16,11 @@ def meet_expectation(expectation: Expectation, evidence: Evidence) -> Met:
     for t, value in during:
         if _is_met(expectation, value):
             return Met(expectation, Verdict.FOUND, t - begin, value)
-    verdict = Verdict.LATE_BENCH if evidence.paused(begin - BEFORE_S, end) else Verdict.MISSING
+    verdict = Verdict.MISSING
+    if begin < evidence.start_s:
+        verdict = Verdict.START
+    elif evidence.paused(begin - BEFORE_S, end):
+        verdict = Verdict.LATE_BENCH
     return Met(expectation, verdict, None, during[-1][1] if during else None)
 
 

@@ -50,22 +50,25 @@ def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iter
         flag = f"{duty.place} {' or '.join(duty.words) if duty.value is None else f'= {duty.value:g}'}"
         row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
         judged = _judged(row, duty, evidence)
-        yield replace(judged, verdict=Verdict.LATE_BENCH) if _is_excused(judged, evidence) else judged
+        yield replace(judged, verdict=_excuse(judged, evidence))
 
 
-def _is_excused(row: Row, evidence: Evidence) -> bool:
-    """Had the bench no time until the flag had to stand, or, where it did not go, until it had to be gone?"""
+def _excuse(row: Row, evidence: Evidence) -> Verdict:
+    """The verdict, unless the unit was starting or the bench was late when the flag had to stand, or had to be gone."""
     if row.verdict not in FAILURES:
-        return False
+        return row.verdict
     stays = row.verdict is Verdict.STAYS
     cause_s, allowed_s = (row.until_s, row.clears_s) if stays else (row.from_s, row.within_s)
-    return evidence.paused(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0)) > 0.0
+    if cause_s < evidence.start_s:
+        return Verdict.START
+    late = evidence.paused(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0)) > 0.0
+    return Verdict.LATE_BENCH if late else row.verdict
 
 
 def _judged(row: Row, duty: Duty, evidence: Evidence) -> Row:
     if duty.from_s + duty.within_s > evidence.end_s:
         return replace(row, verdict=Verdict.NOT_FLOWN)
-    if duty.ports and not evidence.said.ports:
+    if duty.ports and not evidence.has_ports:
         return replace(row, verdict=Verdict.PORTS)
     if duty.clock and not evidence.said.knows_clock(duty.clock, duty.from_s):
         return replace(row, verdict=Verdict.NOT_DUE)
@@ -76,14 +79,14 @@ def _judged(row: Row, duty: Duty, evidence: Evidence) -> Row:
 
 
 def _timed(row: Row, duty: Duty, standing: Sequence[Span], evidence: Evidence) -> Row:
-    """How long it took to stand, and to go; a pause of the bench in either is allowed for."""
+    """How long it took to stand, and to go; what is excused of either is allowed for."""
     after_s = max(standing[0].from_s - duty.from_s, 0.0)
     if duty.value is not None:
-        within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
+        within_s = duty.within_s + evidence.excused(duty.from_s, duty.from_s + after_s)
         return replace(row, verdict=Verdict.LATE if after_s > within_s else Verdict.FOUND, after_s=after_s)
     gone_s = max(max(span.until_s for span in standing) - duty.until_s, 0.0)
-    within_s = duty.within_s + evidence.paused(duty.from_s, duty.from_s + after_s)
-    clears_s = duty.clears_s + evidence.paused(duty.until_s, duty.until_s + gone_s)
+    within_s = duty.within_s + evidence.excused(duty.from_s, duty.from_s + after_s)
+    clears_s = duty.clears_s + evidence.excused(duty.until_s, duty.until_s + gone_s)
     verdict = Verdict.FOUND
     if after_s > within_s:
         verdict = Verdict.LATE

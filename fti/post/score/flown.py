@@ -12,7 +12,7 @@ import numpy as np
 from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
-from fti.hil.truth import RANGES, SCENARIO_ATTACHMENT, TOPIC
+from fti.hil.truth import FLIGHT_METADATA, RANGES, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Item, McapFile
 from fti.logger.reading.recording import Recording
@@ -24,11 +24,13 @@ SECOND_NS = 1_000_000_000
 NAMES = ("height_agl", "s", "y", "roll", "pitch", "vel_down")
 #: What is late by more is a pause of the bench: what the daemon says then is not its fault [s].
 PAUSE_S = 0.15
+#: A row of a clock that jumps is off by what it was rounded [ns].
+ROUNDING_NS = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """The machine had no time for emulator or daemon from from_s until until_s [s of the flight]."""
+    """From from_s until until_s [s of the flight] somebody did not do what was due."""
 
     from_s: float
     until_s: float
@@ -38,13 +40,16 @@ class Pause:
 class Flown:
     """One flight.
 
-    begin_ns : FTI time at which it began; pauses : see ``Pause``, in order
+    begin_ns  : FTI time at which it began
+    pauses    : in which the emulator was late, in order; an accelerated flight has none
+    real_time : it was flown over ports, as long as it lasted; else it was accelerated
     """
 
     file: Path
     begin_ns: int
     truth: Truth
     pauses: tuple[Pause, ...]
+    real_time: bool = True
 
     def seconds(self, t_ns: int) -> float:
         """Time of the flight [s]."""
@@ -66,7 +71,8 @@ def find_truths(recording: Recording, given: Path | None) -> list[Path]:
 def read_flown(file: Path, scenario: Scenario) -> Flown:
     """A flight of a scenario.  Raises MissingError where nothing is flown, ConfigError where it is another scenario."""
     source = McapFile(file)
-    told = source.head().attachments.get(SCENARIO_ATTACHMENT)
+    head = source.head()
+    told = head.attachments.get(SCENARIO_ATTACHMENT)
     if told is None:
         raise MissingError(f"{file}: is no truth of the emulator: it does not say which scenario was flown")
     try:
@@ -76,7 +82,15 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     rows = [item for item in source.items() if item.topic.name == TOPIC]
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
-    return Flown(file, rows[0].log_time, _truth(rows), tuple(_pauses(rows)))
+    real_time = _is_real_time(head.metadata.get(FLIGHT_METADATA, {}).get(REAL_TIME_KEY), rows)
+    return Flown(file, rows[0].log_time, _truth(rows), tuple(_pauses(rows)) if real_time else (), real_time)
+
+
+def _is_real_time(stated: str | None, rows: list[Item]) -> bool:
+    """As the emulator states it; an older truth file does not, but its rows are never late when it was accelerated."""
+    if stated is not None:
+        return stated == "true"
+    return any(abs(item.publish_time - item.log_time) > ROUNDING_NS for item in rows)
 
 
 def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) -> None:
@@ -132,3 +146,13 @@ def merged(pauses: Iterable[Pause]) -> Iterator[Pause]:
         last = pause
     if last:
         yield last
+
+
+def overlap_s(pauses: Iterable[Pause], from_s: float, until_s: float) -> float:
+    """So much of an interval is in these pauses, which do not overlap each other [s]."""
+    return sum(max(0.0, min(p.until_s, until_s) - max(p.from_s, from_s)) for p in pauses)
+
+
+def length_s(pauses: Iterable[Pause]) -> float:
+    """How long they are together; where they overlap, once [s]."""
+    return sum(pause.until_s - pause.from_s for pause in merged(pauses))

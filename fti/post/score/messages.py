@@ -47,7 +47,7 @@ UNKNOWN_GROUND = {Reason.TERRAIN_EDGE, Reason.TERRAIN_HOLE}
 NO_DEVICE = (FILTER, RADIO)
 JUDGED = (IntegrityState.CAUTION, IntegrityState.ALERT)
 WARNING = 3
-#: Navigation is later than that only when it has no time [s].
+#: Navigation that is later is behind [s].
 LAG_S = 0.5
 #: Why a decoder gives up half a message; and no more bytes than this are one [bytes].
 PAUSE, TORN_BYTES = "pause", 64
@@ -61,8 +61,7 @@ def read_said(recording: Recording, config: Config, flown: Flown, channels: Iter
 
     Beside them the standard deviations that devices state with a position are kept.
     """
-    ports = recording.metadata.get("fti", {}).get("accelerated") != "true"
-    said = Said(ports=ports, began_s=math.inf, spoke_s=-math.inf)
+    said = Said(began_s=math.inf, spoke_s=-math.inf, ticks=(math.inf, -math.inf))
     wanted: dict[str, list[str]] = defaultdict(list)
     stated = [f"/{device.name}/position.{axis}_sd" for device in config.device for axis in ("horizontal", "vertical")]
     for channel in {*channels, *stated}:
@@ -117,16 +116,17 @@ class Reader:
         self._idle = PLACE | {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
-        self._ticked: float | None = None
+        self._behind_s = math.inf
 
     def tick(self, t: float, said: Said) -> None:
-        """The recorder ticks every 20 ms; where it did not, it stood still."""
-        if self._ticked is not None and t - self._ticked > PAUSE_S:
-            said.pauses.append(Pause(self._ticked, t))
-        self._ticked = t
+        """The recorder ticks every 20 ms; where it did not, it stood still, or the session was cut."""
+        first_s, last_s = said.ticks
+        if t - last_s > PAUSE_S and math.isfinite(last_s):
+            said.tick_gaps.append(Pause(last_s, t))
+        said.ticks = min(first_s, t), max(last_s, t)
 
     def lag(self, t: float, data: bytes, said: Said) -> None:
-        """Since when navigation speaks, and when it was behind: then it judges devices by what it has not seen yet.
+        """Since when navigation speaks, and when it was behind: by what it says, and between two words that say so.
 
         Health knows how late it is also while it says nothing, and then has a hint beside it.
         """
@@ -138,7 +138,8 @@ class Reader:
         if "hint" not in navigation:
             said.spoke_s = t
         if lag_ms / 1e3 > LAG_S:
-            said.behind.append(Pause(t - lag_ms / 1e3, t))
+            said.behind.append(Pause(min(t - lag_ms / 1e3, self._behind_s), t))
+        self._behind_s = t if lag_ms / 1e3 > LAG_S else math.inf
 
     def read(self, topic: str, data: bytes) -> Iterator[Statement]:
         """What a message says, at each place that it tells of."""

@@ -29,7 +29,7 @@ def draw(score: Score, file: Path) -> None:
 def _figure(score: Score) -> Figure:
     lines = _lines(score)
     figure = figures.sheet(
-        f"{score.scenario.title}: {'holds' if score.holds else 'does not hold'}",
+        f"{score.scenario.title}: {score.outcome}",
         "bars: the fault (grey) and when its flag stood (green: in time, red: a miss or not expected)",
         width=12.0,
         height=1.6 + ROW_INCH * len(lines),
@@ -37,7 +37,7 @@ def _figure(score: Score) -> Figure:
     axes = figure.subplots()
     for y, (_, one) in enumerate(lines):
         _draw_line(axes, y, one, score)
-    for pause in score.pauses:
+    for pause in score.flown.pauses:
         axes.axvspan(pause.from_s, pause.until_s, color=ORANGE, alpha=0.3, lw=0)
     axes.set_yticks(range(len(lines)), [text[:LONGEST] for text, _ in lines], fontsize=7.5)
     axes.set_ylim(len(lines) - 0.4, -0.6)

@@ -7,10 +7,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.judging import BEHIND_SHARE, Score
-from fti.post.score.rows import FAILURES, Met, Row, Unexpected, Verdict
+from fti.post.score.evidence import START_S
+from fti.post.score.judging import Score
+from fti.post.score.outcome import MAX_EXCUSED_SHARE, Outcome
+from fti.post.score.rows import FAILURES, Finding, Met, Row, Unexpected, Verdict
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
+#: How the conclusion begins.
+CONCLUSIONS = {
+    Outcome.HOLDS: "holds",
+    Outcome.FAILED: "does not hold",
+    Outcome.NOT_PROVED: "proves nothing",
+}
 HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
 
@@ -19,8 +27,8 @@ def as_text(score: Score) -> list[str]:
     lines = [f"{score.scenario.title}, {score.flown.truth.end_s:.0f} s flown ({score.flown.file.name})", ""]
     if score.rows:
         lines += [*_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
-    lines += [_start(score), ""] if 0.0 < score.said.began_s < math.inf else []
-    lines += [_pauses(score), ""] if score.pauses else []
+    lines += [_start(score), ""] if score.flown.real_time and 0.0 < score.said.began_s < math.inf else []
+    lines += [_pauses(score), ""] if score.flown.pauses else []
     lines += [*(_surprise(one) for one in score.unexpected), ""] if score.unexpected else []
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
     return [*lines, _conclusion(score)]
@@ -48,17 +56,19 @@ def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
 
 def _start(score: Score) -> str:
     began_s = score.said.began_s
+    excused_s = min(began_s, START_S)
     return (
-        f"navigation said its first word after {began_s:.1f} s: what was missing until then, and what was said until "
-        f"{began_s + WINDOW_S:.1f} s, is not judged"
+        f"navigation said its first word after {began_s:.1f} s: what was missing until {excused_s:.1f} s, and what was "
+        f"said until {excused_s + WINDOW_S:.1f} s, is not judged"
     )
 
 
 def _pauses(score: Score) -> str:
-    longest = max(p.until_s - p.from_s for p in score.pauses)
+    bench = score.excused
     return (
-        f"the machine had no time {len(score.pauses)} times, at most for {longest:.2f} s: that is allowed for, and "
-        f"what was said then, and {AFTER_PAUSE_S:g} s after, is not judged"
+        f"the bench was late {bench.number} times, at most for {bench.longest_s:.2f} s, together for "
+        f"{bench.share:.1%} of the flight ({MAX_EXCUSED_SHARE:.0%} are allowed): that is excused, and flags that "
+        f"nothing explains are not judged until {AFTER_PAUSE_S:g} s after, {bench.unjudged_share:.0%} of the flight"
     )
 
 
@@ -80,16 +90,18 @@ def _expectation(met: Met) -> str:
 
 def _conclusion(score: Score) -> str:
     """In one line."""
-    verdicts = score.verdicts
+    flags: list[Row | Met] = [*score.rows, *score.expected]
+    verdicts = [flag.verdict for flag in flags]
     found, failed = verdicts.count(Verdict.FOUND), sum(verdict in FAILURES for verdict in verdicts)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
-    if score.behind > BEHIND_SHARE:
-        counts.append(f"navigation was behind for {score.behind:.0%} of the flight")
-    elif not score.keeps_up:
-        counts.append(f"navigation said nothing for the last {score.silent_s:.0f} s")
-    begin = "holds" if score.holds else "does not hold" if score.told else "not told, the bench was too late"
-    return "; ".join([f"{begin}: {found} of {found + failed} expected flags found in time", *counts, surprises])
+    failing = [finding.text for finding in (*score.findings, score.bench) if _is_told(finding)]
+    begin = f"{CONCLUSIONS[score.outcome]}: {found} of {found + failed} expected flags found in time"
+    return "; ".join([begin, *counts, *failing, surprises])
+
+
+def _is_told(finding: Finding) -> bool:
+    return finding.verdict is not Verdict.HOLDS
 
 
 def as_json(score: Score) -> dict[str, Any]:
@@ -99,6 +111,8 @@ def as_json(score: Score) -> dict[str, Any]:
         "truth": str(score.flown.file),
         "begin_ns": score.flown.begin_ns,
         "flown_s": score.flown.truth.end_s,
+        "real_time": score.flown.real_time,
+        "outcome": score.outcome,
         "holds": score.holds,
         "rows": [asdict(row) for row in score.rows],
         "unexpected": [_finite(asdict(one)) for one in score.unexpected],
@@ -106,9 +120,10 @@ def as_json(score: Score) -> dict[str, Any]:
             {**met.expectation.model_dump(), "verdict": met.verdict, "after_s": met.after_s, "found": met.value}
             for met in score.expected
         ],
-        "pauses": [asdict(pause) for pause in score.pauses],
-        "behind": score.behind,
-        **_finite({"began_s": score.said.began_s, "silent_s": score.silent_s}),
+        "findings": [asdict(finding) for finding in (*score.findings, score.bench)],
+        "excused": {**asdict(score.excused), "allowed_share": MAX_EXCUSED_SHARE},
+        "pauses": [asdict(pause) for pause in score.flown.pauses],
+        **_finite({"began_s": score.said.began_s}),
     }
 
 

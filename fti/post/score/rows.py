@@ -19,10 +19,13 @@ class Verdict(StrEnum):
     NOT_FLOWN = "not flown"
     PORTS = "needs real ports"
     NOT_DUE = "nothing is due"
+    START = "not judged: start"
     LATE_BENCH = "bench was late"
+    HOLDS = "holds"
+    FAILS = "does not hold"
 
 
-FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS))
+FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.FAILS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,3 +67,19 @@ class Met:
     verdict: Verdict
     after_s: float | None
     value: object
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What is asked of every flight, whatever its scenario.
+
+    about : of whom it is: UNIT or BENCH; text : what was found, and what is allowed
+    """
+
+    about: str
+    name: str
+    verdict: Verdict
+    text: str
+
+
+UNIT, BENCH = "unit", "bench"

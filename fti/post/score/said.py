@@ -39,21 +39,20 @@ class Said:
     spans  : (place, word) -> when it stood, in order
     values : what is asked for: channel -> (time [s], value)
     clocks : device -> since when its clock is known [s]
-    pauses : in which the recorder stood still
+    ticks  : the first and the last tick of the recorder [s], which come every 20 ms; tick_gaps : where they did not
     behind : in which navigation was later than it may be
     began_s : when navigation said something of itself for the first time [s]; infinity when it never did
     spoke_s : when it had said something lately for the last time [s]
-    ports  : the session was recorded from real ports
     """
 
     spans: dict[tuple[str, str], list[Span]] = field(default_factory=lambda: defaultdict(list))
     values: dict[str, list[tuple[float, Any]]] = field(default_factory=lambda: defaultdict(list))
     clocks: dict[str, float] = field(default_factory=dict)
-    pauses: list[Pause] = field(default_factory=list)
+    ticks: tuple[float, float] = (-math.inf, math.inf)
+    tick_gaps: list[Pause] = field(default_factory=list)
     behind: list[Pause] = field(default_factory=list)
     began_s: float = 0.0
     spoke_s: float = math.inf
-    ports: bool = True
     _stand: dict[str, tuple[float, Words]] = field(default_factory=dict)
 
     def take(self, t: float, place: str, words: Words) -> None:

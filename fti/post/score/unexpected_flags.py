@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from fti.hil.expected.duties import May, Told
+from fti.post.score.evidence import Evidence
 from fti.post.score.flown import Pause
 from fti.post.score.rows import Unexpected
-from fti.post.score.said import Said, Span
+from fti.post.score.said import Span
 
 #: After navigation's first word devices are judged over a window that is not full: its length, and a report [s].
 WINDOW_S = 5.0
@@ -26,17 +27,17 @@ def allowed_flags(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[
     yield from (May("", pause.from_s, pause.until_s + AFTER_PAUSE_S) for pause in pauses)
 
 
-def unexpected_flags(said: Said, may: Sequence[May], end_s: float) -> Iterator[Unexpected]:
+def unexpected_flags(evidence: Evidence, may: Sequence[May]) -> Iterator[Unexpected]:
     """What is left of every word when all that explains it is taken away.
 
     Before the flight nothing is sent: a daemon that waits for it may say so.
     """
-    begin_s = max(said.began_s, 0.0) + WINDOW_S
-    for (place, word), spans in sorted(said.spans.items()):
+    begin_s = evidence.start_s + WINDOW_S
+    for (place, word), spans in sorted(evidence.said.spans.items()):
         allowed = sorted((m.from_s, m.until_s) for m in may if m.explains(place, word))
         for span in spans:
             for from_s, until_s in _without(span, [(-math.inf, begin_s), *allowed]):
-                if from_s < end_s:
+                if from_s < evidence.end_s:
                     yield Unexpected(place, word, from_s, until_s)
 
 

@@ -1,0 +1,93 @@
+"""The outcome of a flight, and how much of it the bench excused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fti.post.score.evidence import Evidence
+from fti.post.score.flown import Pause, length_s
+from fti.post.score.rows import BENCH, FAILURES, Finding, Verdict
+from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
+
+#: The bench may be late for this part of a flight: what a unit does in four fifths of its flight shows how it is.
+MAX_EXCUSED_SHARE = 0.2
+#: After each time it was late, flags that nothing explains are not judged for a while.  Together that may be so much:
+#: else a bench that is late for a moment every ten seconds would excuse whatever is said.
+MAX_UNJUDGED_SHARE = 0.5
+
+
+class Outcome(StrEnum):
+    """What a flight has shown of the unit under test."""
+
+    HOLDS = "holds"
+    FAILED = "failed"
+    NOT_PROVED = "not proved"
+
+
+@dataclass(frozen=True, slots=True)
+class Excused:
+    """How much of a flight the bench was late for.
+
+    share : part of the flight, 0 to 1; number : how often; longest_s : [s]; total_s : together [s]
+    unjudged_share : the part in which flags that nothing explains are not judged because of it
+    judged_s       : for so long they were judged [s]
+    """
+
+    share: float
+    number: int
+    longest_s: float
+    total_s: float
+    unjudged_share: float
+    judged_s: float
+
+
+def measure_excused(evidence: Evidence) -> Excused:
+    """How much of a flight the bench was late for."""
+    end_s, pauses = evidence.end_s, evidence.pauses
+    total_s = _in_flight(pauses, end_s)
+    after = [Pause(p.from_s, p.until_s + AFTER_PAUSE_S) for p in pauses]
+    start = Pause(0.0, evidence.start_s + WINDOW_S)
+    longest_s = max((p.until_s - p.from_s for p in pauses), default=0.0)
+    return Excused(
+        total_s / end_s,
+        len(pauses),
+        longest_s,
+        total_s,
+        _in_flight(after, end_s) / end_s,
+        end_s - _in_flight([start, *after], end_s),
+    )
+
+
+def _in_flight(pauses: Iterable[Pause], end_s: float) -> float:
+    cut = (Pause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in pauses)
+    return length_s(p for p in cut if p.until_s > p.from_s)
+
+
+def bench_finding(excused: Excused, verdicts: Sequence[Verdict]) -> Finding:
+    """Was the bench in time for enough of the flight?  verdicts : of flags and of ``[[expect]]``"""
+    late, found = verdicts.count(Verdict.LATE_BENCH), verdicts.count(Verdict.FOUND)
+    text = f"the bench was late for {excused.share:.0%} of the flight; {MAX_EXCUSED_SHARE:.0%} are allowed"
+    holds = excused.share <= MAX_EXCUSED_SHARE
+    if holds and excused.unjudged_share > MAX_UNJUDGED_SHARE:
+        holds = False
+        text = (
+            f"the bench was late {excused.number} times, so that unexpected flags are not judged in "
+            f"{excused.unjudged_share:.0%} of the flight; {MAX_UNJUDGED_SHARE:.0%} are allowed"
+        )
+    elif holds and late > found:
+        holds, text = False, f"the bench was late for {late} expected flags, and {found} were found"
+    elif holds and excused.judged_s <= 0.0 and not found:
+        holds, text = False, "nothing at all was judged: the flight is too short"
+    return Finding(BENCH, "bench in time", Verdict.HOLDS if holds else Verdict.LATE_BENCH, text)
+
+
+def decide(verdicts: Iterable[Verdict], unexpected: bool, bench: Finding) -> Outcome:
+    """The outcome.  A miss is a miss, however late the bench was elsewhere.
+
+    verdicts : of all rows; unexpected : was there a flag that nothing explains?
+    """
+    if unexpected or not FAILURES.isdisjoint(verdicts):
+        return Outcome.FAILED
+    return Outcome.HOLDS if bench.verdict is Verdict.HOLDS else Outcome.NOT_PROVED

@@ -1,0 +1,90 @@
+"""What every unit under test must do in every flight: begin, keep up, record without gaps, be there at the end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from fti.post.score.evidence import Evidence
+from fti.post.score.flown import Pause, length_s, merged, overlap_s
+from fti.post.score.rows import UNIT, Finding, Verdict
+
+#: Navigation may be behind for this part of a flight.  One that keeps up is not behind at all; on a computer of two
+#: cores that has other work it is now and then, and misses flags where it is for longer.
+MAX_BEHIND_SHARE = 0.2
+#: It catches up so long after the bench was late, or after its own start [s].
+CATCH_UP_S = 5.0
+#: Health tells once a second of navigation: a flight that ends so long after its last word ends without it [s].
+MAX_SILENT_S = 5.0
+#: The recorder ticks every 20 ms.  It may stand still so long at once, and for this part of a flight [s].
+MAX_TICK_GAP_S, MAX_TICK_GAP_SHARE = 1.0, 0.02
+#: A session may end so long before the truth does, where both are told to end [s].
+MAX_END_S = 3.0
+
+
+def unit_findings(evidence: Evidence, start_limit_s: float) -> Iterator[Finding]:
+    """Four findings, whether they hold or not.  start_limit_s : the unit may take so long until its first word [s]"""
+    yield _start(evidence, start_limit_s)
+    yield _keeps_up(evidence)
+    yield _until_the_end(evidence)
+    yield _ticks(evidence, start_limit_s)
+
+
+def _start(evidence: Evidence, limit_s: float) -> Finding:
+    began_s = evidence.said.began_s
+    if math.isinf(began_s):
+        return _finding("start", False, "navigation said nothing of itself during the flight")
+    allowed = f"{limit_s:g} s are allowed"
+    return _finding("start", began_s <= limit_s, f"navigation said its first word after {began_s:.1f} s; {allowed}")
+
+
+def behind_share(evidence: Evidence) -> float:
+    """The part of the flight for which navigation was behind although bench and start gave no reason, 0 to 1."""
+    excused = [Pause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
+    if evidence.start_s:
+        excused.append(Pause(0.0, evidence.start_s + CATCH_UP_S))
+    return _beyond(evidence.said.behind, excused, evidence.end_s) / evidence.end_s
+
+
+def _keeps_up(evidence: Evidence) -> Finding:
+    share = behind_share(evidence)
+    text = f"navigation was behind for {share:.0%} of the flight; {MAX_BEHIND_SHARE:.0%} are allowed"
+    return _finding("navigation in time", share <= MAX_BEHIND_SHARE, text)
+
+
+def silent_s(evidence: Evidence) -> float:
+    """How long navigation had said nothing when the flight ended [s]."""
+    return max(evidence.end_s - evidence.said.spoke_s, 0.0)
+
+
+def _until_the_end(evidence: Evidence) -> Finding:
+    silence = silent_s(evidence)
+    text = f"navigation said nothing for the last {silence:.0f} s; {MAX_SILENT_S:g} s are allowed"
+    return _finding("navigation until the end", silence <= MAX_SILENT_S, text)
+
+
+def _ticks(evidence: Evidence, start_limit_s: float) -> Finding:
+    """Where the recorder stood still although the bench gave no reason, or where its ticks were taken away."""
+    first_s, last_s = evidence.said.ticks
+    if math.isinf(first_s) and first_s > 0.0:
+        return _finding("recorder", False, "no tick of the recorder during the flight")
+    end = Pause(min(last_s + MAX_END_S, evidence.end_s), evidence.end_s)
+    gaps = [*evidence.said.tick_gaps, Pause(start_limit_s, max(first_s, start_limit_s)), end]
+    sound = [Pause(p.from_s, p.until_s + CATCH_UP_S) for p in evidence.pauses]
+    missing = _beyond(gaps, sound, evidence.end_s)
+    longest = max((_beyond([gap], sound, evidence.end_s) for gap in gaps), default=0.0)
+    holds = longest <= MAX_TICK_GAP_S and missing <= MAX_TICK_GAP_SHARE * evidence.end_s
+    allowed = f"{MAX_TICK_GAP_S:g} s at once and {MAX_TICK_GAP_SHARE:.0%} of the flight are allowed"
+    return _finding("recorder", holds, f"ticks are missing for {missing:.2f} s, at most {longest:.2f} s; {allowed}")
+
+
+def _beyond(intervals: Iterable[Pause], excused: Iterable[Pause], end_s: float) -> float:
+    """How much of these intervals is in the flight and not excused [s]."""
+    within = [Pause(max(p.from_s, 0.0), min(p.until_s, end_s)) for p in merged(intervals)]
+    there = [p for p in within if p.until_s > p.from_s]
+    sound = list(merged(excused))
+    return length_s(there) - sum(overlap_s(sound, p.from_s, p.until_s) for p in there)
+
+
+def _finding(name: str, holds: bool, text: str) -> Finding:
+    return Finding(UNIT, name, Verdict.HOLDS if holds else Verdict.FAILS, text)

@@ -1,0 +1,144 @@
+"""Sessions of a short flight in which a flag is hidden, and what may excuse that: nothing that the unit says itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fti.hil.truth import FLIGHT_METADATA, REAL_TIME_KEY
+from fti.logger.reading.mcap_file import Item
+from fti.post.score.judging import Score
+from fti.post.score.outcome import Outcome
+from fti.post.score.rows import Verdict
+from fti.post.score.unit_findings import MAX_BEHIND_SHARE
+from tests.post.score.doctored import DERIVED, RAW, TRUTH, Change, copied, file_of, rewrite, with_content
+from tests.post.score.flying import score_of, session_of, short
+
+FROM_S, TO_S = 10.0, 13.0
+SCENARIO = short(({"kind": "cut", "devices": ("altimeter",), "from_s": FROM_S, "to_s": TO_S},))
+SECOND_NS = 1_000_000_000
+Seconds = Callable[[Item], float]
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The session of the flight."""
+    return session_of(SCENARIO, tmp_path_factory.mktemp("flown"))
+
+
+@pytest.fixture
+def hidden(flown: Path, tmp_path: Path) -> Path:
+    """The same without the flag."""
+    session = copied(flown, tmp_path)
+    rewrite(file_of(session, DERIVED), without_stale)
+    return session
+
+
+def without_stale(item: Item) -> Item:
+    if not item.topic.name.startswith("/nav/height"):
+        return item
+    reasons = [reason for reason in json.loads(item.data)["reasons"] if reason != "stale"]
+    return with_content(item, reasons=reasons)
+
+
+def in_flight(session: Path) -> Seconds:
+    begin_ns = score_of(SCENARIO, session).flown.begin_ns
+    return lambda item: (item.log_time - begin_ns) / SECOND_NS
+
+
+def verdict(score: Score) -> Verdict:
+    return next(row.verdict for row in score.rows if "stale" in row.flag)
+
+
+def late_rows(seconds: Seconds, spans: list[tuple[float, float]]) -> Change:
+    """Rows of the truth that were written when the bench had time again."""
+
+    def change(item: Item) -> Item:
+        for from_s, until_s in spans:
+            if from_s <= seconds(item) < until_s:
+                return item._replace(publish_time=item.log_time + round((until_s - seconds(item)) * SECOND_NS))
+        return item._replace(publish_time=item.log_time + 2_000_000)
+
+    return change
+
+
+def test_the_flight_holds_and_is_known_to_be_accelerated(flown: Path) -> None:
+    score = score_of(SCENARIO, flown)
+    assert score.outcome is Outcome.HOLDS
+    assert not score.flown.real_time
+
+
+def test_a_hidden_flag_is_a_miss(hidden: Path) -> None:
+    assert verdict(score_of(SCENARIO, hidden)) is Verdict.MISSING
+
+
+def test_a_unit_that_calls_itself_late_is_not_excused(flown: Path, hidden: Path) -> None:
+    """Throughout the flight: that is a failure of its own."""
+
+    def late(item: Item) -> Item:
+        navigation = json.loads(item.data).get("navigation") if item.topic.name == "/fti/health" else None
+        return with_content(item, navigation={**navigation, "lag_ms": 600.0}) if navigation else item
+
+    rewrite(file_of(hidden, RAW), late)
+    score = score_of(SCENARIO, hidden)
+    assert verdict(score) is Verdict.MISSING
+    assert score.outcome is Outcome.FAILED
+    failing = [finding.name for finding in score.findings if finding.verdict is Verdict.FAILS]
+    assert failing == ["navigation in time"]
+    assert MAX_BEHIND_SHARE < 0.5
+
+
+def test_missing_ticks_do_not_excuse(hidden: Path) -> None:
+    seconds = in_flight(hidden)
+    rewrite(
+        file_of(hidden, RAW),
+        lambda item: None if item.topic.name == "/fti/tick" and FROM_S - 1 < seconds(item) < TO_S else item,
+    )
+    score = score_of(SCENARIO, hidden)
+    assert verdict(score) is Verdict.MISSING
+    assert [finding.name for finding in score.findings if finding.verdict is Verdict.FAILS] == ["recorder"]
+
+
+def test_a_session_without_any_tick_fails(flown: Path, tmp_path: Path) -> None:
+    session = copied(flown, tmp_path)
+    rewrite(file_of(session, RAW), lambda item: None if item.topic.name == "/fti/tick" else item)
+    assert score_of(SCENARIO, session).outcome is Outcome.FAILED
+
+
+@pytest.mark.parametrize("stated", ["true", None])
+def test_the_truth_excuses_what_the_emulator_was_late_for(hidden: Path, stated: str | None) -> None:
+    """One that does not state whether it was in real time is judged by its rows."""
+    seconds = in_flight(hidden)
+    flight = None if stated is None else {REAL_TIME_KEY: stated}
+    rewrite(
+        file_of(hidden, TRUTH), late_rows(seconds, [(FROM_S - 0.5, FROM_S + 2.0)]), metadata={FLIGHT_METADATA: flight}
+    )
+    score = score_of(SCENARIO, hidden)
+    assert score.flown.real_time
+    assert verdict(score) is Verdict.LATE_BENCH
+    assert score.excused.total_s == pytest.approx(2.5, abs=0.2)
+    assert score.outcome is not Outcome.FAILED
+
+
+def test_a_bench_that_was_late_for_too_much_proves_nothing(hidden: Path) -> None:
+    seconds = in_flight(hidden)
+    rewrite(
+        file_of(hidden, TRUTH), late_rows(seconds, [(9.0, 20.0)]), metadata={FLIGHT_METADATA: {REAL_TIME_KEY: "true"}}
+    )
+    score = score_of(SCENARIO, hidden)
+    assert score.outcome is Outcome.NOT_PROVED
+    assert score.excused.share > 0.2
+
+
+def test_an_accelerated_flight_has_no_excuse(hidden: Path) -> None:
+    """Whatever its rows say, and whatever the session says of itself."""
+    seconds = in_flight(hidden)
+    rewrite(file_of(hidden, TRUTH), late_rows(seconds, [(FROM_S - 0.5, FROM_S + 2.0)]))
+    for kind in (RAW, DERIVED):
+        rewrite(file_of(hidden, kind), metadata={"fti": {"name": "short", "origin": "hil"}})
+    score = score_of(SCENARIO, hidden)
+    assert verdict(score) is Verdict.MISSING
+    assert (score.flown.real_time, score.flown.pauses) == (False, ())
