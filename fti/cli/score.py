@@ -24,13 +24,14 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   not judged: start   the unit was starting, for which it has 10 s, and none in an accelerated flight
   bench was late  the emulator was late just then, as its truth file says; an accelerated flight has no such excuse
 
-Neither how late navigation calls itself nor missing ticks of the recorder excuse anything.  Navigation that is behind for
-more than a fifth of a flight, that begins after 10 s or says nothing for the last 5 s, and a recorder that stands still
-are misses.  Where the emulator was late for more than a fifth of the flight, and there is no miss, the flight proves
-nothing: exit code 1.
+Neither how late navigation calls itself nor missing ticks of the recorder excuse anything.  Navigation that is behind
+for more than a fifth of a flight, that begins after 10 s or says nothing for the last 5 s, and a recorder that stands
+still are misses.  Where the emulator was late for more than a fifth of the flight, and there is no miss, the flight
+proves nothing: exit code 1.
 
 When the flight began stands in the truth file alone, with the scenario that was flown: another one is refused.
-Exit code 0: all holds; 1: it does not, or proves nothing; 2: wrong call, no truth, another scenario; 3: the recording has losses.
+Exit code 0: all holds; 1: it does not, or proves nothing; 2: wrong call, no truth, another scenario; 3: the recording
+has losses.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", metavar="CONFIG", help="another configuration than the recorded one")
     parser.add_argument("--fly", metavar="DIR", help="fly it first, accelerated, and record below DIR")
     parser.add_argument("--plot", metavar="FILE", help="draw faults and flags over time (.png, .svg)")
+    parser.add_argument("--junit", metavar="FILE", help="write JUnit XML: a miss is a failure, a late bench an error")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
@@ -68,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     from fti.hil import scenario as scenarios
     from fti.logger.reading.recording import Recording
     from fti.post.reprocess import other_setup, recorded_setup
+    from fti.post.score import junit
     from fti.post.score.report import as_json, as_text
 
     if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
@@ -82,6 +85,8 @@ def run(args: argparse.Namespace) -> int:
         for number, score in enumerate(scores):
             print_lines(["", *as_text(score)] if number else as_text(score))
     _draw(scores, args.plot)
+    if args.junit:
+        junit.write(scores, Path(args.junit))
     report_faults(recording)
     if not all(score.holds for score in scores):
         return 1

@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -130,6 +131,19 @@ def test_a_picture_is_drawn_once(flown: Path, tmp_path: Path, capsys: pytest.Cap
     assert "cable cut" in (tmp_path / "score.svg").read_text()
     assert main(command) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_junit_says_what_failed_and_is_written_once(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = doctored(flown, tmp_path, reasons_become(lambda told: told - {"stale"}))
+    command = ["score", str(flown / "scenario.toml"), str(wrong), "--junit", str(tmp_path / "score.xml")]
+    assert main(command) == 1
+    (failed,) = ElementTree.parse(tmp_path / "score.xml").iterfind(".//testcase[failure]")
+    assert failed.attrib["name"].endswith("/nav/height_above_ground/altimeter stale")
+    capsys.readouterr()
+    assert main(command) == 2
+    assert "score.xml: cannot be written: File exists" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", [[], ["--fly", "somewhere", "session"], ["session", "--plot", "score.pdf"]])

@@ -10,7 +10,8 @@ from typing import Any
 from fti.post.score.evidence import START_S
 from fti.post.score.judging import Score
 from fti.post.score.outcome import MAX_EXCUSED_SHARE, Outcome
-from fti.post.score.rows import FAILURES, Finding, Met, Row, Unexpected, Verdict
+from fti.post.score.results import describe_surprise, name_expectation
+from fti.post.score.rows import FAILURES, Finding, Met, Row, Verdict
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 #: How the conclusion begins.
@@ -29,7 +30,7 @@ def as_text(score: Score) -> list[str]:
         lines += [*_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
     lines += [_start(score), ""] if score.flown.real_time and 0.0 < score.said.began_s < math.inf else []
     lines += [_pauses(score), ""] if score.flown.pauses else []
-    lines += [*(_surprise(one) for one in score.unexpected), ""] if score.unexpected else []
+    lines += [*(f"not expected: {describe_surprise(one)}" for one in score.unexpected), ""] if score.unexpected else []
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
     return [*lines, _conclusion(score)]
 
@@ -72,17 +73,8 @@ def _pauses(score: Score) -> str:
     )
 
 
-def _surprise(one: Unexpected) -> str:
-    until = "the end" if one.until_s == float("inf") else f"{one.until_s:.2f} s"
-    return f"not expected: {one.place} {one.word}, {one.from_s:.2f} s to {until}"
-
-
 def _expectation(met: Met) -> str:
-    asked = met.expectation
-    band = f" +{asked.plus:g} -{asked.minus:g}" if asked.plus or asked.minus else ""
-    begin = (
-        f"expect {asked.channel} = {asked.value}{band} at {asked.at_s:g} s within {asked.within_s:g} s: {met.verdict}"
-    )
+    begin = f"expect {name_expectation(met)}: {met.verdict}"
     if met.verdict is Verdict.FOUND:
         return f"{begin} after {met.after_s:.2f} s ({met.value})"
     return f"{begin}; it was {met.value}" if met.verdict is Verdict.MISSING else begin

@@ -1,0 +1,101 @@
+"""Scores as JUnit XML, which Jenkins, GitLab and others show: one suite for each flight, one case for each row.
+
+A miss is a failure; where the bench was late and nothing is proved it is an error; what cannot be judged is skipped.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from fti.errors import StorageError
+from fti.post.score.judging import Score
+from fti.post.score.not_judged import NotJudged
+from fti.post.score.results import Result, results
+from fti.post.score.rows import FAILURES, Verdict
+
+FAILURE, ERROR, SKIPPED = "failure", "error", "skipped"
+PASSED = (Verdict.FOUND, Verdict.HOLDS)
+#: What XML 1.0 does not allow in a text (section 2.2), half of a surrogate pair among it.
+_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write(scores: Sequence[Score | NotJudged], file: Path) -> None:
+    """Write a file, which must not be there yet.  Raises StorageError."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with file.open("xb") as out:
+            out.write(as_junit(scores))
+    except OSError as error:
+        raise StorageError(f"{error.filename}: cannot be written: {error.strerror}") from error
+
+
+def as_junit(scores: Iterable[Score | NotJudged]) -> bytes:
+    """The document, UTF-8."""
+    root = ET.Element("testsuites", name="fti score")
+    for score in scores:
+        root.append(_flight(score) if isinstance(score, Score) else _not_judged(score))
+    _count(root)
+    ET.indent(root)
+    return bytes(ET.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def _flight(score: Score) -> ET.Element:
+    flown = score.flown
+    suite = ET.Element("testsuite", name=_allowed(f"{score.scenario.title} ({flown.file.stem})"))
+    properties = ET.SubElement(suite, "properties")
+    for name, value in (("outcome", score.outcome), ("truth", flown.file), ("real_time", flown.real_time)):
+        ET.SubElement(properties, "property", name=name, value=_allowed(str(value)))
+    names = Counter[str]()
+    for result in results(score):
+        names[result.name] += 1
+        again = f" ({names[result.name]})" if names[result.name] > 1 else ""  # a name that stands twice is shown once
+        _case(suite, score.scenario.title, result._replace(name=result.name + again))
+    _count(suite)
+    suite.set("time", f"{flown.truth.end_s:.3f}")
+    return suite
+
+
+def _not_judged(one: NotJudged) -> ET.Element:
+    suite = ET.Element("testsuite", name=_allowed(one.name))
+    case = ET.SubElement(suite, "testcase", name="flight", classname=_allowed(one.name), time="0")
+    _add(case, ERROR, "not judged", one.reason)
+    _count(suite)
+    return suite
+
+
+def _case(suite: ET.Element, title: str, result: Result) -> None:
+    classname = f"{title.replace('.', ' ')}.{result.group}"  # a dot separates what is shown as folders
+    case = ET.SubElement(suite, "testcase", name=_allowed(result.name), classname=_allowed(classname), time="0")
+    if kind := _kind(result.verdict):
+        _add(case, kind, result.verdict, result.text)
+
+
+def _kind(verdict: Verdict) -> str:
+    if verdict in FAILURES:
+        return FAILURE
+    if verdict is Verdict.LATE_BENCH:
+        return ERROR
+    return "" if verdict in PASSED else SKIPPED
+
+
+def _add(case: ET.Element, kind: str, type_: str, text: str) -> None:
+    """What became of a case; one that was skipped has no type."""
+    child = ET.SubElement(case, kind, message=_allowed(text))
+    if kind != SKIPPED:
+        child.set("type", type_)
+        child.text = _allowed(text)
+
+
+def _count(parent: ET.Element) -> None:
+    parent.set("tests", str(len(list(parent.iter("testcase")))))
+    for attribute, kind in (("failures", FAILURE), ("errors", ERROR), ("skipped", SKIPPED)):
+        parent.set(attribute, str(len(list(parent.iter(kind)))))
+
+
+def _allowed(text: str) -> str:
+    """The same without characters that XML forbids."""
+    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)

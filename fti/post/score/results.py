@@ -1,0 +1,63 @@
+"""Everything that a score says as a flat list, whatever kind of row it stands in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from fti.post.score.judging import Score
+from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
+
+
+class Result(NamedTuple):
+    """One result.  group : the kind of row; name : what was asked; text : what was found, one sentence"""
+
+    group: str
+    name: str
+    verdict: Verdict
+    text: str
+
+
+def results(score: Score) -> Iterator[Result]:
+    """Every row of a score, then what nobody expected, ``[[expect]]``, and what is asked of every flight."""
+    yield from map(_of_flag, score.rows)
+    yield from map(_of_surprise, score.unexpected)
+    yield from map(_of_expectation, score.expected)
+    yield from map(_of_finding, (*score.findings, score.bench))
+
+
+def _of_flag(row: Row) -> Result:
+    name = f"{row.fault + 1} {row.what}, {row.from_s:.1f}-{row.until_s:.1f} s: {row.subject} {row.flag}"
+    times = (
+        ("after", row.after_s),
+        ("allowed", row.within_s),
+        ("cleared after", row.clear_s),
+        ("allowed", row.clears_s),
+    )
+    told = [f"{what} {seconds:.2f} s" for what, seconds in times if seconds is not None]
+    return Result("fault", name, row.verdict, ", ".join([row.verdict, *told]))
+
+
+def _of_surprise(one: Unexpected) -> Result:
+    return Result("not expected", f"{one.place} {one.word}", Verdict.FAILS, f"not expected: {describe_surprise(one)}")
+
+
+def _of_expectation(met: Met) -> Result:
+    return Result("expect", name_expectation(met), met.verdict, f"{met.verdict}; it was {met.value}")
+
+
+def _of_finding(finding: Finding) -> Result:
+    return Result(finding.about, finding.name, finding.verdict, finding.text)
+
+
+def describe_surprise(one: Unexpected) -> str:
+    """Where and when a flag stood that nobody expected."""
+    until = "the end" if one.until_s == float("inf") else f"{one.until_s:.2f} s"
+    return f"{one.place} {one.word}, {one.from_s:.2f} s to {until}"
+
+
+def name_expectation(met: Met) -> str:
+    """What a row of ``[[expect]]`` asks for."""
+    asked = met.expectation
+    band = f" +{asked.plus:g} -{asked.minus:g}" if asked.plus or asked.minus else ""
+    return f"{asked.channel} = {asked.value}{band} at {asked.at_s:g} s within {asked.within_s:g} s"
