@@ -23,6 +23,10 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   nothing is due  too short or too small to be seen; or of a device that navigation does not use
   not judged: start   the unit was starting, for which it has 10 s, and none in an accelerated flight
   bench was late  the emulator was late just then, as its truth file says; an accelerated flight has no such excuse
+  not configured  due with the configuration that the scenario names, and not with the one that was played: a miss
+
+Flags are expected by the configuration that the emulator played, which its truth file has; a session that was recorded
+with other devices, links or roles fails, and the keys are named.  --config expects them by another one, uncompared.
 
 Neither how late navigation calls itself nor missing ticks of the recorder excuse anything.  Navigation that is behind
 for more than a fifth of a flight, that begins after 10 s or says nothing for the last 5 s, and a recorder that stands
@@ -44,11 +48,9 @@ from fti.cli._printing import print_json, print_lines
 from fti.cli.main import EXIT_LOSSES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from fti.hil.scenario import Scenario
-    from fti.logger.reading.recording import Recording
-    from fti.post.reprocess import Setup
     from fti.post.score.judging import Score
 
 
@@ -57,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO", help="name of a shipped scenario, or a file")
     parser.add_argument("session", metavar="SESSION", nargs="?", help="session folder")
     parser.add_argument("--truth", metavar="FILE", help="truth of the flight (default: those in SESSION)")
-    parser.add_argument("--config", metavar="CONFIG", help="another configuration than the recorded one")
+    parser.add_argument("--config", metavar="CONFIG", help="expect flags by this configuration, not by the played one")
     parser.add_argument("--fly", metavar="DIR", help="fly it first, accelerated, and record below DIR")
     parser.add_argument("--plot", metavar="FILE", help="draw faults and flags over time (.png, .svg)")
     parser.add_argument("--junit", metavar="FILE", help="write JUnit XML: a miss is a failure, a late bench an error")
@@ -66,19 +68,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Judge every flight of the session; 1 when one does not hold."""
-    from fti.cli._reading import report_faults
+    from fti.cli._reading import reading, report_faults
     from fti.hil import scenario as scenarios
     from fti.logger.reading.recording import Recording
-    from fti.post.reprocess import other_setup, recorded_setup
+    from fti.post.reprocess import other_setup
     from fti.post.score import junit
+    from fti.post.score.flown import find_truths
     from fti.post.score.report import as_json, as_text
+    from fti.post.score.session_score import judge_session
 
     if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
         args.parser.error(f"--plot {args.plot}: must end with .png or .svg")
     scenario = scenarios.load(scenarios.find(args.scenario))
     recording = Recording.open(_fly(scenario, args) if args.fly else _named(args))
-    setup = other_setup(args.config) if args.config else recorded_setup(recording, recording.path)
-    scores = list(_judge(scenario, recording, setup, args))
+    given = other_setup(args.config) if args.config else None
+    truths = find_truths(recording, Path(args.truth) if args.truth else None)
+    scores = list(judge_session(recording, scenario, truths, given, lambda: reading(recording, "score")))
     if args.json:
         print_json([as_json(score) for score in scores])
     else:
@@ -109,20 +114,6 @@ def _named(args: argparse.Namespace) -> Path:
 def _refuse(args: argparse.Namespace, wrong: object, text: str) -> None:
     if wrong:
         args.parser.error(text)
-
-
-def _judge(scenario: Scenario, recording: Recording, setup: Setup, args: argparse.Namespace) -> Iterator[Score]:
-    from fti.cli._reading import reading
-    from fti.post.score.flown import find_truths, read_flown
-    from fti.post.score.judging import judge
-    from fti.post.score.messages import read_said
-
-    flights = [read_flown(file, scenario) for file in find_truths(recording, Path(args.truth) if args.truth else None)]
-    channels = [expectation.channel for expectation in scenario.expect]
-    for flown in flights:
-        with reading(recording, "score"):
-            said = read_said(recording, setup.config, flown, channels)
-        yield judge(scenario, setup, flown, said)
 
 
 def _draw(scores: Sequence[Score], file: str | None) -> None:

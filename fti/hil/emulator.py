@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from fti.config import Config
+from fti.errors import MissingError
 from fti.hil.bench import Bench
 from fti.hil.device_line import DeviceLine
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
@@ -36,7 +37,9 @@ from fti.hil.tables.kinds import Babbling, BusOff, CanStatus
 from fti.hil.truth import TruthLog, TruthRows
 from fti.hil.world import World
 from fti.lateness import Histogram
+from fti.logger.session import CONFIG_ATTACHMENT
 from fti.nav.integrity.approach import ApproachPath, load_airfield
+from fti.service.binding import read_texts
 from fti.terrain import scenes
 from fti.terrain.surroundings import demo_country
 from fti.terrain.terrain import Terrain
@@ -172,7 +175,8 @@ class Emulator:
     def _truth_log(self) -> contextlib.AbstractContextManager[TruthLog | None]:
         if self._truth is None or self._truth_rows is None:
             return contextlib.nullcontext()
-        return contextlib.closing(TruthLog(self._truth, self._truth_rows, real_time=self.bench.is_real_time))
+        real_time, texts = self.bench.is_real_time, _played_texts(self.config)
+        return contextlib.closing(TruthLog(self._truth, self._truth_rows, real_time=real_time, texts=texts))
 
     def _line_faults(self) -> list[Stream]:
         buses = [link.name for link in self.config.link if link.kind == "can"]
@@ -204,6 +208,14 @@ class Emulator:
         if truth is not None:
             streams.append(truth.stream(start_ns, clock.now_ns))
         await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
+
+
+def _played_texts(config: Config) -> dict[str, str]:
+    """A configuration and what it names, as a session has them attached; what nobody can read is left out."""
+    texts = {CONFIG_ATTACHMENT: config.text} if config.text else {}
+    with contextlib.suppress(MissingError):  # an approach of the daemon, which the emulator does not need
+        texts |= read_texts(config)
+    return texts
 
 
 #: Geoid above the ellipsoid at the demo airfield [m] (EGM96, rounded).

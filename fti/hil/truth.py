@@ -2,8 +2,9 @@
 
 Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
 The file says which scenario was flown (attachment ``scenario.json``), whether in real time or faster (metadata
-``flight``), and how often each device sends each kind of measurement (``sent_rates.json``).  What each device means to
-state once a second is on ``/truth/measurement/<device>``, at the time of the sample.
+``flight``), with which configuration (its text and the texts that it names are attached as to a session), and how often
+each device sends each kind of measurement (``sent_rates.json``).  What each device means to state once a second is on
+``/truth/measurement/<device>``, at the time of the sample.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -99,15 +101,22 @@ class TruthRows:
 
 
 class TruthLog:
-    """The truth file of one flight.  real_time : the bench's, not a clock that jumps"""
+    """The truth file of one flight.
 
-    def __init__(self, path: Path, rows: TruthRows, *, real_time: bool = True) -> None:
+    real_time : the bench's, not a clock that jumps; texts : the configuration that is played, by names of attachments
+    """
+
+    def __init__(
+        self, path: Path, rows: TruthRows, *, real_time: bool = True, texts: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._rows = rows
         path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = StreamWriter(path)
         self._writer.add_attachment(SCENARIO_ATTACHMENT, "application/json", rows.flown.encode(), log_time=0)
         rates_json = json.dumps(rows.rates).encode()
         self._writer.add_attachment(RATES_ATTACHMENT, "application/json", rates_json, log_time=0)
+        for name, text in texts.items():
+            self._writer.add_attachment(name, "text/plain", text.encode(), log_time=0)
         self._writer.add_metadata(FLIGHT_METADATA, {REAL_TIME_KEY: str(real_time).lower()})
         schema = self._writer.add_schema("fti.Truth", "jsonschema", json.dumps(_schema(rows.altimeters)).encode())
         self._channel = self._writer.add_channel(TOPIC, "json", schema)

@@ -11,7 +11,7 @@ import gc
 import itertools
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -117,12 +117,8 @@ class Segment:
 
 def recorded_setup(recording: Recording, file: Path) -> Setup:
     """The configuration that the session was recorded with, from its attachments.  Raises RecordingError."""
-    texts = {name: configuration.decode_text(data, f"{file / name}") for name, data in recording.attachments().items()}
-    text = texts.pop(CONFIG_ATTACHMENT, None)
-    if text is None:
-        raise RecordingError(f"{file}: holds no configuration; name one")
-    place = file / CONFIG_ATTACHMENT
-    setup = _setup(configuration.parse(configuration.parse_toml(text, str(place)), text, place), texts)
+    config, texts = attached_config(recording.attachments(), file)
+    setup = _setup(config, texts)
     files: list[str] = []
     grounds: list[GroundNote] = []
     for topic, t_ns, _, _, data in recording.messages(TERRAIN_TOPIC, kind="derived"):
@@ -132,6 +128,19 @@ def recorded_setup(recording: Recording, file: Path) -> Setup:
             grounds.append(_ground_note(note))
     config = _with_files(setup.config, tuple(files))
     return replace(setup, config=config, grounds=tuple(grounds), recorded=True)
+
+
+def attached_config(attachments: Mapping[str, bytes], file: Path) -> tuple[Config, dict[str, str]]:
+    """A configuration and the texts that it names, from the attachments of a file.
+
+    Raises RecordingError where there is none, ConfigError where it is wrong.
+    """
+    texts = {name: configuration.decode_text(data, f"{file / name}") for name, data in attachments.items()}
+    text = texts.pop(CONFIG_ATTACHMENT, None)
+    if text is None:
+        raise RecordingError(f"{file}: holds no configuration; name one")
+    place = file / CONFIG_ATTACHMENT
+    return configuration.parse(configuration.parse_toml(text, str(place)), text, place), texts
 
 
 def _ground_note(note: dict[str, Any]) -> GroundNote:

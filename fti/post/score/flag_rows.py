@@ -20,6 +20,26 @@ def flag_rows(belongs: Sequence[tuple[int, Told]], faults: Sequence[Fault], evid
         yield from _fault_rows(i, faults[i], one, evidence)
 
 
+def vanished_rows(
+    own: Sequence[tuple[int, Told]], belongs: Sequence[tuple[int, Told]], faults: Sequence[Fault], evidence: Evidence
+) -> Iterator[Row]:
+    """Flags that are due with the scenario's own configuration and not with the one that was played: a role is missing.
+
+    own, belongs : what is due with either, with the index of its fault
+    """
+    there = {_identity(i, duty) for i, one in belongs for duty in one.duties}
+    for i, one in own:
+        for duty in one.duties:
+            row = _row(i, faults[i], one, duty)
+            gone = _identity(i, duty) not in there
+            if gone and _judged(row, duty, evidence).verdict not in (Verdict.NOT_FLOWN, Verdict.PORTS):
+                yield replace(row, verdict=Verdict.NOT_CONFIGURED)
+
+
+def _identity(fault: int, duty: Duty) -> tuple[int, str, tuple[str, ...]]:
+    return fault, duty.place, duty.words
+
+
 def _held_on(belongs: Sequence[tuple[int, Told]]) -> list[tuple[int, Told]]:
     """The same; a flag that another fault raises before it must have gone need not go until that one ends."""
     duties = sorted((duty for _, one in belongs for duty in one.duties), key=lambda duty: duty.from_s)
@@ -47,10 +67,15 @@ def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iter
     elif not one.duties:
         yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
     for duty in one.duties:
-        flag = f"{duty.place} {' or '.join(duty.words) if duty.value is None else f'= {duty.value:g}'}"
-        row = Row(index, what, one.subject, flag, duty.from_s, duty.until_s, Verdict.FOUND, within_s=duty.within_s)
+        row = _row(index, fault, one, duty)
         judged = _judged(row, duty, evidence)
         yield replace(judged, verdict=_excuse(judged, evidence))
+
+
+def _row(index: int, fault: Fault, one: Told, duty: Duty) -> Row:
+    flag = f"{duty.place} {' or '.join(duty.words) if duty.value is None else f'= {duty.value:g}'}"
+    span = duty.from_s, duty.until_s
+    return Row(index, describe(fault), one.subject, flag, *span, Verdict.FOUND, within_s=duty.within_s)
 
 
 def _excuse(row: Row, evidence: Evidence) -> Verdict:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,7 @@ class Flown:
     begin_ns  : FTI time at which it began
     pauses    : in which the emulator was late, in order; an accelerated flight has none
     real_time : it was flown over ports, as long as it lasted; else it was accelerated
+    attached  : the configuration that the emulator played, and the texts that it names; nothing in older files
     """
 
     file: Path
@@ -50,6 +51,7 @@ class Flown:
     truth: Truth
     pauses: tuple[Pause, ...]
     real_time: bool = True
+    attached: Mapping[str, bytes] = field(default_factory=dict)
 
     def seconds(self, t_ns: int) -> float:
         """Time of the flight [s]."""
@@ -83,7 +85,9 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
     real_time = _is_real_time(head.metadata.get(FLIGHT_METADATA, {}).get(REAL_TIME_KEY), rows)
-    return Flown(file, rows[0].log_time, _truth(rows), tuple(_pauses(rows)) if real_time else (), real_time)
+    pauses = tuple(_pauses(rows)) if real_time else ()
+    attached = {name: data for name, data in head.attachments.items() if name != SCENARIO_ATTACHMENT}
+    return Flown(file, rows[0].log_time, _truth(rows), pauses, real_time, attached)
 
 
 def _is_real_time(stated: str | None, rows: list[Item]) -> bool:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fti.hil.expected.aircraft import Aircraft
+from fti.hil.expected.duties import Told
 from fti.hil.expected.fallbacks import of_fallbacks
 from fti.hil.expected.flags import told
 from fti.hil.expected.of_flight import of_flight
@@ -12,7 +14,7 @@ from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
 from fti.post.score.evidence import Evidence, start_limit_s
 from fti.post.score.expectations import meet_expectation
-from fti.post.score.flag_rows import flag_rows
+from fti.post.score.flag_rows import flag_rows, vanished_rows
 from fti.post.score.flown import Flown
 from fti.post.score.outcome import Excused, Outcome, bench_finding, decide, measure_excused
 from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
@@ -52,14 +54,28 @@ class Score:
         return self.outcome is Outcome.HOLDS
 
 
-def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
-    """Compare.  setup : the configuration by which flags are expected."""
+def judge(
+    scenario: Scenario,
+    setup: Setup,
+    flown: Flown,
+    said: Said,
+    *,
+    own: Setup | None = None,
+    configuration: Sequence[Finding] = (),
+) -> Score:
+    """Compare.
+
+    setup : the configuration by which flags are expected; own : the scenario's, where that is another one
+    configuration : what there is to say of the recorded one
+    """
     craft = Aircraft(setup.config, setup.devices, scenario)
-    belongs = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
-    belongs += of_fallbacks(scenario.fault, craft)
+    belongs = _due(scenario, craft, flown)
     evidence = Evidence.of_flight(flown, said)
     may = [*of_flight(craft, flown.truth), *allowed_flags([one for _, one in belongs], flown.pauses)]
-    rows = tuple(flag_rows(belongs, scenario.fault, evidence))
+    rows = list(flag_rows(belongs, scenario.fault, evidence))
+    if own:
+        without = _due(scenario, Aircraft(own.config, own.devices, scenario), flown)
+        rows += vanished_rows(without, belongs, scenario.fault, evidence)
     expected = tuple(meet_expectation(expectation, evidence) for expectation in scenario.expect)
     flags: list[Row | Met] = [*rows, *expected]
     excused = measure_excused(evidence)
@@ -67,10 +83,16 @@ def judge(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> Score:
         scenario,
         flown,
         said,
-        rows,
+        tuple(rows),
         tuple(unexpected_flags(evidence, may)),
         expected,
-        tuple(unit_findings(evidence, start_limit_s(flown))),
+        (*configuration, *unit_findings(evidence, start_limit_s(flown))),
         bench_finding(excused, [flag.verdict for flag in flags]),
         excused,
     )
+
+
+def _due(scenario: Scenario, craft: Aircraft, flown: Flown) -> list[tuple[int, Told]]:
+    """What is due with a configuration, and may be said, each with the index of its fault."""
+    faults = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
+    return faults + of_fallbacks(scenario.fault, craft)

@@ -19,13 +19,14 @@ class Verdict(StrEnum):
     NOT_FLOWN = "not flown"
     PORTS = "needs real ports"
     NOT_DUE = "nothing is due"
+    NOT_CONFIGURED = "not configured"
     START = "not judged: start"
     LATE_BENCH = "bench was late"
     HOLDS = "holds"
     FAILS = "does not hold"
 
 
-FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.FAILS))
+FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.NOT_CONFIGURED, Verdict.FAILS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class Met:
 class Finding:
     """What is asked of every flight, whatever its scenario.
 
-    about : of whom it is: UNIT or BENCH; text : what was found, and what is allowed
+    about : UNIT, BENCH or CONFIGURATION; text : what was found, and what is allowed
     """
 
     about: str
@@ -82,4 +83,4 @@ class Finding:
     text: str
 
 
-UNIT, BENCH = "unit", "bench"
+UNIT, BENCH, CONFIGURATION = "unit", "bench", "configuration"

@@ -10,10 +10,9 @@ from fti.hil.accelerated import fly
 from fti.hil.scenario import Scenario
 from fti.hil.world import World
 from fti.logger.reading.recording import Recording
-from fti.post.reprocess import recorded_setup
-from fti.post.score.flown import read_flown
-from fti.post.score.judging import Score, judge
-from fti.post.score.messages import read_said
+from fti.post.reprocess import Setup
+from fti.post.score.judging import Score
+from fti.post.score.session_score import judge_session
 from tests.hil.worlds import flat_terrain, path, scenario
 
 DURATION_S = 38.0
@@ -79,10 +78,10 @@ FAULTS = (
 )
 
 
-def daemon_config(folder: Path) -> Config:
+def daemon_config(folder: Path, text: str = CONFIG) -> Config:
     """The configuration, from a file."""
     file = folder / "short.toml"
-    file.write_text(CONFIG)
+    file.write_text(text)
     return config.load(file)
 
 
@@ -91,16 +90,14 @@ def short(faults: tuple[dict[str, object], ...] = FAULTS, **keys: object) -> Sce
     return scenario(flight={"kind": "approach", "duration_s": DURATION_S}, fault=faults, **keys)
 
 
-def session_of(flight: Scenario, folder: Path) -> Path:
-    """The session of a flight."""
+def session_of(flight: Scenario, folder: Path, text: str = CONFIG) -> Path:
+    """The session of a flight with a configuration."""
     world = World(flight, path(), flat_terrain(), undulation=47.0)
-    return fly(daemon_config(folder), flight, folder / "out", world=world)
+    return fly(daemon_config(folder, text), flight, folder / "out", world=world)
 
 
-def score_of(flight: Scenario, session: Path) -> Score:
-    """Its score."""
+def score_of(flight: Scenario, session: Path, given: Setup | None = None) -> Score:
+    """Its score.  given : by this configuration"""
     recording = Recording.open(session)
-    setup = recorded_setup(recording, session)
-    flown = read_flown(recording.truth_files[0], flight)
-    channels = [expectation.channel for expectation in flight.expect]
-    return judge(flight, setup, flown, read_said(recording, setup.config, flown, channels))
+    (score,) = judge_session(recording, flight, recording.truth_files, given)
+    return score

@@ -1,0 +1,117 @@
+"""The configuration by which a flight is judged: the one that the emulator played, not the one that the unit recorded.
+
+Where the recorded one differs in what is expected of a unit, each difference is a finding that names the key: devices,
+links by name and kind, ``[nav]``, and the texts that they name.  Ports, storage, page and bus may differ.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import PurePath
+from typing import Any
+
+from fti.config import Config
+from fti.errors import ConfigError, FtiError
+from fti.hil.scenario import Scenario
+from fti.logger.reading.recording import Recording
+from fti.logger.session import CONFIG_ATTACHMENT
+from fti.post.reprocess import Setup, attached_config, other_setup
+from fti.post.score.flown import Flown
+from fti.post.score.rows import CONFIGURATION, Finding, Verdict
+from fti.service.binding import FILE_ENDING, bind_devices
+
+NAME = "as the emulator played it"
+Table = Mapping[str, Any]
+
+
+def promised_setup(flown: Flown, scenario: Scenario) -> Setup:
+    """What the emulator played; the scenario's own configuration where an older truth file does not say.
+
+    Raises ConfigError or MissingError.
+    """
+    if CONFIG_ATTACHMENT not in flown.attached:
+        return other_setup(scenario.config)
+    config, texts = attached_config(flown.attached, flown.file)
+    return Setup(config, texts, bind_devices(config, texts), None)
+
+
+def own_setup(scenario: Scenario, promised: Setup) -> Setup | None:
+    """The configuration that the scenario names; None where it is the promised one, or not to be had here."""
+    with contextlib.suppress(FtiError):
+        own = other_setup(scenario.config)
+        return None if own.config.text == promised.config.text and own.texts == promised.texts else own
+    return None
+
+
+def compare_recorded(promised: Setup, recording: Recording) -> list[Finding]:
+    """A finding for each difference of the recorded configuration; one where there is none.  Raises RecordingError."""
+    try:
+        config, texts = attached_config(recording.attachments(), recording.path)
+    except ConfigError as error:
+        return [Finding(CONFIGURATION, NAME, Verdict.FAILS, f"the recorded configuration is wrong: {error}")]
+    found = [Finding(CONFIGURATION, *one) for one in differences(promised, config, texts)]
+    return found or [Finding(CONFIGURATION, NAME, Verdict.HOLDS, "the recorded configuration is the same")]
+
+
+def given_by_user() -> list[Finding]:
+    """What stands in place of a comparison."""
+    return [Finding(CONFIGURATION, NAME, Verdict.NOT_DUE, "the configuration of --config counts, and was not compared")]
+
+
+def differences(promised: Setup, config: Config, texts: Mapping[str, str]) -> Iterator[tuple[str, Verdict, str]]:
+    """Key, verdict and text for each; where a whole table is missing, its keys are not told one by one."""
+    there, here = _flat(_asked(promised.config, promised.texts)), _flat(_asked(config, texts))
+    keys = [key for key in sorted(there.keys() | here.keys()) if there.get(key) != here.get(key)]
+    for key in keys:
+        if not any(parent in keys for parent in _parents(key)):
+            yield key, Verdict.FAILS, f"{key}: {_shown(here.get(key))} is recorded, {_shown(there.get(key))} was played"
+
+
+def _parents(key: str) -> Iterator[str]:
+    while "." in key:
+        key = key.rpartition(".")[0]
+        yield key
+
+
+def _asked(config: Config, texts: Mapping[str, str]) -> dict[str, Any]:
+    """What is expected of a unit depends on this of its configuration."""
+    nav = config.nav.model_dump()
+    if nav["approach"]:
+        nav["approach"]["profile"] = _digest(texts.get("nav.approach.profile"))
+    if nav["terrain"]:
+        nav["terrain"]["files"] = tuple(PurePath(file).name for file in nav["terrain"]["files"])
+    devices = {
+        device.name: {**device.model_dump(), "options": _options(f"device[{i}].options", device.options, texts)}
+        for i, device in enumerate(config.device)
+    }
+    return {"device": devices, "link": {link.name: link.kind for link in config.link}, "nav": nav}
+
+
+def _options(key: str, options: Table, texts: Mapping[str, str]) -> dict[str, Any]:
+    """The options of a device; of a file its content counts, not where it lies."""
+    return {
+        name: _digest(texts.get(f"{key}.{name}")) if name.endswith(FILE_ENDING) else value
+        for name, value in options.items()
+    }
+
+
+def _digest(text: str | None) -> str | None:
+    return None if text is None else f"SHA-256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def _flat(table: Table, key: str = "") -> dict[str, Any]:
+    """Every value by its key path; a table itself stands there as "{...}"."""
+    flat: dict[str, Any] = {}
+    for name, value in table.items():
+        path = f"{key}.{name}" if key else name
+        if isinstance(value, Mapping):
+            flat |= {path: "{...}", **_flat(value, path)}
+        elif value is not None:
+            flat[path] = list(value) if isinstance(value, tuple) else value
+    return flat
+
+
+def _shown(value: Any) -> str:
+    return "nothing" if value is None else f"{value!r}"
