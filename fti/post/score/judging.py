@@ -17,6 +17,7 @@ from fti.post.score.expectations import meet_expectation
 from fti.post.score.flag_rows import flag_rows, vanished_rows
 from fti.post.score.flown import Flown
 from fti.post.score.outcome import Excused, Outcome, bench_finding, decide, measure_excused
+from fti.post.score.outputs.row import OutputRow
 from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
 from fti.post.score.said import Said
 from fti.post.score.unexpected_flags import allowed_flags, unexpected_flags
@@ -36,11 +37,12 @@ class Score:
     findings: tuple[Finding, ...]
     bench: Finding
     excused: Excused
+    outputs: tuple[OutputRow, ...] = ()
 
     @property
     def verdicts(self) -> list[Verdict]:
-        """Of every row, of every row of ``[[expect]]``, and of every finding."""
-        rows: list[Row | Met | Finding] = [*self.rows, *self.expected, *self.findings]
+        """Of every row, of every row of ``[[expect]]``, of every finding, and of every output."""
+        rows: list[Row | Met | Finding | OutputRow] = [*self.rows, *self.expected, *self.findings, *self.outputs]
         return [row.verdict for row in rows]
 
     @property
@@ -62,11 +64,12 @@ def judge(
     *,
     own: Setup | None = None,
     configuration: Sequence[Finding] = (),
+    outputs: Sequence[OutputRow] = (),
 ) -> Score:
     """Compare.
 
     setup : the configuration by which flags are expected; own : the scenario's, where that is another one
-    configuration : what there is to say of the recorded one
+    configuration : what there is to say of the recorded one; outputs : checks of what the configuration promises
     """
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = _due(scenario, craft, flown)
@@ -89,6 +92,7 @@ def judge(
         (*configuration, *unit_findings(evidence, start_limit_s(flown))),
         bench_finding(excused, [flag.verdict for flag in flags]),
         excused,
+        tuple(outputs),
     )
 
 

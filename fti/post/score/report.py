@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 from fti.post.score.evidence import START_S
 from fti.post.score.judging import Score
 from fti.post.score.outcome import MAX_EXCUSED_SHARE, Outcome
+from fti.post.score.outputs.table import output_lines
 from fti.post.score.results import describe_surprise, name_expectation
 from fti.post.score.rows import FAILURES, Finding, Met, Row, Verdict
+from fti.post.score.text_table import text_table
 from fti.post.score.unexpected_flags import AFTER_PAUSE_S, WINDOW_S
 
 #: How the conclusion begins.
@@ -24,14 +26,15 @@ HEAD = ("fault", "on", "flag", "", "after", "allowed", "cleared", "allowed")
 
 
 def as_text(score: Score) -> list[str]:
-    """Lines: faults and their flags, what nobody expected, ``[[expect]]``, and the conclusion."""
+    """Lines: faults and their flags, what nobody expected, ``[[expect]]``, outputs, and the conclusion."""
     lines = [f"{score.scenario.title}, {score.flown.truth.end_s:.0f} s flown ({score.flown.file.name})", ""]
     if score.rows:
-        lines += [*_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
+        lines += [*text_table([HEAD, *(_cells(row) for row in score.rows)]), ""]
     lines += [_start(score), ""] if score.flown.real_time and 0.0 < score.said.began_s < math.inf else []
     lines += [_pauses(score), ""] if score.flown.pauses else []
     lines += [*(f"not expected: {describe_surprise(one)}" for one in score.unexpected), ""] if score.unexpected else []
     lines += [*(_expectation(met) for met in score.expected), ""] if score.expected else []
+    lines += [*output_lines(score.outputs), ""] if score.outputs else []
     return [*lines, _conclusion(score)]
 
 
@@ -43,16 +46,6 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 def _s(seconds: float | None) -> str:
     return "" if seconds is None else f"{seconds:.2f} s"
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
-    """Columns as wide as they must be; a fault is named once."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    last = ""
-    for row in rows:
-        first = "" if row[0] == last else row[0]
-        last = row[0]
-        yield "  ".join(cell.ljust(width) for cell, width in zip((first, *row[1:]), widths, strict=True)).rstrip()
 
 
 def _start(score: Score) -> str:
@@ -89,7 +82,14 @@ def _conclusion(score: Score) -> str:
     surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
     failing = [finding.text for finding in (*score.findings, score.bench) if _is_told(finding)]
     begin = f"{CONCLUSIONS[score.outcome]}: {found} of {found + failed} expected flags found in time"
-    return "; ".join([begin, *counts, *failing, surprises])
+    return "; ".join([begin, *counts, *_outputs(score), *failing, surprises])
+
+
+def _outputs(score: Score) -> Iterator[str]:
+    """How many checks of outputs hold."""
+    judged = [row.verdict for row in score.outputs if row.verdict is not Verdict.NOT_JUDGED]
+    if judged:
+        yield f"{len(judged) - sum(v in FAILURES for v in judged)} of {len(judged)} checks of outputs hold"
 
 
 def _is_told(finding: Finding) -> bool:
@@ -112,6 +112,7 @@ def as_json(score: Score) -> dict[str, Any]:
             {**met.expectation.model_dump(), "verdict": met.verdict, "after_s": met.after_s, "found": met.value}
             for met in score.expected
         ],
+        "outputs": [asdict(row) for row in score.outputs],
         "findings": [asdict(finding) for finding in (*score.findings, score.bench)],
         "excused": {**asdict(score.excused), "allowed_share": MAX_EXCUSED_SHARE},
         "pauses": [asdict(pause) for pause in score.flown.pauses],

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from fti.post.score.judging import Score
+from fti.post.score.outputs.row import OutputRow
+from fti.post.score.outputs.table import describe
 from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
 
 
@@ -19,10 +21,11 @@ class Result(NamedTuple):
 
 
 def results(score: Score) -> Iterator[Result]:
-    """Every row of a score, then what nobody expected, ``[[expect]]``, and what is asked of every flight."""
+    """Every row of a score: faults, what nobody expected, ``[[expect]]``, outputs, what is asked of every flight."""
     yield from map(_of_flag, score.rows)
     yield from map(_of_surprise, score.unexpected)
     yield from map(_of_expectation, score.expected)
+    yield from map(_of_output, score.outputs)
     yield from map(_of_finding, (*score.findings, score.bench))
 
 
@@ -44,6 +47,11 @@ def _of_surprise(one: Unexpected) -> Result:
 
 def _of_expectation(met: Met) -> Result:
     return Result("expect", name_expectation(met), met.verdict, f"{met.verdict}; it was {met.value}")
+
+
+def _of_output(row: OutputRow) -> Result:
+    name = " ".join(part for part in (row.topic, row.what, row.check) if part)
+    return Result("output", name, row.verdict, f"{row.verdict}: {describe(row)}")
 
 
 def _of_finding(finding: Finding) -> Result:

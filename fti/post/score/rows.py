@@ -24,6 +24,7 @@ class Verdict(StrEnum):
     LATE_BENCH = "bench was late"
     HOLDS = "holds"
     FAILS = "does not hold"
+    NOT_JUDGED = "not judged"
 
 
 FAILURES = frozenset((Verdict.LATE, Verdict.MISSING, Verdict.STAYS, Verdict.NOT_CONFIGURED, Verdict.FAILS))

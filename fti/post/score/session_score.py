@@ -12,6 +12,8 @@ from fti.post.reprocess import Setup
 from fti.post.score.flown import read_flown
 from fti.post.score.judging import Score, judge
 from fti.post.score.messages import read_said
+from fti.post.score.outputs.check import check_outputs
+from fti.post.score.outputs.evidence import flight_evidence
 from fti.post.score.promised import compare_recorded, given_by_user, own_setup, promised_setup
 
 
@@ -33,4 +35,13 @@ def judge_session(
         compared = given_by_user() if given else compare_recorded(promised, recording)
         with reading():
             said = read_said(recording, promised.config, flown, channels)
-        yield judge(scenario, promised, flown, said, own=own_setup(scenario, promised), configuration=compared)
+            outputs = check_outputs(recording, flight_evidence(scenario, promised, flown, said))
+        yield judge(
+            scenario,
+            promised,
+            flown,
+            said,
+            own=own_setup(scenario, promised),
+            configuration=compared,
+            outputs=outputs,
+        )

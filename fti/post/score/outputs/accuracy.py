@@ -9,13 +9,16 @@ import numpy as np
 
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.errors import QuantityError
-from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask
 
 #: So many errors say something about a sigma.
 LEAST_COUNT = 20
 #: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
 LEAST_RATIO = 0.02
+#: Behind an error that a fault explains: what navigation does not notice is told all the same.
+DURING_FAULT = ", called valid during a fault"
 
 
 def accuracy(topic: str, quantity: QuantityError, judged: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
@@ -37,8 +40,8 @@ def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limi
     known = excused & np.isfinite(quantity.error)
     if known.any():
         row = _error(topic, quantity, known, t, limits)
-        if row.verdict is OutputVerdict.FAILS:
-            yield replace(row, verdict=OutputVerdict.NOT_JUDGED, found=f"{row.found}, called valid during a fault")
+        if row.verdict is Verdict.FAILS:
+            yield replace(row, verdict=Verdict.NOT_JUDGED, found=f"{row.found}{DURING_FAULT}")
 
 
 def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
@@ -75,9 +78,7 @@ def _sigma(topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: 
         bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= LEAST_RATIO and median <= quantity.limit
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
-    return OutputRow(
-        topic, Check.SIGMA, quantity.name, verdict if enough else OutputVerdict.NOT_JUDGED, found, limit, at
-    )
+    return OutputRow(topic, Check.SIGMA, quantity.name, verdict if enough else Verdict.NOT_JUDGED, found, limit, at)
 
 
 def _rms_ratio(error: Array, sd: Array) -> float:

@@ -12,7 +12,8 @@ import numpy as np
 
 from fti.hil.expected.duties import May
 from fti.hil.tables.limits import ScoreLimits
-from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: So many messages say something about a share.
@@ -44,7 +45,7 @@ def availability(
         series.topic,
         Check.VALID,
         "",
-        verdict if count >= LEAST_COUNT else OutputVerdict.NOT_JUDGED,
+        verdict if count >= LEAST_COUNT else Verdict.NOT_JUDGED,
         f"{share:.1%} of {count} messages" + (f", {excuse:.1%} not, as the flight explains" if excuse else ""),
         f">= {limits.valid_share:.0%}",
         float(t[at[0]]) if len(at) else None,

@@ -4,56 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from fti.config import Config, Vector
-from fti.hil.expected.affected import Affected, Interval, inside
-from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.config import Vector
+from fti.hil.expected.affected import Affected, inside
 from fti.hil.expected.duties import INTEGRITY, SOLUTION, May
 from fti.hil.expected.of_flight import of_flight
 from fti.hil.expected.required_outputs import GLIDE, RequiredOutput, approach_altimeter, required_outputs
 from fti.hil.faults.fitting import is_of
-from fti.hil.scenario import Scenario
 from fti.hil.tables.kinds import Duplicated
 from fti.logger.reading.recording import Recording
-from fti.nav.integrity.reference import Reference
 from fti.post.score.outputs.accuracy import accuracy, explained
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
-from fti.post.score.outputs.measured import Intended, measured
+from fti.post.score.outputs.evidence import FlightEvidence
+from fti.post.score.outputs.measured import measured
 from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import protection
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
-from fti.post.score.truth_table import TruthTable
 
 #: What the emulator's lateness leaves behind in outputs [s].
 AFTER_LATE_S = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class FlightEvidence:
-    """What a flight is judged by.
-
-    sent : rate [Hz] of each kind of measurement of each device; intended : what each device meant to state
-    late : when the emulator was late [s of the flight]
-    start_s : outputs are required from then on [s of the flight]
-    """
-
-    scenario: Scenario
-    config: Config
-    reference: Reference | None
-    craft: Aircraft
-    truth: Truth
-    table: TruthTable
-    sent: Mapping[str, Mapping[str, float]]
-    intended: Mapping[str, Intended]
-    late: Sequence[Interval]
-    start_s: float
 
 
 def check_outputs(recording: Recording, evidence: FlightEvidence) -> list[OutputRow]:

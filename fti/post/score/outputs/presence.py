@@ -8,7 +8,8 @@ import numpy as np
 
 from fti.hil.expected.affected import Interval, inside
 from fti.hil.expected.required_outputs import RequiredOutput
-from fti.post.score.outputs.row import Check, OutputRow, OutputVerdict, verdict_of
+from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
 
 #: A rate is told from so much time without a fault [s].
@@ -43,7 +44,7 @@ def presence(
     free = _free(flight, excused)
     if not during.any():
         needed = bool(free)
-        verdict = OutputVerdict.FAILS if needed else OutputVerdict.NOT_JUDGED
+        verdict = Verdict.FAILS if needed else Verdict.NOT_JUDGED
         yield OutputRow(output.topic, Check.RATE, "", verdict, "no message", _rate_limit(output), flight[0])
         return
     yield _rate(output, t[during], free)
@@ -70,7 +71,7 @@ def _rate(output: RequiredOutput, t: Array, free: Sequence[Interval]) -> OutputR
     """The rate while nothing explains another one: over all of that, and in no part of it half or double."""
     limit = _rate_limit(output)
     if not free:
-        return OutputRow(output.topic, Check.RATE, "", OutputVerdict.NOT_JUDGED, "faults all the time", limit)
+        return OutputRow(output.topic, Check.RATE, "", Verdict.NOT_JUDGED, "faults all the time", limit)
     least, most = output.rate_hz
     counts = [int(np.count_nonzero((t >= from_s) & (t < until_s))) for from_s, until_s in free]
     total_s = sum(until_s - from_s for from_s, until_s in free)
@@ -132,11 +133,11 @@ def _order(
         at = np.flatnonzero(where & during)
         if len(at):
             found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
-            return _of_times(series, OutputVerdict.FAILS, found, limit, float(t[at[0]]))
+            return _of_times(series, Verdict.FAILS, found, limit, float(t[at[0]]))
     if series.repeated and not copies:
-        return _of_times(series, OutputVerdict.FAILS, f"{series.repeated} messages twice", limit, None)
-    return _of_times(series, OutputVerdict.HOLDS, "in order", limit, None)
+        return _of_times(series, Verdict.FAILS, f"{series.repeated} messages twice", limit, None)
+    return _of_times(series, Verdict.HOLDS, "in order", limit, None)
 
 
-def _of_times(series: TopicSeries, verdict: OutputVerdict, found: str, limit: str, at_s: float | None) -> OutputRow:
+def _of_times(series: TopicSeries, verdict: Verdict, found: str, limit: str, at_s: float | None) -> OutputRow:
     return OutputRow(series.topic, Check.TIMES, "", verdict, found, limit, at_s)

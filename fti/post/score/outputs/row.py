@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from fti.post.score.rows import Verdict
+
 
 class Check(StrEnum):
     """What is checked of an output."""
@@ -20,14 +22,6 @@ class Check(StrEnum):
     PROTECTED = "protection level"
 
 
-class OutputVerdict(StrEnum):
-    """Result of a check."""
-
-    HOLDS = "holds"
-    FAILS = "does not hold"
-    NOT_JUDGED = "not judged"
-
-
 @dataclass(frozen=True, slots=True)
 class OutputRow:
     """One check of one topic.
@@ -39,12 +33,12 @@ class OutputRow:
     topic: str
     check: Check
     what: str
-    verdict: OutputVerdict
+    verdict: Verdict
     found: str
     limit: str
     at_s: float | None = None
 
 
-def verdict_of(holds: bool) -> OutputVerdict:
+def verdict_of(holds: bool) -> Verdict:
     """HOLDS or FAILS."""
-    return OutputVerdict.HOLDS if holds else OutputVerdict.FAILS
+    return Verdict.HOLDS if holds else Verdict.FAILS

@@ -1,0 +1,48 @@
+"""The checks of outputs as lines for people: a line for each output of navigation and each device, then what fails."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+
+from fti.post.score.outputs.accuracy import DURING_FAULT
+from fti.post.score.outputs.row import Check, OutputRow
+from fti.post.score.rows import FAILURES, Verdict
+from fti.post.score.text_table import text_table
+
+HEAD = ("output", "rate", "longest gap", "valid", "checks that hold")
+
+
+def output_lines(rows: Sequence[OutputRow]) -> Iterator[str]:
+    """Lines of all rows; nothing where there is none."""
+    if not rows:
+        return
+    yield from text_table([HEAD, *_cells(rows)])
+    yield from (f"does not hold: {describe(row)}" for row in rows if row.verdict in FAILURES)
+    yield from (f"not judged: {describe(row)}" for row in rows if row.found.endswith(DURING_FAULT))
+
+
+def describe(row: OutputRow) -> str:
+    """One row in one line."""
+    what = " ".join(part for part in (row.topic, row.what, row.check) if part)
+    when = "" if row.at_s is None else f" at {row.at_s:.2f} s"
+    return f"{what}: {row.found}{when}; allowed {row.limit}"
+
+
+def _cells(rows: Sequence[OutputRow]) -> Iterator[tuple[str, ...]]:
+    """Topics of navigation one by one, the measurements of a device together."""
+    for name, group in _grouped(rows).items():
+        judged = [row for row in group if row.verdict is not Verdict.NOT_JUDGED]
+        held = sum(row.verdict not in FAILURES for row in judged)
+        several = name.endswith("/*")
+        found = {row.check: row.found for row in group if not several and not row.what}
+        valid = found.get(Check.VALID, "").partition(" ")[0]
+        yield name, found.get(Check.RATE, ""), found.get(Check.GAP, ""), valid, f"{held} of {len(judged)}"
+
+
+def _grouped(rows: Sequence[OutputRow]) -> Mapping[str, list[OutputRow]]:
+    groups: dict[str, list[OutputRow]] = defaultdict(list)
+    for row in rows:
+        device = row.topic.split("/")[1]
+        groups[row.topic if device == "nav" else f"/{device}/*"].append(row)
+    return groups
