@@ -1,6 +1,8 @@
 """Compare what the daemon said of an emulated flight with what its scenario expected.
 
-SCENARIO is the name of a shipped one (fti hil --list) or a file, SESSION what the daemon recorded while it was flown.
+SCENARIO is the name of a shipped one (fti hil --list), "all" of them, or a file.  SESSION is what the daemon recorded
+while it was flown.  Of several sessions the truth of each says which of the scenarios was flown.
+
 For each fault the flags that the daemon had to raise, whether they are in the session, after how long, and whether they
 went away again; then flags that no fault explains; then the scenario's own [[expect]] rows.
 
@@ -14,6 +16,8 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   fti score silence data/demo_20260102T030405Z_0 --plot silence.png
 
   fti score silence --fly /tmp                     flies it first, faster than time, without a port or a daemon
+  fti score all --fly /tmp/flown --junit all.xml   flies and judges every one, each below /tmp/flown/SCENARIO
+  fti score silence obstacle data/demo_*           each session by the scenario that was flown; a table at the end
 
   found           raised in time, and gone in time
   late, missing   a miss: exit code 1            does not clear   it stands longer than its cause explains: 1
@@ -35,7 +39,7 @@ proves nothing: exit code 1.
 
 When the flight began stands in the truth file alone, with the scenario that was flown: another one is refused.
 Exit code 0: all holds; 1: it does not, or proves nothing; 2: wrong call, no truth, another scenario; 3: the recording
-has losses.
+has losses.  Of several flights one that cannot be judged does not hide the others; where any does not hold it is 1.
 """
 
 from __future__ import annotations
@@ -44,71 +48,99 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fti.cli._printing import print_json, print_lines
-from fti.cli.main import EXIT_LOSSES
+from fti.cli._printing import print_json, print_line, print_lines
+from fti.cli.main import EXIT_LOSSES, EXIT_WRONG
+from fti.errors import FtiError, MissingError, RecordingError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
-    from fti.hil.scenario import Scenario
+    from fti.cli._score_jobs import Job
+    from fti.logger.reading.recording import Recording
     from fti.post.score.judging import Score
+    from fti.post.score.not_judged import NotJudged
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """SCENARIO, SESSION and what belongs to them."""
-    parser.add_argument("scenario", metavar="SCENARIO", help="name of a shipped scenario, or a file")
-    parser.add_argument("session", metavar="SESSION", nargs="?", help="session folder")
+    parser.add_argument(
+        "files",
+        metavar="SCENARIO|SESSION",
+        nargs="+",
+        help='a scenario: name of a shipped one ("all": each), or a file; a session: its folder, or an MCAP file',
+    )
     parser.add_argument("--truth", metavar="FILE", help="truth of the flight (default: those in SESSION)")
     parser.add_argument("--config", metavar="CONFIG", help="expect flags by this configuration, not by the played one")
-    parser.add_argument("--fly", metavar="DIR", help="fly it first, accelerated, and record below DIR")
+    parser.add_argument("--fly", metavar="DIR", help="fly each first, accelerated, and record below DIR")
     parser.add_argument("--plot", metavar="FILE", help="draw faults and flags over time (.png, .svg)")
     parser.add_argument("--junit", metavar="FILE", help="write JUnit XML: a miss is a failure, a late bench an error")
     parser.add_argument("--json", action="store_true", help="print JSON only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Judge every flight of the session; 1 when one does not hold."""
-    from fti.cli._reading import reading, report_faults
-    from fti.hil import scenario as scenarios
-    from fti.logger.reading.recording import Recording
-    from fti.post.reprocess import other_setup
+    """Judge every flight; 1 when one does not hold."""
+    from fti.cli._reading import report_faults
     from fti.post.score import junit
-    from fti.post.score.flown import find_truths
-    from fti.post.score.report import as_json, as_text
-    from fti.post.score.session_score import judge_session
+    from fti.post.score.summary import as_json_list, as_summary
 
-    if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
-        args.parser.error(f"--plot {args.plot}: must end with .png or .svg")
-    scenario = scenarios.load(scenarios.find(args.scenario))
-    recording = Recording.open(_fly(scenario, args) if args.fly else _named(args))
-    given = other_setup(args.config) if args.config else None
-    truths = find_truths(recording, Path(args.truth) if args.truth else None)
-    scores = list(judge_session(recording, scenario, truths, given, lambda: reading(recording, "score")))
+    _check_files(args)
+    opened: list[Recording] = []
+    jobs = _jobs(args, opened)
+    scores: list[Score | NotJudged] = []
+    for score in _judge(jobs):
+        scores.append(score)
+        if not args.json:
+            _print(score, first=len(scores) == 1)
     if args.json:
-        print_json([as_json(score) for score in scores])
-    else:
-        for number, score in enumerate(scores):
-            print_lines(["", *as_text(score)] if number else as_text(score))
+        print_json(list(as_json_list(scores)))
+    elif len(jobs) > 1:
+        print_lines(["", *as_summary(scores)])
     _draw(scores, args.plot)
     if args.junit:
         junit.write(scores, Path(args.junit))
-    report_faults(recording)
-    if not all(score.holds for score in scores):
+    for recording in opened:
+        report_faults(recording)
+    return _exit_code(scores) or (EXIT_LOSSES if any(recording.faults for recording in opened) else 0)
+
+
+def _exit_code(scores: Sequence[Score | NotJudged]) -> int:
+    """1 where a flight does not hold; else what the first that could not be judged says."""
+    from fti.post.score.judging import Score
+
+    if any(isinstance(score, Score) and not score.holds for score in scores):
         return 1
-    return EXIT_LOSSES if recording.faults else 0
+    return next((score.exit_code for score in scores if not isinstance(score, Score)), 0)
 
 
-def _fly(scenario: Scenario, args: argparse.Namespace) -> Path:
-    from fti.hil.accelerated import fly
-    from fti.hil.scenario import load_config
+def _check_files(args: argparse.Namespace) -> None:
+    """What is to be written must be new; asked before an hour of flights."""
+    if args.plot and Path(args.plot).suffix not in (".png", ".svg"):
+        args.parser.error(f"--plot {args.plot}: must end with .png or .svg")
+    for file in (args.plot, args.junit):
+        if file and Path(file).exists():
+            raise MissingError(f"{file}: cannot be written: File exists")
 
-    _refuse(args, args.session, "SESSION and --fly: one of them, for --fly records its own")
-    return fly(load_config(scenario, Path(args.config) if args.config else None), scenario, Path(args.fly))
 
+def _jobs(args: argparse.Namespace, opened: list[Recording]) -> list[Job]:
+    """What is to be judged.  opened : filled with the sessions that are read"""
+    from fti.cli._score_jobs import flying_jobs, session_jobs, split_names
+    from fti.logger.reading.recording import Recording
+    from fti.post.reprocess import other_setup
 
-def _named(args: argparse.Namespace) -> Path:
-    _refuse(args, not args.session, "which SESSION? Or --fly DIR, which records one")
-    return Path(args.session)
+    def open_(session: Path) -> Recording:
+        opened.append(Recording.open(session))
+        return opened[-1]
+
+    names, sessions = split_names(args.files, bool(args.fly))
+    _refuse(args, not names, "which SCENARIO? Name one; it says what is expected")
+    _refuse(args, args.fly and sessions, "SESSION and --fly: one of them, for --fly records its own")
+    _refuse(args, not args.fly and not sessions, "which SESSION? Or --fly DIR, which records one")
+    _refuse(args, args.truth and len(sessions) != 1, "--truth: belongs to one SESSION")
+    if args.fly:
+        return flying_jobs(names, Path(args.fly), Path(args.config) if args.config else None, open_)
+    given = other_setup(args.config) if args.config else None
+    truth = Path(args.truth) if args.truth else None
+    return session_jobs(names, [open_(Path(session)) for session in sessions], truth, given)
 
 
 def _refuse(args: argparse.Namespace, wrong: object, text: str) -> None:
@@ -116,12 +148,39 @@ def _refuse(args: argparse.Namespace, wrong: object, text: str) -> None:
         args.parser.error(text)
 
 
-def _draw(scores: Sequence[Score], file: str | None) -> None:
+def _judge(jobs: Sequence[Job]) -> Iterator[Score | NotJudged]:
+    """Each in turn; of several, one that cannot be judged does not hide the others."""
+    from fti.post.score.not_judged import NotJudged
+
+    if len(jobs) == 1:
+        yield from jobs[0].judge()
+        return
+    for number, job in enumerate(jobs, 1):
+        print_line(f"{number} of {len(jobs)}: {job.name}", error=True, flush=True)
+        try:
+            yield from job.judge()
+        except FtiError as error:
+            print_line(f"fti: {job.name}: {error}", error=True)
+            yield NotJudged(job.name, str(error), EXIT_LOSSES if isinstance(error, RecordingError) else EXIT_WRONG)
+
+
+def _print(score: Score | NotJudged, first: bool) -> None:
+    """The text of a score, apart from the one before it."""
+    from fti.post.score.judging import Score
+    from fti.post.score.report import as_text
+
+    if isinstance(score, Score):
+        print_lines(as_text(score) if first else ["", *as_text(score)])
+
+
+def _draw(scores: Sequence[Score | NotJudged], file: str | None) -> None:
     """Each flight into a file of its own."""
+    from fti.post.score.judging import Score
     from fti.post.score.picture import draw
 
     if file is None:
         return
     for number, score in enumerate(scores):
         path = Path(file)
-        draw(score, path if len(scores) == 1 else path.with_stem(f"{path.stem}_{number}"))
+        if isinstance(score, Score):
+            draw(score, path if len(scores) == 1 else path.with_stem(f"{path.stem}_{number}"))

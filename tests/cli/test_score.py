@@ -10,7 +10,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from fti.cli._score_jobs import split_names
 from fti.cli.main import main
+from fti.hil import scenario as scenarios
 from fti.logger.reading.mcap_file import Item, McapFile
 from fti.logger.stream_writer import StreamWriter
 from tests.post.score.flying import daemon_config, session_of, short
@@ -146,11 +148,125 @@ def test_junit_says_what_failed_and_is_written_once(
     assert "score.xml: cannot be written: File exists" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("wrong", [[], ["--fly", "somewhere", "session"], ["session", "--plot", "score.pdf"]])
+@pytest.mark.parametrize("wrong", [[], ["--fly", "somewhere", "SESSION"], ["SESSION", "--plot", "score.pdf"]])
 def test_wrong_calls(flown: Path, wrong: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["score", str(flown / "scenario.toml"), *wrong])
+        main(["score", str(flown / "scenario.toml"), *(str(session(flown)) if w == "SESSION" else w for w in wrong)])
     assert ended.value.code == 2
+
+
+# ------------------------------------------------------------------------------------------------- several in one call
+
+LATER = {**FAULT, "from_s": 20.0, "to_s": 23.0}
+
+
+@pytest.fixture(scope="module")
+def several(flown: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Two scenarios and their sessions."""
+    folder = tmp_path_factory.mktemp("several")
+    daemon_config(folder)
+    text = SCENARIO.format(seed=1).replace("from_s = 10\nto_s = 13", "from_s = 20\nto_s = 23")
+    (folder / "later.toml").write_text(text.replace('"test"', '"later"'))
+    later = session_of(short((LATER,), title="later"), folder)
+    scenarios = {"scenario": str(flown / "scenario.toml"), "later": str(folder / "later.toml")}
+    return {**scenarios, "session": str(session(flown)), "later_session": str(later)}
+
+
+def test_each_session_is_judged_by_the_scenario_that_was_flown(
+    several: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = (several[name] for name in ("scenario", "later", "later_session", "session"))
+    assert main(["score", *names, "--junit", str(tmp_path / "all.xml")]) == 0
+    told = capsys.readouterr()
+    assert told.out.splitlines()[-1] == "2 flights: 2 holds"
+    test, later = (line.split() for line in told.out.splitlines()[-4:-2])
+    assert (test[:2], later[:2]) == (["test", "holds"], ["later", "holds"])
+    assert [line.split(":")[0] for line in told.err.splitlines()] == ["1 of 2", "2 of 2"]
+    assert len(ElementTree.parse(tmp_path / "all.xml").findall("testsuite")) == 2
+
+
+def test_one_that_fails_is_told_beside_one_that_holds(
+    several: dict[str, str], flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = str(doctored(flown, tmp_path, reasons_become(lambda told: told - {"stale"})))
+    assert main(["score", several["scenario"], several["later"], wrong, several["later_session"], "--json"]) == 1
+    assert [one["outcome"] for one in json.loads(capsys.readouterr().out)] == ["failed", "holds"]
+
+
+def test_a_session_of_none_of_the_scenarios_is_refused(
+    several: dict[str, str], flown: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = (several["later"], str(flown / "other.toml"), several["later_session"], several["session"])
+    assert main(["score", *names]) == 2
+    told = capsys.readouterr()
+    assert "is the truth of 'test', seed 1, and not of any of the scenarios" in told.err
+    assert (told.out, len(told.err.splitlines())) == ("", 1)
+
+
+def test_a_scenario_without_a_session_is_refused(several: dict[str, str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", several["scenario"], several["later"], several["session"]]) == 2
+    told = capsys.readouterr()
+    assert f"{several['later']}: none of the sessions is of this scenario" in told.err
+    assert (told.out, len(told.err.splitlines())) == ("", 1)
+
+
+def test_a_flight_that_cannot_be_judged_does_not_hide_the_others(
+    several: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blind = shutil.copytree(several["later_session"], tmp_path / "blind")
+    (truth,) = blind.glob("*_truth_*")
+    truth.unlink()
+    names = (several["scenario"], several["later"], several["session"], str(blind))
+    assert main(["score", *names, "--json", "--junit", str(tmp_path / "all.xml")]) == 2
+    good, wrong = json.loads(capsys.readouterr().out)
+    assert (good["outcome"], wrong["outcome"], wrong["scenario"]) == ("holds", "not judged", str(blind))
+    assert "holds no truth" in wrong["error"]
+    assert len(list(ElementTree.parse(tmp_path / "all.xml").iter("error"))) == 1
+    assert main(["score", *names]) == 2
+    told = capsys.readouterr()
+    assert told.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert "holds no truth" in told.err
+
+
+def test_several_are_flown_each_below_a_folder_of_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    daemon_config(tmp_path)
+    for name, seed in (("one", 1), ("two", 2)):
+        text = SCENARIO.format(seed=seed).replace("duration_s = 38", "duration_s = 14").replace('"test"', f'"{name}"')
+        (tmp_path / f"{name}.toml").write_text(text)
+    files = [str(tmp_path / "one.toml"), str(tmp_path / "two.toml")]
+    assert main(["score", *files, "--fly", str(tmp_path / "out"), "--json"]) == 0
+    one, two = json.loads(capsys.readouterr().out)
+    assert (one["scenario"], two["scenario"]) == ("one", "two")
+    assert Path(one["truth"]).parents[1] == tmp_path / "out" / "one"
+    assert Path(two["truth"]).parents[1] == tmp_path / "out" / "two"
+
+
+def test_a_flight_that_cannot_be_flown_does_not_hide_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    daemon_config(tmp_path)
+    text = SCENARIO.format(seed=1).replace("duration_s = 38", "duration_s = 14")
+    (tmp_path / "good.toml").write_text(text)
+    (tmp_path / "wrong.toml").write_text(text.replace('"altimeter"', '"nobody"'))
+    files = [str(tmp_path / "wrong.toml"), str(tmp_path / "good.toml")]
+    assert main(["score", *files, "--fly", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr()
+    assert told.out.splitlines()[-1] == "2 flights: 1 holds, 1 not judged"
+    assert "'nobody' is no device" in told.err
+
+
+def test_all_are_the_shipped_ones(several: dict[str, str]) -> None:
+    assert split_names(["all"], True) == (scenarios.shipped(), [])
+    assert split_names(["silence", "all"], True)[0].count("silence") == 1
+
+
+def test_what_is_no_scenario_behind_one_is_a_session_that_is_not_there(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["score", str(flown / "scenario.toml"), str(tmp_path / "nothing")]) == 2
+    assert "there is no such session folder or file" in capsys.readouterr().err
+    assert main(["score", "silense", "--fly", str(tmp_path)]) == 2
+    assert "no scenario 'silense'" in capsys.readouterr().err
 
 
 def test_accelerated_flights_are_the_same(flown: Path, tmp_path: Path) -> None:

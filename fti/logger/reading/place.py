@@ -25,6 +25,15 @@ def check_place(place: Path) -> None:
         raise MissingError(f"{place}: is no MCAP file")
 
 
+def holds_recording(place: Path) -> bool:
+    """Is it a folder with MCAP files, or such a file?"""
+    try:
+        check_place(place)
+    except MissingError:
+        return False
+    return True
+
+
 def _sessions_in(folder: Path) -> str:
     """The sessions in a folder of sessions, the newest first."""
     try:

@@ -14,7 +14,7 @@ from fti.hil.expected.aircraft import Truth
 from fti.hil.scenario import Scenario
 from fti.hil.truth import FLIGHT_METADATA, RANGES, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
-from fti.logger.reading.mcap_file import Item, McapFile
+from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain.scenes import DEMO_AIRFIELD
@@ -74,13 +74,9 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     """A flight of a scenario.  Raises MissingError where nothing is flown, ConfigError where it is another scenario."""
     source = McapFile(file)
     head = source.head()
-    told = head.attachments.get(SCENARIO_ATTACHMENT)
-    if told is None:
-        raise MissingError(f"{file}: is no truth of the emulator: it does not say which scenario was flown")
-    try:
-        _check_same(file, parse_table(told), json.loads(scenario.flown))
-    except ValueError as error:
-        raise RecordingError(f"{file}: {SCENARIO_ATTACHMENT}: cannot be read: {error}") from None
+    if other := differing_keys(scenario, _flown_scenario(file, head)):
+        not_of = f"of {scenario.title!r} as the scenario is now: they differ in {', '.join(other)}"
+        raise _wrong_scenario(file, head, not_of)
     rows = [item for item in source.items() if item.topic.name == TOPIC]
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
@@ -97,13 +93,40 @@ def _is_real_time(stated: str | None, rows: list[Item]) -> bool:
     return any(abs(item.publish_time - item.log_time) > ROUNDING_NS for item in rows)
 
 
-def _check_same(file: Path, flown: dict[str, object], asked: dict[str, object]) -> None:
-    other = [key for key in asked if flown.get(key) != asked[key]]
-    if other:
-        raise ConfigError(
-            f"{file}: is the truth of {flown.get('title')!r}, seed {flown.get('seed')}, and not of "
-            f"{asked['title']!r} as the scenario is now: they differ in {', '.join(other)}"
-        )
+def find_scenarios(file: Path, scenarios: Iterable[Scenario]) -> list[Scenario]:
+    """Those of which this is the truth.
+
+    Raises ConfigError where it is of none of them, MissingError or RecordingError where it does not say.
+    """
+    named = list(scenarios)
+    head = McapFile(file).head()
+    flown = _flown_scenario(file, head)
+    found = [scenario for scenario in named if not differing_keys(scenario, flown)]
+    if not found:
+        titles = ", ".join(repr(scenario.title) for scenario in named)
+        raise _wrong_scenario(file, head, f"of any of the scenarios as they are now: {titles}")
+    return found
+
+
+def _flown_scenario(file: Path, head: Head) -> dict[str, object]:
+    told = head.attachments.get(SCENARIO_ATTACHMENT)
+    if told is None:
+        raise MissingError(f"{file}: is no truth of the emulator: it does not say which scenario was flown")
+    try:
+        return parse_table(told)
+    except ValueError as error:
+        raise RecordingError(f"{file}: {SCENARIO_ATTACHMENT}: cannot be read: {error}") from None
+
+
+def differing_keys(scenario: Scenario, flown: Mapping[str, object]) -> list[str]:
+    """In which keys a scenario is not the one that was flown."""
+    asked: dict[str, object] = json.loads(scenario.flown)
+    return [key for key in asked if flown.get(key) != asked[key]]
+
+
+def _wrong_scenario(file: Path, head: Head, not_of: str) -> ConfigError:
+    flown = _flown_scenario(file, head)
+    return ConfigError(f"{file}: is the truth of {flown.get('title')!r}, seed {flown.get('seed')}, and not {not_of}")
 
 
 def _truth(rows: list[Item]) -> Truth:

@@ -75,14 +75,30 @@ def _expectation(met: Met) -> str:
 
 def _conclusion(score: Score) -> str:
     """In one line."""
-    flags: list[Row | Met] = [*score.rows, *score.expected]
-    verdicts = [flag.verdict for flag in flags]
-    found, failed = verdicts.count(Verdict.FOUND), sum(verdict in FAILURES for verdict in verdicts)
+    found, due = count_flags(score)
+    begin = f"{CONCLUSIONS[score.outcome]}: {found} of {due} expected flags found in time"
+    return "; ".join([begin, *remarks(score)])
+
+
+def count_flags(score: Score) -> tuple[int, int]:
+    """How many expected flags and values were found in time, and how many were judged."""
+    verdicts = _flag_verdicts(score)
+    found = verdicts.count(Verdict.FOUND)
+    return found, found + sum(verdict in FAILURES for verdict in verdicts)
+
+
+def remarks(score: Score) -> list[str]:
+    """What else there is to say of a score, in short."""
+    verdicts = _flag_verdicts(score)
     counts = [f"{verdicts.count(v)} {v}" for v in Verdict if v in verdicts and v is not Verdict.FOUND]
-    surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
     failing = [finding.text for finding in (*score.findings, score.bench) if _is_told(finding)]
-    begin = f"{CONCLUSIONS[score.outcome]}: {found} of {found + failed} expected flags found in time"
-    return "; ".join([begin, *counts, *_outputs(score), *failing, surprises])
+    surprises = f"{len(score.unexpected)} not expected" if score.unexpected else "nothing that was not expected"
+    return [*counts, *_outputs(score), *failing, surprises]
+
+
+def _flag_verdicts(score: Score) -> list[Verdict]:
+    flags: list[Row | Met] = [*score.rows, *score.expected]
+    return [flag.verdict for flag in flags]
 
 
 def _outputs(score: Score) -> Iterator[str]:

@@ -1,0 +1,131 @@
+"""What a call of ``fti score`` judges: scenarios that it flies, or sessions with the scenarios that they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.errors import FtiError, MissingError
+from fti.logger.reading.place import holds_recording
+
+if TYPE_CHECKING:
+    from fti.hil.scenario import Scenario
+    from fti.logger.reading.recording import Recording
+    from fti.post.reprocess import Setup
+    from fti.post.score.judging import Score
+
+#: In place of scenarios: every one that is shipped.
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One thing to judge.  name : of its scenario or session; judge : raises FtiError"""
+
+    name: str
+    judge: Callable[[], list[Score]]
+
+
+def split_names(names: Iterable[str], flying: bool) -> tuple[list[str], list[str]]:
+    """Scenarios and sessions.
+
+    A name of a shipped scenario is that; a folder with MCAP files, or one such file, is a session.  What is neither is
+    a scenario that is not there, or, behind a scenario, a session that is not there.
+    """
+    from fti.hil import scenario as scenarios
+
+    shipped = scenarios.shipped()
+    found, sessions = list[str](), list[str]()
+    for name in names:
+        if name == ALL:
+            found += shipped
+        elif name not in shipped and holds_recording(Path(name)):
+            sessions.append(name)
+        elif name in shipped or Path(name).is_file() or flying or not found:
+            found.append(name)
+        else:
+            sessions.append(name)
+    return list(dict.fromkeys(found)), sessions
+
+
+def flying_jobs(names: Sequence[str], out: Path, config: Path | None, open_: Callable[[Path], Recording]) -> list[Job]:
+    """Fly each and judge it.  out : below it are the sessions; of several, each in a folder of its name"""
+    from fti.hil import scenario as scenarios
+    from fti.post.reprocess import other_setup
+
+    def judge(file: Path) -> list[Score]:
+        from fti.hil.accelerated import fly
+
+        scenario = scenarios.load(file)
+        folder = out if len(names) == 1 else out / file.stem
+        recording = open_(fly(scenarios.load_config(scenario, config), scenario, folder))
+        return _judge(recording, scenario, recording.truth_files, other_setup(str(config)) if config else None)
+
+    files = [scenarios.find(name) for name in names]
+    return [Job(file.stem, partial(judge, file)) for file in files]
+
+
+def session_jobs(
+    names: Sequence[str], recordings: Sequence[Recording], truth: Path | None, given: Setup | None
+) -> list[Job]:
+    """Judge each flight of each session by the scenario that its truth says was flown.
+
+    Raises MissingError where a scenario has no session, ConfigError where a session is of none of the scenarios.
+    """
+    from fti.hil import scenario as scenarios
+
+    named = {name: scenarios.load(scenarios.find(name)) for name in names}
+    if len(named) == len(recordings) == 1:
+        (name, scenario), (recording,) = *named.items(), recordings
+        return [Job(name, lambda: _judge(recording, scenario, _truths(recording, truth), given))]
+    jobs, without = list[Job](), set(named)
+    for recording in recordings:
+        for job, judged in _matched(recording, named, truth, given):
+            without -= judged
+            jobs.append(job)
+    unknown = any(job.name not in named for job in jobs)  # which may be of any of them
+    if without and not unknown:
+        raise MissingError(
+            f"{next(name for name in named if name in without)}: none of the sessions is of this scenario"
+        )
+    return sorted(jobs, key=lambda job: list(named).index(job.name) if job.name in named else len(named))
+
+
+def _matched(
+    recording: Recording, named: dict[str, Scenario], truth: Path | None, given: Setup | None
+) -> Iterator[tuple[Job, set[str]]]:
+    """The flights of a session, each with the scenarios that it is of."""
+    from fti.errors import ConfigError
+    from fti.post.score.flown import find_scenarios
+
+    try:
+        of_each = [(file, find_scenarios(file, named.values())) for file in _truths(recording, truth)]
+    except ConfigError:
+        raise
+    except FtiError as error:
+        yield Job(str(recording.path), partial(_fail, error)), set()
+        return
+    for file, scenarios in of_each:
+        for name, scenario in named.items():
+            if any(scenario is one for one in scenarios):
+                yield Job(name, partial(_judge, recording, scenario, [file], given)), {name}
+
+
+def _fail(error: FtiError) -> list[Score]:
+    raise error
+
+
+def _truths(recording: Recording, given: Path | None) -> list[Path]:
+    from fti.post.score.flown import find_truths
+
+    return find_truths(recording, given)
+
+
+def _judge(recording: Recording, scenario: Scenario, truths: Sequence[Path], given: Setup | None) -> list[Score]:
+    from fti.cli._reading import reading
+    from fti.post.score.session_score import judge_session
+
+    return list(judge_session(recording, scenario, truths, given, lambda: reading(recording, "score")))

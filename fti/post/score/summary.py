@@ -1,0 +1,42 @@
+"""Several flights in one table, and those of them that could not be judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from fti.post.score.judging import Score
+from fti.post.score.not_judged import NotJudged
+from fti.post.score.outcome import Outcome
+from fti.post.score.report import as_json, count_flags, remarks
+from fti.post.score.text_table import text_table
+
+HEAD = ("scenario", "outcome", "flags in time", "")
+NOT_JUDGED = "not judged"
+
+
+def as_summary(scores: Sequence[Score | NotJudged]) -> list[str]:
+    """A line for each flight, and how many hold."""
+    outcomes = [score.outcome if isinstance(score, Score) else NOT_JUDGED for score in scores]
+    counts = [f"{outcomes.count(one)} {one}" for one in (*Outcome, NOT_JUDGED) if one in outcomes]
+    return [
+        *text_table([HEAD, *(_cells(score) for score in scores)]),
+        "",
+        f"{len(scores)} flights: {', '.join(counts)}",
+    ]
+
+
+def _cells(score: Score | NotJudged) -> tuple[str, ...]:
+    if isinstance(score, NotJudged):
+        return score.name, NOT_JUDGED, "", score.reason
+    found, due = count_flags(score)
+    return score.scenario.title, score.outcome, f"{found} of {due}", "; ".join(remarks(score))
+
+
+def as_json_list(scores: Sequence[Score | NotJudged]) -> Iterator[dict[str, Any]]:
+    """One table for each flight."""
+    for score in scores:
+        if isinstance(score, Score):
+            yield as_json(score)
+        else:
+            yield {"scenario": score.name, "outcome": NOT_JUDGED, "holds": False, "error": score.reason}
