@@ -94,6 +94,11 @@ class TruthRows:
             around = world.ranges_around(self.t, device, PLACE_M)
             self._columns |= {begin + device.name: column for begin, column in zip(RANGES, around, strict=True)}
 
+    @property
+    def columns(self) -> Mapping[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+        """Every column by its name, shape (n,) as ``t``; NaN where a value is unknown."""
+        return self._columns
+
     def row(self, k: int) -> dict[str, float]:
         """What is known of row k."""
         known = {name: float(column[k]) for name, column in self._columns.items()}

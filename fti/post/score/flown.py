@@ -11,8 +11,9 @@ import numpy as np
 
 from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
+from fti.hil.expected.truth_columns import truth_of_columns
 from fti.hil.scenario import Scenario
-from fti.hil.truth import FLIGHT_METADATA, RANGES, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
+from fti.hil.truth import FLIGHT_METADATA, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.recording import Recording
@@ -20,8 +21,6 @@ from fti.nav.integrity.approach import ApproachPath, load_airfield
 from fti.terrain.scenes import DEMO_AIRFIELD
 
 SECOND_NS = 1_000_000_000
-#: What is read of a row.
-NAMES = ("height_agl", "s", "y", "roll", "pitch", "vel_down")
 #: What is late by more is a pause of the bench: what the daemon says then is not its fault [s].
 PAUSE_S = 0.15
 #: A row of a clock that jumps is off by what it was rounded [ns].
@@ -131,14 +130,9 @@ def _wrong_scenario(file: Path, head: Head, not_of: str) -> ConfigError:
 
 def _truth(rows: list[Item]) -> Truth:
     states = [_row(item) for item in rows]
-    of_beam, least, most = RANGES
-    altimeters = sorted({key.removeprefix(of_beam) for row in states for key in row if key.startswith(of_beam)})
-    ranges = [f"{begin}{name}" for name in altimeters for begin in RANGES]
-    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in (*NAMES, *ranges)}
+    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in sorted(set().union(*states))}
     t = np.array([item.log_time - rows[0].log_time for item in rows]) / SECOND_NS
-    height_agl, s, y, roll, pitch, down = (columns[name] for name in NAMES)
-    beams = {name: (columns[of_beam + name], columns[least + name], columns[most + name]) for name in altimeters}
-    return Truth(t, height_agl, s - _intercept_m(), y, roll, pitch, -down, ranges=beams)
+    return truth_of_columns(t, columns, _intercept_m())
 
 
 def _row(item: Item) -> dict[str, float]:
