@@ -30,14 +30,14 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
     } | ({"terrain": [terrain_cells(file) for file in found["terrain"]]} if found["terrain"] else {})
     for title, rows in tables.items():
         yield title
-        yield from _table(rows)
+        yield from table_lines(rows)
     for warning in found["warnings"]:
         yield f"warning: {warning}"
     for hint in found["hints"]:
         yield f"hint: {hint}"
     if "live" in found:
         yield "now"
-        yield from _table([_live_cells(name, link) for name, link in found["live"].items()])
+        yield from table_lines([_live_cells(name, link) for name, link in found["live"].items()])
 
 
 def _live_cells(name: str, link: dict[str, Any]) -> tuple[str, ...]:
@@ -71,7 +71,8 @@ def _role_cells(found: dict[str, Any]) -> Iterator[tuple[str, ...]]:
         yield (role, f"{what or 'none'}: {useless}" if useless else what)
 
 
-def _table(rows: list[tuple[str, ...]]) -> Iterator[str]:
+def table_lines(rows: list[tuple[str, ...]]) -> Iterator[str]:
+    """Rows of equal length as indented columns; "none" where there are no rows."""
     if not rows:
         yield "  none"
         return

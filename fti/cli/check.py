@@ -1,19 +1,26 @@
-"""Validate a configuration and say what it means.
+"""Check a configuration or a scenario, and print what it means.
 
-Checks every key, the drivers' options, and the files that are named; prints links, devices and roles, one per line,
-and how long storage may stall before a link loses its first byte.
+Of a configuration (a file with [session], [[link]] ...) it checks every key, the drivers' options, and the files that
+are named; prints links, devices and roles, one per line, and how long storage may stall before a link loses its first
+byte.  Use it before fti run.
+
+Of a scenario (a file with title, config, [flight] ..., or the name of a shipped one: fti hil --list) it checks all
+that fti hil would refuse, without flying it or opening a port; prints flight, devices, each fault with the flags that
+the daemon must raise and their limits, and the [[expect]] rows.  It takes a few seconds.  Use it before fti hil.
 
   fti check configs/research_aircraft.toml
   fti check configs/bench.toml --json
   fti check configs/bench.toml --live
+  fti check nominal
+  fti check my_scenario.toml --config my_aircraft.toml
 
-With --live it also listens for five seconds on every link, and says what the daemon would say of it; it sends nothing,
-and ends with 1 when a link is not good.
+With --live it also listens for five seconds on every link of a configuration, and says what the daemon would say of it;
+it sends nothing, and ends with 1 when a link is not good.
 
 The stall is a lower bound: it takes a serial line or CAN bus as full, and datagrams as large as they can be.
 A role without a device is no error: its outputs are invalid, with the reason that is named here.  Neither is a warning
-(what is probably wrong in the configuration) or a hint (what this computer could do better).  Every key is explained in
-docs/configuration.md.
+(what is probably wrong) or a hint (what this computer could do better).  Every key of a configuration is explained in
+docs/configuration.md, every kind of fault by fti hil --faults.
 """
 
 from __future__ import annotations
@@ -27,6 +34,7 @@ from fti.cli._printing import print_json, print_line, print_lines
 from fti.types import TICK_PERIOD_NS, Reason
 
 if TYPE_CHECKING:
+    from fti.cli._checked_file import CheckedFile
     from fti.config import CanLink, Config, Device, SerialLink, UdpLink
     from fti.service.binding import BoundDevice
 
@@ -59,19 +67,30 @@ class Load:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti check``."""
-    parser.add_argument("config", metavar="CONFIG", help="the configuration (TOML)")
+    parser.add_argument(
+        "file", metavar="FILE", help="a configuration or a scenario (TOML), or the name of a shipped scenario"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--live", action="store_true", help="listen five seconds on every link")
     parser.add_argument("--links", metavar="DIR", help="take every serial and slcan port at DIR/<link> (an emulator)")
+    parser.add_argument("--config", metavar="CONFIG", help="of a scenario: another configuration than it names")
 
 
 def run(args: argparse.Namespace) -> int:
     """Check and print; what is wrong is raised as one sentence."""
+    from fti.cli._checked_file import read_file
 
+    file = read_file(args.file)
+    return _check_scenario(file, args) if file.is_scenario else _check_config(file, args)
+
+
+def _check_config(file: CheckedFile, args: argparse.Namespace) -> int:
     from fti import config as configuration
     from fti.cli._check_view import lines
 
-    config = configuration.load(args.config)
+    if args.config:
+        args.parser.error(f"--config belongs to a scenario, and {args.file} is a configuration")
+    config = configuration.parse(file.table, file.text, file.path)
     if args.links:
         config = configuration.with_links(config, args.links)
     found = describe(config)
@@ -79,6 +98,24 @@ def run(args: argparse.Namespace) -> int:
         found["live"] = _listen(config)
     print_json(found, indent=2) if args.json else print_lines(lines(found))
     return 0 if all(link["state"] == "good" for link in found.get("live", {}).values()) else EXIT_DOES_NOT_HOLD
+
+
+def _check_scenario(file: CheckedFile, args: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from fti.cli._playing import tell
+    from fti.cli._scenario_view import describe, lines
+    from fti.hil import scenario as scenarios
+    from fti.hil.expected.scenario_check import check_scenario
+
+    for option in ("live", "links"):
+        if getattr(args, option):
+            args.parser.error(f"--{option} belongs to a configuration, and {args.file} is a scenario")
+    scenario = scenarios.parse(file.table, file.path)
+    config = scenarios.load_config(scenario, Path(args.config) if args.config else None)
+    found = describe(check_scenario(scenario, config, tell))
+    print_json(found, indent=2) if args.json else print_lines(lines(found))
+    return 0
 
 
 def _listen(config: Config) -> dict[str, dict[str, Any]]:

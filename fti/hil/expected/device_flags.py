@@ -61,8 +61,7 @@ def on_device(fault: OnDevices, case: Case) -> Told:
     for kinds, rule in RULES:
         if isinstance(fault, kinds):
             duties, unknown = rule(fault, case)
-            due = tuple(duty for duty in duties if duty.is_due)
-            return Told(case.name, due, tuple(consequences(case, *_in_health(fault))), unknown)
+            return Told.from_duties(case.name, duties, tuple(consequences(case, *_in_health(fault))), unknown)
     raise AssertionError(f"no flags are stated for {type(fault).__name__}")
 
 

@@ -96,13 +96,21 @@ class May:
 class Told:
     """What belongs to one fault of one subject (a device, a link, "flight").
 
-    unknown : what nobody knows yet, in words; "" where every consequence is known
+    unknown   : what nobody knows yet, in words; "" where every consequence is known
+    too_short : flags that are not due because the fault ends before they must be raised
     """
 
     subject: str
     duties: tuple[Duty, ...]
     may: tuple[May, ...]
     unknown: str = ""
+    too_short: tuple[Duty, ...] = ()
+
+    @classmethod
+    def from_duties(cls, subject: str, duties: Sequence[Duty], may: Sequence[May], unknown: str = "") -> Told:
+        """The same, with the duties that are due apart from those whose cause is too short."""
+        due = tuple(duty for duty in duties if duty.is_due)
+        return cls(subject, due, tuple(may), unknown, tuple(duty for duty in duties if not duty.is_due))
 
 
 #: What is due of a fault; and what nobody knows yet, in words.

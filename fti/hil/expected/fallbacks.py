@@ -61,7 +61,7 @@ def _taken(who_instead: tuple[str, str], cause: _Gone, until_s: float, clears_s:
     stands = cause.from_s, until_s, cause.within_s, clears_s
     source = Duty(SOLUTION, (f"position from {who}",), *stands)
     event = Duty(NAV_EVENT, (f"position: from {who} instead of {instead}",), *stands)
-    return Told(NAVIGATION, tuple(duty for duty in (source, event) if duty.is_due), ())
+    return Told.from_duties(NAVIGATION, (source, event), ())
 
 
 def _without_position(gone: list[_Gone], craft: Aircraft) -> Iterator[tuple[_Gone, float, float]]:

@@ -47,6 +47,7 @@ from fti.hil.expected.duties import (
     Told,
     doubted_s,
 )
+from fti.hil.expected.fallbacks import of_fallbacks
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.bases import OnLinks
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack
@@ -62,6 +63,15 @@ def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:
         return [_on_link(fault, craft, truth, name) for name in fault.links or craft.can_links(fault)]
     names = [bound.device.name for bound in craft.devices if is_of(fault, bound)]
     return [on_device(fault, Case(craft, truth, name, fault.from_s, fault.to_s)) for name in names]
+
+
+def flags_of_faults(faults: tuple[Fault, ...], craft: Aircraft, truth: Truth) -> list[tuple[int, Told]]:
+    """What the daemon must, and may, report of all faults of a scenario, each with the index of its fault.
+
+    Of each fault by itself, then of those that together leave navigation without a device for its position.
+    """
+    single = [(index, one) for index, fault in enumerate(faults) for one in told(fault, craft, truth)]
+    return single + of_fallbacks(faults, craft)
 
 
 # ------------------------------------------------------------------------------------------------- of the world
@@ -131,7 +141,7 @@ def _on_link(fault: OnLinks, craft: Aircraft, truth: Truth, link: str) -> Told:
             one = Case(craft, truth, device, fault.from_s, fault.to_s)
             duties += silence(one)
             may += consequences(one)
-    return Told(link, tuple(duty for duty in duties if duty.is_due), tuple(may))
+    return Told.from_duties(link, duties, may)
 
 
 def _bus_off(case: Case) -> list[Duty]:

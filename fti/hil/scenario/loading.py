@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from fti import config as configuration
 from fti.config import Config
@@ -19,6 +21,11 @@ FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
 def load(path: Path) -> Scenario:
     """Read and check a scenario.  Raises ConfigError or MissingError."""
     table, _ = configuration.read_toml(path)
+    return parse(table, path)
+
+
+def parse(table: Mapping[str, Any], path: Path) -> Scenario:
+    """The scenario in a TOML table; path : where it stands (for messages and relative paths)."""
     scenario = configuration.bind(Scenario, table, str(path)).of_file(str(path))
     _check(scenario, path)
     found = {"config": _beside(path, scenario.config), "flight": _found(path, scenario.flight)}

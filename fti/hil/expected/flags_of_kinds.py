@@ -1,0 +1,133 @@
+"""Which flags each kind of fault raises, as a table for people; the rules beside it state when they are due.
+
+A word in capitals stands for a name: DEVICE has the fault, LINK has it or carries the device, ALTIMETER is one of
+``nav.altimeters``, UNIT is a power unit, FLAG is one of the flags of the fault itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fti.hil.expected.duties import BITS, DEVIATION_M, HEIGHT, INTEGRITY, NAV_EVENT, OBSTACLE_M, RATE_SHARE, SOLUTION
+from fti.hil.tables.kinds import FaultKind
+
+
+@dataclass(frozen=True, slots=True)
+class KindFlag:
+    """A flag that a kind of fault raises.
+
+    place : topic, with the name of the device or link behind it
+    words : one of them is raised; empty: the fault's own number is told in place of a word
+    when  : the condition, "" where there is none
+    """
+
+    place: str
+    words: tuple[str, ...]
+    when: str = ""
+
+
+HEALTH = "/fti/health/devices/DEVICE"
+IN_ALTIMETERS = "DEVICE is in nav.altimeters"
+OVER_GROUND = f"{IN_ALTIMETERS}, [nav.terrain] is configured, and the range is wrong by more than {DEVIATION_M:g} m"
+NO_DEVICE = "no other device of nav.position is left"
+
+SILENT = KindFlag(HEALTH, ("silent", "noise"))
+DAMAGED = KindFlag(HEALTH, ("damaged bytes",))
+CLOCK_AWAY = KindFlag(HEALTH, ("clock away",), "DEVICE sends its own time")
+NO_POSITION = KindFlag(SOLUTION, ("position not from DEVICE",), "DEVICE is the first of nav.position")
+OTHER_SOURCE = (NO_POSITION, KindFlag(SOLUTION, ("attitude not from DEVICE",), "DEVICE is the first of nav.attitude"))
+STALE = (KindFlag(f"{HEIGHT}/DEVICE", ("stale",), IN_ALTIMETERS), *OTHER_SOURCE)
+ALL_STALE = tuple(KindFlag(flag.place, flag.words, f"share = 1, and {flag.when}") for flag in STALE)
+WRONG_RANGE = KindFlag(f"{HEIGHT}/DEVICE", ("deviation",), OVER_GROUND)
+FALLBACK = (
+    KindFlag(SOLUTION, ("position from filter",), f"{NO_DEVICE}, and [nav.filter] is configured"),
+    KindFlag(NAV_EVENT, ("position: from filter instead of DEVICE",), "the same"),
+    KindFlag(SOLUTION, ("position from radio",), f"{NO_DEVICE}, nor the filter, and [nav.radio] has three stations"),
+    KindFlag(NAV_EVENT, ("position: from radio instead of DEVICE",), "the same, without a filter"),
+    KindFlag(NAV_EVENT, ("position: from radio instead of filter",), "the same, when the filter loses its unit"),
+)
+
+#: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
+FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
+    FaultKind.OBSTACLE: (
+        KindFlag(INTEGRITY, ("obstacle",), f"overflown, {OBSTACLE_M:g} m or higher, and [nav.approach] is configured"),
+        KindFlag(
+            f"{HEIGHT}/ALTIMETER", ("deviation",), "the same, ALTIMETER is a radar, and [nav.terrain] is configured"
+        ),
+    ),
+    FaultKind.OFF_TRACK: (KindFlag(INTEGRITY, ("off_track",), "farther from the track than nav.approach.y_max_m"),),
+    FaultKind.CUT: (SILENT, *STALE, *FALLBACK),
+    FaultKind.FREEZE: (CLOCK_AWAY,),
+    FaultKind.STUCK: (WRONG_RANGE,),
+    FaultKind.INVALID: (
+        KindFlag("/DEVICE/", ("invalid", "FLAG"), "the protocol of DEVICE can declare a measurement invalid"),
+        KindFlag("/DEVICE/device_status", ("FLAG",), "the same, for each of flags"),
+        KindFlag(f"{HEIGHT}/DEVICE", ("device_flag", "no_return"), f"the same, and {IN_ALTIMETERS}"),
+        *OTHER_SOURCE,
+        *FALLBACK,
+    ),
+    FaultKind.BIAS: (WRONG_RANGE,),
+    FaultKind.RAMP: (WRONG_RANGE,),
+    FaultKind.NOISE: (WRONG_RANGE,),
+    FaultKind.FOG: (
+        KindFlag(f"{HEIGHT}/DEVICE", ("no_return", "device_flag"), "DEVICE is a laser, and the ground is farther away"),
+        KindFlag(f"{HEIGHT}/DEVICE", ("deviation",), f"echo_m is given, and {OVER_GROUND}"),
+    ),
+    FaultKind.GNSS_OUTAGE: (
+        KindFlag("/DEVICE/", ("invalid",), "DEVICE is a receiver and nothing else"),
+        NO_POSITION,
+        *FALLBACK,
+    ),
+    FaultKind.GNSS_DEGRADED: tuple(
+        KindFlag(f"/DEVICE/position.{axis}_sd", (), "DEVICE is a receiver and nothing else")
+        for axis in ("horizontal", "vertical")
+    ),
+    FaultKind.GNSS_OFFSET: (
+        KindFlag(
+            f"{HEIGHT}/ALTIMETER",
+            ("deviation",),
+            f"DEVICE is the first of nav.position, [nav.terrain] is configured, and the height is wrong by more than "
+            f"{DEVIATION_M:g} m",
+        ),
+    ),
+    FaultKind.CLOCK_JUMP: (CLOCK_AWAY,),
+    FaultKind.CLOCK_DRIFT: (),
+    FaultKind.BIT_ERRORS: (KindFlag(HEALTH, ("damaged bytes",), f"not on CAN, {BITS:g} wrong bits or more"),),
+    FaultKind.LOST_HEADER: (DAMAGED, *ALL_STALE),
+    FaultKind.TRUNCATED: (DAMAGED, *ALL_STALE),
+    FaultKind.DUPLICATED: (
+        KindFlag(HEALTH, ("wrong rate",), f"DEVICE has a rate_hz, and share is {RATE_SHARE:g} or more"),
+    ),
+    FaultKind.REORDERED: (),
+    FaultKind.WRONG_CHECKSUM: (DAMAGED, *ALL_STALE),
+    FaultKind.WRONG_LABEL: (
+        KindFlag(HEALTH, ("silent", "noise", "wrong rate"), "share = 1, and DEVICE has a rate_hz"),
+        *ALL_STALE,
+    ),
+    FaultKind.WRONG_UNIT: (WRONG_RANGE,),
+    FaultKind.FORCED: (WRONG_RANGE,),
+    FaultKind.BURST: tuple(
+        KindFlag(flag.place, flag.words, f"hold_s is longer than the age limit (max_age_ms) of DEVICE, and {flag.when}")
+        for flag in STALE
+    ),
+    FaultKind.BABBLING: (),
+    FaultKind.BUS_OFF: (KindFlag("/fti/health/links/LINK", ("silent",)), SILENT, *STALE),
+    FaultKind.CAN_STATUS: (KindFlag("/fti/ledger/LINK", ("slcan_FLAG",), "for each of flags; on real ports only"),),
+    FaultKind.BREAKER: (KindFlag("/UNIT/device_status", ("DEVICE_tripped",)), SILENT, *STALE, *FALLBACK),
+    FaultKind.BROWN_OUT: (
+        KindFlag("/UNIT/device_status", ("DEVICE_brown_out",), "supply_v is below sensor.DEVICE.minimum_v"),
+        KindFlag(HEALTH, ("silent", "noise"), "the same"),
+        *STALE,
+        *FALLBACK,
+    ),
+}
+
+#: When a fault of a kind raises nothing although the daemon would report it.
+NO_FLAG: Mapping[FaultKind, str] = {
+    FaultKind.OBSTACLE: "the aircraft does not fly over it",
+    FaultKind.OFF_TRACK: "the aircraft stays within nav.approach.y_max_m, or no approach is monitored",
+    FaultKind.FOG: "the device is not a laser altimeter, or the ground is nearer than visibility_m or out of its range",
+    FaultKind.BURST: "navigation does not use the device",
+    FaultKind.BROWN_OUT: "the device works at this voltage (sensor.NAME.minimum_v)",
+}

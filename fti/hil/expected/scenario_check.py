@@ -1,0 +1,70 @@
+"""A scenario checked without a flight: everything that ``fti hil`` computes before it opens a port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from fti.config import Config
+from fti.hil.bench import Ports
+from fti.hil.emulator import Emulator, make_world
+from fti.hil.expected.aircraft import Aircraft
+from fti.hil.expected.duties import Told
+from fti.hil.expected.flags import flags_of_faults
+from fti.hil.expected.flags_of_kinds import NO_FLAG
+from fti.hil.expected.truth_columns import planned_truth
+from fti.hil.load import overloads
+from fti.hil.scenario import Scenario
+from fti.hil.tables.kinds import Fault, FaultKind
+from fti.service.binding import bind_devices
+
+
+@dataclass(frozen=True, slots=True)
+class ScenarioCheck:
+    """A scenario that can be flown.
+
+    duration_s : of the flight [s]
+    flags      : expected flags, each with the index of its fault; one fault has one entry for each device or link
+    warnings   : what may be a mistake although it can be flown
+    """
+
+    scenario: Scenario
+    config: Config
+    duration_s: float
+    flags: tuple[tuple[int, Told], ...]
+    warnings: tuple[str, ...]
+
+    def of_fault(self, index: int) -> Iterator[Told]:
+        """The entries of one fault, in the order of the configuration."""
+        return (one for i, one in self.flags if i == index)
+
+
+def check_scenario(
+    scenario: Scenario, config: Config, progress: Callable[[str], None] = lambda _: None
+) -> ScenarioCheck:
+    """Check a scenario with a configuration that fits it; takes seconds.  progress : told each step
+
+    Raises ConfigError or MissingError for everything that ``fti hil`` refuses.
+    """
+    world = make_world(scenario, progress)
+    emulator = Emulator(config, scenario, Ports(Path(), 0, scenario.port), world=world)
+    emulator.prepare(progress)
+    progress("expected flags")
+    truth = planned_truth(world, [device for device in config.device if device.altimeter])
+    flags = flags_of_faults(scenario.fault, Aircraft(config, bind_devices(config), scenario), truth)
+    warnings = (*world.remarks, *overloads(config, emulator.sensors))
+    return ScenarioCheck(scenario, config, world.duration, tuple(flags), warnings)
+
+
+def why_no_flag(fault: Fault, one: Told) -> str:
+    """Why a fault raises no flag on a device or link; "" where it raises one."""
+    if one.duties:
+        return ""
+    if one.too_short:
+        first = min(one.too_short, key=lambda duty: duty.within_s)
+        return (
+            f"lasts {first.until_s - first.from_s:g} s; "
+            f"{' or '.join(first.words)} at {first.place} is due after {first.within_s:g} s"
+        )
+    return one.unknown or NO_FLAG.get(FaultKind(fault.kind), "no output of this configuration depends on it")
