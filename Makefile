@@ -4,6 +4,7 @@
 #   make test     every test: quick ones beside flights and real processes, then those that need calm
 #   make check    style, types, layers
 #   make bench    every benchmark; what they print goes into docs/benchmarks.md, too
+#   make docs     generate docs/faults.md
 #   make soak     the tests again, at full scale
 #   make lock     choose the versions anew from pyproject.toml (needs uv)
 
@@ -12,7 +13,7 @@ READY := .venv/.installed
 BESIDE := .venv/.bench-installed
 PYTEST := $(BIN)/python -m pytest
 
-.PHONY: demo test check bench soak lock
+.PHONY: demo test check bench docs soak lock
 .DELETE_ON_ERROR:
 
 demo: $(READY)
@@ -30,6 +31,9 @@ check: $(READY)
 
 bench: $(BESIDE)
 	$(BIN)/python -m benchmarks
+
+docs: $(READY)
+	$(BIN)/python -m fti.hil.expected.fault_page docs/faults.md
 
 soak: $(READY)
 	$(PYTEST) --scale full --timeout 3600

@@ -10,6 +10,8 @@ A flight on a busy computer is a flight all the same, so that does not change th
 While it sends it comes before every ordinary process, where it may ask for that (root, or rtprio in limits.conf).
 
     fti hil --list
+    fti hil --faults                 every kind of fault: its keys with unit and limits, the flags that it raises
+    fti hil --faults cut             one of them with an example; --json for programs
     fti hil nominal --plot flight.png
     fti hil nominal --links /tmp/links &
     fti run configs/demo.toml --links /tmp/links
@@ -21,7 +23,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from fti.cli._arguments import picture, seconds
-from fti.cli._printing import print_line
+from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli.main import EXIT_INTERRUPTED
 
 if TYPE_CHECKING:
@@ -32,6 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``fti hil``."""
     parser.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name of a shipped scenario, or a file")
     parser.add_argument("--list", action="store_true", help="list the shipped scenarios and end")
+    parser.add_argument(
+        "--faults", nargs="?", const="", metavar="KIND", help="describe every kind of fault, or one, and end"
+    )
+    parser.add_argument("--json", action="store_true", help="with --faults: print JSON only")
     parser.add_argument("--duration", type=seconds, metavar="S", help="end after so many seconds of the flight")
     parser.add_argument("--links", default="links", metavar="DIR", help="folder of the ports (default: links)")
     parser.add_argument("--wait", action="store_true", help="begin the flight when the daemon has opened every port")
@@ -50,6 +56,10 @@ def run(args: argparse.Namespace) -> int:
     from fti.errors import MissingError
     from fti.hil import scenario as scenarios
 
+    if args.json and args.faults is None:
+        args.parser.error("--json belongs to --faults")
+    if args.faults is not None:
+        return _describe_faults(args.faults, as_json=args.json)
     if args.list:
         names = scenarios.shipped()
         for name in names:
@@ -58,6 +68,22 @@ def run(args: argparse.Namespace) -> int:
     if args.scenario is None:
         raise MissingError(f"which scenario? There are {', '.join(scenarios.shipped())}")
     return _draw(args) if args.plot else _fly(args)
+
+
+def _describe_faults(name: str, *, as_json: bool) -> int:
+    """Every kind of fault, or the one of that name.  Raises MissingError where there is none."""
+    from fti.cli import _fault_view as view
+    from fti.errors import MissingError
+    from fti.hil.expected.fault_catalogue import kinds
+
+    known = kinds()
+    if name and name not in known:
+        raise MissingError(f"{name!r} is not a kind of fault; there are {', '.join(known)}")
+    if as_json:
+        print_json(view.as_json([known[name]] if name else known.values()))
+    else:
+        print_lines(view.detail(known[name]) if name else view.overview(known.values()))
+    return 0
 
 
 def _draw(args: argparse.Namespace) -> int:

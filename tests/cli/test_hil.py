@@ -19,6 +19,7 @@ from fti.cli.main import main
 from fti.errors import MissingError
 from fti.hil.rates import Rate
 from fti.hil.report import Report
+from fti.hil.tables.kinds import FaultKind
 from fti.lateness import Histogram
 from tests.e2e.harness import FTI, fti, with_free_ports
 from tests.helpers import ROOT
@@ -152,3 +153,59 @@ def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture
         told = capsys.readouterr().err
         assert said in told
         assert told.count("\n") == 1
+
+
+# ------------------------------------------------------------------------------------------------- kinds of faults
+
+
+def test_every_kind_of_fault_is_described(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hil", "--faults"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    heads = [line.partition(":")[0] for line in lines if line and not line.startswith((" ", "Keys", "fti hil"))]
+    assert heads == [kind.value for kind in FaultKind]
+    words = [line.split() for line in lines]
+    assert ["damaged", "bytes", "/fti/health/devices/DEVICE", "if", "DEVICE", "is", "not", "on", "CAN,"] in [
+        line[:9] for line in words
+    ]
+    assert ["supply_v", "[V]", "default", "12.0", "number", ">=", "0,", "<", "28"] in [line[:9] for line in words]
+    assert sum(line.split()[:1] == ["from_s"] for line in lines) == 2  # off_track, and once for all others
+
+
+def test_one_kind_of_fault_is_described_with_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hil", "--faults", "fog"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("fog: Fog or cloud below the aircraft")
+    assert '    [[fault]]\n    kind = "fog"\n    visibility_m = 40.0\n' in printed
+    assert "imu_sample" not in printed
+    assert main(["hil", "--faults", "ramp"]) == 0
+    assert re.search(r"^ +imu_sample +accel_b_0, ", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_kinds_of_faults_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hil", "--faults", "--json"]) == 0
+    assert [kind["kind"] for kind in json.loads(capsys.readouterr().out)] == [kind.value for kind in FaultKind]
+    assert main(["hil", "--faults", "clock_jump", "--json"]) == 0
+    (kind,) = json.loads(capsys.readouterr().out)
+    assert kind["flags"] == [
+        {"place": "/fti/health/devices/DEVICE", "words": ["clock away"], "when": "by_s is 0.1 s or more"}
+    ]
+    assert kind["keys"][0] == {
+        "name": "by_s",
+        "unit": "s",
+        "default": "",
+        "limits": "number >= -1e+08, <= 1e+08",
+        "description": "error of the clock, positive: fast",
+    }
+    assert "freeflight_ra4500" not in kind["drivers"]
+    assert "nmea0183" in kind["drivers"]
+
+
+def test_wrong_calls_about_kinds_of_faults(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hil", "--faults", "cuts"]) == 2
+    assert capsys.readouterr().err.startswith(
+        "fti: 'cuts' is not a kind of fault; there are obstacle, off_track, cut, "
+    )
+    with pytest.raises(SystemExit) as ended:
+        main(["hil", "nominal", "--json"])
+    assert ended.value.code == 2
+    assert "--json belongs to --faults" in capsys.readouterr().err

@@ -9,7 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fti.hil.expected.duties import BITS, DEVIATION_M, HEIGHT, INTEGRITY, NAV_EVENT, OBSTACLE_M, RATE_SHARE, SOLUTION
+from fti.hil.expected.duties import (
+    BITS,
+    CLOCK_SEEN_S,
+    DEVIATION_M,
+    HEIGHT,
+    INTEGRITY,
+    NAV_EVENT,
+    OBSTACLE_M,
+    RATE_SHARE,
+    SOLUTION,
+)
 from fti.hil.tables.kinds import FaultKind
 
 
@@ -19,7 +29,7 @@ class KindFlag:
 
     place : topic, with the name of the device or link behind it
     words : one of them is raised; empty: the fault's own number is told in place of a word
-    when  : the condition, "" where there is none
+    when  : the condition, to be read after "if"; "" where there is none
     """
 
     place: str
@@ -30,6 +40,9 @@ class KindFlag:
 HEALTH = "/fti/health/devices/DEVICE"
 IN_ALTIMETERS = "DEVICE is in nav.altimeters"
 OVER_GROUND = f"{IN_ALTIMETERS}, [nav.terrain] is configured, and the range is wrong by more than {DEVIATION_M:g} m"
+OVERFLOWN = f"the aircraft flies over it, it is {OBSTACLE_M:g} m high or more, and [nav.approach] is configured"
+BESIDE = "the aircraft is farther from the track than nav.approach.y_max_m"
+MANY_BITS = f"DEVICE is not on CAN, and {BITS:g} bits or more are wrong"
 NO_DEVICE = "no other device of nav.position is left"
 
 SILENT = KindFlag(HEALTH, ("silent", "noise"))
@@ -40,29 +53,38 @@ OTHER_SOURCE = (NO_POSITION, KindFlag(SOLUTION, ("attitude not from DEVICE",), "
 STALE = (KindFlag(f"{HEIGHT}/DEVICE", ("stale",), IN_ALTIMETERS), *OTHER_SOURCE)
 ALL_STALE = tuple(KindFlag(flag.place, flag.words, f"share = 1, and {flag.when}") for flag in STALE)
 WRONG_RANGE = KindFlag(f"{HEIGHT}/DEVICE", ("deviation",), OVER_GROUND)
-FALLBACK = (
+TAKE_OVER = (
     KindFlag(SOLUTION, ("position from filter",), f"{NO_DEVICE}, and [nav.filter] is configured"),
     KindFlag(NAV_EVENT, ("position: from filter instead of DEVICE",), "the same"),
     KindFlag(SOLUTION, ("position from radio",), f"{NO_DEVICE}, nor the filter, and [nav.radio] has three stations"),
     KindFlag(NAV_EVENT, ("position: from radio instead of DEVICE",), "the same, without a filter"),
-    KindFlag(NAV_EVENT, ("position: from radio instead of filter",), "the same, when the filter loses its unit"),
+)
+FALLBACK = (
+    *TAKE_OVER,
+    KindFlag(
+        NAV_EVENT, ("position: from radio instead of filter",), "DEVICE is nav.filter.imu, and the filter is used"
+    ),
 )
 
 #: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
 FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.OBSTACLE: (
-        KindFlag(INTEGRITY, ("obstacle",), f"overflown, {OBSTACLE_M:g} m or higher, and [nav.approach] is configured"),
+        KindFlag(
+            INTEGRITY,
+            ("obstacle",),
+            OVERFLOWN,
+        ),
         KindFlag(
             f"{HEIGHT}/ALTIMETER", ("deviation",), "the same, ALTIMETER is a radar, and [nav.terrain] is configured"
         ),
     ),
-    FaultKind.OFF_TRACK: (KindFlag(INTEGRITY, ("off_track",), "farther from the track than nav.approach.y_max_m"),),
+    FaultKind.OFF_TRACK: (KindFlag(INTEGRITY, ("off_track",), BESIDE),),
     FaultKind.CUT: (SILENT, *STALE, *FALLBACK),
     FaultKind.FREEZE: (CLOCK_AWAY,),
     FaultKind.STUCK: (WRONG_RANGE,),
     FaultKind.INVALID: (
         KindFlag("/DEVICE/", ("invalid", "FLAG"), "the protocol of DEVICE can declare a measurement invalid"),
-        KindFlag("/DEVICE/device_status", ("FLAG",), "the same, for each of flags"),
+        KindFlag("/DEVICE/device_status", ("FLAG",), "the same, and FLAG is one of its flags"),
         KindFlag(f"{HEIGHT}/DEVICE", ("device_flag", "no_return"), f"the same, and {IN_ALTIMETERS}"),
         *OTHER_SOURCE,
         *FALLBACK,
@@ -77,7 +99,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.GNSS_OUTAGE: (
         KindFlag("/DEVICE/", ("invalid",), "DEVICE is a receiver and nothing else"),
         NO_POSITION,
-        *FALLBACK,
+        *TAKE_OVER,
     ),
     FaultKind.GNSS_DEGRADED: tuple(
         KindFlag(f"/DEVICE/position.{axis}_sd", (), "DEVICE is a receiver and nothing else")
@@ -91,9 +113,9 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
             f"{DEVIATION_M:g} m",
         ),
     ),
-    FaultKind.CLOCK_JUMP: (CLOCK_AWAY,),
+    FaultKind.CLOCK_JUMP: (KindFlag(HEALTH, ("clock away",), f"by_s is {CLOCK_SEEN_S:g} s or more"),),
     FaultKind.CLOCK_DRIFT: (),
-    FaultKind.BIT_ERRORS: (KindFlag(HEALTH, ("damaged bytes",), f"not on CAN, {BITS:g} wrong bits or more"),),
+    FaultKind.BIT_ERRORS: (KindFlag(HEALTH, ("damaged bytes",), MANY_BITS),),
     FaultKind.LOST_HEADER: (DAMAGED, *ALL_STALE),
     FaultKind.TRUNCATED: (DAMAGED, *ALL_STALE),
     FaultKind.DUPLICATED: (
@@ -113,7 +135,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     ),
     FaultKind.BABBLING: (),
     FaultKind.BUS_OFF: (KindFlag("/fti/health/links/LINK", ("silent",)), SILENT, *STALE),
-    FaultKind.CAN_STATUS: (KindFlag("/fti/ledger/LINK", ("slcan_FLAG",), "for each of flags; on real ports only"),),
+    FaultKind.CAN_STATUS: (KindFlag("/fti/ledger/LINK", ("slcan_FLAG",), "FLAG is one of its flags, on real ports"),),
     FaultKind.BREAKER: (KindFlag("/UNIT/device_status", ("DEVICE_tripped",)), SILENT, *STALE, *FALLBACK),
     FaultKind.BROWN_OUT: (
         KindFlag("/UNIT/device_status", ("DEVICE_brown_out",), "supply_v is below sensor.DEVICE.minimum_v"),

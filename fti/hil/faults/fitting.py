@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
+from fti import drivers
 from fti.config import StrictModel
 from fti.hil.faults.checksums import Change
 from fti.hil.faults.gnss import WITH_RECEIVER, OfGnss
@@ -24,12 +26,29 @@ from fti.hil.tables.kinds import (
     Fault,
     Freeze,
     LostHeader,
+    OfPower,
     Reordered,
     Truncated,
     WrongChecksum,
     WrongLabel,
 )
 from fti.service.binding import BoundDevice
+
+POWER_UNIT = "power_unit"
+#: Kinds of faults that need something of a protocol, and the drivers whose protocol may have it.
+NEEDED: Sequence[tuple[Any, Collection[str]]] = (
+    (WrongChecksum, CHECKSUMS),
+    (WrongLabel, LABELS),
+    (ClockJump | ClockDrift, TIMED),
+    (OfGnss, WITH_RECEIVER),
+)
+
+
+def drivers_of(kind: type[StrictModel]) -> tuple[str, ...] | None:
+    """The drivers whose devices may have a kind of fault, in alphabetical order; None: every driver, or no device."""
+    if issubclass(kind, LostHeader):
+        return tuple(sorted(name for name in drivers.names() if frozenset({"can"}) != drivers.load(name).CARRIERS))
+    return next((tuple(sorted(names)) for kinds, names in NEEDED if issubclass(kind, kinds)), None)
 
 
 def why_not(fault: OnDevices, bound: BoundDevice) -> str:
@@ -43,8 +62,16 @@ def why_not(fault: OnDevices, bound: BoundDevice) -> str:
         return f"{_told(driver, options)} does not send its time; {_listed(TIMED)} do (arinc429 in packets)"
     if isinstance(fault, OfGnss) and driver not in WITH_RECEIVER:
         return f"{driver} has no satellite receiver; {_listed(WITH_RECEIVER)} may have"
+    return _why_not_connected(fault, bound)
+
+
+def _why_not_connected(fault: OnDevices, bound: BoundDevice) -> str:
+    """The same for what depends on the line and the supply of a device."""
+    driver = bound.device.driver
     if isinstance(fault, LostHeader) and _on_can(bound):
         return f"{driver} is on CAN, where a frame has its header or is none; every driver of a line can lose it"
+    if isinstance(fault, OfPower) and driver == POWER_UNIT:
+        return f"{driver} feeds itself and has no breaker; every other driver can lose its power"
     return ""
 
 

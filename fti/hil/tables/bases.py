@@ -1,8 +1,8 @@
-"""What faults have in common: whom they are of, and when."""
+"""What faults have in common: their subjects, their interval, and how a key states its meaning and unit."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, field_validator
 
@@ -12,13 +12,36 @@ from fti.hil.tables.quantities import parse
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(gt=0, le=1)]
 
+#: The unit of a key that is a name, a text or a list of them.
+NO_UNIT = "-"
+#: The unit of a ratio, a probability or a count.
+ONE = "1"
+#: The unit of a number that is added to a quantity: the quantity's own, SI and radians.
+OF_QUANTITY = "of the quantity"
+
+
+def key(description: str, unit: str, example: Any = None) -> Any:
+    """Meaning and unit of a key; both are printed for users.
+
+    example : a value for the example of the kind; None: the example leaves the key out
+    """
+    return Field(
+        description=description, json_schema_extra={"unit": unit}, examples=None if example is None else [example]
+    )
+
+
+FromS = Annotated[NotNegative, key("start of the fault, time of the flight", "s", 30.0)]
+ToS = Annotated[NotNegative, key("end of the fault, time of the flight", "s", 36.0)]
+
 
 class OnDevices(StrictModel):
-    """A fault of devices in an interval of the flight; no device named means every one that it can be on."""
+    """A fault of devices in an interval of the flight."""
 
-    devices: tuple[Name, ...] = ()
-    from_s: NotNegative
-    to_s: NotNegative
+    devices: Annotated[
+        tuple[Name, ...], key("names of devices; none: every device that can have the fault", NO_UNIT, ["altimeter"])
+    ] = ()
+    from_s: FromS
+    to_s: ToS
 
     def may_be_on(self, device: str) -> bool:
         """Is the device named, or none at all?"""
@@ -26,14 +49,19 @@ class OnDevices(StrictModel):
 
 
 class OnQuantity(OnDevices):
-    """A fault of one field of one measurement, in SI and radians: ``quantity = "range.slant_range"``.
+    """A fault of one field of one measurement; a value that is not measured (None) stays so."""
 
-    Of a vector the component is named: ``quantity = "imu_sample.gyro_b_2"``.  What is not measured (None) stays so.
-    name : of a Reading, a surface or a station: only this one
-    """
-
-    quantity: str
-    name: str | None = None
+    quantity: Annotated[
+        str,
+        key(
+            'measurement and field, SI and radians; of a vector with the component: "imu_sample.gyro_b_2"',
+            NO_UNIT,
+            "radio_height.height_agl",
+        ),
+    ]
+    name: Annotated[
+        str | None, key("only the reading, surface or station of this name; none: all of them", NO_UNIT)
+    ] = None
 
     @field_validator("quantity")
     @classmethod
@@ -43,14 +71,16 @@ class OnQuantity(OnDevices):
 
 
 class OnMessages(OnDevices):
-    """A fault of the bytes of this share of a device's messages, drawn from the scenario's seed."""
+    """A fault of the bytes of a part of a device's messages."""
 
-    share: Share = 1.0
+    share: Annotated[Share, key("part of the messages, drawn from the seed of the scenario", ONE)] = 1.0
 
 
 class OnLinks(StrictModel):
-    """A fault of CAN links in an interval of the flight; no link named means every one that it can be on."""
+    """A fault of CAN links in an interval of the flight."""
 
-    links: tuple[Name, ...] = ()
-    from_s: NotNegative
-    to_s: NotNegative
+    links: Annotated[
+        tuple[Name, ...], key("names of CAN links; none: every link that can have the fault", NO_UNIT, ["air_can"])
+    ] = ()
+    from_s: FromS
+    to_s: ToS

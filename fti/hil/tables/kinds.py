@@ -1,7 +1,8 @@
 """Every fault that a scenario can have: one enum, one table of the file each.
 
 Where a fault acts is the order of this page: on the world, on what a device measures, on its clock, on its bytes, on
-its line, on its power.  What the daemon must say of each is in ``fti.hil.expected.flags``.
+its line, on its power.  The flags that each must raise are in ``fti.hil.expected``.  ``fti hil --faults`` and
+docs/faults.md print these classes: the docstring says what the fault is, every key has a description and a unit.
 """
 
 from __future__ import annotations
@@ -12,7 +13,20 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from fti.config import Positive, StrictModel
-from fti.hil.tables.bases import NotNegative, OnDevices, OnLinks, OnMessages, OnQuantity, Share
+from fti.hil.tables.bases import (
+    NO_UNIT,
+    OF_QUANTITY,
+    ONE,
+    FromS,
+    NotNegative,
+    OnDevices,
+    OnLinks,
+    OnMessages,
+    OnQuantity,
+    Share,
+    ToS,
+    key,
+)
 
 
 class FaultKind(StrEnum):
@@ -54,214 +68,227 @@ class FaultKind(StrEnum):
 
 
 class Obstacle(StrictModel):
-    """A box on the ground that the reference does not know."""
+    """A box on the ground that the reference does not know, there for the whole flight."""
 
     kind: Literal["obstacle"]
-    before_threshold_m: float
-    right_m: float = 0.0
-    height_m: Positive
-    length_m: Positive = 40.0
-    width_m: Positive = 40.0
+    before_threshold_m: Annotated[float, key("distance of its centre before the runway threshold", "m", 1500.0)]
+    right_m: Annotated[float, key("distance of its centre right of the track, negative: left", "m")] = 0.0
+    height_m: Annotated[Positive, key("height above the ground", "m", 60.0)]
+    length_m: Annotated[Positive, key("length along the track", "m")] = 40.0
+    width_m: Annotated[Positive, key("width across the track", "m")] = 40.0
 
 
 class OffTrack(StrictModel):
-    """A side step: away by ``right_m`` (negative: left) until ``to_s``; from_s = 0 begins the flight there."""
+    """The aircraft flies beside the track of the approach; with from_s = 0 the flight begins there."""
 
     kind: Literal["off_track"]
-    right_m: Annotated[float, Field(ge=-20_000, le=20_000)]
-    from_s: NotNegative
-    to_s: NotNegative
-    turn_s: Positive = 20.0
+    right_m: Annotated[
+        float, Field(ge=-20_000, le=20_000), key("distance right of the track, negative: left", "m", 150.0)
+    ]
+    from_s: FromS
+    to_s: ToS
+    turn_s: Annotated[Positive, key("time in which it leaves the track, and in which it returns", "s")] = 20.0
 
 
 # ------------------------------------------------------------------------------------- of what a device measures
 
 
 class Cut(OnDevices):
-    """Nothing comes: a broken cable.  The device does not know, and goes on counting."""
+    """No message arrives, as with a broken cable; the device continues to count."""
 
     kind: Literal["cut"]
 
 
 class Freeze(OnDevices):
-    """The last messages before the interval are sent again and again, byte for byte, also their times and counters.
+    """The last messages before the interval are repeated byte for byte, with their old times and counters.
 
-    Where nothing was sent before, the first messages in the interval are.
+    Where nothing was sent before, the first messages in the interval are repeated.
     """
 
     kind: Literal["freeze"]
 
 
 class Stuck(OnDevices):
-    """The values of the first message in the interval are repeated, with fresh times."""
+    """The values of the first message in the interval are repeated, with new times."""
 
     kind: Literal["stuck"]
 
 
 class Invalid(OnDevices):
-    """The device says that it does not measure; ``flags`` : conditions that it names, as the driver spells them."""
+    """The device declares its measurements invalid."""
 
     kind: Literal["invalid"]
-    flags: tuple[str, ...] = ()
+    flags: Annotated[
+        tuple[str, ...],
+        key(
+            "conditions in the device status, by the driver's names; an unknown one is not sent", NO_UNIT, ["unlocked"]
+        ),
+    ] = ()
 
 
 class Bias(OnQuantity):
-    """A constant is added."""
+    """A constant is added to a quantity."""
 
     kind: Literal["bias"]
-    value: float
+    value: Annotated[float, key("added to the quantity", OF_QUANTITY, 50.0)]
 
 
 class Ramp(OnQuantity):
-    """What is added grows from zero by ``rate`` a second."""
+    """A growing error is added to a quantity, from zero at the start of the interval."""
 
     kind: Literal["ramp"]
-    rate: float
+    rate: Annotated[float, key("growth of the error", f"{OF_QUANTITY}, per s", 20.0)]
 
 
 class Noise(OnQuantity):
-    """White noise of standard deviation ``sd`` is added."""
+    """White noise is added to a quantity."""
 
     kind: Literal["noise"]
-    sd: Positive
+    sd: Annotated[Positive, key("standard deviation of the noise", OF_QUANTITY, 40.0)]
 
 
 class WrongUnit(OnQuantity):
-    """The field is multiplied: 0.3048 is a device that says metres where feet are meant."""
+    """A quantity is multiplied, as by a device that sends metres in a field for feet (0.3048)."""
 
     kind: Literal["wrong_unit"]
-    factor: float
+    factor: Annotated[float, key("multiplies the quantity", ONE, 0.3048)]
 
 
 class Forced(OnQuantity):
-    """The field says ``value``, whatever is measured: the set point of a profile."""
+    """A quantity has a constant value in place of the measured one: the set point of a profile."""
 
     kind: Literal["forced"]
-    value: float
+    value: Annotated[float, key("value of the quantity", OF_QUANTITY, 75.0)]
 
 
 class Fog(OnDevices):
-    """Fog or cloud below the aircraft: a laser sees no further than ``visibility_m``, and says that it has no return.
+    """Fog or cloud below the aircraft: a laser altimeter reports no return from beyond the visibility.
 
-    echo_m : it takes the fog for the ground instead, and does not say so: from the first distance at the beginning of
-             the interval to the second at its end.  A flight test found 75 m and 5 m (Spiegel 2018, section 7.5.1.3)
+    With echo_m it takes the fog for the ground and declares the range valid.  A flight test found 75 m and 5 m
+    (Spiegel 2018, section 7.5.1.3).
     """
 
     kind: Literal["fog"]
-    visibility_m: Positive
-    echo_m: tuple[Positive, Positive] | None = None
+    visibility_m: Annotated[Positive, key("distance up to which the laser sees", "m", 40.0)]
+    echo_m: Annotated[
+        tuple[Positive, Positive] | None,
+        key("false range at the start and at the end of the interval; none: no return", "m"),
+    ] = None
 
 
 class GnssOutage(OnDevices):
-    """No satellite is received: jamming, or a tunnel; the receiver says so."""
+    """No satellite is received, as with jamming or in a tunnel; the receiver declares its position invalid."""
 
     kind: Literal["gnss_outage"]
 
 
 class GnssDegraded(OnDevices):
-    """The position has these standard deviations [m] and says so (Spiegel 2018, table 7.4)."""
+    """The position is less accurate, and the receiver states the standard deviations (Spiegel 2018, table 7.4)."""
 
     kind: Literal["gnss_degraded"]
-    horizontal_m: Positive
-    vertical_m: Positive
+    horizontal_m: Annotated[Positive, key("standard deviation of the horizontal position", "m", 6.0)]
+    vertical_m: Annotated[Positive, key("standard deviation of the height", "m", 8.0)]
 
 
 class GnssOffset(OnDevices):
-    """The position is shifted, and does not say so: spoofing.  ``over_s`` : it is drawn away so slowly [s]."""
+    """The position is shifted and declared valid, as with spoofing."""
 
     kind: Literal["gnss_offset"]
-    north_m: float = 0.0
-    east_m: float = 0.0
-    up_m: float = 0.0
-    over_s: NotNegative = 0.0
+    north_m: Annotated[float, key("shift to the north", "m")] = 0.0
+    east_m: Annotated[float, key("shift to the east", "m")] = 0.0
+    up_m: Annotated[float, key("shift upwards", "m", 60.0)] = 0.0
+    over_s: Annotated[NotNegative, key("time in which the shift grows to its full size; 0: a jump", "s")] = 0.0
 
 
 # --------------------------------------------------------------------------------------------- of a device's clock
 
 
 class ClockJump(OnDevices):
-    """The clock of the device is off by ``by_s`` in the interval.  Where no time is sent: ``fti.hil.faults.places``."""
+    """The clock of the device is wrong by a constant in the interval."""
 
     kind: Literal["clock_jump"]
-    by_s: Annotated[float, Field(ge=-1e8, le=1e8)]
+    by_s: Annotated[float, Field(ge=-1e8, le=1e8), key("error of the clock, positive: fast", "s", 3.0)]
 
 
 class ClockDrift(OnDevices):
-    """The clock of the device runs fast by ``ppm`` in the interval; what it has gained stays."""
+    """The clock of the device runs fast or slow in the interval; the error at the end remains."""
 
     kind: Literal["clock_drift"]
-    ppm: Annotated[float, Field(ge=-1e6, le=1e6)]
+    ppm: Annotated[float, Field(ge=-1e6, le=1e6), key("rate error of the clock, positive: fast", "ppm", 200.0)]
 
 
 # ------------------------------------------------------------------------------------------------ of its bytes
 
 
 class BitErrors(OnDevices):
-    """Every bit is wrong with this probability.  On CAN the data alone: a controller refuses what its CRC refuses, so
-    the fault is of a node that sends wrong data with a good CRC."""
+    """Every bit is wrong with the same probability.
+
+    On CAN only bits of the data are: a controller rejects a frame with a wrong CRC, so the fault is that of a node
+    which sends wrong data with a correct CRC.
+    """
 
     kind: Literal["bit_errors"]
-    rate: Share
+    rate: Annotated[Share, key("probability of a bit to be wrong", ONE, 0.005)]
 
 
 class LostHeader(OnMessages):
-    """The first ``count`` bytes are missing.  Not on CAN, where a frame has its header or is none."""
+    """The first bytes of a message are missing."""
 
     kind: Literal["lost_header"]
-    count: Annotated[int, Field(ge=1)] = 1
+    count: Annotated[int, Field(ge=1), key("number of missing bytes", ONE)] = 1
 
 
 class Truncated(OnMessages):
-    """The last ``count`` bytes are missing; of a CAN frame those of its data."""
+    """The last bytes of a message are missing; of a CAN frame those of its data."""
 
     kind: Literal["truncated"]
-    count: Annotated[int, Field(ge=1)] = 1
+    count: Annotated[int, Field(ge=1), key("number of missing bytes", ONE)] = 1
 
 
 class Duplicated(OnMessages):
-    """The message is sent twice."""
+    """A message is sent twice."""
 
     kind: Literal["duplicated"]
 
 
 class Reordered(OnMessages):
-    """The message leaves after the one behind it, which is not held itself; at ``to_s`` at the latest."""
+    """A message is sent after the one that follows it; at to_s at the latest."""
 
     kind: Literal["reordered"]
 
 
 class WrongChecksum(OnMessages):
-    """The checksum is wrong, everything else right.  Which drivers have one: ``fti.hil.faults.places``."""
+    """The checksum of a message is wrong, everything else is right."""
 
     kind: Literal["wrong_checksum"]
 
 
 class WrongLabel(OnMessages):
-    """The identifier (label, number, formatter, CAN identifier) is one that nobody knows; the checksum holds."""
+    """The identifier of a message (label, number, formatter, CAN identifier) is unknown; the checksum is right."""
 
     kind: Literal["wrong_label"]
 
 
 class Burst(OnDevices):
-    """Messages are held back for ``hold_s`` and then leave all at once, again and again; the last at ``to_s``."""
+    """Messages are held back and then sent all at once, again and again; the last ones at to_s."""
 
     kind: Literal["burst"]
-    hold_s: Positive
+    hold_s: Annotated[Positive, key("time for which messages are held back", "s", 1.5)]
 
 
 # ------------------------------------------------------------------------------------------------ of its line
 
 
 class Babbling(OnLinks):
-    """A node sends frames of identifier ``can_id`` as fast as ``rate_hz``."""
+    """An additional node sends frames on the bus."""
 
     kind: Literal["babbling"]
-    can_id: Annotated[int, Field(ge=0, lt=2**29)] = 0
-    rate_hz: Positive = 2000.0
+    can_id: Annotated[int, Field(ge=0, lt=2**29), key("CAN identifier of the frames", NO_UNIT)] = 0
+    rate_hz: Annotated[Positive, key("frames per second", "Hz")] = 2000.0
 
 
 class BusOff(OnLinks):
-    """The bus is off: no frame of any device on it comes, and slcan adapters say when asked that it is in trouble."""
+    """The bus is off: no frame of any device on it arrives, and slcan adapters report it when asked."""
 
     kind: Literal["bus_off"]
 
@@ -278,26 +305,28 @@ StatusFlag = Literal[
 
 
 class CanStatus(OnLinks):
-    """The controllers of slcan adapters have trouble in an interval, and say so when asked; no link named: all."""
+    """The controllers of slcan adapters have errors, which the adapters report when asked."""
 
     kind: Literal["can_status"]
-    flags: Annotated[tuple[StatusFlag, ...], Field(min_length=1)]
+    flags: Annotated[
+        tuple[StatusFlag, ...], Field(min_length=1), key("errors of the controller", NO_UNIT, ["bus_error"])
+    ]
 
 
 # ------------------------------------------------------------------------------------------------ of its power
 
 
 class Breaker(OnDevices):
-    """The breakers of devices trip, and are closed again at ``to_s``; the devices start anew after their boot time."""
+    """The breakers of devices trip and are closed again at to_s; the devices then start again after their boot_s."""
 
     kind: Literal["breaker"]
 
 
 class BrownOut(OnDevices):
-    """The supply sags to ``supply_v``: devices that need more stop, and start anew when it is back (28 V)."""
+    """The supply voltage drops from 28 V: devices that need more stop, and start again when it is back."""
 
     kind: Literal["brown_out"]
-    supply_v: Annotated[float, Field(ge=0, lt=28)] = 12.0
+    supply_v: Annotated[float, Field(ge=0, lt=28), key("supply voltage in the interval", "V", 12.0)] = 12.0
 
 
 OfWorld = Obstacle | OffTrack

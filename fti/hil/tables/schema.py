@@ -22,7 +22,7 @@ free_from_s = 30
 device = "/dev/ttyUSB3"
 
 [[fault]]
-kind = "cut"                       # every kind: fti/hil/tables/kinds.py
+kind = "cut"                       # every kind: docs/faults.md
 devices = ["altimeter"]            # none named: every device
 from_s = 30
 to_s = 36

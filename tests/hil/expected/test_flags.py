@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from fti.hil import scenario as scenarios
 from fti.hil.expected.aircraft import Aircraft, Truth
@@ -50,3 +51,14 @@ def test_of_what_is_damaged_on_a_bus_a_frame_that_is_too_short_must_be_refused(f
         ("/fti/health/devices/air_data", ("damaged bytes",)) for _ in range(due)
     ]
     assert bool(one.unknown) is not due
+
+
+@pytest.mark.parametrize("kind", ["breaker", "brown_out"])
+def test_power_that_every_device_loses_is_not_expected_of_the_power_unit(kind: str) -> None:
+    """It feeds itself and has no breaker."""
+    scenario = scenarios.load(scenarios.find("nominal"))
+    config = scenarios.load_config(scenario)
+    t = np.arange(0.0, 60.0, 0.1)
+    fault = TypeAdapter[kinds.Fault](kinds.Fault).validate_python({"kind": kind, "from_s": 20.0, "to_s": 26.0})
+    found = told(fault, Aircraft(config, bind_devices(config), scenario), Truth(t, *[0 * t] * 6))
+    assert [one.subject for one in found] == [device.name for device in config.device if device.name != "pdu"]

@@ -1,0 +1,83 @@
+"""What ``fti hil --faults`` prints, as JSON and for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from fti.cli._check_view import table_lines
+
+if TYPE_CHECKING:
+    from fti.hil.expected.fault_catalogue import Key, Kind
+
+
+def as_json(kinds: Iterable[Kind]) -> list[dict[str, Any]]:
+    """Every kind with all of its keys."""
+    return [asdict(kind) for kind in kinds]
+
+
+def overview(kinds: Iterable[Kind]) -> Iterator[str]:
+    """Every kind; keys that all kinds of devices or of links have stand at the end, once."""
+    from fti.hil.expected.fault_catalogue import SHARED
+
+    shared = dict[str, "Key"]()
+    for kind in kinds:
+        yield from _head(kind)
+        yield from _keys(kind.own_keys)
+        yield from _flags(kind)
+        yield ""
+        shared |= {key.name: key for key in kind.keys if key.name in SHARED}
+    yield "Keys that all faults of CAN links (links) or of devices (devices) share"
+    yield from _keys([shared[name] for name in SHARED])
+    yield ""
+    yield "fti hil --faults KIND shows one of them with an example"
+
+
+def detail(kind: Kind) -> Iterator[str]:
+    """One kind with everything."""
+    from fti.hil.tables.quantities import quantities
+
+    yield from _head(kind)
+    yield from _keys(kind.keys)
+    yield from _flags(kind)
+    if any(key.name == "quantity" for key in kind.keys):
+        yield "  quantities, measurement.field"
+        rows: list[tuple[str, ...]] = [(name, ", ".join(fields)) for name, fields in quantities().items()]
+        yield from ("  " + line for line in table_lines(rows))
+    yield "  example"
+    yield from (f"    {line}" for line in kind.example.splitlines())
+
+
+def _head(kind: Kind) -> Iterator[str]:
+    first, *rest = kind.description.splitlines()
+    yield f"{kind.kind}: {first}"
+    yield from (f"  {line}" for line in rest if line)
+    drivers = f" whose driver is one of {', '.join(kind.drivers)}" if kind.drivers else ""
+    yield f"  of: {kind.subject}{drivers}"
+
+
+def _keys(keys: Iterable[Key]) -> Iterator[str]:
+    rows: list[tuple[str, ...]] = [
+        (key.name, f"[{key.unit}]", _default(key), key.limits, key.description) for key in keys
+    ]
+    if rows:
+        yield "  keys"
+        yield from ("  " + line for line in table_lines(rows))
+
+
+def _default(key: Key) -> str:
+    return f"default {key.default}" if key.default else "required"
+
+
+def _flags(kind: Kind) -> Iterator[str]:
+    if kind.flags:
+        yield "  flags"
+        yield from ("  " + line for line in table_lines([flag_cells(flag) for flag in kind.flags]))
+    if kind.no_flag:
+        yield f"  no flag {'if' if kind.flags else 'at all:'} {kind.no_flag}"
+
+
+def flag_cells(flag: Any) -> tuple[str, ...]:
+    """Words, place and condition of a flag."""
+    return (" or ".join(flag.words) or "the stated number", flag.place, f"if {flag.when}" if flag.when else "")
