@@ -59,7 +59,7 @@ def _head(kind: Kind) -> Iterator[str]:
 
 def _keys(keys: Iterable[Key]) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [
-        (key.name, f"[{key.unit}]", _default(key), key.limits, key.description) for key in keys
+        (key.name, f"[{key.unit}]", _default(key), key.description, key.limits) for key in keys
     ]
     if rows:
         yield "  keys"
