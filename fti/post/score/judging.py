@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fti.hil.expected.aircraft import Aircraft
-from fti.hil.expected.duties import Told
-from fti.hil.expected.fallbacks import of_fallbacks
-from fti.hil.expected.flags import told
+from fti.hil.expected.flags import flags_of_faults
 from fti.hil.expected.of_flight import of_flight
 from fti.hil.scenario import Scenario
 from fti.post.reprocess import Setup
@@ -72,12 +70,12 @@ def judge(
     configuration : what there is to say of the recorded one; outputs : checks of what the configuration promises
     """
     craft = Aircraft(setup.config, setup.devices, scenario)
-    belongs = _due(scenario, craft, flown)
+    belongs = flags_of_faults(scenario.fault, craft, flown.truth)
     evidence = Evidence.of_flight(flown, said)
     may = [*of_flight(craft, flown.truth), *allowed_flags([one for _, one in belongs], flown.pauses)]
     rows = list(flag_rows(belongs, scenario.fault, evidence))
     if own:
-        without = _due(scenario, Aircraft(own.config, own.devices, scenario), flown)
+        without = flags_of_faults(scenario.fault, Aircraft(own.config, own.devices, scenario), flown.truth)
         rows += vanished_rows(without, belongs, scenario.fault, evidence)
     expected = tuple(meet_expectation(expectation, evidence) for expectation in scenario.expect)
     flags: list[Row | Met] = [*rows, *expected]
@@ -94,9 +92,3 @@ def judge(
         excused,
         tuple(outputs),
     )
-
-
-def _due(scenario: Scenario, craft: Aircraft, flown: Flown) -> list[tuple[int, Told]]:
-    """What is due with a configuration, and may be said, each with the index of its fault."""
-    faults = [(i, one) for i, fault in enumerate(scenario.fault) for one in told(fault, craft, flown.truth)]
-    return faults + of_fallbacks(scenario.fault, craft)
