@@ -84,7 +84,7 @@ def _of_navigation(nav: Nav) -> Iterator[RequiredOutput]:
     roles = (nav.position, nav.attitude)
     sources = _devices(*roles)
     yield RequiredOutput(SOLUTION, sources, _around(SOLUTION_HZ), 0.1, NOW_S, roles, always_gap_s=NAV_GAP_S)
-    if nav.position:
+    if nav.position and nav.attitude:  # an antenna is not P: without an attitude nobody knows where P is
         yield RequiredOutput(LOCATION, sources, _around(SOLUTION_HZ), 0.1, NOW_S, roles)
     if nav.filter:
         inputs = _devices((nav.filter.imu,), nav.filter.gnss, nav.filter.altimeters, (nav.filter.baro,), *roles)

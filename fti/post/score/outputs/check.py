@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from fti.config import Vector
-from fti.hil.expected.affected import Affected, inside
-from fti.hil.expected.duties import INTEGRITY, SOLUTION, May
+from fti.hil.expected.affected import Affected, Interval, inside
+from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION, May
 from fti.hil.expected.of_flight import of_flight
 from fti.hil.expected.required_outputs import GLIDE, RequiredOutput, approach_altimeter, required_outputs
 from fti.hil.faults.fitting import is_of
@@ -21,7 +21,7 @@ from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
 from fti.post.score.outputs.evidence import FlightEvidence
-from fti.post.score.outputs.measured import measured
+from fti.post.score.outputs.measured import measured, unsent
 from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import protection
 from fti.post.score.outputs.row import OutputRow
@@ -53,7 +53,7 @@ class _Checks:
         evidence, series = self._evidence, self._series[output.topic]
         t = evidence.table.seconds(series.log_ns)
         flight = (evidence.start_s, evidence.truth.end_s)
-        lost = [*self._affected.lost(output), *self._late]
+        lost = [*self._affected.lost(output), *self._late, *self._unsent(output)]
         yield from presence(output, series, t, flight, lost, copies=self._has_copies(output))
         if not len(series):
             return
@@ -62,6 +62,12 @@ class _Checks:
             series, during & self._due(output, t) & ~inside(t, lost), t, self._may_of(output), evidence.scenario.limits
         )
         yield from self._values(output, series, t, during)
+
+    def _unsent(self, output: RequiredOutput) -> Iterator[Interval]:
+        """When the device had nothing of the kind to state, as a DME below the horizon of its stations."""
+        evidence, (_, device, kind) = self._evidence, output.topic.split("/")[:3]
+        if device in evidence.intended:
+            yield from unsent(evidence.intended[device], kind, evidence.table.begin_ns)
 
     def _values(self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask) -> Iterator[OutputRow]:
         evidence = self._evidence
@@ -111,7 +117,8 @@ class _Checks:
             due = approach_due(evidence.table, evidence.reference, evidence.craft, altimeter, evidence.start_s)
             return np.asarray(np.interp(t, evidence.truth.t, due.astype(float)) >= 1.0)
         nav = evidence.config.nav
-        if output.topic == SOLUTION and not (nav.position and nav.attitude):
+        of_navigation = output.topic.startswith("/nav/")
+        if of_navigation and not (nav.attitude and (nav.position or output.topic.startswith(HEIGHT))):
             return np.zeros(len(t), dtype=bool)
         after = t >= evidence.start_s + output.lead_s
         blind = [(may.from_s, may.until_s) for may in self._may if not may.words and may.explains(output.topic, "")]

@@ -65,13 +65,30 @@ def measured(
     parts: dict[str, TopicSeries] = {}
     for name, (times, values) in intended.items():
         of_kind, _, field = name.rpartition(".")
-        if of_kind.partition("[")[0] != kind:
+        if _kind_of(name) != kind:
             continue
         part = parts.setdefault(of_kind, _labelled(series, of_kind))
         t = (times - begin_ns) / 1e9
         asked = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~inside(t, excused)
         if np.count_nonzero(asked) >= LEAST_COUNT:
             yield _row(series.topic, name, _decoded(part, field), (times[asked], values[asked]), begin_ns)
+
+
+def unsent(intended: Intended, kind: str, begin_ns: int) -> Iterator[Interval]:
+    """When the device stated other kinds of measurements, and not this one [s of the flight].
+
+    Nothing where the kind has no numbers: then the truth does not say when it was stated.
+    """
+    stated = {t for name, (times, _) in intended.items() if _kind_of(name) == kind for t in times.tolist()}
+    every = sorted({t for times, _ in intended.values() for t in times.tolist()})
+    for i, t_ns in enumerate(every):
+        if stated and t_ns not in stated:
+            around = every[max(i - 1, 0)], every[min(i + 1, len(every) - 1)]
+            yield (around[0] - begin_ns) / 1e9, (around[1] - begin_ns) / 1e9
+
+
+def _kind_of(name: str) -> str:
+    return name.rpartition(".")[0].partition("[")[0]
 
 
 def _labelled(series: TopicSeries, of_kind: str) -> TopicSeries:
