@@ -1,0 +1,107 @@
+"""What a configuration promises, and when faults explain that it is missing or wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from fti.hil import scenario as scenarios
+from fti.hil.expected.affected import Affected, inside
+from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.required_outputs import RequiredOutput, required_outputs
+from fti.hil.tables.kinds import Fault
+from fti.service.binding import bind_devices, parse_reference, read_texts
+
+SCENARIO = scenarios.load(scenarios.find("nominal"))
+CONFIG = scenarios.load_config(SCENARIO)
+REFERENCE = parse_reference(CONFIG, read_texts(CONFIG))
+SENT = {"altimeter": {"radio_height": 25.0}, "gnss": {"position": 5.0}, "autopilot": {"range": 25.0, "attitude": 50.0}}
+T = np.arange(0.0, 120.0, 0.04)
+FLAT = Truth(T, *[0.0 * T] * 6)
+
+
+def promised() -> dict[str, RequiredOutput]:
+    return {output.topic: output for output in required_outputs(CONFIG, REFERENCE, SENT)}
+
+
+def affected(**fault: Any) -> Affected:
+    faults = [TypeAdapter[Any](Fault).validate_python({"from_s": 30.0, "to_s": 40.0, **fault})]
+    return Affected(faults, Aircraft(CONFIG, bind_devices(CONFIG), SCENARIO), FLAT)
+
+
+def test_every_role_of_the_demonstration_promises_its_topics() -> None:
+    assert set(promised()) == {
+        "/nav/nav_solution",
+        "/nav/location",
+        "/nav/filter_solution",
+        "/nav/vertical_solution",
+        "/nav/height_above_ground/altimeter",
+        "/nav/height_above_ground/autopilot",
+        "/nav/clearance_integrity",
+        "/nav/glide_slope",
+        "/altimeter/radio_height",
+        "/gnss/position",
+        "/autopilot/range",
+        "/autopilot/attitude",
+    }
+
+
+def test_heights_come_as_often_as_their_device_measures() -> None:
+    least, most = promised()["/nav/height_above_ground/altimeter"].rate_hz
+    assert least < 25.0 < most < 50.0
+    old = {o.topic: o for o in required_outputs(CONFIG, REFERENCE, {})}
+    assert old["/nav/height_above_ground/altimeter"].rate_hz[0] == 0.0
+
+
+def test_the_monitor_is_judged_with_the_radar_altimeter() -> None:
+    """The reference of the demonstration was made for it."""
+    assert "altimeter" in promised()["/nav/clearance_integrity"].devices
+    assert "autopilot" in promised()["/nav/clearance_integrity"].devices  # for its position, behind others
+
+
+@pytest.mark.parametrize(
+    ("fault", "topic", "lost", "wrong"),
+    [
+        ({"kind": "cut", "devices": ("altimeter",)}, "/nav/height_above_ground/altimeter", True, False),
+        ({"kind": "cut", "devices": ("altimeter",)}, "/nav/height_above_ground/autopilot", False, False),
+        ({"kind": "cut", "devices": ("altimeter",)}, "/nav/clearance_integrity", True, False),
+        ({"kind": "cut", "devices": ("ins",)}, "/nav/nav_solution", True, False),
+        ({"kind": "cut", "devices": ("ahrs",)}, "/nav/nav_solution", False, False),
+        ({"kind": "stuck", "devices": ("altimeter",)}, "/nav/height_above_ground/altimeter", True, True),
+        ({"kind": "stuck", "devices": ("ins",)}, "/nav/nav_solution", True, True),
+        ({"kind": "stuck", "devices": ("gnss",)}, "/nav/nav_solution", False, False),
+        ({"kind": "stuck", "devices": ("gnss",)}, "/nav/filter_solution", True, True),
+        ({"kind": "stuck", "devices": ("gnss",)}, "/gnss/position", True, True),
+        ({"kind": "stuck", "devices": ("gnss",)}, "/autopilot/attitude", False, False),
+        ({"kind": "gnss_degraded", "horizontal_m": 5, "vertical_m": 7}, "/nav/nav_solution", False, False),
+        ({"kind": "bus_off"}, "/gnss/position", False, False),
+    ],
+)
+def test_a_fault_explains_what_depends_on_its_device(fault: Any, topic: str, lost: bool, wrong: bool) -> None:
+    output, effects = promised()[topic], affected(**fault)
+    during = np.array([35.0])
+    assert inside(during, effects.lost(output)).item() is lost
+    assert inside(during, effects.wrong(output)).item() is wrong
+
+
+def test_a_fault_explains_nothing_before_it_nor_long_after() -> None:
+    output = promised()["/nav/nav_solution"]
+    effects = affected(kind="stuck", devices=("ins",))
+    assert not inside(np.array([29.9, 60.0]), effects.wrong(output)).any()
+    filtered = promised()["/nav/filter_solution"]
+    assert inside(np.array([60.0]), effects.wrong(filtered)).all()  # a filter remembers
+    short = replace(filtered, memory_s=0.0)
+    assert not inside(np.array([60.0]), effects.wrong(short)).any()
+
+
+def test_a_second_source_counts_while_the_first_is_gone() -> None:
+    """The place is that of the satellite receiver while the inertial system is cut off."""
+    cut = {"kind": "cut", "devices": ("ins",), "from_s": 30.0, "to_s": 40.0}
+    stuck = {"kind": "stuck", "devices": ("gnss",), "from_s": 33.0, "to_s": 36.0}
+    faults = [TypeAdapter[Any](Fault).validate_python(one) for one in (cut, stuck)]
+    effects = Affected(faults, Aircraft(CONFIG, bind_devices(CONFIG), SCENARIO), FLAT)
+    assert inside(np.array([34.0]), effects.wrong(promised()["/nav/nav_solution"])).all()

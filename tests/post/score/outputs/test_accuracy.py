@@ -1,0 +1,67 @@
+"""Errors beside limits and sigmas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fti.hil.tables.limits import ScoreLimits
+from fti.post.score.outputs.accuracy import DURING_FAULT, accuracy, explained
+from fti.post.score.outputs.errors import QuantityError
+from fti.post.score.outputs.row import Check
+from fti.post.score.rows import Verdict
+
+COUNT = 1000
+T = np.linspace(0.0, 40.0, COUNT)
+EVERY = np.ones(COUNT, dtype=bool)
+LIMITS = ScoreLimits()
+
+
+def quantity(error: np.ndarray, sd: float | np.ndarray = np.nan) -> QuantityError:
+    return QuantityError("altitude", "m", error, np.broadcast_to(sd, error.shape).astype(float), 15.0)
+
+
+def verdicts(one: QuantityError) -> dict[Check, Verdict]:
+    return {row.check: row.verdict for row in accuracy("/nav/x", one, EVERY, T, LIMITS)}
+
+
+def normal(sd: float) -> np.ndarray:
+    return np.random.default_rng(5).normal(0.0, sd, COUNT)
+
+
+def test_errors_of_their_sigma_hold() -> None:
+    assert verdicts(quantity(normal(2.0), 2.0)) == {Check.ERROR: Verdict.HOLDS, Check.SIGMA: Verdict.HOLDS}
+
+
+@pytest.mark.parametrize("stated", [0.2, 0.0, -2.0, 200.0])
+def test_another_sigma_fails(stated: float) -> None:
+    """Ten times too small, zero, negative, a hundred times too large."""
+    assert verdicts(quantity(normal(2.0), stated))[Check.SIGMA] is Verdict.FAILS
+
+
+def test_a_large_sigma_is_no_excuse_for_a_large_error() -> None:
+    assert verdicts(quantity(normal(300.0), 300.0))[Check.SIGMA] is Verdict.FAILS
+
+
+def test_one_wild_error_fails_with_its_time() -> None:
+    error = normal(2.0)
+    error[500] = 50.0
+    rows = {row.check: row for row in accuracy("/nav/x", quantity(error, 2.0), EVERY, T, LIMITS)}
+    assert rows[Check.ERROR].verdict is Verdict.FAILS
+    assert rows[Check.ERROR].at_s == T[500]
+
+
+def test_without_a_sigma_the_limit_counts() -> None:
+    assert verdicts(quantity(np.full(COUNT, 14.9))) == {Check.ERROR: Verdict.HOLDS}
+    assert verdicts(quantity(np.full(COUNT, -15.1))) == {Check.ERROR: Verdict.FAILS}
+
+
+def test_what_is_not_known_is_not_judged() -> None:
+    assert not verdicts(quantity(np.full(COUNT, np.nan), 2.0))
+
+
+def test_a_wrong_value_during_a_fault_is_told_and_not_judged() -> None:
+    (row,) = explained("/nav/x", quantity(np.full(COUNT, 40.0)), EVERY, T, LIMITS)
+    assert row.verdict is Verdict.NOT_JUDGED
+    assert row.found.endswith(DURING_FAULT)
+    assert not list(explained("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))

@@ -1,0 +1,97 @@
+"""Validity where an output has all that it needs, fields that must agree, and the protection level."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti import config as configuration
+from fti.hil.expected.duties import May
+from fti.hil.tables.limits import ScoreLimits
+from fti.post.score.outputs.availability import availability
+from fti.post.score.outputs.consistency import Consistency
+from fti.post.score.outputs.protection import protection
+from fti.post.score.rows import Verdict
+from fti.post.score.series import TopicSeries
+from tests.post.score.outputs.synthetic import messages, truth
+
+T = np.arange(0.0, 40.0, 0.2)
+EVERY = np.ones(len(T), dtype=bool)
+HEIGHT = "/nav/height_above_ground/altimeter"
+DEMO = Path(__file__).parents[4] / "configs" / "demo.toml"
+CONFIG = configuration.load(DEMO)
+GLIDE = math.radians(3.0)
+
+
+def _verdict(series: TopicSeries, may: tuple[May, ...] = ()) -> Verdict:
+    (row,) = availability(series, EVERY, T, may, ScoreLimits())
+    return row.verdict
+
+
+def invalid(reasons: list[str], since_s: float) -> TopicSeries:
+    stated = [reasons if t >= since_s else [] for t in T]
+    return messages(
+        HEIGHT, T.tolist(), valid=[not one for one in stated] if reasons else [False] * len(T), reasons=stated
+    )
+
+
+def test_a_valid_output_holds_and_one_that_never_is_fails() -> None:
+    assert _verdict(messages(HEIGHT, T.tolist(), reasons=[[]] * len(T))) is Verdict.HOLDS
+    assert _verdict(invalid([], 0.0)) is Verdict.FAILS
+    assert _verdict(invalid(["no_profile"], 0.0)) is Verdict.FAILS
+
+
+def test_a_flight_explains_its_reasons_for_a_while() -> None:
+    may = (May(HEIGHT, 0.0, 40.0, ("incidence",)),)
+    assert _verdict(invalid(["incidence"], 32.0), may) is Verdict.HOLDS
+    assert _verdict(invalid(["incidence", "stale"], 32.0), may) is Verdict.FAILS
+    assert _verdict(invalid(["incidence"], 20.0), may) is Verdict.FAILS
+
+
+def consistent(series: TopicSeries) -> set[Verdict]:
+    table = truth(40.0, roll=0.0, pitch=0.0)
+    return {row.verdict for row in Consistency(series, EVERY[: len(series)], T, CONFIG, GLIDE).rows(table)}
+
+
+def test_a_height_belongs_to_its_altimeter_and_its_range() -> None:
+    fine: dict[str, Any] = {"sensor": "altimeter", "raw": 200.0, "height_agl": 199.0}
+    assert consistent(messages(HEIGHT, T.tolist(), **fine)) == {Verdict.HOLDS}
+    assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, "sensor": "autopilot"}))
+    assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, "height_agl": 210.0}))
+
+
+def test_sources_are_those_of_the_configuration() -> None:
+    sources: dict[str, Any] = {"position_source": "ins", "attitude_source": "ins", "altitude_source": "ins"}
+    topic = "/nav/nav_solution"
+    assert consistent(messages(topic, T.tolist(), **sources)) == {Verdict.HOLDS}
+    assert Verdict.FAILS in consistent(messages(topic, T.tolist(), **{**sources, "position_source": "altimeter"}))
+
+
+def test_a_deviation_belongs_to_its_height_and_its_dots() -> None:
+    """10 m above the path, 1000 m before the intercept point: 0.57 deg, and 1.58 dots of 0.36 deg."""
+    deviation = math.degrees(math.atan2(1000.0 * math.tan(GLIDE) + 10.0, 1000.0)) - 3.0
+    fine: dict[str, Any] = {"s": 1000.0, "dh": 10.0, "deviation": math.radians(deviation), "dots": deviation / 0.36}
+    assert deviation == pytest.approx(0.571, abs=2e-3)
+    assert consistent(messages("/nav/glide_slope", T.tolist(), **fine)) == {Verdict.HOLDS}
+    for wrong in ({"dots": -deviation / 0.36}, {"deviation": -math.radians(deviation)}, {"dh": 30.0}):
+        assert Verdict.FAILS in consistent(messages("/nav/glide_slope", T.tolist(), **{**fine, **wrong})), wrong
+
+
+def test_a_window_is_as_long_as_configured() -> None:
+    topic = "/nav/clearance_integrity"
+    assert consistent(messages(topic, T.tolist(), s_begin=1400.0, s_end=1000.0)) == {Verdict.HOLDS}
+    assert consistent(messages(topic, T.tolist(), s_begin=1100.0, s_end=1000.0)) == {Verdict.FAILS}
+
+
+@pytest.mark.parametrize(("error_m", "verdict"), [(5.0, Verdict.HOLDS), (-35.0, Verdict.FAILS)])
+def test_an_error_beyond_the_protection_level_of_a_valid_state_fails(error_m: float, verdict: Verdict) -> None:
+    table = truth(40.0, alt=(600.0, 400.0))
+    true = np.interp(T, (0.0, 40.0), (600.0, 400.0))
+    solution = messages("/nav/nav_solution", T.tolist(), alt=true + error_m)
+    integrity = messages("/nav/clearance_integrity", T.tolist(), protection_level_v=30.0)
+    (row,) = protection(integrity, solution, EVERY, T, table)
+    assert row.verdict is verdict
