@@ -13,9 +13,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from fti import config as configuration
 from fti.hil import accelerated
 from fti.hil import scenario as scenarios
 from fti.logger.reading.recording import Recording
+from fti.service.compiling import compile_first
 from tests.e2e.harness import END_S, FTI, START_S, daemon, free_udp_port, with_free_ports
 from tests.helpers import ROOT, until
 
@@ -110,6 +112,7 @@ def fly(scenario: str, folder: Path, duration_s: float | None) -> Flight:
     named = Path(scenarios.load(scenarios.find(scenario)).config)
     config, links, truth = config_on_free_ports(named, folder), folder / "links", folder / "flight_truth_000.mcap"
     arguments = () if duration_s is None else ("--duration", f"{duration_s}")
+    compile_first(configuration.load(config))  # on a new machine that takes longer than a start may
     with contextlib.ExitStack() as stack:
         with TAKING_OFF:
             played = stack.enter_context(emulator(scenario, config, links, "--wait", "--truth", str(truth), *arguments))

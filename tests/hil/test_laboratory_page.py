@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from fti import config as configuration
+from fti.cli._score_jobs import ALL
 from fti.hil.scenario import shipped
 from fti.hil.tables.kinds import FaultKind
 from fti.hil.tables.schema import Scenario
@@ -39,7 +40,7 @@ def test_every_flight_is_named() -> None:
 
 
 def test_the_scenarios_of_the_page_are_shipped() -> None:
-    assert set(re.findall(r"fti (?:hil|score) ([a-z_]+)", PAGE)) <= set(shipped())
+    assert set(re.findall(r"fti (?:hil|score) ([a-z_]+)", PAGE)) <= {*shipped(), ALL}
 
 
 @pytest.mark.e2e
