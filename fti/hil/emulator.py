@@ -20,6 +20,8 @@ from fti.errors import MissingError
 from fti.hil.bench import Bench
 from fti.hil.device_line import DeviceLine
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
+from fti.hil.ports.pty import PtyEndpoint
+from fti.hil.ports.pty_delay import PtyDelay
 from fti.hil.power import PowerUnit
 from fti.hil.report import Report, lateness_by_link
 from fti.hil.scenario import Scenario
@@ -205,9 +207,13 @@ class Emulator:
         )
         self._devices = [SensorStream(line, self._endpoints[line.sensor.link], start_ns) for line in lines]
         streams: list[Stream] = [*self._devices, *self._line_faults(), *self.bench.streams(start_ns)]
-        if truth is not None:
-            streams.append(truth.stream(start_ns, clock.now_ns))
-        await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
+        with contextlib.ExitStack() as stack:
+            if truth is not None:
+                streams.append(truth.stream(start_ns, clock.now_ns))
+                if any(isinstance(endpoint, PtyEndpoint) for endpoint in self._endpoints.values()):
+                    end_s = self._world.duration if self._world else 0.0
+                    streams.append(stack.enter_context(PtyDelay(clock.now_ns, end_s, truth.note_late)))
+            await self._scheduler.run(streams, stop, float("inf") if duration_s is None else duration_s)
 
 
 def _played_texts(config: Config) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
 
 Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
+Topic ``/truth/late`` has when the kernel was late with what the emulator had sent: log time when, publish time until.
 The file says which scenario was flown (attachment ``scenario.json``), whether in real time or faster (metadata
 ``flight``), with which configuration (its text and the texts that it names are attached as to a session), and how often
 each device sends each kind of measurement (``sent_rates.json``).  What each device means to state once a second is on
@@ -25,7 +26,7 @@ from fti.logger.stream_writer import StreamWriter
 RATE_HZ = 25.0
 FLUSH_EVERY = 5
 SECOND_NS = 1_000_000_000
-TOPIC = "/truth/state"
+TOPIC, LATE_TOPIC = "/truth/state", "/truth/late"
 MEASUREMENT = "/truth/measurement/"
 SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"
 #: Metadata of the file, and what it says: "true" or "false".
@@ -131,6 +132,7 @@ class TruthLog:
             for device in dict.fromkeys(one.device for one in rows.intended)
         }
         self._written = 0
+        self._late_channel = self._writer.add_channel(LATE_TOPIC, "json")
 
     def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
         """The rows as a stream of the scheduler, for a flight that begins at start_ns; now_ns : FTI time [ns]."""
@@ -154,6 +156,11 @@ class TruthLog:
             content = json.dumps({"t_ns": t_ns, "values": one.values}).encode()
             self._writer.write(self._of_device[one.device], t_ns, content, self._written, now_ns)
             self._written += 1
+
+    def note_late(self, from_ns: int, until_ns: int) -> None:
+        """What was sent at from_ns came out of this machine's port at until_ns."""
+        text = json.dumps({"from_ns": from_ns, "until_ns": until_ns})
+        self._writer.write(self._late_channel, from_ns, text.encode(), publish_time=until_ns)
 
     def close(self) -> None:
         """Finish the file."""

@@ -24,6 +24,7 @@ from fti.hil.streams import StatusStream
 from fti.hil.tables.flights import ApproachFlight
 from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Cut, Fault
 from fti.hil.tables.schema import Scenario
+from fti.hil.truth import TOPIC
 from fti.hil.world import World
 from fti.service.binding import bind_devices
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, StaticPressure
@@ -104,7 +105,8 @@ async def test_the_truth_is_a_finished_file_with_every_quantity(tmp_path: Path) 
     emulator.start()
     report = await emulator.run()
     with (tmp_path / "truth.mcap").open("rb") as file:
-        rows = [(m.log_time, json.loads(m.data)) for _, _, m in make_reader(file, validate_crcs=True).iter_messages()]
+        messages = make_reader(file, validate_crcs=True).iter_messages(topics=[TOPIC])
+        rows = [(m.log_time, json.loads(m.data)) for _, _, m in messages]
     assert len(rows) == round(FLIGHT_S * 25)
     assert all(t == row["t_ns"] for t, row in rows)
     np.testing.assert_allclose(np.diff([t for t, _ in rows]), 40_000_000, atol=1)

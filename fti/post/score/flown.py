@@ -13,7 +13,7 @@ from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.expected.truth_columns import truth_of_columns
 from fti.hil.scenario import Scenario
-from fti.hil.truth import FLIGHT_METADATA, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
+from fti.hil.truth import FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.recording import Recording
@@ -76,11 +76,13 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     if other := differing_keys(scenario, _flown_scenario(file, head)):
         not_of = f"of {scenario.title!r} as the scenario is now: they differ in {', '.join(other)}"
         raise _wrong_scenario(file, head, not_of)
-    rows = [item for item in source.items() if item.topic.name == TOPIC]
+    items = list(source.items())
+    rows = [item for item in items if item.topic.name == TOPIC]
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
     real_time = _is_real_time(head.metadata.get(FLIGHT_METADATA, {}).get(REAL_TIME_KEY), rows)
-    pauses = tuple(_pauses(rows)) if real_time else ()
+    late = [item for item in items if item.topic.name in (TOPIC, LATE_TOPIC)]
+    pauses = tuple(_pauses(late, rows[0].log_time)) if real_time else ()
     attached = {name: data for name, data in head.attachments.items() if name != SCENARIO_ATTACHMENT}
     return Flown(file, rows[0].log_time, _truth(rows), pauses, real_time, attached)
 
@@ -148,11 +150,10 @@ def _intercept_m() -> float:
     return float(ApproachPath(airfield).x_gpi)
 
 
-def _pauses(rows: list[Item]) -> Iterator[Pause]:
-    """Rows are written at their instants: those that are late were written when the bench had time again."""
-    begin = rows[0].log_time
-    times = [((item.log_time - begin) / SECOND_NS, (item.publish_time - begin) / SECOND_NS) for item in rows]
-    return merged(Pause(due, written) for due, written in times if written - due > PAUSE_S)
+def _pauses(late: list[Item], begin_ns: int) -> Iterator[Pause]:
+    """Log and publish time say from when until when the bench was late: with a row, or the kernel with a byte."""
+    times = (((item.log_time - begin_ns) / SECOND_NS, (item.publish_time - begin_ns) / SECOND_NS) for item in late)
+    return merged(Pause(due, done) for due, done in times if done - due > PAUSE_S)
 
 
 def merged(pauses: Iterable[Pause]) -> Iterator[Pause]:

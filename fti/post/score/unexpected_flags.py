@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from fti.hil.expected.duties import May, Told
+from fti.hil.expected.duties import DEVICES, INTEGRITY, May, Told
 from fti.post.score.evidence import Evidence
 from fti.post.score.flown import Pause
 from fti.post.score.rows import Unexpected
@@ -13,8 +13,10 @@ from fti.post.score.said import Span
 
 #: After navigation's first word devices are judged over a window that is not full: its length, and a report [s].
 WINDOW_S = 5.0
-#: What a pause of the bench leaves behind: a window of the integrity monitor [s].
-AFTER_PAUSE_S = 14.0
+#: What a pause of the bench leaves behind: a window over which health judges a device, and a report [s].
+AFTER_PAUSE_S = 7.5
+#: The same of what looks back for longer: the integrity monitor, and device clocks that are learned anew [s].
+LONG_AFTER_PAUSE_S = 14.0
 #: A word that stands for less beyond what is allowed is a matter of rounding [s].
 MOMENT_S = 0.05
 
@@ -24,7 +26,10 @@ def allowed_flags(belongs: Sequence[Told], pauses: Sequence[Pause]) -> Iterator[
     for one in belongs:
         yield from one.may
         yield from (May(duty.place, duty.from_s, duty.until_s + duty.clears_s) for duty in one.duties)
-    yield from (May("", pause.from_s, pause.until_s + AFTER_PAUSE_S) for pause in pauses)
+    for pause in pauses:
+        yield May("", pause.from_s, pause.until_s + AFTER_PAUSE_S)
+        yield May(INTEGRITY, pause.from_s, pause.until_s + LONG_AFTER_PAUSE_S)
+        yield May(DEVICES, pause.from_s, pause.until_s + LONG_AFTER_PAUSE_S, ("clock away",))
 
 
 def unexpected_flags(evidence: Evidence, may: Sequence[May]) -> Iterator[Unexpected]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,13 @@ def rewrite(
     change: Change = lambda item: item,
     attachments: Mapping[str, bytes | None] | None = None,
     metadata: Mapping[str, dict[str, str] | None] | None = None,
+    more: Sequence[tuple[str, int, int]] = (),
 ) -> None:
-    """Write a file anew.  attachments, metadata : others in place of those of these names; None: without them"""
+    """Write a file anew.
+
+    attachments, metadata : others in place of those of these names; None: without them
+    more : empty messages: topic, log time, publish time
+    """
     old = file.with_suffix(".old")
     file.rename(old)
     source, channels, writer = McapFile(old), dict[str, int](), StreamWriter(file)
@@ -51,6 +56,8 @@ def rewrite(
             writer.write(
                 channels[topic], changed.log_time, changed.data, changed.sequence, publish_time=changed.publish_time
             )
+    for topic, log_time, publish_time in more:
+        writer.write(writer.add_channel(topic, "json"), log_time, b"{}", publish_time=publish_time)
     writer.close()
     old.unlink()
 

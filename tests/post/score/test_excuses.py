@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fti.hil.truth import FLIGHT_METADATA, REAL_TIME_KEY
+from fti.hil.truth import FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY
 from fti.logger.reading.mcap_file import Item
 from fti.post.score.judging import Score
 from fti.post.score.outcome import Outcome
@@ -121,6 +121,16 @@ def test_the_truth_excuses_what_the_emulator_was_late_for(hidden: Path, stated: 
     assert verdict(score) is Verdict.LATE_BENCH
     assert score.excused.total_s == pytest.approx(2.5, abs=0.2)
     assert score.outcome is not Outcome.FAILED
+
+
+@pytest.mark.parametrize(("real_time", "expected"), [("true", Verdict.LATE_BENCH), ("false", Verdict.MISSING)])
+def test_the_truth_excuses_what_the_kernel_was_late_for(hidden: Path, real_time: str, expected: Verdict) -> None:
+    begin_ns = score_of(SCENARIO, hidden).flown.begin_ns
+    late = LATE_TOPIC, begin_ns + round(FROM_S * SECOND_NS), begin_ns + round((FROM_S + 0.5) * SECOND_NS)
+    rewrite(file_of(hidden, TRUTH), metadata={FLIGHT_METADATA: {REAL_TIME_KEY: real_time}}, more=[late])
+    score = score_of(SCENARIO, hidden)
+    assert verdict(score) is expected
+    assert [(p.from_s, p.until_s) for p in score.flown.pauses] == ([(10.0, 10.5)] if real_time == "true" else [])
 
 
 def test_a_bench_that_was_late_for_too_much_proves_nothing(hidden: Path) -> None:

@@ -1,0 +1,71 @@
+"""How late this machine's kernel carries bytes through a pty.
+
+The emulator comes before ordinary processes and is on time on a computer that is overloaded; the kernel's worker that
+carries what it has sent is not.  One byte through a pty of our own, 25 times a second, shows it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import termios
+import tty
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+SECOND_NS = 1_000_000_000
+PERIOD_S = 0.04
+#: What takes longer is told [ns].
+LATE_NS = SECOND_NS // 10
+
+
+class PtyDelay:
+    """A stream of the scheduler, from which ``tell`` hears when a byte was sent and when it arrived (FTI time) if late.
+
+    now_ns : FTI time; end_s : the stream ends there [s of the flight].  To be used as a context in a running loop.
+    """
+
+    def __init__(self, now_ns: Callable[[], int], end_s: float, tell: Callable[[int, int], None]) -> None:
+        self._now_ns, self._end_s, self._tell = now_ns, end_s, tell
+        self._k = 0
+        self._master = self._slave = -1
+        self._sent: deque[int] = deque()
+
+    def __enter__(self) -> Self:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave, termios.TCSANOW)
+        os.set_blocking(self._master, False)
+        os.set_blocking(self._slave, False)
+        asyncio.get_running_loop().add_reader(self._slave, self._arrived)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        asyncio.get_running_loop().remove_reader(self._slave)
+        self._judge(len(self._sent))  # what has not arrived by the end of the flight
+        os.close(self._master)
+        os.close(self._slave)
+
+    def due_s(self) -> float | None:
+        """Instant of the next byte."""
+        due_s = self._k * PERIOD_S
+        return due_s if due_s <= self._end_s else None
+
+    async def send(self) -> None:
+        """Send the byte."""
+        self._k += 1
+        os.write(self._master, b".")
+        self._sent.append(self._now_ns())
+
+    def _arrived(self) -> None:
+        self._judge(len(os.read(self._slave, 4096)))
+
+    def _judge(self, count: int) -> None:
+        """The oldest bytes have arrived; of several at once the oldest was the latest."""
+        sent = [self._sent.popleft() for _ in range(min(count, len(self._sent)))]
+        now_ns = self._now_ns()
+        if sent and now_ns - sent[0] > LATE_NS:
+            self._tell(sent[0], now_ns)
