@@ -28,7 +28,7 @@ class FlightEvidence:
 
     sent : rate [Hz] of each kind of measurement of each device; intended : what each device meant to state
     late : when the emulator was late [s of the flight]
-    start_s : outputs are required from then on [s of the flight]
+    start_s : outputs are required from then on [s of the flight]; real_time : over ports, not accelerated
     """
 
     scenario: Scenario
@@ -41,6 +41,7 @@ class FlightEvidence:
     intended: Mapping[str, Intended]
     late: Sequence[Interval]
     start_s: float
+    real_time: bool
 
 
 def flight_evidence(scenario: Scenario, setup: Setup, flown: Flown, said: Said) -> FlightEvidence:
@@ -56,6 +57,7 @@ def flight_evidence(scenario: Scenario, setup: Setup, flown: Flown, said: Said) 
         read_intended(flown.file),
         [(pause.from_s, pause.until_s) for pause in flown.pauses],
         Evidence.of_flight(flown, said).start_s,
+        flown.real_time,
     )
 
 

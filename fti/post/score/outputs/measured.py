@@ -24,12 +24,13 @@ from fti.post.score.series import Array, Times, TopicSeries
 
 #: Samples so close to the one of the truth are compared with it [ns].
 NEAR_NS = 500_000_000
-#: Beyond the decoded numbers: three times their scatter, and shares of the span over the flight and of the number.
-SCATTERS, OF_SPAN, OF_VALUE, LEAST = 3.0, 0.02, 0.005, 1e-6
+#: Beyond the decoded numbers: five times their scatter, which is that of some five samples, and shares of the span over
+#: the flight and of the number.
+SCATTERS, OF_SPAN, OF_VALUE, LEAST = 5.0, 0.02, 0.005, 1e-6
 #: Shares of the number where protocols send one decimal place of small numbers.
 COARSE = {"hdop": 0.1, "vdop": 0.1, "pdop": 0.1}
 #: So many of the numbers must be found again, all but one at least.
-FOUND_SHARE = 0.95
+FOUND_SHARE = 0.9
 LEAST_COUNT = 5
 #: Angles that have no end [rad].
 CIRCULAR = ("heading", "track", "lon")

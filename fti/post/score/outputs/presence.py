@@ -31,13 +31,13 @@ def presence(
     flight: Interval,
     excused: Sequence[Interval],
     *,
-    copies: bool,
+    copies: float,
 ) -> Iterator[OutputRow]:
     """Rows of one topic.
 
     t : times of its messages [s of the flight], shape (n,); flight : from when until when it is required [s];
     excused : faults and lateness of the emulator, when it may be missing;
-    copies : a fault lets devices send messages twice
+    copies : so large a share of the messages may have the bytes and the time of the one before
     """
     flight = (flight[0] + FIRST_S, flight[1])
     during = (t >= flight[0]) & (t <= flight[1])
@@ -111,11 +111,11 @@ def _touches(begin: Array, end: Array, intervals: Sequence[Interval]) -> Mask:
 
 
 def _order(
-    output: RequiredOutput, series: TopicSeries, t: Array, during_free: tuple[Mask, Mask], *, copies: bool
+    output: RequiredOutput, series: TopicSeries, t: Array, during_free: tuple[Mask, Mask], *, copies: float
 ) -> OutputRow:
     """Messages in order of their log times, each once; valid ones not older than allowed, nor from the future.
 
-    during_free : messages of the flight, and those of them that no fault explains
+    during_free : messages of the flight, and those of them that no fault explains; copies : share of equal messages
     """
     during, free = during_free
     limit = f"ascending, each once, age {-AHEAD_S:g} to {output.age_s:g} s"
@@ -134,7 +134,7 @@ def _order(
         if len(at):
             found = f"{len(at)} messages {text}" + (f": {age_s[at[0]]:.2f} s" if where is old else "")
             return _of_times(series, Verdict.FAILS, found, limit, float(t[at[0]]))
-    if series.repeated and not copies:
+    if series.repeated > copies * len(series):
         return _of_times(series, Verdict.FAILS, f"{series.repeated} messages twice", limit, None)
     return _of_times(series, Verdict.HOLDS, "in order", limit, None)
 
