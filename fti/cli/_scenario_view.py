@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from fti.cli._check_view import table_lines
 if TYPE_CHECKING:
     from fti.config import Config
     from fti.hil.expected.duties import Duty, Told
+    from fti.hil.expected.required_outputs import RequiredOutput
     from fti.hil.expected.scenario_check import ScenarioCheck
     from fti.hil.tables.kinds import Fault
 
@@ -25,6 +27,8 @@ def describe(check: ScenarioCheck) -> dict[str, Any]:
         "devices": list(_devices(check.config)),
         "faults": [_fault(i, fault, check) for i, fault in enumerate(scenario.fault)],
         "expect": [expectation.model_dump() for expectation in scenario.expect],
+        "outputs": [_output(output) for output in check.outputs],
+        "limits": scenario.limits.model_dump(),
         "warnings": list(check.warnings),
     }
 
@@ -69,6 +73,18 @@ def _flag(duty: Duty, end_s: float) -> dict[str, Any]:
         "clears_s": None if duty.value is not None else round(duty.clears_s, 3),
         "needs_ports": duty.ports,
         "after_flight": duty.from_s + duty.within_s > end_s,
+    }
+
+
+def _output(output: RequiredOutput) -> dict[str, Any]:
+    """most_hz : None where a recording may have any rate above"""
+    least, most = output.rate_hz
+    return {
+        "topic": output.topic,
+        "least_hz": round(least, 3),
+        "most_hz": round(most, 3) if math.isfinite(most) else None,
+        "gap_s": round(output.gap_s, 3),
+        "devices": list(output.devices),
     }
 
 
@@ -133,9 +149,19 @@ def _expect_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (row["channel"], f"= {value}{band}", f"from {row['at_s']:g} s", f"within {row['within_s']:g} s")
 
 
+def _output_lines(found: dict[str, Any]) -> Iterator[str]:
+    yield from table_lines([_output_cells(row) for row in found["outputs"]])
+
+
+def _output_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    most = "or more" if row["most_hz"] is None else f"to {row['most_hz']:g}"
+    return (row["topic"], f"{row['least_hz']:g} {most} Hz", f"gaps up to {row['gap_s']:g} s", ", ".join(row["devices"]))
+
+
 #: What is listed, one heading each, in this order.
 SECTIONS: Mapping[str, Callable[[dict[str, Any]], Iterator[str]]] = {
     "devices": _device_lines,
     "faults and the flags that they must raise": _fault_lines,
     "expect": _expect_lines,
+    "outputs, while their devices are good": _output_lines,
 }

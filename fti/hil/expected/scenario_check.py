@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fti.config import Config
+from fti.errors import MissingError
 from fti.hil.bench import Ports
 from fti.hil.emulator import Emulator, make_world
 from fti.hil.expected.aircraft import Aircraft
 from fti.hil.expected.duties import Told
 from fti.hil.expected.flags import flags_of_faults
 from fti.hil.expected.flags_of_kinds import NO_FLAG
+from fti.hil.expected.required_outputs import RequiredOutput, required_outputs
 from fti.hil.expected.truth_columns import planned_truth
 from fti.hil.load import overloads
 from fti.hil.scenario import Scenario
+from fti.hil.sensors.sent_rates import sent_rates
 from fti.hil.tables.kinds import Fault, FaultKind
-from fti.service.binding import bind_devices
+from fti.nav.integrity.reference import Reference
+from fti.service.binding import bind_devices, parse_reference, read_texts
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,7 @@ class ScenarioCheck:
 
     duration_s : of the flight [s]
     flags      : expected flags, each with the index of its fault; one fault has one entry for each device or link
+    outputs    : topics that the configuration promises
     warnings   : what may be a mistake although it can be flown
     """
 
@@ -33,6 +38,7 @@ class ScenarioCheck:
     config: Config
     duration_s: float
     flags: tuple[tuple[int, Told], ...]
+    outputs: tuple[RequiredOutput, ...]
     warnings: tuple[str, ...]
 
     def of_fault(self, index: int) -> Iterator[Told]:
@@ -53,8 +59,18 @@ def check_scenario(
     progress("expected flags")
     truth = planned_truth(world, [device for device in config.device if device.altimeter])
     flags = flags_of_faults(scenario.fault, Aircraft(config, bind_devices(config), scenario), truth)
-    warnings = (*world.remarks, *overloads(config, emulator.sensors))
-    return ScenarioCheck(scenario, config, world.duration, tuple(flags), warnings)
+    reference, unread = _reference(config)
+    warnings = (*world.remarks, *overloads(config, emulator.sensors), *unread)
+    outputs = required_outputs(config, reference, sent_rates(emulator.sensors, world))
+    return ScenarioCheck(scenario, config, world.duration, tuple(flags), tuple(outputs), warnings)
+
+
+def _reference(config: Config) -> tuple[Reference | None, tuple[str, ...]]:
+    """The published approach; the daemon needs its file, the emulator does not: a warning where it cannot be read."""
+    try:
+        return parse_reference(config, read_texts(config)), ()
+    except MissingError as error:
+        return None, (f"{error}: the daemon needs it",)
 
 
 def why_no_flag(fault: Fault, one: Told) -> str:
