@@ -15,6 +15,7 @@ from typing import Any
 from fti.config import Config
 from fti.errors import ConfigError, FtiError
 from fti.hil.scenario import Scenario
+from fti.hil.truth import RATES_ATTACHMENT
 from fti.logger.reading.recording import Recording
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.post.reprocess import Setup, attached_config, other_setup
@@ -33,7 +34,8 @@ def promised_setup(flown: Flown, scenario: Scenario) -> Setup:
     """
     if CONFIG_ATTACHMENT not in flown.attached:
         return other_setup(scenario.config)
-    config, texts = attached_config(flown.attached, flown.file)
+    played = {name: data for name, data in flown.attached.items() if name != RATES_ATTACHMENT}
+    config, texts = attached_config(played, flown.file)
     return Setup(config, texts, bind_devices(config, texts), None)
 
 
