@@ -22,6 +22,7 @@ from fti.hil.device_line import DeviceLine
 from fti.hil.ports.endpoints import Endpoint, SlcanEndpoint, opened, until
 from fti.hil.ports.pty import PtyEndpoint
 from fti.hil.ports.pty_delay import PtyDelay
+from fti.hil.ports.sent import Sent
 from fti.hil.power import PowerUnit
 from fti.hil.report import Report, lateness_by_link
 from fti.hil.scenario import Scenario
@@ -77,6 +78,7 @@ class Emulator:
         self._scheduler: Scheduler | None = None
         self._start_ns: int | None = None
         self._devices: list[SensorStream] = []
+        self._sent_before: dict[str, Sent] = {}
 
     @property
     def report(self) -> Report:
@@ -151,7 +153,17 @@ class Emulator:
                 await self._fly(lines, truth, duration_s, ended)
                 if not ended.is_set():
                     await self._drained()
+                if truth is not None:
+                    truth.note_end(self._sent_in_flight())
         return self.report
+
+    def _sent_in_flight(self) -> dict[str, Sent]:
+        """What each endpoint has sent since the flight began, answers to the daemon with it."""
+        return {
+            name: Sent(endpoint.sent.messages - before.messages, endpoint.sent.bytes - before.bytes)
+            for name, endpoint in self._endpoints.items()
+            if (before := self._sent_before.get(name))
+        }
 
     async def _drained(self) -> None:
         """Let what is on the lines arrive; where nobody reads it never does."""
@@ -202,6 +214,7 @@ class Emulator:
     ) -> None:
         clock = self.bench.clock
         self._start_ns = start_ns = clock.now_ns()
+        self._sent_before = {name: replace(endpoint.sent) for name, endpoint in self._endpoints.items()}
         self._scheduler = Scheduler(
             lambda: (clock.now_ns() - start_ns) / SECOND_NS, self.bench.sleep, ahead=self.bench.is_real_time
         )

@@ -1,6 +1,7 @@
 """The truth of a simulated flight as MCAP: topic ``/truth/state``, JSON, 25 Hz.
 
 Log time is the instant of a row, publish time when it was written: how late the emulator was, as everything it sent.
+Topic ``/truth/end`` has the last message: how many rows there are, and what was sent on each link.
 Topic ``/truth/late`` has when the kernel was late with what the emulator had sent: log time when, publish time until.
 The file says which scenario was flown (attachment ``scenario.json``), whether in real time or faster (metadata
 ``flight``), with which configuration (its text and the texts that it names are attached as to a session), and how often
@@ -19,6 +20,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fti.config import Device
+from fti.hil.ports.sent import Sent
 from fti.hil.sensors.intended import IntendedValues
 from fti.hil.world import World
 from fti.logger.stream_writer import StreamWriter
@@ -26,7 +28,7 @@ from fti.logger.stream_writer import StreamWriter
 RATE_HZ = 25.0
 FLUSH_EVERY = 5
 SECOND_NS = 1_000_000_000
-TOPIC, LATE_TOPIC = "/truth/state", "/truth/late"
+TOPIC, LATE_TOPIC, END_TOPIC = "/truth/state", "/truth/late", "/truth/end"
 MEASUREMENT = "/truth/measurement/"
 SCENARIO_ATTACHMENT, RATES_ATTACHMENT = "scenario.json", "sent_rates.json"
 #: Metadata of the file, and what it says: "true" or "false".
@@ -133,6 +135,8 @@ class TruthLog:
         }
         self._written = 0
         self._late_channel = self._writer.add_channel(LATE_TOPIC, "json")
+        self._end_channel = self._writer.add_channel(END_TOPIC, "json")
+        self._count, self._last_ns = 0, 0
 
     def stream(self, start_ns: int, now_ns: Callable[[], int]) -> TruthStream:
         """The rows as a stream of the scheduler, for a flight that begins at start_ns; now_ns : FTI time [ns]."""
@@ -143,6 +147,7 @@ class TruthLog:
         t_ns = start_ns + round(float(self._rows.t[k]) * SECOND_NS)
         row = {"t_ns": t_ns, **self._rows.row(k)}
         self._writer.write(self._channel, t_ns, json.dumps(row).encode(), k, now_ns)
+        self._count, self._last_ns = self._count + 1, t_ns
         self._write_intended(float(self._rows.t[k]), start_ns, now_ns)
         if k % FLUSH_EVERY == 0:
             self._writer.flush()
@@ -161,6 +166,12 @@ class TruthLog:
         """What was sent at from_ns came out of this machine's port at until_ns."""
         text = json.dumps({"from_ns": from_ns, "until_ns": until_ns})
         self._writer.write(self._late_channel, from_ns, text.encode(), publish_time=until_ns)
+
+    def note_end(self, sent: Mapping[str, Sent]) -> None:
+        """The flight has ended, here or because it was stopped.  sent : of each link"""
+        links = {name: {"messages": one.messages, "bytes": one.bytes} for name, one in sent.items()}
+        text = json.dumps({"rows": self._count, "sent": links})
+        self._writer.write(self._end_channel, self._last_ns, text.encode(), publish_time=self._last_ns)
 
     def close(self) -> None:
         """Finish the file."""

@@ -130,7 +130,8 @@ def _approach(config: Config, reference: Reference | None) -> Iterator[RequiredO
     altimeter = approach_altimeter(config, reference)
     roles = (config.nav.position, config.nav.attitude)
     devices = _devices((altimeter,), *roles)
-    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, (1.0 + TOLERANCE) * MONITOR_HZ + REPEAT_HZ)
+    most_hz = (1.0 + TOLERANCE) * (MONITOR_HZ if altimeter else 0.0) + REPEAT_HZ
+    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, max(most_hz, (1.0 + TOLERANCE) * REPEAT_HZ))
     age_s = NAV_GAP_S + (_max_age_s(config, altimeter) if altimeter else 0.0)
     for topic in (INTEGRITY, GLIDE):
         yield RequiredOutput(topic, devices, rate_hz, NAV_GAP_S, age_s, roles, always_gap_s=NAV_GAP_S)

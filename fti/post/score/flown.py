@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.expected.truth_columns import truth_of_columns
 from fti.hil.scenario import Scenario
-from fti.hil.truth import FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
+from fti.hil.truth import END_TOPIC, FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY, SCENARIO_ATTACHMENT, TOPIC
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.recording import Recording
@@ -35,6 +36,13 @@ class Pause:
     until_s: float
 
 
+class SentOnLink(NamedTuple):
+    """What the emulator sent on one link."""
+
+    messages: int
+    bytes: int
+
+
 @dataclass(frozen=True, slots=True)
 class Flown:
     """One flight.
@@ -42,6 +50,8 @@ class Flown:
     begin_ns  : FTI time at which it began
     pauses    : in which the emulator was late, in order; an accelerated flight has none
     real_time : it was flown over ports, as long as it lasted; else it was accelerated
+    sent      : messages and bytes that the emulator sent on each link; nothing in older files
+    complete  : the truth has all its rows, and says that the flight ended
     attached  : the configuration that the emulator played, and the texts that it names; nothing in older files
     """
 
@@ -51,6 +61,8 @@ class Flown:
     pauses: tuple[Pause, ...]
     real_time: bool = True
     attached: Mapping[str, bytes] = field(default_factory=dict)
+    sent: Mapping[str, SentOnLink] = field(default_factory=dict)
+    complete: bool = True
 
     def seconds(self, t_ns: int) -> float:
         """Time of the flight [s]."""
@@ -84,7 +96,20 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     late = [item for item in items if item.topic.name in (TOPIC, LATE_TOPIC)]
     pauses = tuple(_pauses(late, rows[0].log_time)) if real_time else ()
     attached = {name: data for name, data in head.attachments.items() if name != SCENARIO_ATTACHMENT}
-    return Flown(file, rows[0].log_time, _truth(rows), pauses, real_time, attached)
+    stated, sent = _end(items)
+    complete = FLIGHT_METADATA not in head.metadata or stated == len(rows)
+    return Flown(file, rows[0].log_time, _truth(rows), pauses, real_time, attached, sent, complete)
+
+
+def _end(items: Iterable[Item]) -> tuple[int, dict[str, SentOnLink]]:
+    """How many rows the emulator wrote, and what it sent; -1 where the flight has no end.  Raises RecordingError."""
+    for item in items:
+        if item.topic.name == END_TOPIC:
+            with using_message(item.topic.name, item.log_time):
+                end = parse_table(item.data)
+                sent = {name: SentOnLink(int(of["messages"]), int(of["bytes"])) for name, of in end["sent"].items()}
+                return int(end["rows"]), sent
+    return -1, {}
 
 
 def _is_real_time(stated: str | None, rows: list[Item]) -> bool:

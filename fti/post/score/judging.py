@@ -14,7 +14,7 @@ from fti.post.score.evidence import Evidence, start_limit_s
 from fti.post.score.expectations import meet_expectation
 from fti.post.score.flag_rows import flag_rows, vanished_rows
 from fti.post.score.flown import Flown
-from fti.post.score.outcome import Excused, Outcome, bench_finding, decide, measure_excused
+from fti.post.score.outcome import Excused, Outcome, bench_finding, decide, measure_excused, truth_finding
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.rows import Finding, Met, Row, Unexpected, Verdict
 from fti.post.score.said import Said
@@ -88,7 +88,7 @@ def judge(
         tuple(unexpected_flags(evidence, may)),
         expected,
         (*configuration, *unit_findings(evidence, start_limit_s(flown))),
-        bench_finding(excused, [flag.verdict for flag in flags]),
+        truth_finding(flown.complete) or bench_finding(excused, [flag.verdict for flag in flags]),
         excused,
         tuple(outputs),
     )

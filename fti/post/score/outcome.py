@@ -83,6 +83,13 @@ def bench_finding(excused: Excused, verdicts: Sequence[Verdict]) -> Finding:
     return Finding(BENCH, "bench in time", Verdict.HOLDS if holds else Verdict.LATE_BENCH, text)
 
 
+def truth_finding(complete: bool) -> Finding | None:
+    """What a truth file proves that is not whole: nothing.  None where it is whole."""
+    if complete:
+        return None
+    return Finding(BENCH, "bench in time", Verdict.LATE_BENCH, "the truth file lacks rows, or the end of its flight")
+
+
 def decide(verdicts: Iterable[Verdict], unexpected: bool, bench: Finding) -> Outcome:
     """The outcome.  A miss is a miss, however late the bench was elsewhere.
 

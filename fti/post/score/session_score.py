@@ -14,6 +14,7 @@ from fti.post.score.judging import Score, judge
 from fti.post.score.messages import read_said
 from fti.post.score.outputs.check import check_outputs
 from fti.post.score.outputs.evidence import flight_evidence
+from fti.post.score.outputs.recorded_links import recorded_links
 from fti.post.score.promised import compare_recorded, given_by_user, own_setup, promised_setup
 
 
@@ -35,7 +36,10 @@ def judge_session(
         compared = given_by_user() if given else compare_recorded(promised, recording)
         with reading():
             said = read_said(recording, promised.config, flown, channels)
-            outputs = check_outputs(recording, flight_evidence(scenario, promised, flown, said))
+            outputs = [
+                *check_outputs(recording, flight_evidence(scenario, promised, flown, said)),
+                *recorded_links(recording, flown, promised.config),
+            ]
         yield judge(
             scenario,
             promised,

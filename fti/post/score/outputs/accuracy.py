@@ -28,7 +28,9 @@ def accuracy(topic: str, quantity: QuantityError, judged: Mask, t: Array, limits
         return
     yield _error(topic, quantity, known, t, limits)
     stated = known & np.isfinite(quantity.sd)
-    if stated.any():
+    if quantity.must_state and not stated[known].all():
+        yield _unstated(topic, quantity, known & ~stated, t)
+    elif stated.any():
         yield _sigma(topic, quantity, stated, t, limits)
 
 
@@ -57,6 +59,13 @@ def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: S
         f"{error[worst]:.3g} {quantity.unit} at most, RMS {np.sqrt(np.mean(error**2)):.3g} {quantity.unit}",
         f"<= {allowed[worst]:.3g} {quantity.unit}",
         float(t[known][worst]),
+    )
+
+
+def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> OutputRow:
+    found = f"{np.count_nonzero(missing)} values without a sigma"
+    return OutputRow(
+        topic, Check.SIGMA, quantity.name, Verdict.FAILS, found, "a sigma with each value", float(t[missing][0])
     )
 
 

@@ -23,7 +23,7 @@ from fti.post.score.outputs.errors import Comparison
 from fti.post.score.outputs.evidence import FlightEvidence
 from fti.post.score.outputs.measured import measured, unsent
 from fti.post.score.outputs.presence import presence
-from fti.post.score.outputs.protection import protection
+from fti.post.score.outputs.protection import height_error, navigated_error, protection
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
 
@@ -81,7 +81,9 @@ class _Checks:
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
         if output.topic == INTEGRITY:
-            yield from protection(series, self._series[SOLUTION], judged, t, evidence.table)
+            error = navigated_error(series, self._series[SOLUTION], evidence.table)
+            yield from accuracy(output.topic, height_error(series, error, limits.vertical_m), judged, t, limits)
+            yield from protection(series, error, judged, t)
 
     def _measured(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
         evidence, device = self._evidence, output.topic.split("/")[1]
@@ -101,7 +103,8 @@ class _Checks:
         A fault sends them twice; and what a serial line brings with one read, late, has one time.
         """
         evidence = self._evidence
-        on_its_devices = (bound for bound in evidence.craft.devices if bound.device.name in output.devices)
+        own = output.topic.split("/")  # a measurement of the device, or a height of the altimeter
+        on_its_devices = (bound for bound in evidence.craft.devices if bound.device.name in own)
         doubled = [fault for fault in evidence.scenario.fault if isinstance(fault, Duplicated)]
         if any(is_of(fault, bound) for bound in on_its_devices for fault in doubled):
             return 1.0

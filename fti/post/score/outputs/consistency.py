@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from fti.config import Config
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import GLIDE
+from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
+from fti.hil.expected.required_outputs import FIX, GLIDE
+from fti.hil.expected.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
+from fti.types import Datum, IntegrityState, Point
 
 #: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).
 FULL_SCALE_DOTS, DOT = 2.0, 0.12
@@ -22,6 +26,10 @@ DOTS_EQUAL, ANGLES_EQUAL_DEG = 0.01, 0.005
 TILT_FACTOR, TILT_MARGIN, HEIGHT_MARGIN_M = 1.5, 0.02, 1.0
 #: The window is counted in bins of the reference.
 WINDOW_SHARE = 0.05
+#: Outputs that name what they lack while they are valid.
+FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
+#: States in which the monitor has judged.
+JUDGED_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
 
 
 class Consistency:
@@ -38,18 +46,31 @@ class Consistency:
     def rows(self, truth: TruthTable) -> Iterator[OutputRow]:
         """Every check of the topic."""
         topic, nav = self._series.topic, self._config.nav
+        yield from self._reasons()
         if topic == SOLUTION:
             yield self._named("position_source", (*nav.position, FILTER, RADIO))
             yield self._named("attitude_source", (*nav.attitude, FILTER))
             yield self._named("altitude_source", (*nav.position, FILTER, RADIO, VERTICAL))
         elif topic.startswith(f"{HEIGHT}/"):
             name = topic.rpartition("/")[2]
-            yield self._named("sensor", (name,), may_be_none=False)
+            for field, value in (("sensor", name), ("datum", Datum.AGL), ("point", Point.P)):
+                yield self._named(field, (value,), may_be_none=False)
             yield from self._height_of_range(truth, name)
         elif topic == GLIDE and self._glide is not None:
             yield from self._deviation(self._glide)
         elif topic == INTEGRITY and nav.approach:
             yield from self._window(nav.approach.window_m)
+
+    def _reasons(self) -> Iterator[OutputRow]:
+        """What is not valid has a reason.  What is valid has none, but filters say what they lack, and the monitor why."""
+        rows, topic = self._series.rows, self._series.topic
+        if not rows or "reasons" not in rows[0]:
+            return
+        fits = _fits_state if topic == INTEGRITY else _has_reason if topic in FILTERS else _has_reason_if_not_valid
+        wrong = [i for i, row in enumerate(rows) if not fits(row)]
+        found = f"{len(wrong)} messages differ" if wrong else "as it should be"
+        at_s = float(self._t[wrong[0]]) if wrong else None
+        yield OutputRow(topic, Check.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
         """A field that names a device must name one that the configuration has for it."""
@@ -102,3 +123,25 @@ class Consistency:
             f"<= {limit[worst]:.3g} {unit}",
             float(self._t[worst]),
         )
+
+
+def _has_reason_if_not_valid(row: Mapping[str, Any]) -> bool:
+    return (row.get("valid") is True) is (not row.get("reasons"))
+
+
+def _has_reason(row: Mapping[str, Any]) -> bool:
+    return row.get("valid") is True or bool(row.get("reasons"))
+
+
+def _fits_state(row: Mapping[str, Any]) -> bool:
+    """Is the monitor valid where it has judged, and with a reason where it has not and does not wait for its window?"""
+    judged = row.get("state") in JUDGED_STATES
+    waits = row.get("state") == IntegrityState.ACQUIRE
+    return (row.get("valid") is True) is judged and (judged or waits or bool(row.get("reasons")))
+
+
+LIMITS = {
+    _has_reason_if_not_valid: "a reason exactly where it is not valid",
+    _has_reason: "a reason where it is not valid",
+    _fits_state: f"valid in {', '.join(JUDGED_STATES)}",
+}

@@ -20,6 +20,9 @@ from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import Array, Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
+#: Outputs that state a sigma with each of their values, where they have a field for it.
+STATE_SIGMAS = frozenset((FILTER, FIX, VERTICAL, GLIDE))
+
 
 @dataclass(frozen=True, slots=True)
 class QuantityError:
@@ -27,6 +30,7 @@ class QuantityError:
 
     error : found minus true, or a distance, shape (n,), NaN where there is nothing to compare
     sd    : stated one sigma, same shape, NaN where none is stated; limit : largest error where none is stated
+    must_state : a sigma belongs to each error
     unit  : of all of them
     """
 
@@ -35,6 +39,7 @@ class QuantityError:
     error: Array
     sd: Array
     limit: float
+    must_state: bool = False
 
 
 class Comparison:
@@ -97,13 +102,20 @@ class Comparison:
         """Of an altimeter: what it measures along its beam, and what follows for the height straight below."""
         limits = self._limits
         # between two rows of the truth, and within the error of the place, the beam meets what is within the spread
+        # a sigma that is none stays as it is
         here, spread = self._true("range_" + name), self._true("most_range_" + name) - self._true("least_range_" + name)
-        sd = np.hypot(self._column("sd"), np.nan_to_num(spread) / 2.0)
-        yield QuantityError("measured range", "m", self._column("raw") - here, sd, limits.vertical_m)
-        compensated = self._column("compensated") - self._true("height_agl")
-        yield QuantityError("height below", "m", compensated, self._column("compensated_sd"), limits.vertical_m)
-        predicted = self._column("predicted") - here
-        yield QuantityError("predicted range", "m", predicted, self._column("predicted_sd"), limits.vertical_m)
+        stated = self._column("sd")
+        sd = np.where(stated > 0.0, np.hypot(stated, np.nan_to_num(spread) / 2.0), stated)
+        compensated, predicted = (
+            self._column("compensated") - self._true("height_agl"),
+            self._column("predicted") - here,
+        )
+        for quantity, error, one_sigma in (
+            ("measured range", self._column("raw") - here, sd),
+            ("height below", compensated, self._column("compensated_sd")),
+            ("predicted range", predicted, self._column("predicted_sd")),
+        ):
+            yield QuantityError(quantity, "m", error, one_sigma, limits.vertical_m, must_state=True)
 
     # ----------------------------------------------------------------------------------------------- measurements
 
@@ -126,6 +138,10 @@ class Comparison:
 
     # ------------------------------------------------------------------------------------------------------ tools
 
+    def _must_state(self, sd: str) -> bool:
+        """Filters state a sigma of everything they give; devices, and what passes their values on, may not."""
+        return bool(sd) and self._series.topic in STATE_SIGMAS
+
     def _turned(self, arm_b: Vector) -> Array:
         """A lever arm north, east, down at each message [m], shape (n, 3); NaN outside the flight."""
         if not any(arm_b):
@@ -140,17 +156,19 @@ class Comparison:
 
     def _plain(self, name_unit: tuple[str, str], field: str, true: str, limit: float, sd: str = "") -> QuantityError:
         error = self._column(field) - self._true(true)
-        return QuantityError(*name_unit, error, self._column(sd), limit)
+        return QuantityError(*name_unit, error, self._column(sd), limit, self._must_state(sd))
 
     def _angle(self, name: str, field: str, sd: str, limit_deg: float) -> QuantityError:
         error = self._column(field) - self._true(field)
         within_half_a_turn = np.rad2deg((error + math.pi) % (2.0 * math.pi) - math.pi)
-        return QuantityError(name, "deg", within_half_a_turn, np.rad2deg(self._column(sd)), limit_deg)
+        sigma = np.rad2deg(self._column(sd))
+        return QuantityError(name, "deg", within_half_a_turn, sigma, limit_deg, self._must_state(sd))
 
     def _altitude(self, name: str, field: str) -> QuantityError:
         """Altitude where the device measures, which lies above P by what its lever arm points up."""
         error = self._column(field) - self._true(field) + self._arm_n[:, 2]
-        return QuantityError(name, "m", error, self._column("vertical_sd"), self._limits.vertical_m)
+        must = self._must_state("vertical_sd")
+        return QuantityError(name, "m", error, self._column("vertical_sd"), self._limits.vertical_m, must)
 
     def _horizontal(self, lat: Array, lon: Array, sd: Array) -> QuantityError:
         """Distance over ground, of latitude and longitude [rad]."""

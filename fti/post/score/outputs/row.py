@@ -18,6 +18,7 @@ class Check(StrEnum):
     ERROR = "error"
     SIGMA = "sigma"
     MEASURED = "as sent"
+    RECORDED = "recorded"
     CONSISTENT = "consistent"
     PROTECTED = "protection level"
 

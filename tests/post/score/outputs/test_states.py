@@ -14,7 +14,7 @@ from fti.hil.expected.duties import May
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
-from fti.post.score.outputs.protection import protection
+from fti.post.score.outputs.protection import height_error, navigated_error, protection
 from fti.post.score.rows import Verdict
 from fti.post.score.series import TopicSeries
 from tests.post.score.outputs.synthetic import messages, truth
@@ -58,10 +58,11 @@ def consistent(series: TopicSeries) -> set[Verdict]:
 
 
 def test_a_height_belongs_to_its_altimeter_and_its_range() -> None:
-    fine: dict[str, Any] = {"sensor": "altimeter", "raw": 200.0, "height_agl": 199.0}
+    fine: dict[str, Any] = {"sensor": "altimeter", "raw": 200.0, "height_agl": 199.0, "datum": "agl", "point": "p"}
     assert consistent(messages(HEIGHT, T.tolist(), **fine)) == {Verdict.HOLDS}
     assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, "sensor": "autopilot"}))
-    assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, "height_agl": 210.0}))
+    for wrong in ({"height_agl": 210.0}, {"datum": "msl"}, {"point": "wheels"}, {"reasons": [["stale"]] * len(T)}):
+        assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, **wrong})), wrong
 
 
 def test_sources_are_those_of_the_configuration() -> None:
@@ -93,5 +94,8 @@ def test_an_error_beyond_the_protection_level_of_a_valid_state_fails(error_m: fl
     true = np.interp(T, (0.0, 40.0), (600.0, 400.0))
     solution = messages("/nav/nav_solution", T.tolist(), alt=true + error_m)
     integrity = messages("/nav/clearance_integrity", T.tolist(), protection_level_v=30.0)
-    (row,) = protection(integrity, solution, EVERY, T, table)
+    error = navigated_error(integrity, solution, table)
+    (row,) = protection(integrity, error, EVERY, T)
     assert row.verdict is verdict
+    estimate = height_error(messages("/nav/clearance_integrity", T.tolist(), height_error=error_m), error, 15.0)
+    np.testing.assert_allclose(estimate.error, 0.0, atol=1e-6)
