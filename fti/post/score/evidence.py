@@ -8,14 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.flown import Flown, Pause, merged, overlap_s
 from fti.post.score.said import Said
 
 #: What is judged over a window may have a pause in it from so long before [s].
 BEFORE_S = 5.0
-#: A unit may need so long after the flight has begun until its first word [s]: its processes start while the sensors
-#: speak already.  An accelerated one is there before.
-START_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +32,9 @@ class Evidence:
     has_ports: bool
 
     @classmethod
-    def of_flight(cls, flown: Flown, said: Said) -> Evidence:
+    def of_flight(cls, flown: Flown, said: Said, limits: ScoreLimits) -> Evidence:
         """Of one flight."""
-        start_s = min(max(said.began_s, 0.0), start_limit_s(flown))
+        start_s = min(max(said.began_s, 0.0), start_limit_s(flown, limits))
         return cls(said, flown.truth.end_s, flown.pauses, start_s, flown.real_time)
 
     def paused(self, from_s: float, until_s: float) -> float:
@@ -48,6 +46,9 @@ class Evidence:
         return overlap_s(merged((*self.pauses, Pause(0.0, self.start_s))), from_s, until_s)
 
 
-def start_limit_s(flown: Flown) -> float:
-    """How long a unit may take until its first word [s]."""
-    return START_S if flown.real_time else 0.0
+def start_limit_s(flown: Flown, limits: ScoreLimits) -> float:
+    """How long a unit may take until its first word [s]: its processes start while the sensors speak already.
+
+    An accelerated one is there before.
+    """
+    return limits.start_s if flown.real_time else 0.0

@@ -71,7 +71,7 @@ def judge(
     """
     craft = Aircraft(setup.config, setup.devices, scenario)
     belongs = flags_of_faults(scenario.fault, craft, flown.truth)
-    evidence = Evidence.of_flight(flown, said)
+    evidence = Evidence.of_flight(flown, said, scenario.limits)
     may = [*of_flight(craft, flown.truth), *allowed_flags([one for _, one in belongs], flown.pauses)]
     rows = list(flag_rows(belongs, scenario.fault, evidence))
     if own:
@@ -87,7 +87,7 @@ def judge(
         tuple(rows),
         tuple(unexpected_flags(evidence, may)),
         expected,
-        (*configuration, *unit_findings(evidence, start_limit_s(flown))),
+        (*configuration, *unit_findings(evidence, start_limit_s(flown, scenario.limits))),
         truth_finding(flown.complete) or bench_finding(excused, [flag.verdict for flag in flags]),
         excused,
         tuple(outputs),

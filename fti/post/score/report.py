@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from fti.post.score.evidence import START_S
 from fti.post.score.judging import Score
 from fti.post.score.outcome import MAX_EXCUSED_SHARE, Outcome
 from fti.post.score.outputs.table import output_lines
@@ -50,7 +49,7 @@ def _s(seconds: float | None) -> str:
 
 def _start(score: Score) -> str:
     began_s = score.said.began_s
-    excused_s = min(began_s, START_S)
+    excused_s = min(began_s, score.scenario.limits.start_s)
     return (
         f"navigation said its first word after {began_s:.1f} s: what was missing until {excused_s:.1f} s, and what was "
         f"said until {excused_s + WINDOW_S:.1f} s, is not judged"

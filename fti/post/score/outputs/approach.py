@@ -13,15 +13,15 @@ from fti.post.score.truth_table import TruthTable
 
 #: Closer to the intercept point there is no angle, and the profile ends [m].
 LEAST_S_M = 170.0
-#: Windows of the monitor: one must be full, and one more for what may delay it.
-WINDOWS = 2.0
+#: Windows of the monitor: one must be full, and a quarter more for what may delay it.
+WINDOWS = 1.25
 
 
 def approach_due(table: TruthTable, reference: Reference, craft: Aircraft, altimeter: str, start_s: float) -> Mask:
     """At which rows of the truth both must be valid, shape (n,).
 
     The aircraft has been on the profile, near the track, level, descending or level, and within the range of the
-    altimeter for two windows.
+    altimeter for a window and a quarter.
     """
     limits = craft.approach
     t = table.seconds(table.t_ns)

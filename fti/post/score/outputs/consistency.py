@@ -62,7 +62,7 @@ class Consistency:
             yield from self._window(nav.approach.window_m)
 
     def _reasons(self) -> Iterator[OutputRow]:
-        """What is not valid has a reason.  What is valid has none, but filters say what they lack, and the monitor why."""
+        """Reasons are there where it is not valid, and only there; filters and the monitor have some while they are."""
         rows, topic = self._series.rows, self._series.topic
         if not rows or "reasons" not in rows[0]:
             return
@@ -137,11 +137,15 @@ def _fits_state(row: Mapping[str, Any]) -> bool:
     """Is the monitor valid where it has judged, and with a reason where it has not and does not wait for its window?"""
     judged = row.get("state") in JUDGED_STATES
     waits = row.get("state") == IntegrityState.ACQUIRE
-    return (row.get("valid") is True) is judged and (judged or waits or bool(row.get("reasons")))
+    if (row.get("valid") is True) is not judged:
+        return False
+    if row.get("state") in (IntegrityState.OK, IntegrityState.MONITOR):  # T2 needs a shift that can be observed
+        return (row.get("t2_ratio") is None) is (row.get("state") == IntegrityState.MONITOR)
+    return judged or waits or bool(row.get("reasons"))
 
 
 LIMITS = {
     _has_reason_if_not_valid: "a reason exactly where it is not valid",
     _has_reason: "a reason where it is not valid",
-    _fits_state: f"valid in {', '.join(JUDGED_STATES)}",
+    _fits_state: f"valid in {', '.join(JUDGED_STATES)}; {IntegrityState.MONITOR} exactly without T2",
 }

@@ -56,7 +56,7 @@ def flight_evidence(scenario: Scenario, setup: Setup, flown: Flown, said: Said) 
         _sent_rates(flown),
         read_intended(flown.file),
         [(pause.from_s, pause.until_s) for pause in flown.pauses],
-        Evidence.of_flight(flown, said).start_s,
+        Evidence.of_flight(flown, said, scenario.limits).start_s,
         flown.real_time,
     )
 
