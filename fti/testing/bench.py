@@ -1,0 +1,121 @@
+"""A bench: one flight with emulator, recorder and unit under test, in one folder, ended in one order.
+
+links           ptys of the emulator
+session/NAME    what the recorder recorded, with the truth of the flight
+*.toml          scenario and configurations as they were used
+*_stdout.txt    what each program wrote; *_stderr.txt
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace, TracebackType
+from typing import TypeVar
+
+from fti.testing.emulator import Emulator
+from fti.testing.errors import BenchError
+from fti.testing.process import BenchProcess
+from fti.testing.recorder import Recorder
+from fti.testing.slots import FlightSlots
+from fti.testing.unit import UnitUnderTest
+
+POLL_S = 0.02
+Found = TypeVar("Found")
+
+
+class Bench:
+    """A context: leaving it ends every program and moves the truth into the session.
+
+    folder : of everything that remains, made where there is none; slots : how many flights may be under way on this
+    machine; None : any number
+    """
+
+    def __init__(self, folder: Path, slots: FlightSlots | None = None) -> None:
+        self.folder = folder.absolute()
+        self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        #: Sockets have short names only, and the folder of a test has a long one.
+        self.run_folder = Path(tempfile.mkdtemp(prefix="fti_bench_"))
+        self.slots = contextlib.ExitStack()
+        self._slots = slots
+        self.emulator = Emulator(self)
+        self.recorder = Recorder(self)
+        self.unit = UnitUnderTest(self)
+        self.is_closed = False
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def processes(self) -> list[BenchProcess]:
+        """Every program that was started."""
+        ours = [part.process for part in (self.emulator, self.recorder) if part.process]
+        return [*self.unit.programs, *ours]
+
+    @property
+    def placeholders(self) -> dict[str, SimpleNamespace]:
+        """What ``{emulator.LINK.path}`` and the like stand for in arguments and environment of the unit under test."""
+        parts = {"emulator": self.emulator.links, "recorder": self.recorder.links}
+        return {name: SimpleNamespace(**links) for name, links in parts.items()}
+
+    def take_slot(self) -> None:
+        """Wait until a flight may begin on this machine."""
+        if self._slots:
+            self.slots.enter_context(self._slots.taken())
+
+    def wait_for(self, condition: Callable[[], Found], timeout_s: float, what: Callable[[], str]) -> Found:
+        """Wait until a condition holds while every program runs.  Raises BenchError, which says what was waited for."""
+        deadline = time.monotonic() + timeout_s
+        while not (found := condition()):
+            self.check_running()
+            if time.monotonic() > deadline:
+                raise BenchError(f"waited {timeout_s:g} s for {what()}")
+            time.sleep(POLL_S)
+        return found
+
+    def check_running(self) -> None:
+        """Raise BenchError when a program that the flight needs has ended."""
+        for program in [*self.unit.programs, *filter(None, [self.recorder.process])]:
+            if program.exit_code is not None:
+                raise BenchError(
+                    f"{program.title} ended with exit code {program.exit_code} before the flight was over\n"
+                    f"{program.last_lines()}"
+                )
+
+    def end_flight(self) -> None:
+        """End the unit under test, then the emulator, then the recorder, which so records the last messages."""
+        with contextlib.ExitStack() as stack:  # in reverse order, each whatever becomes of the others
+            stack.callback(self.slots.close)
+            stack.callback(self.recorder.end)
+            stack.callback(self.emulator.end)
+            stack.callback(self.unit.end)
+
+    def close(self) -> None:
+        """End what is still running."""
+        if not self.is_closed:
+            self.is_closed = True
+            with _removed(self.run_folder):
+                self.end_flight()
+
+    def sections(self) -> Iterator[tuple[str, str]]:
+        """What belongs into the report of a failure: title and text of each program."""
+        for program in self.processes:
+            if text := program.last_lines():
+                yield f"{program.title} ({program.stdout.parent})", text
+
+
+@contextlib.contextmanager
+def _removed(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,72 @@
+"""What the messages of a topic say against the ground truth at the same time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.wgs84 import radii
+from fti.post.score.series import TopicSeries
+from fti.post.score.truth_table import TruthTable
+
+Array = NDArray[np.float64]
+#: Measurement and field -> quantity of the truth, where they have not the same name.
+TRUTH_OF: Mapping[tuple[str, str], str] = {
+    ("velocity", "north"): "vel_north",
+    ("velocity", "east"): "vel_east",
+    ("velocity", "down"): "vel_down",
+}
+#: Their differences are taken around the circle [rad].
+ANGLES = frozenset(("roll", "pitch", "heading", "lat", "lon", "deviation"))
+SPEEDS = frozenset(("vel_north", "vel_east", "vel_down", "tas"))
+PLACES = frozenset(("lat", "lon"))
+
+
+@dataclass(frozen=True, slots=True)
+class Deviations:
+    """The messages that can be compared, shape (n,) each.
+
+    name : quantity of the truth; rows : their positions in the series; t_s : times of validity [s of the flight]
+    value, truth : in the unit of the quantity; error : their difference [unit], of lat and lon along the ground [m]
+    """
+
+    name: str
+    rows: NDArray[np.intp]
+    t_s: Array
+    value: Array
+    truth: Array
+    error: Array
+
+    @property
+    def unit(self) -> str:
+        """Of the error."""
+        if self.name in ANGLES - PLACES:
+            return "rad"
+        return "m/s" if self.name in SPEEDS else "m"
+
+
+def compare(series: TopicSeries, quantity: str, truth: TruthTable, name: str | None = None) -> Deviations:
+    """Compare the valid messages whose number is known, as is the truth at their time of validity.
+
+    name : quantity of the truth; None : that of the same name
+    """
+    kind = series.topic.rpartition("/")[2]
+    name = name or TRUTH_OF.get((kind, quantity), quantity)
+    valid_ns, value = series.valid_ns, series.column(quantity)
+    true = truth.at(name, valid_ns)
+    error = value - true
+    if name in ANGLES:
+        error = np.arctan2(np.sin(error), np.cos(error))
+    if name in PLACES:
+        error = error * _metres_per_radian(name, truth.at("lat", valid_ns))
+    rows = np.flatnonzero(series.valid & np.isfinite(error))
+    return Deviations(name, rows, truth.seconds(valid_ns[rows]), value[rows], true[rows], error[rows])
+
+
+def _metres_per_radian(name: str, lat: Array) -> Array:
+    """Of latitude or longitude, along the ground at lat [rad]."""
+    meridian, normal = radii(lat)
+    return np.asarray(meridian if name == "lat" else normal * np.cos(lat), dtype=np.float64)

@@ -1,0 +1,173 @@
+"""The emulator of a bench: ``fti hil`` as a program of its own, on ptys and UDP ports of the bench."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti.config import Config
+from fti.hil import scenario as scenarios
+from fti.hil.scenario import Scenario
+from fti.hil.tables.kinds import Fault
+from fti.hil.truth import TOPIC
+from fti.logger.reading.mcap_file import McapFile
+from fti.testing.errors import BenchError
+from fti.testing.ports import LinkAddress, addresses, is_udp_port_bound, on_free_ports, write_config
+from fti.testing.process import BenchProcess
+from fti.testing.toml_text import toml_text
+
+if TYPE_CHECKING:
+    from fti.testing.bench import Bench
+    from fti.testing.flight import Flight
+
+FTI = (sys.executable, "-m", "fti.cli.main")
+TIMEOUT_PREPARE_S = 120.0
+TIMEOUT_BEGIN_S = 60.0
+#: The emulator writes the truth five times a second: longer without a row, it stands still.
+TIMEOUT_TRUTH_S = 30.0
+TIMEOUT_END_S = 20.0
+TIMEOUT_DRAIN_S = 10.0
+
+
+class Emulator:
+    """Flies one scenario.
+
+    links : where each of its links is, by name; truth : the truth file; scenario : what is flown; None before ``start``
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self.process: BenchProcess | None = None
+        self.links: dict[str, LinkAddress] = {}
+        self.scenario: Scenario | None = None
+        self.truth = bench.folder / "flight_truth_000.mcap"
+
+    def start(
+        self,
+        scenario: str | Path | Scenario,
+        *,
+        config: str | Path | None = None,
+        duration_s: float | None = None,
+        wait_for_ports: bool = True,
+    ) -> None:
+        """Make the ports of a flight.  The flight begins when the unit under test has opened every one of them.
+
+        scenario : name of a shipped one (``fti hil --list``), a file, or an object of ``fti.hil.scenario``
+        config : of the sensors, in place of the scenario's; its UDP links get free ports of loopback, its serial and
+        slcan links ptys
+        duration_s : end after so many seconds of the flight; None : at its end
+        wait_for_ports : False : the flight begins at once, whoever listens
+        Raises MissingError or ConfigError in one sentence, BenchError when the emulator does not start.
+        """
+        if self.process:
+            raise BenchError("the emulator of this bench was started already: one bench is one flight")
+        named = scenario if isinstance(scenario, Scenario) else scenarios.load(scenarios.find(str(scenario)))
+        moved = on_free_ports(scenarios.load_config(named, None if config is None else Path(config)))
+        ptys = self._bench.folder / "links"
+        self.scenario, self.links = named, addresses(moved, ptys)
+        options = [] if duration_s is None else ["--duration", f"{duration_s}"]
+        command = [*self._command(named, moved, ptys), *options, *["--wait"] * wait_for_ports]
+        self._bench.take_slot()
+        self.process = BenchProcess(
+            "emulator", "emulator", command, self._bench.folder, environment=quiet_environment()
+        )
+        self._wait_until_ready(self.process)
+
+    def _command(self, scenario: Scenario, config: Config, ptys: Path) -> list[str]:
+        """The program with the files of the flight, which are written."""
+        folder = self._bench.folder
+        flown, sensors = folder / "scenario.toml", folder / "sensors.toml"
+        write_scenario(scenario, flown)
+        write_config(config, sensors)
+        places = {
+            "--config": sensors,
+            "--links": ptys,
+            "--truth": self.truth,
+            "--report": folder / "emulator_report.json",
+            "--run-dir": self._bench.recorder.run_dir,
+        }
+        return [*FTI, "hil", str(flown), *(str(one) for pair in places.items() for one in pair)]
+
+    def _wait_until_ready(self, process: BenchProcess) -> None:
+        def is_ready() -> bool:
+            if process.exit_code is not None:
+                raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
+            return "ready\n" in process.output
+
+        self._bench.wait_for(is_ready, TIMEOUT_PREPARE_S, lambda: f"the emulator's ports\n{process.last_lines()}")
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """The faults of the scenario, in order."""
+        return self.scenario.fault if self.scenario else ()
+
+    def fly(self, *, begin_within_s: float = TIMEOUT_BEGIN_S) -> Flight:
+        """Wait for the end of the flight while every program runs, then end the unit under test and the recorder.
+
+        begin_within_s : the unit under test must have opened every port of the emulator so long after this call.
+        Raises BenchError when the flight does not begin, or a program ends before it is over.
+        """
+        from fti.testing.flight import Flight  # noqa: PLC0415  it needs numpy, which is slow to load
+
+        process = self.process
+        if process is None:
+            raise BenchError("the emulator was not started: call start(SCENARIO) first")
+        bench = self._bench
+        bench.wait_for(lambda: self._has_begun(process), begin_within_s, self._why_not_begun)
+        self._wait_for_end(process)
+        bench.end_flight()
+        return Flight(bench.recorder.session, bench.recorder.truth_in_session or self.truth, self.faults)
+
+    def _has_begun(self, process: BenchProcess) -> bool:
+        if process.exit_code is not None:
+            raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
+        return self.truth.is_file() and any(item.topic.name == TOPIC for item in McapFile(self.truth).items())
+
+    def _why_not_begun(self) -> str:
+        missing = [str(link) for link in self.links.values() if link.kind == "udp" and not _is_listened_to(link)]
+        told = f"nobody listens at {', '.join(missing)}" if missing else ", ".join(map(str, self.links.values()))
+        return (
+            "the begin of the flight: it begins when the unit under test has opened every link of the emulator "
+            f"(start(wait_for_ports=False) does not wait); {told}"
+        )
+
+    def _wait_for_end(self, process: BenchProcess) -> None:
+        """Raises BenchError when the emulator fails or stands still."""
+        size, since = -1, time.monotonic()
+
+        def has_ended() -> bool:
+            nonlocal size, since
+            now = self.truth.stat().st_size
+            if now != size:
+                size, since = now, time.monotonic()
+            if time.monotonic() - since > TIMEOUT_TRUTH_S + TIMEOUT_DRAIN_S:
+                raise BenchError(f"the emulator has written no truth for {TIMEOUT_TRUTH_S:g} s\n{process.last_lines()}")
+            return process.exit_code is not None
+
+        self._bench.wait_for(has_ended, float("inf"), lambda: "the end of the flight")
+        if process.exit_code != 0:
+            raise BenchError(f"the emulator ended with exit code {process.exit_code}\n{process.last_lines()}")
+
+    def end(self) -> None:
+        """End the flight where it is."""
+        if self.process:
+            self.process.end(signal.SIGTERM, TIMEOUT_END_S)
+
+
+def write_scenario(scenario: Scenario, file: Path) -> None:
+    """Write a scenario as TOML; the faults of its profile are among its own already."""
+    table = scenario.model_dump(mode="json", exclude_none=True, exclude={"profile"})
+    file.write_text(toml_text(table), encoding="utf-8")
+
+
+def quiet_environment() -> dict[str, str]:
+    """Of our own programs: what one writes is there at once."""
+    return {**os.environ, "PYTHONUNBUFFERED": "1"}
+
+
+def _is_listened_to(link: LinkAddress) -> bool:
+    return link.port is not None and is_udp_port_bound(link.port)

@@ -1,0 +1,41 @@
+"""When a flag stands on a topic."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+Condition = Callable[[dict[str, Any]], bool]
+#: Fields of a message that list words.
+LISTS = ("flags", "reasons")
+
+
+class Span(NamedTuple):
+    """A flag stands from the message that has it until the first that has not; infinity where none follows [s]."""
+
+    from_s: float
+    until_s: float
+
+
+def spans_of(times_s: Sequence[float], rows: Sequence[dict[str, Any]], flag: str | Condition) -> list[Span]:
+    """When a flag stood, in order.  times_s : of the rows, ascending"""
+    stands: Condition = flag if callable(flag) else lambda row: _has(row, flag)
+    spans = list[Span]()
+    begin: float | None = None
+    for t_s, row in zip(times_s, rows, strict=True):
+        if stands(row):
+            begin = t_s if begin is None else begin
+        elif begin is not None:
+            spans.append(Span(begin, t_s))
+            begin = None
+    return spans if begin is None else [*spans, Span(begin, math.inf)]
+
+
+def show(flag: str | Condition) -> str:
+    """A flag in a message."""
+    return repr(flag) if isinstance(flag, str) else "of the given condition"
+
+
+def _has(row: dict[str, Any], word: str) -> bool:
+    return any(word in (row.get(name) or ()) for name in LISTS)

@@ -1,0 +1,85 @@
+"""A flight that is over: what the unit under test sent, and what was true."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+
+from fti.hil.tables.kinds import Fault
+from fti.logger.reading.mcap_file import McapFile
+from fti.post.score.truth_table import TruthTable
+from fti.testing.errors import BenchError
+from fti.testing.session_topics import SessionTopics
+from fti.testing.topic import Background, Topic
+
+SECOND_NS = 1_000_000_000
+#: An emulator that was later than this is named in the message of a failure [s].
+LATE_S = 0.15
+
+
+class Flight:
+    """One flight.
+
+    session : what the recorder recorded, None without a recorder; truth_file : what the emulator knows; faults : of the
+    scenario, in order
+    """
+
+    def __init__(self, session: Path | None, truth_file: Path, faults: Sequence[Fault] = ()) -> None:
+        self.session, self.truth_file, self.faults = session, truth_file, tuple(faults)
+
+    @cached_property
+    def truth(self) -> TruthTable:
+        """The ground truth over time."""
+        return TruthTable.read(self.truth_file)
+
+    @property
+    def duration_s(self) -> float:
+        """How long the flight was [s]."""
+        return self.truth.duration_s
+
+    @cached_property
+    def emulator_late_s(self) -> float:
+        """How late the emulator was at most [s]: what it sent then came later than the sensors would have sent it."""
+        late = (item.publish_time - item.log_time for item in McapFile(self.truth_file).items())
+        return max(late, default=0) / SECOND_NS
+
+    @cached_property
+    def _session_topics(self) -> SessionTopics:
+        if self.session is None:
+            raise BenchError("nothing was recorded in this flight: start the recorder with the unit's output links")
+        return SessionTopics(self.session)
+
+    @property
+    def topics(self) -> list[str]:
+        """Topics of the session: ``/<device>/<measurement>`` of each device of the recorder's configuration."""
+        return self._session_topics.names
+
+    def topic(
+        self,
+        name: str,
+        *,
+        from_s: float = 0.0,
+        until_s: float | None = None,
+        where: Mapping[str, object] | None = None,
+    ) -> Topic:
+        """The messages of a topic that arrived in an interval of the flight, for assertions.
+
+        from_s, until_s : seconds of the flight; None : to its end
+        where : of those whose fields have these values alone: ``{"name": "dh"}``
+        Raises AssertionError, which names the topics that there are, where the session has none of that name.
+        """
+        __tracebackhide__ = True
+        series = self._session_topics.series(name)
+        if not len(series):
+            there = ", ".join(self.topics) or "none"
+            raise AssertionError(f"{name}: no such topic in {self.session}; there are {there}")
+        end_s = self.duration_s if until_s is None else until_s
+        background = Background(self.truth, self.faults, self._circumstances())
+        return Topic(series, background, (from_s, end_s), where or {})
+
+    def _circumstances(self) -> str:
+        """What stands below the message of a failure."""
+        late = self.emulator_late_s
+        bench = f"\nthe emulator was late by up to {late:.2f} s: this machine was busy" if late > LATE_S else ""
+        return f"\nsession: {self.session}{bench}"

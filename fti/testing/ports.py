@@ -1,0 +1,133 @@
+"""Configurations on ports that nobody else has: loopback and free UDP ports, ptys in a folder of the test."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fti.config import CanLink, Config, Link, SerialLink, UdpLink
+from fti.service.binding import option_files
+from fti.testing.toml_text import toml_text
+
+LOOPBACK = "127.0.0.1"
+#: Below the ports that the kernel gives to sockets without one, so that none of those takes a port meanwhile.
+FIRST_PORT, LAST_PORT = 15_000, 32_000
+MAX_TRIES = 1000
+#: State of a listening socket in /proc/net/tcp.
+TCP_LISTEN = "0A"
+_random = random.SystemRandom()
+_given: set[int] = set()
+
+
+@dataclass(frozen=True, slots=True)
+class LinkAddress:
+    """Where a link of a bench is; None where the link has no such thing.
+
+    path : of a serial line or an slcan adapter: the device file; port : of UDP, which the receiver binds
+    peer_port : of UDP, from which the other side sends, and where it takes answers
+    """
+
+    name: str
+    kind: str
+    path: str | None = None
+    host: str | None = None
+    port: int | None = None
+    peer_port: int | None = None
+
+    def __str__(self) -> str:
+        place = self.path if self.path else f"{self.host}:{self.port}" if self.port else "as configured"
+        return f"{self.name} ({self.kind}, {place})"
+
+
+def free_udp_port() -> int:
+    """A UDP port of loopback that nobody has bound, and that this process has not given to anybody."""
+    for _ in range(MAX_TRIES):
+        port = _random.randint(FIRST_PORT, LAST_PORT)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            try:
+                sock.bind((LOOPBACK, port))
+            except OSError:
+                continue
+        if port not in _given:
+            _given.add(port)
+            return port
+    raise OSError(f"no free UDP port between {FIRST_PORT} and {LAST_PORT}")
+
+
+def is_udp_port_bound(port: int) -> bool:
+    """Does a UDP socket of this machine listen on the port?"""
+    return any(local == port for local, _ in _sockets("udp"))
+
+
+def is_tcp_port_open(port: int) -> bool:
+    """Does a TCP server of this machine listen on the port?"""
+    return (port, TCP_LISTEN) in _sockets("tcp")
+
+
+def _sockets(protocol: str) -> Iterator[tuple[int, str]]:
+    """Port and state of each socket of this machine: to look disturbs nobody, and to bind or connect would."""
+    for table in (protocol, f"{protocol}6"):
+        with contextlib.suppress(OSError), Path(f"/proc/net/{table}").open(encoding="ascii") as lines:
+            next(lines, None)
+            for line in lines:
+                _, local, _, state, *_ = line.split()
+                yield int(local.rpartition(":")[2], 16), state
+
+
+def on_free_ports(config: Config) -> Config:
+    """The same configuration on loopback and free UDP ports, without page and bus; files it names are absolute."""
+    files = option_files(config)
+    devices = tuple(
+        device.model_copy(update={"options": _absolute(device.options, f"device[{i}].options", files)})
+        for i, device in enumerate(config.device)
+    )
+    display = config.display.model_copy(update={"enabled": False})
+    bus = config.bus.model_copy(update={"enabled": False})
+    links = tuple(_freed(link) for link in config.link)
+    return config.model_copy(update={"link": links, "device": devices, "display": display, "bus": bus})
+
+
+def _absolute(options: dict[str, Any], where: str, files: dict[str, Path]) -> dict[str, Any]:
+    return {key: str(files[place].absolute()) if (place := f"{where}.{key}") in files else value
+            for key, value in options.items()}  # fmt: skip
+
+
+def _freed(link: Link) -> Link:
+    if isinstance(link, UdpLink):
+        changes: dict[str, Any] = {"bind": f"{LOOPBACK}:{free_udp_port()}"}
+        if link.source:
+            changes["source"] = LOOPBACK
+        if link.peer:
+            changes["peer"] = f"{LOOPBACK}:{free_udp_port()}"
+        return link.model_copy(update=changes)
+    if isinstance(link, CanLink) and link.interface == "udp_multicast":
+        return link.model_copy(update={"settings": {**link.settings, "port": free_udp_port()}})
+    return link
+
+
+def write_config(config: Config, file: Path) -> None:
+    """Write a configuration as TOML."""
+    table = config.model_dump(mode="json", exclude_none=True, exclude={"path", "text"})
+    file.write_text(toml_text(table), encoding="utf-8")
+
+
+def addresses(config: Config, ptys: Path | None) -> dict[str, LinkAddress]:
+    """Where each link of a configuration is, by its name.  ptys : folder of those of an emulator, or None."""
+    return {link.name: _address(link, ptys) for link in config.link}
+
+
+def _address(link: Link, ptys: Path | None) -> LinkAddress:
+    if isinstance(link, UdpLink):
+        port = int(link.bind.rpartition(":")[2])
+        peer = int(link.peer.rpartition(":")[2]) if link.peer else None
+        return LinkAddress(link.name, link.kind, host=link.group or LOOPBACK, port=port, peer_port=peer)
+    if isinstance(link, SerialLink):
+        return LinkAddress(link.name, link.kind, path=str(ptys / link.name) if ptys else link.port)
+    if link.interface == "slcan":
+        return LinkAddress(link.name, link.kind, path=str(ptys / link.name) if ptys else link.channel)
+    return LinkAddress(link.name, link.kind, host=link.channel, port=link.settings.get("port"))

@@ -1,0 +1,103 @@
+"""A program of the bench: started in a process group of its own, its output kept in files, ended at all events."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from fti.testing.errors import BenchError
+
+LAST_LINES = 30
+MAX_SHOWN_BYTES = 20_000
+PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None)
+
+
+class BenchProcess:
+    """One program, running from the beginning on.
+
+    name : of its files in the folder: NAME_stdout.txt, NAME_stderr.txt; title : in messages
+    environment, cwd : None for those of this process.  Raises BenchError when it cannot be started.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        name: str,
+        command: Sequence[str],
+        folder: Path,
+        *,
+        environment: Mapping[str, str] | None = None,
+        cwd: Path | None = None,
+    ) -> None:
+        self.title, self.command = title, list(command)
+        self.stdout, self.stderr = (folder / f"{name}_{stream}.txt" for stream in ("stdout", "stderr"))
+        self.was_killed = False
+        with self.stdout.open("wb") as out, self.stderr.open("wb") as err:
+            try:
+                self._process = subprocess.Popen(
+                    self.command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=out,
+                    stderr=err,
+                    env=None if environment is None else dict(environment),
+                    cwd=cwd,
+                    start_new_session=True,  # Ctrl-C is for pytest alone, which ends everything in order
+                    preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, no lock is taken
+                )
+            except OSError as error:
+                raise BenchError(f"{title}: {self.command[0]}: cannot be started: {error.strerror}") from None
+
+    @property
+    def pid(self) -> int:
+        """Process number."""
+        return self._process.pid
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; negative: the signal that ended it."""
+        return self._process.poll()
+
+    @property
+    def output(self) -> str:
+        """What it has written on stdout and stderr so far."""
+        return _text(self.stdout) + _text(self.stderr)
+
+    def last_lines(self, count: int = LAST_LINES) -> str:
+        """The end of both streams, each with its name before it; "" where it has written nothing."""
+        parts = list[str]()
+        for file in (self.stdout, self.stderr):
+            if lines := _text(file).splitlines():
+                stream, shown = file.stem.rpartition("_")[2], lines[-count:]
+                parts += [f"-- {stream}, the last {len(shown)} of {len(lines)} lines", *shown]
+        return "\n".join(parts)
+
+    def end(self, number: int, timeout_s: float) -> int:
+        """End it: the signal first, and after timeout_s SIGKILL for it and its children.  Returns the exit code."""
+        if self.exit_code is None:
+            self._process.send_signal(number)
+            try:
+                self._process.wait(timeout_s)
+            except subprocess.TimeoutExpired:
+                self.was_killed = True
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+        return self._process.wait()
+
+
+def _end_with_parent() -> None:
+    """Between fork and exec: when pytest is killed, nobody ends this program otherwise."""
+    _LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _text(file: Path) -> str:
+    """The end of a text file of a program, which may be writing a line just now."""
+    with file.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(size - MAX_SHOWN_BYTES, 0))
+        return stream.read().decode("utf-8", "replace")

@@ -1,0 +1,83 @@
+"""The recorder of a bench: ``fti run`` as a program of its own, on the links on which the unit under test sends."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fti import config as configuration
+from fti.service.binding import bind_devices
+from fti.service.rundir import INFO
+from fti.testing.emulator import FTI, quiet_environment
+from fti.testing.errors import BenchError
+from fti.testing.ports import LinkAddress, addresses, on_free_ports, write_config
+from fti.testing.process import BenchProcess
+
+if TYPE_CHECKING:
+    from fti.testing.bench import Bench
+
+TIMEOUT_START_S = 60.0
+TIMEOUT_END_S = 30.0
+#: Exit codes of a recording that is whole: it was asked to end.
+INTERRUPTED = 130
+
+
+class Recorder:
+    """Records what the unit under test sends, every byte of it.
+
+    links : where each of its links is, by name; session : the session folder, None before ``start``
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self.process: BenchProcess | None = None
+        self.links: dict[str, LinkAddress] = {}
+        self.session: Path | None = None
+        self.truth_in_session: Path | None = None
+        self._has_ended = False
+
+    @property
+    def run_dir(self) -> Path:
+        """Where ``fti watch`` finds it."""
+        return self._bench.run_folder / "run"
+
+    def start(self, config: str | Path) -> None:
+        """Record the links of a configuration.
+
+        config : links, on which the unit sends, and devices, which say how its bytes are understood; UDP links get
+        free ports of loopback, serial lines are opened where the configuration has them
+        Raises MissingError or ConfigError in one sentence, BenchError when the recorder does not start.
+        """
+        if self.process:
+            raise BenchError("the recorder of this bench was started already")
+        bench = self._bench
+        loaded = configuration.load(config)
+        bind_devices(loaded)
+        moved = on_free_ports(configuration.with_session(loaded, origin="hil"))
+        self.links = addresses(moved, None)
+        file, out = bench.folder / "recorder.toml", bench.folder / "session"
+        write_config(moved, file)
+        command = [*FTI, "run", str(file), "--out", str(out), "--run-dir", str(self.run_dir)]
+        self.process = BenchProcess("recorder", "recorder", command, bench.folder, environment=quiet_environment())
+        told = self.run_dir / INFO
+        bench.wait_for(told.is_file, TIMEOUT_START_S, lambda: "the recorder")
+        self.session = Path(json.loads(told.read_text())["session"])
+
+    def end(self) -> None:
+        """End the recording and move the truth of the flight into it.
+
+        Raises BenchError when not everything was recorded.
+        """
+        process, truth = self.process, self._bench.emulator.truth
+        if process is None or self._has_ended:
+            return
+        self._has_ended = True
+        code = process.end(signal.SIGINT, TIMEOUT_END_S)
+        if self.session and truth.is_file():
+            self.truth_in_session = self.session / f"{self.session.name}_{truth.name.removeprefix('flight_')}"
+            shutil.move(truth, self.truth_in_session)
+        if code not in (0, INTERRUPTED):
+            raise BenchError(f"the recorder ended with exit code {code}\n{process.last_lines()}")

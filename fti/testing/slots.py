@@ -1,0 +1,40 @@
+"""How many flights are under way at a time on this machine: real-time flights that share too few cores are late."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+POLL_S = 0.2
+#: Cores that a flight needs: emulator and recorder beside the unit under test.
+CORES_OF_A_FLIGHT = 2
+
+
+class FlightSlots:
+    """Locks in a folder that all test processes of a run share.  count : flights at a time; None : by the cores."""
+
+    def __init__(self, folder: Path, count: int | None = None) -> None:
+        cores = len(os.sched_getaffinity(0))
+        self._folder, self.count = folder, count or max(1, cores // CORES_OF_A_FLIGHT)
+
+    @contextlib.contextmanager
+    def taken(self) -> Iterator[None]:
+        """Wait for a free slot and hold it; it is free again when this process ends, however it does."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with contextlib.ExitStack() as stack:
+            files = [stack.enter_context((self._folder / f"slot_{i}.lock").open("w")) for i in range(self.count)]
+            while not any(_locked(file.fileno()) for file in files):
+                time.sleep(POLL_S)
+            yield
+
+
+def _locked(descriptor: int) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,219 @@
+"""Assertions on the messages of one topic, over an interval of the flight.
+
+Times are seconds of the flight; quantities are SI and radians.  What is wrong is an AssertionError with topic,
+quantity, limit, what was found, the time of the worst, and the session folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.hil.tables.kinds import Fault
+from fti.post.score.series import TopicSeries
+from fti.post.score.truth_table import TruthTable
+from fti.testing.deviations import Deviations, compare
+from fti.testing.flags import Condition, show, spans_of
+
+Array = NDArray[np.float64]
+
+
+class Background(NamedTuple):
+    """What all topics of a flight share.  circumstances : what stands below the message of each failure"""
+
+    truth: TruthTable
+    faults: Sequence[Fault]
+    circumstances: str
+
+
+class Topic:
+    """The messages of a topic in an interval.
+
+    series : of the whole flight; interval : from and until [s]; where : fields that the messages must have
+    """
+
+    def __init__(
+        self,
+        series: TopicSeries,
+        background: Background,
+        interval: tuple[float, float],
+        where: Mapping[str, object],
+    ) -> None:
+        self.name = series.topic + "".join(f" [{key} = {value}]" for key, value in where.items())
+        self._truth, self._faults, self._circumstances = background
+        self.from_s, self.until_s = interval
+        t_s = self._truth.seconds(series.log_ns)
+        wanted = (t_s >= self.from_s) & (t_s <= self.until_s)
+        for key, value in where.items():
+            wanted &= np.array([one == value for one in series.values(key)], dtype=bool)
+        self.series, self.times_s = series.pick(wanted), t_s[wanted]
+
+    def __len__(self) -> int:
+        return len(self.series)
+
+    @property
+    def rows(self) -> Sequence[dict[str, Any]]:
+        """The messages as tables."""
+        return self.series.rows
+
+    # --------------------------------------------------------------------------------------------------- when they came
+
+    def assert_rate(self, at_least_hz: float, at_most_hz: float | None = None) -> None:
+        """Messages come at a mean rate within these limits [Hz]."""
+        __tracebackhide__ = True
+        rate = len(self) / (self.until_s - self.from_s)
+        if rate < at_least_hz or (at_most_hz is not None and rate > at_most_hz):
+            most = "" if at_most_hz is None else f", at most {at_most_hz:g} Hz"
+            gap, at_s = self._longest_gap()
+            self._fail(
+                f"rate {rate:.2f} Hz ({len(self)} messages); limit at least {at_least_hz:g} Hz{most}; "
+                f"longest gap {gap:.3f} s, from {at_s:.2f} s on"
+            )
+
+    def assert_longest_gap(self, limit_s: float) -> None:
+        """Between messages, and between them and both ends of the interval, there is never a longer gap [s]."""
+        __tracebackhide__ = True
+        gap, at_s = self._longest_gap()
+        if gap > limit_s:
+            self._fail(f"longest gap {gap:.3f} s, from {at_s:.2f} s on; limit {limit_s:g} s")
+
+    def _longest_gap(self) -> tuple[float, float]:
+        """How long, and from when on [s]."""
+        edges = np.array([self.from_s, *self.times_s, self.until_s])
+        gaps = np.diff(edges)
+        k = int(np.argmax(gaps))
+        return float(gaps[k]), float(edges[k])
+
+    # --------------------------------------------------------------------------------------------------- what they say
+
+    def assert_valid_share(self, at_least: float) -> None:
+        """At least this share (0 to 1) of the messages declares itself valid."""
+        __tracebackhide__ = True
+        self._assert_any(self.series)
+        valid = self.series.valid
+        share = float(valid.mean())
+        if share < at_least:
+            first_s = float(self.times_s[~valid][0])
+            self._fail(
+                f"{share:.1%} of {len(self)} messages are valid; limit at least {at_least:.1%}; the first that is not "
+                f"came at {first_s:.2f} s"
+            )
+
+    def assert_error(self, quantity: str, limit: float, *, truth: str | None = None, share: float = 1.0) -> None:
+        """The error against the ground truth is within +-limit in this share (0 to 1) of the valid messages.
+
+        A message is compared with the truth at its time of validity; that of the unit's own delay is an error of the
+        unit, unless the recorder's configuration states it (``latency_ms``, or the time in the message).
+        limit : in SI, angles in rad, lat and lon in metres along the ground
+        truth : quantity of the truth file (``fti.hil.truth.QUANTITIES``); None : that of the same name
+        """
+        __tracebackhide__ = True
+        found = self._compare(quantity, truth)
+        self._judge(quantity, found, np.full(len(found.error), limit), share, f"{limit:g} {found.unit}")
+
+    def assert_error_within_sigma(
+        self, quantity: str, sd: str, k: float = 3.0, *, truth: str | None = None, share: float = 1.0
+    ) -> None:
+        """The same, and the limit is k times the standard deviation that each message states in the field ``sd``."""
+        __tracebackhide__ = True
+        found = self._compare(quantity, truth)
+        stated = self.series.column(sd)[found.rows]
+        without = np.flatnonzero(~(stated > 0.0))
+        if len(without):
+            self._fail(f"{quantity}: {len(without)} messages state no {sd}, the first at {found.t_s[without[0]]:.2f} s")
+        self._judge(quantity, found, k * stated, share, f"{k:g} {sd}")
+
+    def _compare(self, quantity: str, truth: str | None) -> Deviations:
+        __tracebackhide__ = True
+        self._assert_any(self.series)
+        fields = sorted({name for row in self.rows for name in row if name != "stamp"})
+        if quantity not in fields:
+            self._fail(f"no message has a field {quantity!r}; they have {', '.join(fields)}")
+        found = compare(self.series, quantity, self._truth, truth)
+        if found.name not in self._truth.columns:
+            there = ", ".join(self._truth.columns)
+            self._fail(f"{quantity}: the truth knows no {found.name!r}; name one of them with truth=: {there}")
+        if not len(found.error):
+            valid = int(self.series.valid.sum())
+            self._fail(f"{quantity}: nothing to compare: {valid} of {len(self)} messages are valid, none with a number")
+        return found
+
+    def _judge(self, quantity: str, found: Deviations, limits: Array, share: float, shown: str) -> None:
+        __tracebackhide__ = True
+        beyond = ~(np.abs(found.error) <= limits)
+        if 1.0 - float(beyond.mean()) >= share:
+            return
+        k = int(np.argmax(np.abs(found.error) / limits))
+        self._fail(
+            f"{quantity}: error {found.error[k]:+.4g} {found.unit} at {found.t_s[k]:.2f} s "
+            f"({found.value[k]:.9g}, truth {found.truth[k]:.9g}); limit +-{shown} (here {limits[k]:.4g} {found.unit}) "
+            f"in "
+            f"{share:.1%} of the valid messages; {int(beyond.sum())} of {len(beyond)} are beyond"
+        )
+
+    # ----------------------------------------------------------------------------------------------------------- flags
+
+    def assert_flag(
+        self,
+        flag: str | Condition,
+        *,
+        raised_within_s: float,
+        cleared_within_s: float | None = None,
+        fault: int | None = None,
+        cause_s: tuple[float, float] | None = None,
+    ) -> None:
+        """A flag is raised in time after its cause begins, not before, and is gone in time after the cause ends.
+
+        flag : a word in the ``flags`` or ``reasons`` of a message, or a condition: ``lambda row: not row["valid"]``
+        raised_within_s, cleared_within_s : after begin and end of the cause; None : it may stay
+        fault : the cause is this fault of the scenario, counted from 0; or cause_s : its begin and end
+        """
+        __tracebackhide__ = True
+        begin_s, end_s = self._cause(fault, cause_s)
+        spans, name = spans_of(self.times_s.tolist(), self.rows, flag), f"flag {show(flag)}"
+        due_s = begin_s + raised_within_s
+        standing = next((span for span in spans if span.from_s <= due_s and span.until_s > begin_s), None)
+        if standing is None:
+            later = [f"; it was raised at {span.from_s:.2f} s" for span in spans if span.from_s > due_s]
+            said = later[0] if later else "; it never was" if not spans else ""
+            self._fail(f"{name}: not raised between {begin_s:.2f} s and {due_s:.2f} s{said}")
+        if standing.from_s < begin_s:
+            self._fail(f"{name}: raised at {standing.from_s:.2f} s, before its cause at {begin_s:.2f} s")
+        if cleared_within_s is None:
+            return
+        for span in spans:
+            if span.until_s > end_s + cleared_within_s and span.from_s >= begin_s:
+                gone = "is not cleared" if span.until_s == float("inf") else f"is cleared at {span.until_s:.2f} s"
+                self._fail(
+                    f"{name}: raised at {span.from_s:.2f} s, {gone}; its cause ended at {end_s:.2f} s, limit "
+                    f"{cleared_within_s:g} s after it"
+                )
+
+    def assert_no_flag(self, flag: str | Condition) -> None:
+        """A flag is never raised."""
+        __tracebackhide__ = True
+        self._assert_any(self.series)
+        if spans := spans_of(self.times_s.tolist(), self.rows, flag):
+            self._fail(f"flag {show(flag)}: raised at {spans[0].from_s:.2f} s; limit never")
+
+    def _cause(self, fault: int | None, cause_s: tuple[float, float] | None) -> tuple[float, float]:
+        if cause_s is not None:
+            return cause_s
+        if fault is None or not 0 <= fault < len(self._faults):
+            raise ValueError(f"fault = {fault}: give cause_s, or one of the {len(self._faults)} faults from 0")
+        one = self._faults[fault]
+        return getattr(one, "from_s", 0.0), getattr(one, "to_s", self.until_s)
+
+    # -------------------------------------------------------------------------------------------------------- failures
+
+    def _assert_any(self, series: TopicSeries) -> None:
+        __tracebackhide__ = True
+        if not len(series):
+            self._fail("no message")
+
+    def _fail(self, text: str) -> NoReturn:
+        __tracebackhide__ = True
+        raise AssertionError(f"{self.name}, {self.from_s:g} to {self.until_s:g} s: {text}{self._circumstances}")
