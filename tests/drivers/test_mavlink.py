@@ -208,6 +208,21 @@ def test_base_lengths_are_those_of_the_definitions() -> None:
     assert {number: defined[number] for number in BASE_LENGTH} == BASE_LENGTH
 
 
+def test_named_values_are_readings_where_the_configuration_names_them() -> None:
+    messages = [
+        common.MAVLink_named_value_float_message(1500, name, value) for name, value in ((b"dh", 2.5), (b"x", 1.0))
+    ]
+    data = b"".join(map(pack, messages))
+    found, _ = decode(data, named_values=("dh", "other"))
+    assert found == [Reading(stamp=Stamp(1, 1_500_000_000, TimeScale.BOOT), name="dh", value=2.5)]
+    assert decode(data)[0] == []
+
+
+def test_a_named_value_that_is_no_number_is_none() -> None:
+    message = common.MAVLink_named_value_float_message(1500, b"longest_10", math.nan)
+    assert decode(pack(message), named_values=("longest_10",))[0] == []
+
+
 def test_noise_is_never_a_message(scale: int) -> None:
     """pymavlink's own parser makes UNKNOWN messages of it; here the frame of every kind of noise is refused."""
     import random

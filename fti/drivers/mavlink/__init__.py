@@ -34,6 +34,7 @@ Reading "lost_from_S_C".  One that starts again looks like a loss; a number that
     132 DISTANCE_SENSOR     cm; only orientation 25 (down); radar gives a RadioHeight, everything else a Range;
                             not valid outside min..max or with signal_quality 1
     136 TERRAIN_REPORT      the autopilot's map: readings        253 STATUSTEXT  a reading with the text
+    251 NAMED_VALUE_FLOAT   a reading of that name, where the option ``named_values`` has it
     77 COMMAND_ACK          of our commands
 
 Several messages carry position and velocity, and several sensors may look down; of each quantity one source counts
@@ -86,6 +87,7 @@ MESSAGES = {
     "HIL_GPS": "position, velocity, kind of fix, from a simulator",
     "DISTANCE_SENSOR": "range or radio height, looking down",
     "TERRAIN_REPORT": "height of the terrain and above it, from the autopilot's map",
+    "NAMED_VALUE_FLOAT": "a value by its name",
     "STATUSTEXT": "a text, with its severity",
     "COMMAND_ACK": "the answer to a command",
     "(other)": "framed and counted by name",
@@ -104,7 +106,8 @@ class Decoder:
         self._options = options
         self._only = frozenset(options.only)
         self._sources = Sources(options.distance_id)
-        self._settings = Settings(options.height, options.raw_imu, (options.own_system, options.own_component))
+        sender = options.own_system, options.own_component
+        self._settings = Settings(options.height, options.raw_imu, sender, frozenset(options.named_values))
         key = bytes.fromhex(options.key) if options.key else None
         self._verifies = key is not None
         self._framer = Framer(Frames(options.dialect, key).measure, self.counters, limit=FRAME_MAX)

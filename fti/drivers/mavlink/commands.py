@@ -41,7 +41,8 @@ class Options(StrictModel):
 
     ``height``, ``raw_imu``, ``key`` (64 hexadecimal digits), ``emulate``: see the driver's docstring.  ``dialect``: its
     messages are known, others are refused.  ``only``: these messages become measurements, without it all;
-    ``distance_id``: of the sensors of distance only this one.
+    ``distance_id``: of the sensors of distance only this one.  ``named_values``: names of NAMED_VALUE_FLOAT that become
+    readings; their unit is the sender's.
     ``heartbeat_s``: we send a heartbeat so often; ``own_system``, ``own_component``: under which our heartbeat and
     commands go out.
     """
@@ -52,6 +53,7 @@ class Options(StrictModel):
     raw_imu: Literal["counts", "scaled"] = "counts"
     only: tuple[Annotated[str, AfterValidator(_check_name)], ...] = ()
     distance_id: Annotated[int, Field(ge=0, le=255)] | None = None
+    named_values: tuple[Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,10}$")], ...] = ()
     dialect: Literal["common", "ardupilotmega"] = "common"
     key: Annotated[str, Field(pattern=r"^\s*[0-9a-fA-F]{64}\s*$")] | None = None
     heartbeat_s: Positive | None = None

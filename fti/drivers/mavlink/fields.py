@@ -17,12 +17,13 @@ class Settings(NamedTuple):
     """What the options say to the readers.
 
     height : what GLOBAL_POSITION_INT means by alt; raw_imu : what the numbers of RAW_IMU are
-    sender : system and component that our commands come from
+    sender : system and component that our commands come from; named : values of NAMED_VALUE_FLOAT that are taken
     """
 
     height: str
     raw_imu: str
     sender: tuple[int, int]
+    named: frozenset[str] = frozenset()
 
 
 #: Fields, t_rx_ns and settings to measurements.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from fti.drivers._units import DEGREE
-from fti.drivers.mavlink.fields import Reader, Settings
+from fti.drivers.mavlink.fields import Reader, Settings, boot, finite
 from fti.types import Ack, DeviceStatus, Measurement, Reading, Stamp
 
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: a ground station, a camera, a radio
@@ -61,6 +61,14 @@ def decode_text(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     return [Reading(stamp=Stamp(t_rx_ns), name="status_text", value=float(m.severity), text=text)]
 
 
+def decode_named_value(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
+    """NAMED_VALUE_FLOAT 251; without a list of names a line of noise would make any number of them."""
+    name = m.name.split(b"\x00")[0].decode("ascii", errors="replace")
+    if name not in settings.named or not finite(m.value):
+        return []
+    return [Reading(stamp=boot(t_rx_ns, m.time_boot_ms), name=name, value=m.value)]
+
+
 def decode_terrain(m: Any, t_rx_ns: int, settings: Settings) -> list[Measurement]:
     """TERRAIN_REPORT 136: from the autopilot's map, so no altimeter; without a map here the spacing is 0."""
     told = (
@@ -93,5 +101,6 @@ READERS: dict[int, Reader] = {
     1: decode_sys_status,
     77: decode_ack,
     136: decode_terrain,
+    251: decode_named_value,
     253: decode_text,
 }

@@ -25,7 +25,8 @@ _START = re.compile(rb"[\xfd\xfe]")
 #: Length of the payload in version 1, which has no extensions, of the messages that are decoded.
 BASE_LENGTH = {
     0: 9, 1: 31, 2: 12, 24: 30, 26: 22, 27: 26, 29: 14, 30: 28, 31: 32, 32: 28, 33: 28, 74: 20, 77: 3, 105: 62, 107: 64,
-    111: 16, 113: 36, 116: 22, 129: 22, 132: 14, 136: 22, 137: 14, 143: 14, 253: 51,
+    111: 16, 113: 36, 116: 22, 129: 22, 132: 14, 136: 22, 137: 14, 143: 14, 251: 18,
+    253: 51,
 }  # fmt: skip
 
 
