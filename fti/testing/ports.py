@@ -112,7 +112,7 @@ def _freed(link: Link) -> Link:
 
 def write_config(config: Config, file: Path) -> None:
     """Write a configuration as TOML."""
-    table = config.model_dump(mode="json", exclude_none=True, exclude={"path", "text"})
+    table = config.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"path", "text"})
     file.write_text(toml_text(table), encoding="utf-8")
 
 

@@ -77,6 +77,12 @@ class BenchProcess:
                 parts += [f"-- {stream}, the last {len(shown)} of {len(lines)} lines", *shown]
         return "\n".join(parts)
 
+    def ends_within(self, timeout_s: float) -> int | None:
+        """Wait so long for its end; returns the exit code, None while it runs."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout_s)
+        return self.exit_code
+
     def end(self, number: int, timeout_s: float) -> int:
         """End it: the signal first, and after timeout_s SIGKILL for it and its children.  Returns the exit code."""
         if self.exit_code is None:
