@@ -15,6 +15,7 @@ from fti.testing.emulator import FTI, quiet_environment
 from fti.testing.errors import BenchError
 from fti.testing.ports import LinkAddress, addresses, on_free_ports, write_config
 from fti.testing.process import BenchProcess
+from fti.testing.pty_pair import PtyPair
 
 if TYPE_CHECKING:
     from fti.testing.bench import Bench
@@ -38,17 +39,19 @@ class Recorder:
         self.session: Path | None = None
         self.truth_in_session: Path | None = None
         self._has_ended = False
+        self._cables: list[PtyPair] = []
 
     @property
     def run_dir(self) -> Path:
         """Where ``fti watch`` finds it."""
         return self._bench.run_folder / "run"
 
-    def start(self, config: str | Path) -> None:
+    def start(self, config: str | Path, *, real_ports: bool = False) -> None:
         """Record the links of a configuration.
 
         config : links, on which the unit sends, and devices, which say how its bytes are understood; UDP links get
-        free ports of loopback, serial lines are opened where the configuration has them
+        free ports of loopback, and the unit's end of a serial line or an slcan adapter is a pty
+        real_ports : serial lines and slcan adapters are opened where the configuration has them
         Raises MissingError or ConfigError in one sentence, BenchError when the recorder does not start.
         """
         if self.process:
@@ -57,10 +60,15 @@ class Recorder:
         loaded = configuration.load(config)
         bind_devices(loaded)
         moved = on_free_ports(configuration.with_session(loaded, origin="hil"))
-        self.links = addresses(moved, None)
+        unit_ends, own_ends = bench.folder / "unit_links", bench.folder / "recorder_links"
+        self.links = addresses(moved, None if real_ports else unit_ends)
         file, out = bench.folder / "recorder.toml", bench.folder / "session"
         write_config(moved, file)
         command = [*FTI, "run", str(file), "--out", str(out), "--run-dir", str(self.run_dir)]
+        if not real_ports:
+            lines = [name for name, link in self.links.items() if link.path]
+            self._cables = [PtyPair((unit_ends / name, own_ends / name)) for name in lines]
+            command += ["--links", str(own_ends)] * bool(lines)
         self.process = BenchProcess("recorder", "recorder", command, bench.folder, environment=quiet_environment())
         told = self.run_dir / INFO
         bench.wait_for(told.is_file, TIMEOUT_START_S, lambda: "the recorder")
@@ -76,6 +84,8 @@ class Recorder:
             return
         self._has_ended = True
         code = process.end(signal.SIGINT, TIMEOUT_END_S)
+        for cable in self._cables:
+            cable.close()
         if self.session and truth.is_file():
             self.truth_in_session = self.session / f"{self.session.name}_{truth.name.removeprefix('flight_')}"
             shutil.move(truth, self.truth_in_session)

@@ -127,7 +127,7 @@ def test_a_heading_is_compared_around_the_circle() -> None:
 @pytest.mark.parametrize(("quantity", "metres"), [("lat", 6_383_454.0 * 1e-6), ("lon", 6_394_209.0 * 0.5 * 1e-6)])
 def test_a_place_is_compared_in_metres_along_the_ground(quantity: str, metres: float) -> None:
     """A microradian at 60 degrees north: radii of curvature of WGS84 by hand, 6383454 m and 6394209 m."""
-    place = {"lat": lambda t: LAT, "lon": lambda t: 0.001 * t}
+    place: dict[str, Callable[[float], float]] = {"lat": lambda t: LAT, "lon": lambda t: 0.001 * t}
     found = topic(lambda t: {quantity: place[quantity](t) + 1e-6}, ten_hz())
     found.assert_error(quantity, metres * 1.001)
     assert " m at " in failure(found.assert_error, quantity, metres * 0.999)
