@@ -20,9 +20,9 @@ pytestmark = [pytest.mark.e2e, pytest.mark.alone]
 EXAMPLE = ROOT / "examples" / "flight_computer"
 #: Output of the example's computer -> a bias that is beyond its limit, and the test that must fail.
 BIASES = {
-    "north": ("8", "position-lat"),
-    "east": ("-8", "position-lon"),
-    "alt": ("10", "position-alt"),
+    "north": ("20", "position-lat"),
+    "east": ("-20", "position-lon"),
+    "alt": ("20", "position-alt"),
     "vel_n": ("2", "velocity-north"),
     "vel_e": ("-2", "velocity-east"),
     "vel_d": ("2", "velocity-down"),
@@ -139,8 +139,8 @@ WRONG = {
         "*MissingError: none.toml: cannot be read: No such file or directory",
     ),
     "a configuration that the scenario does not fit": (
-        'fti_emulator.start("silence", config="sensors.toml")',
-        "*ConfigError: *silence.toml: fault*is no device of sensors.toml; there are autopilot, gnss",
+        'fti_emulator.start("altimeter_failure", config="sensors.toml")',
+        "*ConfigError: *altimeter_failure.toml: fault*is no device of sensors.toml; there are autopilot, gnss",
     ),
     "a driver that there is not": ('fti_recorder.start("wrong.toml")', "*ConfigError: wrong.toml: device?0?.driver*"),
     "not started": ("fti_emulator.fly()", "*BenchError: the emulator was not started: call start(SCENARIO) first"),
@@ -171,3 +171,55 @@ def test_a_unit_that_ends_in_flight_fails_the_test(pytester: pytest.Pytester, ex
     found.stdout.fnmatch_lines(
         ["*BenchError: unit under test, python* ended with exit code 5 before the flight was over"]
     )
+
+
+def test_the_example_is_as_short_as_it_is_said_to_be() -> None:
+    assert len((EXAMPLE / "flight_computer.py").read_text().splitlines()) <= 100
+
+
+SERIAL_OUTPUT = """
+[session]
+name = "serial"
+
+[[link]]
+name = "result_line"
+kind = "serial"
+port = "/dev/ttyUSB9"
+
+[[device]]
+name = "computer"
+link = "result_line"
+driver = "nmea0183"
+"""
+#: Sends what it receives: the receiver itself is the unit under test.
+FORWARD = """
+import sys, serial
+with serial.Serial(sys.argv[1], 38400) as gnss, serial.Serial(sys.argv[2], 115200) as out:
+    while True:
+        out.write(gnss.readline())
+"""
+
+
+def test_results_on_a_serial_line_are_recorded(pytester: pytest.Pytester, example: Path) -> None:
+    (example / "serial.toml").write_text(SERIAL_OUTPUT)
+    (example / "forward.py").write_text(FORWARD)
+    sensors = (example / "sensors.toml").read_text()
+    autopilot, rest = sensors.index("[[link]]"), sensors.index('[[link]]\nname = "gnss_line"')
+    receiver = sensors.index('[[device]]\nname = "gnss"')
+    (example / "gnss.toml").write_text(
+        sensors[:autopilot] + sensors[rest : sensors.index("[[device]]")] + sensors[receiver:]
+    )
+    pytester.makepyfile(
+        test_serial="""
+        import sys
+
+        def test_serial(fti_emulator, fti_recorder, fti_unit):
+            fti_recorder.start("serial.toml")
+            fti_emulator.start("nominal", config="gnss.toml", duration_s=4.0)
+            fti_unit.start([sys.executable, "forward.py", "{emulator.gnss_line.path}", "{recorder.result_line.path}"])
+            position = fti_emulator.fly().topic("/computer/position", from_s=1.0)
+            position.assert_rate(4.0, 6.0)
+            position.assert_error("lat", 30.0)
+        """
+    )
+    pytester.runpytest_subprocess(*OPTIONS, "test_serial.py").assert_outcomes(passed=1)
