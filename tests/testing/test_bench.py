@@ -218,7 +218,7 @@ def test_results_on_a_serial_line_are_recorded(pytester: pytest.Pytester, exampl
             fti_emulator.start("nominal", config="gnss.toml", duration_s=4.0)
             fti_unit.start([sys.executable, "forward.py", "{emulator.gnss_line.path}", "{recorder.result_line.path}"])
             position = fti_emulator.fly().topic("/computer/position", from_s=1.0)
-            position.assert_rate(4.0, 6.0)
+            position.assert_rate(8.0, 12.0)  # GGA and RMC
             position.assert_error("lat", 30.0)
         """
     )
