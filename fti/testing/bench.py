@@ -68,9 +68,10 @@ class Bench:
         return {name: SimpleNamespace(**links) for name, links in parts.items()}
 
     def take_slot(self) -> None:
-        """Wait until a flight may begin on this machine."""
+        """Wait until a flight may begin on this machine; once for each bench."""
         if self._slots:
             self.slots.enter_context(self._slots.taken())
+            self._slots = None
 
     def wait_for(self, condition: Callable[[], Found], timeout_s: float, what: Callable[[], str]) -> Found:
         """Wait until a condition holds while every program runs.  Raises BenchError, which says what was waited for."""

@@ -21,7 +21,7 @@ TRUTH_OF: Mapping[tuple[str, str], str] = {
 }
 #: Their differences are taken around the circle [rad].
 ANGLES = frozenset(("roll", "pitch", "heading", "lat", "lon", "deviation"))
-SPEEDS = frozenset(("vel_north", "vel_east", "vel_down", "tas"))
+SPEEDS = frozenset(("vel_north", "vel_east", "vel_down", "ground_speed", "tas"))
 PLACES = frozenset(("lat", "lon"))
 
 

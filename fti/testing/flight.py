@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from fti.hil.tables.kinds import Fault
+from fti.hil.truth import TOPIC
 from fti.logger.reading.mcap_file import McapFile
 from fti.post.score.truth_table import TruthTable
 from fti.testing.errors import BenchError
@@ -41,8 +42,8 @@ class Flight:
     @cached_property
     def emulator_late_s(self) -> float:
         """How late the emulator was at most [s]: what it sent then came later than the sensors would have sent it."""
-        late = (item.publish_time - item.log_time for item in McapFile(self.truth_file).items())
-        return max(late, default=0) / SECOND_NS
+        rows = (item for item in McapFile(self.truth_file).items() if item.topic.name == TOPIC)
+        return max((row.publish_time - row.log_time for row in rows), default=0) / SECOND_NS
 
     @cached_property
     def _session_topics(self) -> SessionTopics:

@@ -60,6 +60,7 @@ class Recorder:
         loaded = configuration.load(config)
         bind_devices(loaded)
         moved = on_free_ports(configuration.with_session(loaded, origin="hil"))
+        bench.take_slot()
         unit_ends, own_ends = bench.folder / "unit_links", bench.folder / "recorder_links"
         self.links = addresses(moved, None if real_ports else unit_ends)
         file, out = bench.folder / "recorder.toml", bench.folder / "session"

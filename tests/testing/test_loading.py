@@ -29,7 +29,15 @@ def test_importing_the_package_loads_nothing_of_the_laboratory() -> None:
 
 
 def test_its_names_are_loaded_when_they_are_used() -> None:
-    assert "fti.hil" in modules_after("from fti.testing import Bench; assert Bench.__name__ == 'Bench'")
+    assert "fti.testing.bench" in modules_after("from fti.testing import Bench")
+    assert "numpy" in modules_after("from fti.testing import Flight")
+
+
+def test_every_name_is_there() -> None:
+    names = "import fti.testing; [getattr(fti.testing, name) for name in fti.testing.__all__]"
+    assert "fti.testing.unit" in modules_after(names)
+    with pytest.raises(ImportError, match="Bank"):
+        exec("from fti.testing import Bank")
 
 
 def test_a_project_that_uses_no_fixture_loads_nothing_either(tmp_path: Path) -> None:

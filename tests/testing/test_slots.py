@@ -56,6 +56,14 @@ def test_slots_are_free_after_use(tmp_path: Path) -> None:
             pass
 
 
+def test_a_process_does_not_wait_for_itself(tmp_path: Path) -> None:
+    slots = FlightSlots(tmp_path, 1)
+    with slots.taken(), slots.taken():
+        pass
+    with slots.taken():
+        pass
+
+
 def test_there_is_always_one(tmp_path: Path) -> None:
     assert FlightSlots(tmp_path).count >= 1
     assert FlightSlots(tmp_path, 7).count == 7
