@@ -1,0 +1,96 @@
+"""What a falsification is: a name, the reason why the score must detect it, and its targets in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tests.post.score.sabotage.judging import Judgement
+from tests.post.score.sabotage.message_edits import Forgery, valid_values
+from tests.post.score.sabotage.session_copy import Session
+
+#: An output is attacked in its values when it has been valid for so many messages at least.
+MIN_VALID = 20
+POSITIONS = ("/nav/nav_solution", "/nav/filter_solution", "/nav/position_fix")
+HEIGHT = "/nav/height_above_ground"
+GLIDE_SLOPE, INTEGRITY = "/nav/glide_slope", "/nav/clearance_integrity"
+VERTICAL, LOCATION = "/nav/vertical_solution", "/nav/location"
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A session that is attacked.
+
+    scenario : its name or file; session : its content; honest : its judgement; others : session folders of other
+    flights, by a name that says which: ``other scenario``, ``other seed``; title : of the scenario in tables
+    """
+
+    scenario: str
+    session: Session
+    honest: Judgement
+    others: Mapping[str, Path] = field(default_factory=dict)
+    title: str = ""
+
+    @property
+    def scenario_name(self) -> str:
+        """What it is called in tables."""
+        return self.title or self.scenario
+
+    @property
+    def outputs(self) -> list[str]:
+        """The topics of navigation that the session has."""
+        return self.session.topics("derived", "/nav/")
+
+    def values(self, topic: str) -> dict[str, list[float]]:
+        """Field -> the numbers of valid messages, of fields that are there often enough to be judged."""
+        found = valid_values(self.session, topic)
+        return {name: values for name, values in found.items() if len(values) >= MIN_VALID}
+
+
+@dataclass(frozen=True)
+class Target:
+    """One application.  name : what is attacked ("" where there is only one); apply : changes the forgery"""
+
+    name: str
+    apply: Callable[[Forgery], None]
+
+
+@dataclass(frozen=True)
+class Falsification:
+    """One way to falsify a session.
+
+    why     : the limit that it breaks, for which the score must detect it
+    targets : everything in a session that can be attacked in this way; none where the session has no such thing
+    """
+
+    name: str
+    why: str
+    targets: Callable[[Sample], Iterator[Target]]
+
+
+def of_topics(
+    topics: Callable[[Sample], Sequence[str]], apply: Callable[[Forgery, str], None]
+) -> Callable[[Sample], Iterator[Target]]:
+    """The targets of a falsification that changes one topic at a time."""
+
+    def targets(sample: Sample) -> Iterator[Target]:
+        for topic in topics(sample):
+            yield Target(topic, lambda forgery, topic=topic: apply(forgery, topic))  # type: ignore[misc]
+
+    return targets
+
+
+def once(apply: Callable[[Forgery], None]) -> Callable[[Sample], Iterator[Target]]:
+    """The target of a falsification that can be applied once to any session."""
+    return lambda sample: iter((Target("", apply),))
+
+
+def outputs(sample: Sample) -> list[str]:
+    """Every output of navigation."""
+    return sample.outputs
+
+
+def judged_outputs(sample: Sample) -> list[str]:
+    """The outputs that are valid often enough to be judged by their values."""
+    return [topic for topic in sample.outputs if sample.values(topic)]

@@ -1,0 +1,260 @@
+"""Falsifications of expected flags: hidden wherever they stand, or standing for ever.
+
+The flags are those that the score found in the honest session; how each is told in a message is stated here once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import orjson
+
+from fti.logger.reading.mcap_file import Item
+from tests.post.score.sabotage.falsification import Falsification, Sample, Target
+from tests.post.score.sabotage.message_edits import Forgery, Table
+
+DEVICES, LINKS, LEDGER, EVENT = "/fti/health/devices/", "/fti/health/links/", "/fti/ledger/", "/fti/event"
+HEALTH = "/fti/health"
+STATES = ("silent", "noise", "invalid", "wrong rate")
+#: A flag that must have gone less than this before the end may stand to the end [s].
+BEFORE_END_S = 3.0
+
+
+@dataclass(frozen=True)
+class Flag:
+    """An expected flag that stands in the honest session.
+
+    place, words : as the score names them; value : a number instead of words
+    from_s, until_s : of its cause [s]; gone_s : when it must have gone [s], None where that is not judged
+    """
+
+    place: str
+    words: tuple[str, ...]
+    value: float | None
+    from_s: float
+    until_s: float
+    gone_s: float | None
+
+    @property
+    def name(self) -> str:
+        """Place and words."""
+        return f"{self.place} {' or '.join(self.words)}".strip() + ("" if self.value is None else f" = {self.value:g}")
+
+
+def flags_of(sample: Sample) -> list[Flag]:
+    """Every flag that the honest session raises in time; one that several faults raise once."""
+    found: dict[str, Flag] = {}
+    for score in sample.honest.report:
+        for row in score["rows"]:
+            if row.get("verdict") == "found" and isinstance(row.get("flag"), str):
+                flag = _parsed(row)
+                found.setdefault(flag.name, flag)
+    return list(found.values())
+
+
+def _parsed(row: dict[str, Any]) -> Flag:
+    place, _, rest = row["flag"].partition(" ")
+    value = float(rest.removeprefix("= ")) if rest.startswith("= ") else None
+    words = () if value is not None else tuple(rest.split(" or "))
+    gone_s = row["until_s"] + row["clears_s"] if row.get("clears_s") is not None else None
+    return Flag(place, words, value, row["from_s"], row["until_s"], gone_s)
+
+
+# --------------------------------------------------------------------------------------------------------- hidden
+
+
+def hide(forgery: Forgery, flag: Flag) -> None:
+    """No message states the flag any more."""
+    if flag.value is not None:
+        _hide_value(forgery, flag)
+    elif flag.place.startswith("/nav/"):
+        forgery.edit_tables("derived", [flag.place], _hidden_in_output(forgery, flag))
+    elif flag.place.startswith(HEALTH):
+        forgery.edit_notes(HEALTH, _hidden_in_health(flag))
+    elif flag.place.startswith(LEDGER):
+        forgery.edit_notes("/fti/ledger", _hidden_in_ledger(flag))
+    elif flag.place.startswith(EVENT):
+        _hide_event(forgery, flag)
+    else:
+        topics = forgery.session.topics("derived", flag.place)
+        forgery.edit_tables("derived", topics, _hidden_by_device(flag))
+
+
+def _hide_value(forgery: Forgery, flag: Flag) -> None:
+    topic, _, name = flag.place.rpartition(".")
+    first: list[object] = []
+
+    def change(table: Table, t: float) -> None:
+        if table.get(name) is not None:
+            first[:] = first or [table[name]]
+            table[name] = first[0]
+
+    forgery.edit_tables("derived", [topic], change)
+
+
+def _hidden_in_output(forgery: Forgery, flag: Flag) -> Callable[[Table, float], None]:
+    usual: dict[str, object] = {}
+
+    def change(table: Table, t: float) -> None:
+        for role in ("position", "attitude"):
+            key = f"{role}_source"
+            if table.get(key) and any(word.startswith(f"{role} ") for word in flag.words):
+                usual.setdefault(key, table[key])
+                table[key] = usual[key]
+        _without_words(table, "reasons", flag.words)
+        _without_words(table, "unchecked", flag.words)
+        if table.get("state") in flag.words:
+            table["state"] = "ok"
+
+    return change
+
+
+def _without_words(table: Table, name: str, words: Sequence[str]) -> None:
+    before = table.get(name)
+    if before and set(before) & set(words):
+        table[name] = [word for word in before if word not in words]
+        if name == "reasons" and not table[name]:
+            table["valid"] = True
+
+
+def _hidden_in_health(flag: Flag) -> Callable[[Table, float], None]:
+    kind, name = flag.place.split("/")[3:5]
+    first: list[object] = []
+
+    def change(note: Table, t: float) -> None:
+        entry = note[kind].get(name)
+        if entry is None:
+            return
+        if entry["state"] in flag.words:
+            entry["state"], entry["hint"] = "good", ""
+        if "damaged bytes" in flag.words:
+            first[:] = first or [entry.get("skipped", {})]
+            entry["skipped"] = first[0]
+        if "clock away" in flag.words:
+            for clock in entry["clocks"]:
+                clock["state"] = "good"
+
+    return change
+
+
+def _hidden_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
+    link = flag.place.removeprefix(LEDGER)
+
+    def change(note: Table, t: float) -> None:
+        for word in flag.words:
+            note["links"][link].get("errors", {}).pop(word, None)
+
+    return change
+
+
+def _hide_event(forgery: Forgery, flag: Flag) -> None:
+    name = flag.place.removeprefix(f"{EVENT}/")
+
+    def change(item: Item) -> Iterable[Item]:
+        event = orjson.loads(item.data)
+        return [] if event["name"] == name and event["message"] in flag.words else [item]
+
+    for kind in ("raw", "derived"):
+        forgery.edit(kind, [EVENT], change)
+
+
+def _hidden_by_device(flag: Flag) -> Callable[[Table, float], None]:
+    def change(table: Table, t: float) -> None:
+        if "flags" in table:
+            table["flags"] = [word for word in table["flags"] if word not in flag.words]
+            table["ok"] = True
+        if "invalid" in flag.words and "valid" in table:
+            table["valid"] = True
+
+    return change
+
+
+# -------------------------------------------------------------------------------------------------------- for ever
+
+
+def keep(forgery: Forgery, flag: Flag) -> None:
+    """Every message from the end of the cause on states the flag."""
+    if flag.place.startswith("/nav/"):
+        forgery.edit_tables("derived", [flag.place], _kept_in_output(flag))
+    elif flag.place.startswith(HEALTH):
+        forgery.edit_notes(HEALTH, _kept_in_health(flag))
+    elif flag.place.startswith(LEDGER):
+        forgery.edit_notes("/fti/ledger", _kept_in_ledger(flag))
+    elif not flag.place.startswith(EVENT):
+        forgery.edit_tables("derived", forgery.session.topics("derived", flag.place), _kept_by_device(flag))
+
+
+def _kept_in_output(flag: Flag) -> Callable[[Table, float], None]:
+    word = flag.words[0]
+
+    def change(table: Table, t: float) -> None:
+        if t < flag.until_s:
+            return
+        role, _, origin = word.partition(" ")
+        if f"{role}_source" in table:
+            table[f"{role}_source"] = origin.removeprefix("from ") if origin.startswith("from ") else "spare"
+        elif "reasons" in table:
+            table["reasons"], table["valid"] = [*table["reasons"], word], False
+
+    return change
+
+
+def _kept_in_health(flag: Flag) -> Callable[[Table, float], None]:
+    kind, name = flag.place.split("/")[3:5]
+
+    def change(note: Table, t: float) -> None:
+        entry = note[kind].get(name)
+        if entry is None or t < flag.until_s:
+            return
+        if set(flag.words) & set(STATES):
+            entry["state"] = flag.words[0]
+        if "damaged bytes" in flag.words:
+            entry["skipped"] = {**entry.get("skipped", {}), "checksum": 1000 + round(100 * t)}
+        if "clock away" in flag.words:
+            for clock in entry["clocks"]:
+                clock["state"] = "away"
+
+    return change
+
+
+def _kept_in_ledger(flag: Flag) -> Callable[[Table, float], None]:
+    link = flag.place.removeprefix(LEDGER)
+
+    def change(note: Table, t: float) -> None:
+        if t >= flag.until_s:
+            note["links"][link]["errors"] = {flag.words[0]: 1000 + round(100 * t)}
+
+    return change
+
+
+def _kept_by_device(flag: Flag) -> Callable[[Table, float], None]:
+    def change(table: Table, t: float) -> None:
+        if t < flag.until_s:
+            return
+        if "flags" in table:
+            table["flags"] = sorted({*table["flags"], *flag.words})
+            table["ok"] = False
+        if "invalid" in flag.words and "valid" in table:
+            table["valid"] = False
+
+    return change
+
+
+def _hidden(sample: Sample) -> Iterator[Target]:
+    for flag in flags_of(sample):
+        yield Target(flag.name, lambda forgery, flag=flag: hide(forgery, flag))  # type: ignore[misc]
+
+
+def _kept(sample: Sample) -> Iterator[Target]:
+    """Those whose end is judged: of a value, of an event and of what lasts to the end it is not."""
+    for flag in flags_of(sample):
+        if flag.gone_s is not None and flag.gone_s < sample.session.end_s - BEFORE_END_S:
+            yield Target(flag.name, lambda forgery, flag=flag: keep(forgery, flag))  # type: ignore[misc]
+
+
+FLAGS: Sequence[Falsification] = (
+    Falsification("expected flag hidden", "each fault of the scenario must raise its flags", _hidden),
+    Falsification("flag never clears", "a flag must have gone some time after its cause", _kept),
+)

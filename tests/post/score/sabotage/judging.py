@@ -1,0 +1,69 @@
+"""The score under attack: ``fti score`` in this process, its exit code, and which of its rows fail."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.logger.campaign.commands import fti
+
+#: What an entry of the report may say about itself without a failure.
+NAMES = ("place", "flag", "topic", "output", "name", "what", "quantity", "word", "channel", "reason", "text", "subject")
+SHOWN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Of a session.  code : exit code; report : what ``--json`` printed; error : what stood on standard error"""
+
+    code: int
+    report: list[dict[str, Any]]
+    error: str
+
+    @property
+    def holds(self) -> bool:
+        """Did the score take the session for an honest one?"""
+        return self.code == 0
+
+    @property
+    def verdicts(self) -> dict[str, str]:
+        """Row -> its verdict, of all tables of the report."""
+        return dict(self._rows())
+
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        for score in self.report:
+            for table, rows in score.items():
+                if isinstance(rows, list):
+                    for row in rows:
+                        if isinstance(row, dict):
+                            yield _name(table, row), str(row.get("verdict", table))
+
+    def detected_by(self, honest: Judgement) -> str:
+        """The first rows whose verdict is another one than in the honest session, or the refusal."""
+        if self.error and self.code not in (0, 1):
+            return f"exit {self.code}: {self.error.strip().splitlines()[-1][-160:]}"
+        before = honest.verdicts
+        rows = [f"{row}: {verdict}" for row, verdict in self.verdicts.items() if before.get(row) != verdict]
+        more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+        return "; ".join(rows[:SHOWN]) + more or f"exit {self.code}"
+
+
+def _name(table: str, row: dict[str, Any]) -> str:
+    words = [str(row[name]) for name in NAMES if isinstance(row.get(name), str) and row[name]]
+    return f"{table}: {' '.join(words)}" if words else f"{table}: {json.dumps(row)[:80]}"
+
+
+def judge(scenario: str | Path, session: Path, truth: Path | None = None) -> Judgement:
+    """Run ``fti score SCENARIO SESSION --json``.  Raises AssertionError when it crashes or prints something else.
+
+    truth : its truth file where that lies elsewhere
+    """
+    beside = () if truth is None else ("--truth", truth)
+    result = fti("score", scenario, session, "--json", *beside)
+    assert result.crash is None, result.crash
+    assert result.code in (0, 1, 2, 3), result
+    report = json.loads(result.out) if result.out.strip() else []
+    return Judgement(result.code, report, result.err)
