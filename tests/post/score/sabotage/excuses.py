@@ -6,11 +6,12 @@ Only the emulator knows whether the bench was late; it says so in the truth file
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import orjson
 
 from fti.logger.reading.mcap_file import Item
-from tests.post.score.sabotage.falsification import Falsification, Sample, Target
+from tests.post.score.sabotage.falsification import Falsification, Sample, Target, judged_outputs
 from tests.post.score.sabotage.flags import HEALTH, Flag, flags_of, hide
 from tests.post.score.sabotage.message_edits import Forgery, Table
 from tests.post.score.sabotage.session_copy import SECOND_NS
@@ -19,9 +20,10 @@ from tests.post.score.sabotage.session_copy import SECOND_NS
 HOLE_S, HOLE_AT = 5.0, 0.45
 #: An excuse stands from so long before the fault until so long after [s].
 AROUND_S = 4.0
-#: So many flags of a session are hidden with each excuse.
-FLAGS = 3
+#: So many flags of a session are hidden, or so many outputs have a hole, with each excuse.
+PICKED = 3
 Excuse = Callable[[Forgery, float], None]
+T = TypeVar("T")
 
 
 def _lag_of_health(forgery: Forgery, at_s: float) -> None:
@@ -122,12 +124,16 @@ def _excused(excuse: Excuse) -> Callable[[Sample], Iterator[Target]]:
     def targets(sample: Sample) -> Iterator[Target]:
         flags = [flag for flag in flags_of(sample) if flag.value is None]
         if not flags:
-            yield from (_hole(topic, excuse) for topic in sample.outputs if sample.values(topic))
-            return
-        for flag in flags[:: max(1, len(flags) // FLAGS)][:FLAGS]:
+            yield from (_hole(topic, excuse) for topic in _picked(judged_outputs(sample)))
+        for flag in _picked(flags):
             yield Target(flag.name, lambda forgery, flag=flag: _hide_and_excuse(forgery, flag, excuse))  # type: ignore[misc]
 
     return targets
+
+
+def _picked(things: Sequence[T]) -> Sequence[T]:
+    """Some of them, from the first to the last."""
+    return things[:: max(1, len(things) // PICKED)][:PICKED]
 
 
 def _hide_and_excuse(forgery: Forgery, flag: Flag, excuse: Excuse) -> None:

@@ -31,6 +31,7 @@ class Sample:
     honest: Judgement
     others: Mapping[str, Path] = field(default_factory=dict)
     title: str = ""
+    _values: dict[str, dict[str, list[float]]] = field(default_factory=dict, repr=False)
 
     @property
     def scenario_name(self) -> str:
@@ -44,8 +45,10 @@ class Sample:
 
     def values(self, topic: str) -> dict[str, list[float]]:
         """Field -> the numbers of valid messages, of fields that are there often enough to be judged."""
-        found = valid_values(self.session, topic)
-        return {name: values for name, values in found.items() if len(values) >= MIN_VALID}
+        if topic not in self._values:
+            found = valid_values(self.session, topic)
+            self._values[topic] = {name: values for name, values in found.items() if len(values) >= MIN_VALID}
+        return self._values[topic]
 
 
 @dataclass(frozen=True)
