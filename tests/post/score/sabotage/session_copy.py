@@ -22,7 +22,7 @@ from fti.logger.stream_writer import StreamWriter
 
 Kind = Literal["raw", "derived", "truth"]
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth")
-FILE_METADATA = "fti.file"
+FILE_METADATA, TRUTH = "fti.file", "/truth/state"
 SECOND_NS = 1_000_000_000
 FLUSH_EVERY = 20_000
 
@@ -131,12 +131,16 @@ class Session:
     @cached_property
     def begin_ns(self) -> int:
         """FTI time at which the flight began [ns]."""
-        return next(self.items("truth")).log_time
+        return self._states[0].log_time
 
     @cached_property
     def end_s(self) -> float:
         """Time of the last row of the truth [s of the flight]."""
-        return self.seconds(self.files["truth"][-1].items[-1].log_time)
+        return self.seconds(self._states[-1].log_time)
+
+    @cached_property
+    def _states(self) -> list[Item]:
+        return [item for item in self.items("truth") if item.topic.name == TRUTH]
 
     def seconds(self, t_ns: int) -> float:
         """Time of the flight [s]."""

@@ -13,7 +13,6 @@ from tests.post.score.sabotage.falsification import Falsification, Sample, Targe
 from tests.post.score.sabotage.message_edits import Forgery
 from tests.post.score.sabotage.session_copy import SECOND_NS, LogFile, Session
 
-TOPIC = "/truth/state"
 
 
 def _shifted(by_s: float) -> Callable[[Forgery], None]:
@@ -26,7 +25,7 @@ def _shifted(by_s: float) -> Callable[[Forgery], None]:
         log_time, publish_time = item.log_time + by_ns, item.publish_time + by_ns
         return [item._replace(data=orjson.dumps(row), log_time=log_time, publish_time=publish_time)]
 
-    return lambda forgery: forgery.edit("truth", [TOPIC], change)
+    return lambda forgery: forgery.edit("truth", forgery.session.topics("truth"), change)
 
 
 def _only(when: Callable[[float], bool]) -> Callable[[Forgery], None]:
@@ -35,7 +34,9 @@ def _only(when: Callable[[float], bool]) -> Callable[[Forgery], None]:
     def apply(forgery: Forgery) -> None:
         end_s = forgery.session.end_s
         forgery.edit(
-            "truth", [TOPIC], lambda item: [item] if when(forgery.session.seconds(item.log_time) / end_s) else []
+            "truth",
+            forgery.session.topics("truth"),
+            lambda item: [item] if when(forgery.session.seconds(item.log_time) / end_s) else [],
         )
 
     return apply
