@@ -37,7 +37,7 @@ def attack_scenario(turn_and_name: tuple[int, str], args: argparse.Namespace) ->
         else:
             sample = short_sample(folder) if name == SHORT else shipped_sample(name, folder, args.duration)
         if not sample.honest.holds:
-            return [], f"{name}: the honest session does not hold: exit {sample.honest.code} {sample.honest.error}"
+            return [], f"{name}: the honest session does not hold: {'; '.join(sample.honest.failures)}"
         outcomes = []
         for outcome in run(sample, _chosen(args), folder, every=args.every, turn=turn):
             outcomes.append(outcome)

@@ -55,11 +55,30 @@ def _other_flight(scenario: Scenario) -> object:
 
 # ------------------------------------------------------------------------------------------------- the short flight
 
+#: An attitude beside the three devices, so that heights and positions are valid.
+ATTITUDE = """
+[[link]]
+name = "ahrs_line"
+kind = "serial"
+port = "/dev/unused"
+
+[[device]]
+name = "ahrs"
+link = "ahrs_line"
+driver = "arinc429"
+rate_hz = 25
+max_age_ms = 500
+options = { set = "ahrs" }
+
+[nav]
+attitude = ["ahrs"]
+"""
+
 
 def short_file(folder: Path, seed: int = 1, *, faults: bool = True) -> Path:
     """The scenario of the short flight as a file, with its configuration beside it."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "short.toml").write_text(CONFIG)
+    (folder / "short.toml").write_text(CONFIG.replace("[nav]", ATTITUDE))
     table = {
         "title": "test",
         "description": "",

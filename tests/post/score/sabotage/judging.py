@@ -11,8 +11,10 @@ from typing import Any
 from tests.logger.campaign.commands import fti
 
 #: What an entry of the report may say about itself without a failure.
-NAMES = ("place", "flag", "topic", "output", "name", "what", "quantity", "word", "channel", "reason", "text", "subject")
+NAMES = ("place", "flag", "topic", "check", "name", "what", "quantity", "word", "channel", "subject")
 SHOWN = 3
+#: Verdicts of rows that fail; an unexpected flag has none, and stands in a table of its own.
+FAILURES = frozenset(("late", "missing", "does not clear", "does not hold", "bench was late", "unexpected"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +43,18 @@ class Judgement:
                         if isinstance(row, dict):
                             yield _name(table, row), str(row.get("verdict", table))
 
+    @property
+    def failures(self) -> list[str]:
+        """The rows that fail, and what stood on standard error."""
+        rows = [f"{row}: {verdict}" for row, verdict in self.verdicts.items() if verdict in FAILURES]
+        return rows + ([self.error.strip()] if self.error.strip() else [])
+
     def detected_by(self, honest: Judgement) -> str:
         """The first rows whose verdict is another one than in the honest session, or the refusal."""
         if self.error and self.code not in (0, 1):
             return f"exit {self.code}: {self.error.strip().splitlines()[-1][-160:]}"
         before = honest.verdicts
-        rows = [f"{row}: {verdict}" for row, verdict in self.verdicts.items() if before.get(row) != verdict]
+        rows = [row for row, verdict in self.verdicts.items() if before.get(row) != verdict and verdict in FAILURES]
         more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
         return "; ".join(rows[:SHOWN]) + more or f"exit {self.code}"
 

@@ -44,6 +44,16 @@ def _often_invalid(sample: Sample) -> list[str]:
     ]
 
 
+def _often_with_reasons(sample: Sample) -> list[str]:
+    """Outputs that say for some time why they are not valid."""
+    return [
+        topic
+        for topic in sample.outputs
+        if sum(table.get("valid") is False and bool(table["reasons"]) for table in tables(sample.session, topic))
+        >= MIN_VALID
+    ]
+
+
 def _edit(change: Callable[[Table], None], from_share: float = 0.0) -> Callable[[Forgery, str], None]:
     """The same change of every message of a topic, from a part of the flight on."""
 
@@ -172,7 +182,7 @@ LABELS: Sequence[Falsification] = (
     Falsification(
         "reasons dropped",
         "an output that is not valid names the reason, and each expected flag is such a reason",
-        of_topics(_often_invalid, _edit(_reasons_dropped)),
+        of_topics(_often_with_reasons, _edit(_reasons_dropped)),
     ),
     Falsification(
         "reason added", "nothing in the flight explains stale values", of_topics(_with_reasons, _edit(_reason_added))

@@ -56,7 +56,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 def test_the_score_detects_every_falsification(name: str, attacked: Attacked, tmp_path: Path) -> None:
     sample = _sample(name, attacked, tmp_path)
-    assert sample.honest.holds, (sample.honest.error, sample.honest.report)
+    assert sample.honest.holds, sample.honest.failures
     chosen = [one for group in attacked.groups for one in GROUPS[group]]
     turn = scenarios.shipped().index(name) if name != SHORT else 0
     found = Sum(list(run(sample, chosen, tmp_path, every=attacked.every, turn=turn)))

@@ -14,7 +14,6 @@ from tests.post.score.sabotage.message_edits import Forgery
 from tests.post.score.sabotage.session_copy import SECOND_NS, LogFile, Session
 
 
-
 def _shifted(by_s: float) -> Callable[[Forgery], None]:
     """The flight begins at another time."""
 

@@ -14,6 +14,7 @@ from tests.post.score.sabotage.falsification import (
     HEIGHT,
     INTEGRITY,
     LOCATION,
+    MIN_VALID,
     POSITIONS,
     VERTICAL,
     Falsification,
@@ -30,7 +31,7 @@ Change = Callable[[float], float]
 class _Attack:
     """Fields of some topics, each changed by the same function.
 
-    least : a value must be at least so far from zero once, else the change would be smaller than the error
+    least : values must be at least so far from zero, for a while, else the change would be smaller than the error
     """
 
     name: str
@@ -47,11 +48,12 @@ class _Attack:
         for topic in sample.outputs:
             if topic.startswith(self.topics):
                 values = sample.values(topic)
-                found = [
-                    name for name in self.fields if max(map(abs, values.get(name, [])), default=-1.0) >= self.least
-                ]
+                found = [name for name in self.fields if self._is_large(values.get(name, []))]
                 if found:
                     yield Target(f"{topic} {','.join(found)}", self._edit(topic, found))
+
+    def _is_large(self, values: Sequence[float]) -> bool:
+        return sum(abs(value) >= self.least for value in values) >= MIN_VALID
 
     def _edit(self, topic: str, fields: Sequence[str]) -> Callable[[Forgery], None]:
         def change(table: Table, t: float) -> None:
