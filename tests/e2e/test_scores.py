@@ -1,14 +1,36 @@
-"""Every scenario flown past a real daemon holds its score: each flag in time, gone in time, and no other."""
+"""Every scenario flown past a real daemon holds its score: each flag in time, gone in time, and no other.
+
+A handful of falsifications of what the daemon recorded fail it; all of them: tests/post/score/sabotage.
+"""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
 from fti.cli.main import main
 from tests.e2e.conftest import flown
 from tests.e2e.flights import Flight
+from tests.post.score.sabotage.campaign import Sum, run
+from tests.post.score.sabotage.catalogue import CATALOGUE
+from tests.post.score.sabotage.flights import sample_of
 
 pytestmark = [pytest.mark.e2e, pytest.mark.flight, pytest.mark.timeout(3600)]
+
+#: Of each of these one target of a flight, another one in each scenario.
+FALSIFICATIONS = (
+    "delete output",
+    "hole of 5 s in output",
+    "position 1 degree north",
+    "altitude 30 m",
+    "never valid, stale",
+    "expected flag hidden",
+    "flag never clears",
+    "excused by ticks missing around the fault",
+    "excused by all of these",
+    "configuration with half the rate",
+)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -22,3 +44,13 @@ def test_the_daemon_said_what_the_scenario_expects(
     code, said = main(["score", name, str(flight.session), "--truth", str(flight.truth)]), capsys.readouterr()
     assert code == 0, said.out + said.err
     assert "holds: " in said.out
+
+
+def test_a_falsified_recording_of_the_daemon_fails(flights: dict[str, Flight], name: str, tmp_path: Path) -> None:
+    flight = flights[name]
+    sample = sample_of(name, flight.session, truth=flight.truth)
+    assert sample.honest.holds, sample.honest.failures
+    chosen = [CATALOGUE[one] for one in FALSIFICATIONS]
+    found = Sum(list(run(sample, chosen, tmp_path, every=False, turn=sorted(flights).index(name))))
+    assert len(found.applied()) > 1
+    assert not found.undetected, "\n".join(found.lines())

@@ -38,6 +38,7 @@ QUICK = {
     "fallbacks": Attacked(50.0, ("labels", "flags", "excuses")),
     "gauntlet_slcan": Attacked(None, ("removals", "flags", "excuses", "configurations")),
     "gauntlet_udp": Attacked(None, ("flags",), every=True),
+    "obstacle": Attacked(46.0, ("flags",), every=True),
 }
 
 
@@ -67,7 +68,7 @@ def test_the_score_detects_every_falsification(name: str, attacked: Attacked, tm
 def test_every_falsification_is_applied_to_a_session(tmp_path: Path) -> None:
     """What changes nothing in a session is skipped there: none may be skipped everywhere."""
     missing = set(CATALOGUE)
-    for name in (SHORT, "fallbacks", "nominal"):
+    for name in (SHORT, "fallbacks", "nominal", "obstacle"):
         sample = _sample(name, replace(QUICK[name], groups=()), tmp_path)
         beside = {"other seed": sample.session.folder, "other scenario": sample.session.folder}
         is_applied = _is_applied(replace(sample, others=beside))

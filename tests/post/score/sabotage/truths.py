@@ -11,7 +11,10 @@ from fti.hil.truth import SCENARIO_ATTACHMENT
 from fti.logger.reading.mcap_file import Item
 from tests.post.score.sabotage.falsification import Falsification, Sample, Target, once
 from tests.post.score.sabotage.message_edits import Forgery
-from tests.post.score.sabotage.session_copy import SECOND_NS, LogFile, Session
+from tests.post.score.sabotage.session_copy import SECOND_NS, TRUTH, LogFile, Session
+
+#: What is measured better than this: 6 m, half a metre per second.
+ELSEWHERE = (("lat", 1e-6), ("lon", 1e-6), ("alt", 6.0), ("vel_north", 0.5), ("vel_east", 0.5))
 
 
 def _shifted(by_s: float) -> Callable[[Forgery], None]:
@@ -80,7 +83,18 @@ def _put_truth(folder: Path, *, renamed: bool = False) -> Callable[[Forgery], No
 
 def _renamed_truth(sample: Sample) -> Iterator[Target]:
     for name, folder in sample.others.items():
-        yield Target(name, _put_truth(folder, renamed=True))
+        if _is_elsewhere(sample.session, Session.read(folder)):
+            yield Target(name, _put_truth(folder, renamed=True))
+
+
+def _is_elsewhere(session: Session, other: Session) -> bool:
+    """Was the other flight somewhere else at the same time, or at another speed?"""
+    rows = zip(_states(session), _states(other), strict=False)
+    return any(abs(one[name] - two[name]) > least for one, two in rows for name, least in ELSEWHERE)
+
+
+def _states(session: Session) -> list[dict[str, float]]:
+    return [orjson.loads(item.data) for item in session.items("truth") if item.topic.name == TRUTH]
 
 
 def _second_truth(sample: Sample) -> Iterator[Target]:

@@ -122,10 +122,6 @@ SCALES = (
     _Attack("height in feet as metres", (HEIGHT,), HEIGHTS, _times(0.3048), "at 100 m it is 70 m wrong", 100.0),
     _Attack("height times 1.2", (HEIGHT,), HEIGHTS, _times(1.2), "at 100 m it is 20 m wrong", 100.0),
     _Attack("distance s times 1.1", (GLIDE_SLOPE,), ("s",), _times(1.1), "at 1 km it is 100 m wrong", 1000.0),
-    _Attack("sign of the deviation", (GLIDE_SLOPE,), ("deviation",), _times(-1.0), f"half a dot; {STATED}", DOT_RAD),
-    _Attack(
-        "sign of the offset", (GLIDE_SLOPE,), ("y",), _times(-1.0), "y is of the position, whose sigma is 2 m", 40.0
-    ),
     _Attack("sign of the descent", SOLUTIONS, ("vel_down",), _times(-1.0), "twice the rate of descent is wrong", 2.0),
     _Attack("sign of the longitude", POSITIONS, ("lon",), _times(-1.0), "it is on the other side of the earth"),
     _Attack(
@@ -138,7 +134,7 @@ SCALES = (
 ALL = ("/nav/",)
 SIGMAS = (
     "horizontal_sd", "vertical_sd", "vel_sd", "tilt_sd", "heading_sd", "vel_down_sd", "sd", "compensated_sd", "dh_sd",
-    "height_error_sd", "shift_sd", "predicted_sd",
+    "height_error_sd",
 )  # fmt: skip
 #: Of which nothing but the promise is judged; an optimistic one is seen by the errors of what it belongs to.
 CLAIM = "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a tenth of it"
