@@ -7,6 +7,7 @@ schemas, channels and summary are as an honest writer makes them.  Files without
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -84,6 +85,14 @@ class LogFile:
         writer.close()
         if self.cut_share < 1.0:
             os.truncate(path, round(self.cut_share * path.stat().st_size))
+
+
+def _link(file: Path, path: Path) -> None:
+    """The same file at another place; a copy where that is on another medium."""
+    try:
+        os.link(file, path)
+    except OSError:
+        shutil.copyfile(file, path)
 
 
 def _without_sums(name: str, table: Mapping[str, str]) -> dict[str, str]:
@@ -170,5 +179,5 @@ class Session:
                 if file.changed:
                     file.write(path)
                 else:
-                    os.link(file.path, path)
+                    _link(file.path, path)
         return place
