@@ -20,6 +20,8 @@ HEALTH = "/fti/health"
 STATES = ("silent", "noise", "invalid", "wrong rate")
 #: A flag that must have gone less than this before the end may stand to the end [s].
 BEFORE_END_S = 3.0
+#: A bench that was late so long before or after a flag excuses it [s].
+BEFORE_S = 6.0
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Flag:
     """An expected flag that stands in the honest session.
 
     place, words : as the score names them; value : a number instead of words
-    from_s, until_s : of its cause [s]; gone_s : when it must have gone [s], None where that is not judged
+    from_s, until_s : of its cause [s]; stands_s, gone_s : when it must stand, and must have gone [s]; None: not judged
     """
 
     place: str
@@ -35,6 +37,7 @@ class Flag:
     value: float | None
     from_s: float
     until_s: float
+    stands_s: float
     gone_s: float | None
 
     @property
@@ -44,13 +47,14 @@ class Flag:
 
 
 def flags_of(sample: Sample) -> list[Flag]:
-    """Every flag that the honest session raises in time; one that several faults raise once."""
+    """Every flag that the honest session raises in time, and no late bench excuses; of several faults the first."""
     found: dict[str, Flag] = {}
     for score in sample.honest.report:
         for row in score["rows"]:
             if row.get("verdict") == "found" and isinstance(row.get("flag"), str):
                 flag = _parsed(row)
-                found.setdefault(flag.name, flag)
+                if not sample.session.was_late(flag.from_s - BEFORE_S, (flag.gone_s or flag.stands_s) + BEFORE_S):
+                    found.setdefault(flag.name, flag)
     return list(found.values())
 
 
@@ -59,7 +63,7 @@ def _parsed(row: dict[str, Any]) -> Flag:
     value = float(rest.removeprefix("= ")) if rest.startswith("= ") else None
     words = () if value is not None else tuple(rest.split(" or "))
     gone_s = row["until_s"] + row["clears_s"] if row.get("clears_s") is not None else None
-    return Flag(place, words, value, row["from_s"], row["until_s"], gone_s)
+    return Flag(place, words, value, row["from_s"], row["until_s"], row["from_s"] + (row["within_s"] or 0.0), gone_s)
 
 
 # --------------------------------------------------------------------------------------------------------- hidden

@@ -23,9 +23,11 @@ from fti.logger.stream_writer import StreamWriter
 
 Kind = Literal["raw", "derived", "truth"]
 KINDS: tuple[Kind, ...] = ("raw", "derived", "truth")
-FILE_METADATA, TRUTH = "fti.file", "/truth/state"
+FILE_METADATA, TRUTH, LATE = "fti.file", "/truth/state", "/truth/late"
 SECOND_NS = 1_000_000_000
 FLUSH_EVERY = 20_000
+#: A row of the truth that is written so long after its instant was written by an emulator that was late [ns].
+LATE_NS = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,19 @@ class Session:
     def end_s(self) -> float:
         """Time of the last row of the truth [s of the flight]."""
         return self.seconds(self._states[-1].log_time)
+
+    def was_late(self, from_s: float, until_s: float) -> bool:
+        """Was the emulator late in this interval, as the truth file has it?  That excuses what is missing then."""
+        return any(begin <= until_s and end >= from_s for begin, end in self._late)
+
+    @cached_property
+    def _late(self) -> list[tuple[float, float]]:
+        """When rows of the truth were due, and when they were written, of those that were written late."""
+        return [
+            (self.seconds(item.log_time), self.seconds(item.publish_time))
+            for item in self.items("truth")
+            if item.topic.name in (TRUTH, LATE) and item.publish_time - item.log_time > LATE_NS
+        ]
 
     @cached_property
     def _states(self) -> list[Item]:
