@@ -104,9 +104,10 @@ def _hidden_in_output(forgery: Forgery, flag: Flag) -> Callable[[Table, float], 
     def change(table: Table, t: float) -> None:
         for role in ("position", "attitude"):
             key = f"{role}_source"
-            if table.get(key) and any(word.startswith(f"{role} ") for word in flag.words):
-                usual.setdefault(key, table[key])
-                table[key] = usual[key]
+            if key in table and any(word.startswith(f"{role} ") for word in flag.words):
+                if table[key]:
+                    usual.setdefault(key, table[key])
+                table[key] = usual.get(key)
         _without_words(table, "reasons", flag.words)
         _without_words(table, "unchecked", flag.words)
         if table.get("state") in flag.words:
