@@ -48,6 +48,8 @@ WRONG = (
 )  # fmt: skip
 #: A device that was lost has its fix, its clock and its rate again so long after it came back [s].
 BACK_S = 2.0
+#: Beyond the age that is allowed, a device is replaced by the next one within this time [s].
+SWITCH_S = 1.0
 
 
 class Affected:
@@ -59,12 +61,12 @@ class Affected:
 
     def lost(self, output: RequiredOutput) -> list[Interval]:
         """When the output may be rare, or not valid [s of the flight]."""
-        found = [
-            (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
-            for fault, name in self._on(output.devices)
-            if not isinstance(fault, HARMLESS) and self._counts(name, fault, output)
-        ]
-        return found + list(self._on_ground(output)) + list(self._beside_track(output))
+        found = list[Interval]()
+        for fault, name in self._on(output.devices):
+            if not isinstance(fault, HARMLESS) and self._counts(name, fault, output):
+                whole = (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
+                found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
+        return [*found, *self._on_ground(output), *self._beside_track(output)]
 
     def wrong(self, output: RequiredOutput) -> list[Interval]:
         """When the output may be wrong and call itself valid [s of the flight]."""
@@ -99,6 +101,20 @@ class Affected:
             if loss.from_s < fault.to_s + BACK_S and self._back_s(loss, other) > fault.from_s
         }
         return gone.issuperset(before)
+
+    def _is_replaced(self, name: str, fault: OnDevices | BusOff | Babbling, output: RequiredOutput) -> bool:
+        """Does another device of each list take over?  The monitor begins a new window when one does."""
+        lists = [names for names in output.preferred if name in names]
+        if not lists or output.topic in (INTEGRITY, GLIDE) or output.topic.endswith(f"/{name}"):
+            return False
+        end_s = self._back_s(fault, name)
+        faulty = {other for loss, other in self._on(output.devices) if loss.from_s < end_s and loss.to_s > fault.from_s}
+        return all(set(names) - faulty - {name} for names in lists)
+
+    def _switches(self, fault: OnDevices | BusOff | Babbling, name: str) -> list[Interval]:
+        """When another device takes over, and when it gives back [s of the flight]."""
+        age_s = self._craft.max_age_s(name)
+        return [(fault.from_s, fault.from_s + age_s + SWITCH_S), (fault.to_s, self._back_s(fault, name))]
 
     def _back_s(self, fault: OnDevices | BusOff | Babbling, name: str) -> float:
         """When the device is there again [s of the flight]."""

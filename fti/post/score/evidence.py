@@ -41,6 +41,10 @@ class Evidence:
         """The bench was late for so much of an interval [s]."""
         return overlap_s(self.pauses, from_s, until_s)
 
+    def latest_s(self, from_s: float, until_s: float) -> float | None:
+        """When the bench had caught up with the last of its pauses in an interval [s]; None where it has none."""
+        return max((p.until_s for p in self.pauses if p.from_s < until_s and p.until_s > from_s), default=None)
+
     def excused(self, from_s: float, until_s: float) -> float:
         """The same, and what of the interval is in the start [s]."""
         return overlap_s(merged((*self.pauses, Pause(0.0, self.start_s))), from_s, until_s)

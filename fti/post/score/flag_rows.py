@@ -69,7 +69,7 @@ def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iter
     for duty in one.duties:
         row = _row(index, fault, one, duty)
         judged = _judged(row, duty, evidence)
-        yield replace(judged, verdict=_excuse(judged, evidence))
+        yield replace(judged, verdict=_excuse(judged, duty, evidence))
 
 
 def _row(index: int, fault: Fault, one: Told, duty: Duty) -> Row:
@@ -78,16 +78,23 @@ def _row(index: int, fault: Fault, one: Told, duty: Duty) -> Row:
     return Row(index, describe(fault), one.subject, flag, *span, Verdict.FOUND, within_s=duty.within_s)
 
 
-def _excuse(row: Row, evidence: Evidence) -> Verdict:
-    """The verdict, unless the unit was starting or the bench was late when the flag had to stand, or had to be gone."""
+def _excuse(row: Row, duty: Duty, evidence: Evidence) -> Verdict:
+    """The verdict, unless the unit was starting or the bench was late when the flag had to stand, or had to be gone.
+
+    A late bench gives time for it: the window over which is judged, anew.  A flag that does not come then is missing.
+    """
     if row.verdict not in FAILURES:
         return row.verdict
     stays = row.verdict is Verdict.STAYS
     cause_s, allowed_s = (row.until_s, row.clears_s) if stays else (row.from_s, row.within_s)
     if cause_s < evidence.start_s:
         return Verdict.START
-    late = evidence.paused(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0)) > 0.0
-    return Verdict.LATE_BENCH if late else row.verdict
+    latest_s = evidence.latest_s(cause_s - BEFORE_S, cause_s + (allowed_s or 0.0))
+    if latest_s is None:
+        return row.verdict
+    came_s = cause_s + row.after_s if row.verdict is Verdict.LATE and row.after_s is not None else duty.until_s
+    in_time = stays or came_s <= latest_s + (allowed_s or 0.0) + BEFORE_S
+    return Verdict.LATE_BENCH if in_time else row.verdict
 
 
 def _judged(row: Row, duty: Duty, evidence: Evidence) -> Row:

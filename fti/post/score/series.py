@@ -38,7 +38,7 @@ class TopicSeries:
     @property
     def valid_ns(self) -> Times:
         """When the content of each message was true [ns], shape (n,): its stamp, else its log time."""
-        times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") for row in self.rows)
+        times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)
         return np.array([t if isinstance(t, int) else log_ns for t, log_ns in pairs], dtype=np.int64)
 
@@ -85,6 +85,14 @@ def read_series(recording: Recording, topics: Iterable[str]) -> dict[str, TopicS
 def _stamp(row: dict[str, Any]) -> dict[str, Any]:
     stamp = row.get("stamp")
     return stamp if isinstance(stamp, dict) else {}
+
+
+def _time_ns(row: dict[str, Any]) -> int | None:
+    """The time of a Foxglove message [ns]."""
+    time = row.get("timestamp")
+    if not isinstance(time, dict) or not isinstance(time.get("sec"), int) or not isinstance(time.get("nsec"), int):
+        return None
+    return int(time["sec"]) * 1_000_000_000 + int(time["nsec"])
 
 
 def _number(value: Any) -> float:

@@ -69,10 +69,11 @@ def test_the_monitor_is_judged_with_the_radar_altimeter() -> None:
         ({"kind": "cut", "devices": ("altimeter",)}, "/nav/height_above_ground/altimeter", True, False),
         ({"kind": "cut", "devices": ("altimeter",)}, "/nav/height_above_ground/autopilot", False, False),
         ({"kind": "cut", "devices": ("altimeter",)}, "/nav/clearance_integrity", True, False),
-        ({"kind": "cut", "devices": ("ins",)}, "/nav/nav_solution", True, False),
+        ({"kind": "cut", "devices": ("ins",)}, "/nav/nav_solution", False, False),  # others take over
+        ({"kind": "cut"}, "/nav/nav_solution", True, False),
         ({"kind": "cut", "devices": ("ahrs",)}, "/nav/nav_solution", False, False),
         ({"kind": "stuck", "devices": ("altimeter",)}, "/nav/height_above_ground/altimeter", True, True),
-        ({"kind": "stuck", "devices": ("ins",)}, "/nav/nav_solution", True, True),
+        ({"kind": "stuck", "devices": ("ins",)}, "/nav/nav_solution", False, True),
         ({"kind": "stuck", "devices": ("gnss",)}, "/nav/nav_solution", False, False),
         ({"kind": "stuck", "devices": ("gnss",)}, "/nav/filter_solution", True, True),
         ({"kind": "stuck", "devices": ("gnss",)}, "/gnss/position", True, True),
@@ -86,6 +87,13 @@ def test_a_fault_explains_what_depends_on_its_device(fault: Any, topic: str, los
     during = np.array([35.0])
     assert inside(during, effects.lost(output)).item() is lost
     assert inside(during, effects.wrong(output)).item() is wrong
+
+
+def test_a_change_of_sources_takes_a_moment() -> None:
+    """The inertial system is 0.5 s old at most; then the satellite receiver takes over."""
+    lost = affected(kind="cut", devices=("ins",)).lost(promised()["/nav/nav_solution"])
+    assert inside(np.array([30.6, 40.5]), lost).all()
+    assert not inside(np.array([32.0, 39.9]), lost).any()
 
 
 def test_a_fault_explains_nothing_before_it_nor_long_after() -> None:

@@ -218,7 +218,18 @@ def test_a_pause_behind_the_time_of_a_flag_is_no_excuse(setup: Setup) -> None:
     for heard in (said(), said((25.0, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))):
         verdict = height_verdict(score(setup, heard, flown(40.0, Pause(22.0, 22.2)), faults=(cut,)))
         assert verdict is (Verdict.LATE if heard.spans else Verdict.MISSING)
-        assert height_verdict(score(setup, heard, flown(40.0, Pause(19.0, 19.2)), (cut,))) is Verdict.LATE_BENCH
+
+
+def test_a_pause_before_a_cause_excuses_that_its_flag_is_late_and_not_that_it_never_comes(setup: Setup) -> None:
+    """The flag is due 0.8 s after the cause, and a window of 5 s begins anew behind the pause."""
+    cut, late = {**CUT, "to_s": 30.0}, flown(40.0, Pause(19.0, 19.2))
+    expected = {24.9: Verdict.LATE_BENCH, 25.2: Verdict.LATE}
+    for came_s, verdict in expected.items():
+        heard = said((came_s, HEIGHT, STALE), (30.1, HEIGHT, NOTHING))
+        assert height_verdict(score(setup, heard, late, (cut,))) is verdict
+    assert height_verdict(score(setup, said(), late, (cut,))) is Verdict.MISSING
+    short = {**CUT, "to_s": 24.0}
+    assert height_verdict(score(setup, said(), late, (short,))) is Verdict.LATE_BENCH
 
 
 def test_a_pause_before_a_cause_ends_excuses_that_its_flag_stays(setup: Setup) -> None:

@@ -48,6 +48,11 @@ class _Checks:
         self._late = [(from_s, until_s + AFTER_LATE_S) for from_s, until_s in evidence.late]
         self._may = of_flight(evidence.craft, evidence.truth)
         header = evidence.reference.header if evidence.reference else None
+        self._stated = frozenset(
+            sd
+            for sd in ("horizontal_sd", "vertical_sd")
+            if all(f"position.{sd}" in evidence.intended.get(name, {}) for name in evidence.config.nav.position)
+        )
         self._glide = math.radians(header.airfield.glide_deg) if header else None
 
     def of(self, output: RequiredOutput) -> Iterator[OutputRow]:
@@ -75,7 +80,7 @@ class _Checks:
         evidence = self._evidence
         judged = during & series.valid & ~inside(t, [*self._affected.wrong(output), *self._late])
         limits, excused = evidence.scenario.limits, during & series.valid & ~judged
-        for quantity in Comparison(series, evidence.table, limits, self._arm_b(output)).errors():
+        for quantity in Comparison(series, evidence.table, limits, self._arm_b(output), self._stated).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)

@@ -17,7 +17,7 @@ from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
-from fti.types import Datum, IntegrityState, Point
+from fti.types import Datum, IntegrityState, Point, Reason
 
 #: Full scale, and one dot as a part of the glide angle (ICAO Annex 10; shared specification of the glide slope).
 FULL_SCALE_DOTS, DOT = 2.0, 0.12
@@ -28,6 +28,18 @@ TILT_FACTOR, TILT_MARGIN, HEIGHT_MARGIN_M = 1.5, 0.02, 1.0
 WINDOW_SHARE = 0.05
 #: Outputs that name what they lack while they are valid.
 FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
+#: Reasons with which nothing is valid.
+CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
+#: Fields without which a valid message says nothing.
+VALUES = {
+    SOLUTION: ("lat", "lon", "alt", "vel_north", "vel_east", "vel_down", "roll", "pitch", "heading"),
+    GLIDE: ("s", "y", "dh_nav"),
+    FILTER_TOPIC: ("lat", "lon", "alt", "roll", "pitch", "heading"),
+    VERTICAL_TOPIC: ("alt", "vel_down"),
+    FIX: ("lat", "lon"),
+    INTEGRITY: ("s_begin", "s_end"),
+    HEIGHT: ("raw", "height_agl"),
+}
 #: States in which the monitor has judged.
 JUDGED_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
 
@@ -47,6 +59,7 @@ class Consistency:
         """Every check of the topic."""
         topic, nav = self._series.topic, self._config.nav
         yield from self._reasons()
+        yield from self._values()
         if topic == SOLUTION:
             yield self._named("position_source", (*nav.position, FILTER, RADIO))
             yield self._named("attitude_source", (*nav.attitude, FILTER))
@@ -71,6 +84,16 @@ class Consistency:
         found = f"{len(wrong)} messages differ" if wrong else "as it should be"
         at_s = float(self._t[wrong[0]]) if wrong else None
         yield OutputRow(topic, Check.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s)
+
+    def _values(self) -> Iterator[OutputRow]:
+        """What is valid has its values."""
+        series = self._series
+        fields = VALUES.get(HEIGHT if series.topic.startswith(f"{HEIGHT}/") else series.topic, ())
+        lacking = [f for f in fields if (series.valid & ~np.isfinite(series.column(f))).any()]
+        if fields:
+            found = f"valid without {', '.join(lacking)}" if lacking else "as it should be"
+            limit = "each value of a valid message"
+            yield OutputRow(series.topic, Check.CONSISTENT, "values", verdict_of(not lacking), found, limit)
 
     def _named(self, field: str, names: tuple[str, ...], *, may_be_none: bool = True) -> OutputRow:
         """A field that names a device must name one that the configuration has for it."""
@@ -130,7 +153,8 @@ def _has_reason_if_not_valid(row: Mapping[str, Any]) -> bool:
 
 
 def _has_reason(row: Mapping[str, Any]) -> bool:
-    return row.get("valid") is True or bool(row.get("reasons"))
+    reasons = row.get("reasons") or ()
+    return CONTRADICTIONS.isdisjoint(map(str, reasons)) if row.get("valid") is True else bool(reasons)
 
 
 def _fits_state(row: Mapping[str, Any]) -> bool:

@@ -46,10 +46,18 @@ class Comparison:
     """One topic against the truth.
 
     limits : of the scenario; arm_b : from P to where the topic's device measures, body frame [m]
+    stated : names of sigmas that every source of the navigation solution states
     """
 
-    def __init__(self, series: TopicSeries, truth: TruthTable, limits: ScoreLimits, arm_b: Vector) -> None:
-        self._series, self._truth, self._limits = series, truth, limits
+    def __init__(
+        self,
+        series: TopicSeries,
+        truth: TruthTable,
+        limits: ScoreLimits,
+        arm_b: Vector,
+        stated: frozenset[str] = frozenset(),
+    ) -> None:
+        self._series, self._truth, self._limits, self._stated = series, truth, limits, stated
         self._t: Times = series.valid_ns
         self._arm_n = self._turned(arm_b)
 
@@ -140,7 +148,8 @@ class Comparison:
 
     def _must_state(self, sd: str) -> bool:
         """Filters state a sigma of everything they give; devices, and what passes their values on, may not."""
-        return bool(sd) and self._series.topic in STATE_SIGMAS
+        topic = self._series.topic
+        return bool(sd) and (topic in STATE_SIGMAS or (topic == SOLUTION and sd in self._stated))
 
     def _turned(self, arm_b: Vector) -> Array:
         """A lever arm north, east, down at each message [m], shape (n, 3); NaN outside the flight."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fti.hil.expected.affected import Interval, inside
-from fti.hil.expected.required_outputs import RequiredOutput
+from fti.hil.expected.required_outputs import NOW_S, RequiredOutput
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
 from fti.post.score.rows import Verdict
 from fti.post.score.series import Array, Mask, TopicSeries
@@ -124,6 +124,8 @@ def _order(
     stamps, age_s = series.column("t_ns"), (series.log_ns - series.valid_ns) / 1e9
     other = np.isfinite(stamps) & (abs(stamps - series.log_ns) > SAME_NS)
     old = free & series.valid & ((age_s > output.age_s) | (age_s < -AHEAD_S))
+    if output.age_s <= NOW_S:  # what is calculated for each tick
+        later[1:] |= np.diff(series.valid_ns) < 0
     findings = (
         (later, "before the one behind it"),
         (other, "t_ns differs from the log time"),

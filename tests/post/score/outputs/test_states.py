@@ -66,7 +66,8 @@ def test_a_height_belongs_to_its_altimeter_and_its_range() -> None:
 
 
 def test_sources_are_those_of_the_configuration() -> None:
-    sources: dict[str, Any] = {"position_source": "ins", "attitude_source": "ins", "altitude_source": "ins"}
+    values = dict.fromkeys(("lat", "lon", "alt", "vel_north", "vel_east", "vel_down", "roll", "pitch", "heading"), 0.0)
+    sources: dict[str, Any] = {**values, "position_source": "ins", "attitude_source": "ins", "altitude_source": "ins"}
     topic = "/nav/nav_solution"
     assert consistent(messages(topic, T.tolist(), **sources)) == {Verdict.HOLDS}
     assert Verdict.FAILS in consistent(messages(topic, T.tolist(), **{**sources, "position_source": "altimeter"}))
@@ -75,7 +76,14 @@ def test_sources_are_those_of_the_configuration() -> None:
 def test_a_deviation_belongs_to_its_height_and_its_dots() -> None:
     """10 m above the path, 1000 m before the intercept point: 0.57 deg, and 1.58 dots of 0.36 deg."""
     deviation = math.degrees(math.atan2(1000.0 * math.tan(GLIDE) + 10.0, 1000.0)) - 3.0
-    fine: dict[str, Any] = {"s": 1000.0, "dh": 10.0, "deviation": math.radians(deviation), "dots": deviation / 0.36}
+    fine: dict[str, Any] = {
+        "s": 1000.0,
+        "y": 0.0,
+        "dh_nav": 10.0,
+        "dh": 10.0,
+        "deviation": math.radians(deviation),
+        "dots": deviation / 0.36,
+    }
     assert deviation == pytest.approx(0.571, abs=2e-3)
     assert consistent(messages("/nav/glide_slope", T.tolist(), **fine)) == {Verdict.HOLDS}
     for wrong in ({"dots": -deviation / 0.36}, {"deviation": -math.radians(deviation)}, {"dh": 30.0}):
@@ -84,8 +92,16 @@ def test_a_deviation_belongs_to_its_height_and_its_dots() -> None:
 
 def test_a_window_is_as_long_as_configured() -> None:
     topic = "/nav/clearance_integrity"
-    assert consistent(messages(topic, T.tolist(), s_begin=1400.0, s_end=1000.0)) == {Verdict.HOLDS}
-    assert consistent(messages(topic, T.tolist(), s_begin=1100.0, s_end=1000.0)) == {Verdict.FAILS}
+    fine: dict[str, Any] = {
+        "state": "ok",
+        "t2_ratio": 0.5,
+        "s_begin": 1400.0,
+        "s_end": 1000.0,
+        "reasons": [[]] * len(T),
+    }
+    assert consistent(messages(topic, T.tolist(), **fine)) == {Verdict.HOLDS}
+    for wrong in ({"s_begin": 1100.0}, {"state": "acquire"}, {"state": "monitor"}, {"t2_ratio": None}, {"s_end": None}):
+        assert Verdict.FAILS in consistent(messages(topic, T.tolist(), **{**fine, **wrong})), wrong
 
 
 @pytest.mark.parametrize(("error_m", "verdict"), [(5.0, Verdict.HOLDS), (-35.0, Verdict.FAILS)])
