@@ -29,6 +29,8 @@ from fti.post.score.series import Array, Mask, TopicSeries, read_series
 
 #: What the emulator's lateness leaves behind in outputs [s].
 AFTER_LATE_S = 1.0
+#: A fix by DME alone is worse than its ranges by the geometry of the stations, and no more than that.
+RANGES_OF_FIX = 3.0
 #: So many messages of a real line may come with the one before: 0.7 % did on a busy computer.
 SAME_READ_SHARE = 0.02
 
@@ -53,6 +55,8 @@ class _Checks:
             for sd in ("horizontal_sd", "vertical_sd")
             if all(f"position.{sd}" in evidence.intended.get(name, {}) for name in evidence.config.nav.position)
         )
+        radio = evidence.config.nav.radio
+        self._fix_m = RANGES_OF_FIX * radio.dme_sd_m if radio else 0.0
         self._glide = math.radians(header.airfield.glide_deg) if header else None
 
     def of(self, output: RequiredOutput) -> Iterator[OutputRow]:
@@ -80,7 +84,9 @@ class _Checks:
         evidence = self._evidence
         judged = during & series.valid & ~inside(t, [*self._affected.wrong(output), *self._late])
         limits, excused = evidence.scenario.limits, during & series.valid & ~judged
-        for quantity in Comparison(series, evidence.table, limits, self._arm_b(output), self._stated).errors():
+        for quantity in Comparison(
+            series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
+        ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)

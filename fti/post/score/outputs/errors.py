@@ -46,7 +46,7 @@ class Comparison:
     """One topic against the truth.
 
     limits : of the scenario; arm_b : from P to where the topic's device measures, body frame [m]
-    stated : names of sigmas that every source of the navigation solution states
+    stated : names of sigmas that every source of the navigation solution states; fix_m : largest sigma of a radio fix [m]
     """
 
     def __init__(
@@ -55,9 +55,12 @@ class Comparison:
         truth: TruthTable,
         limits: ScoreLimits,
         arm_b: Vector,
+        *,
         stated: frozenset[str] = frozenset(),
+        fix_m: float = 0.0,
     ) -> None:
         self._series, self._truth, self._limits, self._stated = series, truth, limits, stated
+        self._horizontal_m = max(limits.horizontal_m, fix_m) if series.topic == FIX else limits.horizontal_m
         self._t: Times = series.valid_ns
         self._arm_n = self._turned(arm_b)
 
@@ -191,5 +194,5 @@ class Comparison:
             "m",
             np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1]),
             sd,
-            self._limits.horizontal_m,
+            self._horizontal_m,
         )

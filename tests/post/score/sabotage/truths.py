@@ -23,7 +23,8 @@ def _shifted(by_s: float) -> Callable[[Forgery], None]:
     def change(item: Item) -> list[Item]:
         by_ns = round(by_s * SECOND_NS)
         row = orjson.loads(item.data)
-        row["t_ns"] += by_ns
+        if "t_ns" in row:
+            row["t_ns"] += by_ns
         log_time, publish_time = item.log_time + by_ns, item.publish_time + by_ns
         return [item._replace(data=orjson.dumps(row), log_time=log_time, publish_time=publish_time)]
 
