@@ -112,7 +112,7 @@ class Topic:
         """
         __tracebackhide__ = True
         found = self._compare(quantity, truth)
-        self._judge(quantity, found, np.full(len(found.error), limit), share, f"{limit:g} {found.unit}")
+        self._judge(quantity, found, np.full(len(found.error), float(limit)), share)
 
     def assert_error_within_sigma(
         self, quantity: str, sd: str, k: float = 3.0, *, truth: str | None = None, share: float = 1.0
@@ -124,7 +124,7 @@ class Topic:
         without = np.flatnonzero(~(stated > 0.0))
         if len(without):
             self._fail(f"{quantity}: {len(without)} messages state no {sd}, the first at {found.t_s[without[0]]:.2f} s")
-        self._judge(quantity, found, k * stated, share, f"{k:g} {sd}")
+        self._judge(quantity, found, k * stated, share, f"{k:g} {sd} = ")
 
     def _compare(self, quantity: str, truth: str | None) -> Deviations:
         __tracebackhide__ = True
@@ -141,17 +141,19 @@ class Topic:
             self._fail(f"{quantity}: nothing to compare: {valid} of {len(self)} messages are valid, none with a number")
         return found
 
-    def _judge(self, quantity: str, found: Deviations, limits: Array, share: float, shown: str) -> None:
+    def _judge(self, quantity: str, found: Deviations, limits: Array, share: float, factor: str = "") -> None:
+        """limits : of each message, shape (n,); factor : of which they are made, where they differ"""
         __tracebackhide__ = True
         beyond = ~(np.abs(found.error) <= limits)
         if 1.0 - float(beyond.mean()) >= share:
             return
         k = int(np.argmax(np.abs(found.error) / limits))
+        allowed = f" for {share:.1%} of the messages" if share < 1.0 else ""
         self._fail(
             f"{quantity}: error {found.error[k]:+.4g} {found.unit} at {found.t_s[k]:.2f} s "
-            f"({found.value[k]:.9g}, truth {found.truth[k]:.9g}); limit +-{shown} (here {limits[k]:.4g} {found.unit}) "
-            f"in "
-            f"{share:.1%} of the valid messages; {int(beyond.sum())} of {len(beyond)} are beyond"
+            f"({found.value[k]:.9g}, truth {found.truth[k]:.9g}); "
+            f"limit +-{factor}{limits[k]:.4g} {found.unit}{allowed}; "
+            f"{int(beyond.sum())} of {len(beyond)} valid messages are beyond"
         )
 
     # ----------------------------------------------------------------------------------------------------------- flags

@@ -103,8 +103,9 @@ def test_error_names_the_worst() -> None:
     found.assert_error("alt", 7.001)
     said = failure(found.assert_error, "alt", 1.0)
     assert "alt: error +7 m at 12.00 s (131, truth 124); limit +-1 m" in said
-    assert "1 of 200 are beyond" in said
+    assert "1 of 200 valid messages are beyond" in said
     found.assert_error("alt", 1.0, share=0.995)
+    assert "limit +-1 m for 99.9% of the messages" in failure(found.assert_error, "alt", 1.0, share=0.999)
 
 
 def test_the_truth_is_taken_at_the_time_of_validity() -> None:
@@ -166,8 +167,8 @@ def test_error_within_the_stated_sigma() -> None:
     found = topic(lambda t: {"alt": 100.0 + 2.0 * t + 2.0, "vertical_sd": 1.0 if t < 10.0 else 0.5}, ten_hz())
     found.assert_error_within_sigma("alt", "vertical_sd", k=4.01)
     said = failure(found.assert_error_within_sigma, "alt", "vertical_sd")
-    assert "limit +-3 vertical_sd (here 1.5 m)" in said
-    assert "100 of 200 are beyond" in said
+    assert "limit +-3 vertical_sd = 1.5 m; " in said
+    assert "100 of 200 valid messages are beyond" in said
 
 
 @pytest.mark.parametrize("sd", [None, 0.0, -1.0, math.nan])
