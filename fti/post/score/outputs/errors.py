@@ -46,7 +46,7 @@ class Comparison:
     """One topic against the truth.
 
     limits : of the scenario; arm_b : from P to where the topic's device measures, body frame [m]
-    stated : names of sigmas that every source of the navigation solution states; fix_m : largest sigma of a radio fix [m]
+    stated : sigmas that every source of the navigation solution states; fix_m : largest one of a radio fix [m]
     """
 
     def __init__(
@@ -189,10 +189,6 @@ class Comparison:
         north = (lat - true_lat) * (meridian + alt)
         turn = (lon - self._true("lon") + math.pi) % (2.0 * math.pi) - math.pi
         east = turn * (normal + alt) * np.cos(np.nan_to_num(true_lat))
-        return QuantityError(
-            "horizontal",
-            "m",
-            np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1]),
-            sd,
-            self._horizontal_m,
-        )
+        distance = np.hypot(north - self._arm_n[:, 0], east - self._arm_n[:, 1])
+        must = self._must_state("horizontal_sd")
+        return QuantityError("horizontal", "m", distance, sd, self._horizontal_m, must)
