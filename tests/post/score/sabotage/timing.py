@@ -178,7 +178,7 @@ MOVED = "the aircraft moves 60 m in a second and 600 m in ten, far more than eac
 TIMING: Sequence[Falsification] = (
     Falsification("every message of output twice", "the rate is doubled", of_topics(outputs, _twice)),
     Falsification(
-        "stretch of output again with new times", f"twice the rate; {MOVED}", of_topics(outputs, _stretch_again)
+        "stretch of output again with new times", f"twice the rate; {MOVED}", of_topics(judged_outputs, _stretch_again)
     ),
     Falsification("neighbours of output swapped", SAME, of_topics(outputs, _swapped_neighbours)),
     Falsification("stretch of output backwards", MOVED, of_topics(_moving_in_stretch, _reversed_stretch)),
