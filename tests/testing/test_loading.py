@@ -43,7 +43,7 @@ def test_every_name_is_there() -> None:
 def test_a_project_that_uses_no_fixture_loads_nothing_either(tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text(SHOW)
     (tmp_path / "test_it.py").write_text(TEST)
-    environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTEST_ADDOPTS": ""}
     command = [sys.executable, "-m", "pytest", "-s", "-p", "fti.testing.plugin"]
     for how in ([], ["--collect-only"]):
         done = subprocess.run(

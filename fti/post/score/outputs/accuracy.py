@@ -15,8 +15,8 @@ from fti.post.score.series import Array, Mask
 
 #: So many errors say something about a sigma.
 LEAST_COUNT = 20
-#: A sigma of more than 25 times the errors says nothing: RMS of error over sigma.
-LEAST_RATIO = 0.04
+#: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
+LEAST_RATIO = 0.02
 #: Behind an error that a fault explains: what navigation does not notice is told all the same.
 DURING_FAULT = ", called valid during a fault"
 

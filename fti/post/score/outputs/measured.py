@@ -1,7 +1,8 @@
 """Do the decoded measurements of a device have the numbers that it meant to state?
 
 The truth file has them once a second.  A recording may have left out that very sample, so each number must lie among
-those that were decoded within half a second of it, widened by their scatter.
+those that were decoded within half a second of it, widened by their scatter and by the sigma that the messages state,
+which has the steps of a protocol in it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ NEAR_NS = 500_000_000
 #: Beyond the decoded numbers: five times their scatter, which is that of some five samples, and shares of the span over
 #: the flight and of the number.
 SCATTERS, OF_SPAN, OF_VALUE, LEAST = 5.0, 0.02, 0.005, 1e-6
+#: Beyond that so many stated sigmas, but no larger share of the number: a unit may state what it likes.
+SIGMAS, LARGEST_SIGMAS = 3.0, 0.05
 #: Shares of the number where protocols send one decimal place of small numbers.
 COARSE = {"hdop": 0.1, "vdop": 0.1, "pdop": 0.1}
 #: So many of the numbers must be found again, all but one at least.
@@ -72,7 +75,8 @@ def measured(
         t = (times - begin_ns) / 1e9
         asked = (t >= flight[0] + 1.0) & (t <= flight[1] - 1.0) & ~inside(t, excused)
         if np.count_nonzero(asked) >= LEAST_COUNT:
-            yield _row(series.topic, name, _decoded(part, field), (times[asked], values[asked]), begin_ns)
+            asked_for = (times[asked], values[asked])
+            yield _row(series.topic, name, _decoded(part, field), asked_for, begin_ns, sd=_stated_sd(part))
 
 
 def unsent(intended: Intended, kind: str, begin_ns: int) -> Iterator[Interval]:
@@ -100,11 +104,13 @@ def _labelled(series: TopicSeries, of_kind: str) -> TopicSeries:
     return series.pick(np.array([label in (row.get(field) for field in NAMING) for row in series.rows], dtype=bool))
 
 
-def _row(topic: str, name: str, decoded: tuple[Times, Array], asked: tuple[Times, Array], begin_ns: int) -> OutputRow:
-    """decoded, asked : times [ns] and values"""
+def _row(
+    topic: str, name: str, decoded: tuple[Times, Array], asked: tuple[Times, Array], begin_ns: int, *, sd: float
+) -> OutputRow:
+    """decoded, asked : times [ns] and values; sd : one sigma of the values"""
     times = asked[0]
     field = name.rpartition(".")[2]
-    missed = _missed(decoded, asked, COARSE.get(field, OF_VALUE), circular=field in CIRCULAR)
+    missed = _missed(decoded, asked, (COARSE.get(field, OF_VALUE), sd), circular=field in CIRCULAR)
     count = int(np.count_nonzero(missed))
     return OutputRow(
         topic,
@@ -125,6 +131,12 @@ def _decoded(part: TopicSeries, field: str) -> tuple[Times, Array]:
     return times[known][order], values[known][order]
 
 
+def _stated_sd(part: TopicSeries) -> float:
+    """The sigma that the messages state, in the middle; 0 where they state none."""
+    sd = part.column("sd")
+    return float(np.median(sd[np.isfinite(sd)])) if np.isfinite(sd).any() else 0.0
+
+
 def _component(part: TopicSeries, field: str) -> Array:
     """A field, or one component of a vector: ``gyro_b_2``."""
     base, _, index = field.rpartition("_")
@@ -141,11 +153,12 @@ def _entry(vector: object, index: int) -> float:
 
 
 def _missed(
-    decoded: tuple[Times, Array], asked: tuple[Times, Array], of_value: float, *, circular: bool
+    decoded: tuple[Times, Array], asked: tuple[Times, Array], of_value_sd: tuple[float, float], *, circular: bool
 ) -> NDArray[np.bool_]:
     """Which values that are asked for have nothing like them around, shape (n,)."""
-    (at, found), (times, values) = decoded, asked
-    span = float(np.ptp(np.unwrap(values) if circular else values))
+    (at, found), (times, values), (of_value, sd) = decoded, asked, of_value_sd
+    widths = OF_SPAN * float(np.ptp(np.unwrap(values) if circular else values)) + of_value * np.abs(values) + LEAST
+    widths += np.minimum(SIGMAS * sd, LARGEST_SIGMAS * np.abs(values))
     first, beyond = np.searchsorted(at, times - NEAR_NS, "left"), np.searchsorted(at, times + NEAR_NS, "right")
     missed = np.ones(len(times), dtype=bool)
     for i, (begin, end) in enumerate(zip(first, beyond, strict=True)):
@@ -153,6 +166,6 @@ def _missed(
             difference = found[begin:end] - values[i]
             if circular:
                 difference = (difference + math.pi) % (2.0 * math.pi) - math.pi
-            width = SCATTERS * float(np.std(difference)) + OF_SPAN * span + of_value * abs(float(values[i])) + LEAST
+            width = SCATTERS * float(np.std(difference)) + float(widths[i])
             missed[i] = not (difference.min() - width <= 0.0 <= difference.max() + width)
     return missed

@@ -92,3 +92,17 @@ def test_a_kind_is_not_asked_for_while_the_device_has_none() -> None:
     assert max(end for _, end in gaps) == pytest.approx(39.5)
     assert not list(unsent(asked, "static_pressure", BEGIN_NS))
     assert not list(unsent(asked, "device_status", BEGIN_NS))
+
+
+def test_steps_of_a_protocol_are_in_its_sigma_and_a_wild_sigma_helps_nobody() -> None:
+    """Heights in steps of 20 ft, of which the device states the sigma: 1.8 m."""
+    true = 300.0 - 0.5 * T
+    steps = np.round(true / 6.1) * 6.1
+    asked = {"radio_height.height_agl": (at_s(SECONDS), 300.0 - 0.5 * SECONDS)}
+    for values, sd, verdict_is in (
+        (steps, 1.8, Verdict.HOLDS),
+        (steps + 30.0, 1.8, Verdict.FAILS),
+        (steps + 30.0, 100.0, Verdict.FAILS),
+    ):
+        series = messages("/altimeter/radio_height", T.tolist(), height_agl=values, sd=sd)
+        assert verdict(series, asked) is verdict_is
