@@ -22,6 +22,7 @@ from fti.post.score.outputs.consistency import Consistency
 from fti.post.score.outputs.errors import Comparison
 from fti.post.score.outputs.evidence import FlightEvidence
 from fti.post.score.outputs.measured import measured, unsent
+from fti.post.score.outputs.pairs import PAIRS
 from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import height_error, navigated_error, protection
 from fti.post.score.outputs.row import OutputRow
@@ -91,6 +92,9 @@ class _Checks:
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
+        if pair := PAIRS.get(output.topic):
+            other, check = pair
+            yield check(series, self._series[other])
         if output.topic == INTEGRITY:
             error = navigated_error(series, self._series[SOLUTION], evidence.table)
             yield from accuracy(output.topic, height_error(series, error, limits.vertical_m), judged, t, limits)

@@ -1,0 +1,69 @@
+"""Outputs that belong together: each valid solution has its location, each judged window its glide slope.
+
+Both are written with the same log time.  Where one of them says nothing of the other, neither faults nor lateness explain
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fti.hil.expected.duties import INTEGRITY, SOLUTION
+from fti.hil.expected.required_outputs import GLIDE, LOCATION
+from fti.post.score.outputs.row import Check, OutputRow, verdict_of
+from fti.post.score.series import TopicSeries
+from fti.types import IntegrityState
+
+Row = Mapping[str, Any]
+#: Closer to the intercept point there is no angle [m]; a metre is left for the place itself.
+LEAST_S_M = 151.0
+GOOD = (IntegrityState.OK, IntegrityState.MONITOR)
+
+
+def locations(location: TopicSeries, solution: TopicSeries) -> OutputRow:
+    """A location for each valid solution, and for no other."""
+    wanted = {t_ns for t_ns, row in _by_time(solution).items() if row.get("valid") is True}
+    differing = wanted ^ set(location.log_ns.tolist())
+    return _row(location.topic, "of valid solutions", len(differing), "a location for each valid solution")
+
+
+def glide_slopes(slope: TopicSeries, integrity: TopicSeries) -> OutputRow:
+    """Valid where the monitor is good, without an obstacle or a bad match, and far enough; nowhere else."""
+    monitor = _by_time(integrity)
+    slopes = _by_time(slope)
+    wrong = sum(not _belongs(row, monitor.get(t_ns)) for t_ns, row in slopes.items()) + len(
+        monitor.keys() - slopes.keys()
+    )
+    return _row(slope.topic, "of the monitor", wrong, "valid with a good monitor, T1 and T4 clear, beyond 150 m")
+
+
+def _belongs(slope: Row, monitor: Row | None) -> bool:
+    if monitor is None:
+        return False
+    good = monitor.get("state") in GOOD
+    if slope.get("valid") is True:
+        return good
+    clear = all(_is_below_one(monitor.get(name)) for name in ("t1_ratio", "t4_ratio"))
+    s = slope.get("s")
+    return not (good and clear and isinstance(s, int | float) and s >= LEAST_S_M)
+
+
+def _is_below_one(ratio: object) -> bool:
+    return not isinstance(ratio, int | float) or ratio < 1.0
+
+
+def _by_time(series: TopicSeries) -> dict[int, Row]:
+    return dict(zip(series.log_ns.tolist(), series.rows, strict=True))
+
+
+def _row(topic: str, what: str, count: int, limit: str) -> OutputRow:
+    found = f"{count} messages differ" if count else "as it should be"
+    return OutputRow(topic, Check.CONSISTENT, what, verdict_of(not count), found, limit)
+
+
+#: Topic -> the one that it belongs to, and the check of both.
+PAIRS: Mapping[str, tuple[str, Callable[[TopicSeries, TopicSeries], OutputRow]]] = {
+    LOCATION: (SOLUTION, locations),
+    GLIDE: (INTEGRITY, glide_slopes),
+}

@@ -1,0 +1,40 @@
+"""Outputs that belong together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.post.score.outputs.pairs import glide_slopes, locations
+from fti.post.score.rows import Verdict
+from tests.post.score.outputs.synthetic import messages
+
+T = np.arange(0.0, 4.0, 0.2).tolist()
+GOOD: dict[str, Any] = {"state": "ok", "t1_ratio": 0.4, "t4_ratio": 0.2}
+
+
+def test_each_valid_solution_has_its_location() -> None:
+    valid = [t < 2.0 for t in T]
+    solution = messages("/nav/nav_solution", T, valid=valid)
+    there = [t for t in T if t < 2.0]
+    assert locations(messages("/nav/location", there), solution).verdict is Verdict.HOLDS
+    assert locations(messages("/nav/location", there[:-1]), solution).verdict is Verdict.FAILS
+    assert locations(messages("/nav/location", T), solution).verdict is Verdict.FAILS
+
+
+@pytest.mark.parametrize(
+    ("monitor", "slope", "verdict"),
+    [
+        (GOOD, {"valid": True, "s": 900.0}, Verdict.HOLDS),
+        (GOOD, {"valid": False, "s": 900.0}, Verdict.FAILS),
+        (GOOD, {"valid": False, "s": 120.0}, Verdict.HOLDS),  # too close for an angle
+        ({**GOOD, "t4_ratio": 1.3}, {"valid": False, "s": 900.0}, Verdict.HOLDS),
+        ({**GOOD, "state": "unavailable"}, {"valid": True, "s": 900.0}, Verdict.FAILS),
+    ],
+)
+def test_a_glide_slope_is_valid_with_a_good_monitor(monitor: Any, slope: Any, verdict: Verdict) -> None:
+    integrity = messages("/nav/clearance_integrity", T, **monitor)
+    assert glide_slopes(messages("/nav/glide_slope", T, **slope), integrity).verdict is verdict
+    assert glide_slopes(messages("/nav/glide_slope", T[:-3], **slope), integrity).verdict is Verdict.FAILS
