@@ -30,7 +30,7 @@ def availability(
     due : messages that must be valid, shape (n,); t : times of all messages [s of the flight], shape (n,)
     may : flags that the flight explains
     """
-    if "valid" not in (series.rows[0] if series.rows else {}):
+    if not any("valid" in row for row in series.rows):
         return
     invalid = due & ~series.valid
     explained = np.zeros(len(t), dtype=bool)

@@ -11,7 +11,7 @@ import numpy as np
 from fti.config import Config
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
-from fti.hil.expected.required_outputs import FIX, GLIDE
+from fti.hil.expected.required_outputs import FIX, GLIDE, LOCATION
 from fti.hil.expected.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
@@ -33,6 +33,7 @@ CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.A
 #: Fields without which a valid message says nothing.
 VALUES = {
     SOLUTION: ("lat", "lon", "alt", "vel_north", "vel_east", "vel_down", "roll", "pitch", "heading"),
+    LOCATION: ("latitude", "longitude", "altitude"),
     GLIDE: ("s", "y", "dh_nav"),
     FILTER_TOPIC: ("lat", "lon", "alt", "roll", "pitch", "heading"),
     VERTICAL_TOPIC: ("alt", "vel_down"),
@@ -77,7 +78,7 @@ class Consistency:
     def _reasons(self) -> Iterator[OutputRow]:
         """Reasons are there where it is not valid, and only there; filters and the monitor have some while they are."""
         rows, topic = self._series.rows, self._series.topic
-        if not rows or "reasons" not in rows[0]:
+        if not any("reasons" in row for row in rows):
             return
         fits = _fits_state if topic == INTEGRITY else _has_reason if topic in FILTERS else _has_reason_if_not_valid
         wrong = [i for i, row in enumerate(rows) if not fits(row)]

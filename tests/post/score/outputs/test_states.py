@@ -45,6 +45,21 @@ def test_a_valid_output_holds_and_one_that_never_is_fails() -> None:
     assert _verdict(invalid(["no_profile"], 0.0)) is Verdict.FAILS
 
 
+def test_a_first_message_without_fields_hides_nothing() -> None:
+    never = messages(HEIGHT, T.tolist(), valid=False, reasons=[[]] * len(T))
+    for field in ("valid", "reasons"):
+        del never.rows[0][field]
+    assert _verdict(never) is Verdict.FAILS
+    assert Verdict.FAILS in consistent(never)
+
+
+def test_a_location_has_its_values() -> None:
+    place: dict[str, Any] = {"latitude": 52.0, "longitude": 10.0, "altitude": 500.0}
+    assert consistent(messages("/nav/location", T.tolist(), **place)) == {Verdict.HOLDS}
+    for field in place:
+        assert consistent(messages("/nav/location", T.tolist(), **{**place, field: None})) == {Verdict.FAILS}, field
+
+
 def test_a_flight_explains_its_reasons_for_a_while() -> None:
     may = (May(HEIGHT, 0.0, 40.0, ("incidence",)),)
     assert _verdict(invalid(["incidence"], 32.0), may) is Verdict.HOLDS
