@@ -17,7 +17,7 @@ class ScoreLimits(StrictModel):
 
     start_s      : outputs must be there so long after the beginning of the flight; at once in an accelerated one [s]
     horizontal_m, vertical_m, velocity_mps, airspeed_mps, attitude_deg, heading_deg, deviation_deg :
-                   largest error of an output that states no sigma; largest median of a stated one
+                   largest error of an output that states no sigma; 70 % of stated ones are no larger
     sigmas, beyond_share : no larger share of the errors may be beyond so many sigmas.  Errors of one flight hang
                    together, so that it may be more than of many: the vertical channel of an honest one has 6 %
     worst_sigmas : no error may be larger than that and its limit

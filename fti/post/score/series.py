@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 Times = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+#: No time is later [ns].
+LARGEST_NS = 2**62
+
 
 @dataclass(frozen=True, slots=True)
 class TopicSeries:
@@ -40,7 +43,9 @@ class TopicSeries:
         """When the content of each message was true [ns], shape (n,): its stamp, else its log time."""
         times = (row.get("t_valid_ns") or _stamp(row).get("t_valid_ns") or _time_ns(row) for row in self.rows)
         pairs = zip(times, self.log_ns.tolist(), strict=True)
-        return np.array([t if isinstance(t, int) else log_ns for t, log_ns in pairs], dtype=np.int64)
+        return np.array(
+            [t if isinstance(t, int) and abs(t) <= LARGEST_NS else log_ns for t, log_ns in pairs], dtype=np.int64
+        )
 
     @property
     def valid(self) -> Mask:

@@ -17,6 +17,8 @@ from fti.post.score.series import Array, Mask
 LEAST_COUNT = 20
 #: A sigma of more than fifty times the errors says nothing: RMS of error over sigma.
 LEAST_RATIO = 0.02
+#: So large a share of the sigmas must be within the limit of the quantity: large ones excuse no error for long.
+SIGMA_QUANTILE = 0.7
 #: Behind an error that a fault explains: what navigation does not notice is told all the same.
 DURING_FAULT = ", called valid during a fault"
 
@@ -74,17 +76,18 @@ def _sigma(topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: 
     error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
-    median = float(np.median(sd))
+    high = float(np.quantile(sd, SIGMA_QUANTILE))
     found = (
-        f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, median sigma {median:.3g} {quantity.unit}"
+        f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, "
+        f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"
     )
     limit = (
         f"<= {limits.beyond_share:.0%} beyond, RMS >= {LEAST_RATIO:g} sigma, sigma > 0, "
-        f"median <= {quantity.limit:.3g} {quantity.unit}"
+        f"{SIGMA_QUANTILE:.0%} of sigmas <= {quantity.limit:.3g} {quantity.unit}"
     )
     enough = len(error) >= LEAST_COUNT
     verdict = verdict_of(
-        bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= LEAST_RATIO and median <= quantity.limit
+        bool(np.all(sd > 0.0)) and share <= limits.beyond_share and ratio >= LEAST_RATIO and high <= quantity.limit
     )
     at = float(t[stated][int(np.argmax(beyond))]) if beyond.any() else None
     return OutputRow(topic, Check.SIGMA, quantity.name, verdict if enough else Verdict.NOT_JUDGED, found, limit, at)

@@ -1,7 +1,6 @@
 """Outputs that belong together: each valid solution has its location, each judged window its glide slope.
 
-Both are written with the same log time.  Where one of them says nothing of the other, neither faults nor lateness explain
-it.
+Both are written with the same log time; neither faults nor lateness explain that one is there without the other.
 """
 
 from __future__ import annotations

@@ -65,3 +65,10 @@ def test_a_wrong_value_during_a_fault_is_told_and_not_judged() -> None:
     assert row.verdict is Verdict.NOT_JUDGED
     assert row.found.endswith(DURING_FAULT)
     assert not list(explained("/nav/x", quantity(np.full(COUNT, 4.0)), EVERY, T, LIMITS))
+
+
+def test_a_large_sigma_where_the_error_is_excuses_it_for_a_short_time_alone() -> None:
+    """In two fifths of the flight 500 m are wrong, with a sigma of 1000 m."""
+    wrong = T > 24.0
+    error, sd = np.where(wrong, 500.0, normal(2.0)), np.where(wrong, 1000.0, 2.0)
+    assert verdicts(quantity(error, sd))[Check.SIGMA] is Verdict.FAILS

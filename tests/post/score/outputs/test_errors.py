@@ -82,3 +82,9 @@ def test_what_the_truth_does_not_have_is_not_compared() -> None:
     found = errors(messages("/nav/height_above_ground/laser", T, raw=103.0), table)
     assert np.isnan(found["measured range"].error).all()
     assert not errors(messages("/air_data/temperature", T, static=280.0), table)
+
+
+def test_a_time_beyond_all_times_is_none() -> None:
+    series = messages("/nav/nav_solution", T, alt=90.0)
+    series.rows[1]["t_valid_ns"] = 10**30
+    assert series.valid_ns.tolist() == series.log_ns.tolist()
