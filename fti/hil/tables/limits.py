@@ -27,7 +27,7 @@ class ScoreLimits(StrictModel):
     start_s: NotNegative = 10.0
     horizontal_m: Positive = 20.0
     vertical_m: Positive = 15.0
-    velocity_mps: Positive = 2.0
+    velocity_mps: Positive = 2.5
     airspeed_mps: Positive = 5.0
     attitude_deg: Positive = 2.0
     heading_deg: Positive = 4.0
