@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from fti.errors import ConfigError, MissingError, RecordingError
 from fti.hil.expected.aircraft import Truth
 from fti.hil.expected.truth_columns import truth_of_columns
@@ -19,6 +17,7 @@ from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.mcap_file import Head, Item, McapFile
 from fti.logger.reading.recording import Recording
 from fti.nav.integrity.approach import ApproachPath, load_airfield
+from fti.post.score.truth_table import TruthTable
 from fti.terrain.scenes import DEMO_AIRFIELD
 
 SECOND_NS = 1_000_000_000
@@ -156,17 +155,8 @@ def _wrong_scenario(file: Path, head: Head, not_of: str) -> ConfigError:
 
 
 def _truth(rows: list[Item]) -> Truth:
-    states = [_row(item) for item in rows]
-    columns = {name: np.array([row.get(name, np.nan) for row in states]) for name in sorted(set().union(*states))}
-    t = np.array([item.log_time - rows[0].log_time for item in rows]) / SECOND_NS
-    return truth_of_columns(t, columns, _intercept_m())
-
-
-def _row(item: Item) -> dict[str, float]:
-    """The numbers of a row; what is no number is not known.  Raises RecordingError."""
-    with using_message(item.topic.name, item.log_time):
-        row = parse_table(item.data)
-        return {key: float(value) for key, value in row.items() if isinstance(value, int | float)}
+    table = TruthTable.of_rows(rows)
+    return truth_of_columns(table.seconds(table.t_ns), table.columns, _intercept_m())
 
 
 def _intercept_m() -> float:

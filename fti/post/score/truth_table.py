@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,7 +27,7 @@ class TruthTable:
     """Rows of ``/truth/state``.
 
     t_ns : FTI time of each row [ns], shape (n,), ascending; columns : quantity -> values, shape (n,), NaN where a row
-    has none; units and frames as ``fti.hil.truth.QUANTITIES`` states them.  Angles are unwrapped.
+    has none; units and frames as ``fti.hil.truth.QUANTITIES`` states them
     """
 
     t_ns: Times
@@ -39,10 +39,14 @@ class TruthTable:
         items = [item for item in McapFile(path).items() if item.topic.name == TOPIC]
         if not items:
             raise MissingError(f"{path}: contains no {TOPIC}: the flight did not begin")
+        return cls.of_rows(items)
+
+    @classmethod
+    def of_rows(cls, items: Sequence[Item]) -> TruthTable:
+        """The rows that were read already, one at least.  Raises RecordingError."""
         rows = [_numbers(item) for item in items]
         columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in sorted(set().union(*rows))}
-        unwrapped = {name: np.unwrap(column) for name, column in columns.items() if name in CIRCULAR}
-        return cls(np.array([item.log_time for item in items], dtype=np.int64), {**columns, **unwrapped})
+        return cls(np.array([item.log_time for item in items], dtype=np.int64), columns)
 
     @property
     def begin_ns(self) -> int:
@@ -61,16 +65,19 @@ class TruthTable:
     def at(self, name: str, t_ns: Times) -> Array:
         """A quantity at FTI times [ns], linear between rows, shape as t_ns; NaN beside a row that has none.
 
+        Angles are unwrapped.
+
         Outside the flight, and where the truth has no such quantity, NaN.
         """
         column = self.columns.get(name)
         if column is None:
             return np.full(np.shape(t_ns), math.nan)
+        column = np.unwrap(column) if name in CIRCULAR else column
         t, rows = self.seconds(t_ns), self.seconds(self.t_ns)
         return np.asarray(np.interp(t, rows, column, left=math.nan, right=math.nan), dtype=np.float64)
 
 
 def _numbers(item: Item) -> dict[str, float]:
-    """The numbers of a row.  Raises RecordingError."""
+    """The numbers of a row; what is no number is not known.  Raises RecordingError."""
     with using_message(item.topic.name, item.log_time):
         return {key: float(value) for key, value in parse_table(item.data).items() if isinstance(value, int | float)}
