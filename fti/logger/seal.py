@@ -1,6 +1,7 @@
 """A checksum for the metadata of a file: MCAP has one for chunks, attachments and the summary, and none for these.
 
-The first table of a file holds the checksum of every other one, as it stands in the file, and of itself without that.
+The main table of a file holds the checksum of every other one, as it stands in the file, and of itself without that.
+It is written behind the others: a file that breaks off between its tables is one whose tables are not sealed yet.
 """
 
 from __future__ import annotations
@@ -13,22 +14,22 @@ from fti.logger import records
 SEAL = "crc32"
 
 
-def sealed(first: str, tables: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, str]]:
-    """The tables, with the checksums of all of them in the first one; first : its name."""
-    others = {f"{SEAL}_{name}": _sum_of(name, table) for name, table in tables.items() if name != first}
-    about = {**tables[first], **others}
-    return {**{name: dict(table) for name, table in tables.items()}, first: {**about, SEAL: _sum_of(first, about)}}
+def sealed(main: str, tables: Mapping[str, Mapping[str, str]]) -> dict[str, dict[str, str]]:
+    """The tables in the order in which they are to be written.  main : name of the one with the checksums, the last."""
+    others = {name: dict(table) for name, table in tables.items() if name != main}
+    about = {**tables[main], **{f"{SEAL}_{name}": _sum_of(name, table) for name, table in others.items()}}
+    return {**others, main: {**about, SEAL: _sum_of(main, about)}}
 
 
-def broken(first: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
+def broken(main: str, tables: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Names of the tables that are not as they were sealed; none where nothing is sealed."""
-    if first not in tables:
+    if main not in tables:
         return [name for name, table in tables.items() if SEAL in table]  # its name is not as it was
-    about = tables[first]
+    about = tables[main]
     if not any(key.startswith(SEAL) for key in about):
         return []
     own = {key: value for key, value in about.items() if key != SEAL}
-    wrong = [first] if about.get(SEAL) != _sum_of(first, own) else []
+    wrong = [main] if about.get(SEAL) != _sum_of(main, own) else []
     for key, told in own.items():
         name = key.removeprefix(f"{SEAL}_")
         if name != key and told != _sum_of(name, tables.get(name, {})):
@@ -41,11 +42,11 @@ def self_sealed(name: str, table: Mapping[str, str]) -> dict[str, str]:
     return {**table, SEAL: _sum_of(name, table)}
 
 
-def altered(first: str, tables: Mapping[str, Mapping[str, str]], later: Collection[str]) -> list[str]:
+def altered(main: str, tables: Mapping[str, Mapping[str, str]], later: Collection[str]) -> list[str]:
     """Names of the tables that are not as they were written; later : those that are self-sealed."""
-    sealed_first = {name: table for name, table in tables.items() if name not in later}
+    sealed_tables = {name: table for name, table in tables.items() if name not in later}
     return [
-        *broken(first, sealed_first),
+        *broken(main, sealed_tables),
         *(name for name in later if name in tables and not is_intact(name, tables[name])),
     ]
 

@@ -13,9 +13,14 @@ WHOLE = sealed("fti.file", TABLES)
 
 def test_what_is_as_it_was() -> None:
     assert broken("fti.file", WHOLE) == []
-    assert list(WHOLE) == list(TABLES)
+    assert list(WHOLE) == ["fti", "fti.links", "fti.file"]
     assert WHOLE["fti"] == TABLES["fti"]
     assert {key for key in WHOLE["fti.file"] if key.startswith(SEAL)} == {"crc32", "crc32_fti", "crc32_fti.links"}
+
+
+def test_a_file_that_breaks_off_between_its_tables_is_not_altered() -> None:
+    for written in range(len(WHOLE) + 1):
+        assert broken("fti.file", dict(list(WHOLE.items())[:written])) == []
 
 
 def test_a_file_without_checksums_is_not_judged() -> None:

@@ -13,9 +13,11 @@ from mcap.writer import CompressionType, Writer
 from fti.errors import MissingError, RecordingError, StorageError
 from fti.logger import records
 from fti.logger.proof.file import ProofFile
+from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.limits import MAX_RECORD
 from fti.logger.recovery.repair import close_all, close_unfinished
 from fti.logger.seal import sealed
+from fti.logger.session import SessionFolder
 from fti.logger.stream_writer import StreamWriter
 from tests.logger.reading import read_closed, read_stream
 
@@ -185,6 +187,24 @@ def test_what_a_kill_leaves_is_proved_up_to_the_last_flush(tmp_path: Path) -> No
     path.write_bytes(data)
     closed = close_unfinished(path)
     assert closed and closed.unproved == 330 and closed.unproved_ns == 0  # never synced
+
+
+def test_a_kill_while_a_file_is_begun_is_no_damage(tmp_path: Path) -> None:
+    folder = SessionFolder.create(tmp_path, "s", 0)
+    text = ("config.toml", "text/plain", b"[session]")
+    log = RawLog(folder, [RawTopic("a", "udp", {})], split_s=1, split_mb=1, attachments=[text], metadata={"fti": {}})
+    log.close()
+    with log.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    (attachment,), begun = summary.attachment_indexes, log.path.read_bytes()
+    for size in range(attachment.offset + attachment.length):
+        path = tmp_path / f"{size}.mcap"
+        path.write_bytes(begun[:size])
+        closed = close_unfinished(path)
+        assert closed and closed.messages == 0
+        proof = ProofFile(path)
+        assert [*proof.pages()] == [] and proof.faults == [] and proof.finished
 
 
 def test_altered_metadata_of_an_unfinished_file_is_left_alone(tmp_path: Path) -> None:
