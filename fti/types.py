@@ -422,6 +422,7 @@ class Reason(StrEnum):
     NO_ALTITUDE = "no_altitude"  # a mean-sea-level height without the undulation
     NO_VELOCITY = "no_velocity"
     NO_ALTIMETER = "no_altimeter"
+    NO_HEIGHT = "no_height"  # no altimeter is valid
     NO_PROFILE = "no_profile"
     WRONG_SENSOR = "wrong_sensor"  # the reference was made for another altimeter
     OUTSIDE_PROFILE = "outside_profile"
@@ -519,11 +520,13 @@ class HeightAboveGround:
 
     t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
     raw        : what the device said, at its antenna and along its beam [m]
-    height_agl : compensated for attitude, mounting and lever arm, at ``point`` [m]; sd : one sigma [m]
+    height_agl : height of ``point`` above the ground straight below it [m]; sd : one sigma of its error [m]
+    compensation : how it was made.  By the terrain between there and what the beam sees (range, beam) where the terrain
+                 is known; else (attitude) it is ``nearest``, and sd includes an assumed relief
+    nearest, nearest_sd : compensated for attitude, mounting and lever arm alone, at ``point``: above what the beam sees
+                 [m]; sigma as such, without any relief [m]
     predicted  : what the device should have said above the known terrain [m]
     predicted_sd : one sigma of raw - predicted [m]
-    compensated, compensated_sd, compensation : height above the ground straight below ``point``, by the terrain between
-                 there and what the beam sees [m], its sigma, and how
     wheels     : height of the wheels by ``height_agl``, as the aircraft lies [m]; None where nobody says where they are
     unchecked  : why the terrain could not be asked, or not nearly as closely as the limits ask; what it can tell
                  against a height is then not told
@@ -539,13 +542,36 @@ class HeightAboveGround:
     reasons: tuple[Reason, ...]
     datum: Datum = Datum.AGL
     point: Point = Point.P
+    compensation: Compensation | None = None
+    nearest: float | None = None
+    nearest_sd: float | None = None
     predicted: float | None = None
     predicted_sd: float | None = None
-    compensated: float | None = None
-    compensated_sd: float | None = None
-    compensation: Compensation | None = None
     wheels: float | None = None
     unchecked: tuple[Reason, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeightBelowAircraft:
+    """Height of the aircraft above the ground straight below it, from the altimeter that is chosen among the valid ones.
+
+    t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
+    sensor     : the altimeter that is chosen
+    height_agl : height of ``point`` above the ground straight below it [m]; sd : one sigma of its error [m]; None while
+                 no altimeter is valid
+    compensation : how it was made, see HeightAboveGround
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    sensor: str
+    height_agl: float | None
+    sd: float | None
+    valid: bool
+    reasons: tuple[Reason, ...]
+    datum: Datum = Datum.AGL
+    point: Point = Point.P
+    compensation: Compensation | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -714,5 +740,12 @@ class Event:
 
 
 Output = (
-    HeightAboveGround | ClearanceIntegrity | GlideSlope | NavSolution | FilterSolution | VerticalSolution | PositionFix
+    HeightAboveGround
+    | HeightBelowAircraft
+    | ClearanceIntegrity
+    | GlideSlope
+    | NavSolution
+    | FilterSolution
+    | VerticalSolution
+    | PositionFix
 )

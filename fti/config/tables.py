@@ -140,6 +140,9 @@ class Altimeter(StrictModel):
     max_nadir_deviation_m : of a height that is used as it is, from the navigated one; none : not asked
     max_dispersion        : of the ranges across the predicted beam, over the height above ground
     max_incidence_deg     : of the predicted ray on the ground; none : 75 of a laser, 60 of a radar
+
+    relief_m : one sigma of unknown ground straight below against that which the beam sees; none : from the profile of
+               the last 20 s
     """
 
     kind: Literal["radar", "laser"]
@@ -153,6 +156,7 @@ class Altimeter(StrictModel):
     beam_deg: Positive = 40.0  # full width of the beam
     model: Literal["nearest", "beam"] = "nearest"  # of a radar, for what it should measure over known terrain
     sd_m: Positive | None = None  # one sigma, when the device does not say
+    relief_m: Positive | None = None
 
 
 class Device(StrictModel):

@@ -5,7 +5,7 @@ of different links may be out of order by milliseconds; every history is ordered
 
     t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
 
-Rates: HeightAboveGround per sample; NavSolution every second tick (25 Hz), moved on to the time of the tick; what takes
+Rates: HeightAboveGround per sample; HeightBelowAircraft per sample of the chosen altimeter; NavSolution every second tick (25 Hz), moved on to the time of the tick; what takes
 the place of devices as ``fti.nav.fallbacks`` says; ClearanceIntegrity and GlideSlope per update of the monitor.  What
 has nothing new to say is repeated at 2 Hz.
 """
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
 from fti.nav.altimetry.heights import AltimeterChannel
+from fti.nav.altimetry.selection import HeightSelector
 from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
@@ -45,6 +46,7 @@ class Pipeline:
         self._altimeters = {
             name: AltimeterChannel(devices[name], unchecked, roles.wheels_b) for name in roles.altimeters
         }
+        self._selector = HeightSelector(roles.altimeters)
         self._fallbacks = _fallbacks(config)
         self._navigation = Navigation(
             [self._sources[name] for name in roles.attitude],
@@ -100,7 +102,7 @@ class Pipeline:
         height = channel.take(channel.read(m, t_valid_ns), nav)
         if self._fallbacks:
             self._fallbacks.take_height(height, nav)
-        return [height, *self._approach.take(height, nav)]
+        return [height, *self._selector.take(height), *self._approach.take(height, nav)]
 
     def pass_gap(self) -> None:
         """Measurements are missing before the next one that are not the devices' silence."""
@@ -112,7 +114,7 @@ class Pipeline:
         out: list[Output | Event] = [*self._navigation.changes(nav)]
         for channel in self._altimeters.values():
             for height in channel.tick(t_ns, nav):
-                out += [height, *self._approach.take(height, nav)]
+                out += [height, *self._selector.take(height), *self._approach.take(height, nav)]
         out += self._approach.tick(t_ns, nav)
         self._ticks += 1
         if self._ticks % SOLUTION_TICKS == 0:

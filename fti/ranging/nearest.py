@@ -61,6 +61,11 @@ class NearestReturn(RangingSensor):
             raise ValueError(f"max_range is {self.max_range} m, must be positive")
         object.__setattr__(self, "_angles", ring_angles(self.beam_width, self.rings))
 
+    @property
+    def model_beam(self) -> float:
+        """The beam."""
+        return self.beam_width
+
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """The leading edge at each pose; no noise, and neither dispersion nor power, which this form does not know."""
         half, farthest = 0.5 * self.beam_width, float(self.max_range)

@@ -130,6 +130,14 @@ class Returns:
 class RangingSensor(ABC):
     """A sensor that measures the distance to a terrain; boresight along +z of its frame."""
 
+    @property
+    def model_beam(self) -> float | None:
+        """Full width of the beam in which the receiver that is aboard may find another range [rad]; None of a pencil.
+
+        See ``fti.ranging.receiver_error``.
+        """
+        return None
+
     @abstractmethod
     def measure(self, terrain: Terrain, poses: Poses, rng: np.random.Generator | None = None) -> Returns:
         """What the instrument says at each pose; the same generator gives the same, None leaves the noise out."""

@@ -16,6 +16,7 @@ REASONS: dict[str, str] = {
     Reason.NO_ATTITUDE: "no attitude",
     Reason.NO_POSITION: "no position",
     Reason.NO_ALTITUDE: "no altitude",
+    Reason.NO_HEIGHT: "no altimeter is valid",
     Reason.NO_VELOCITY: "no velocity",
     Reason.NO_ALTIMETER: "no altimeter",
     Reason.NO_PROFILE: "no approach profile",

@@ -15,6 +15,7 @@ from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
 from fti.nav.integrity.reference import Reference, fits
 
 GLIDE, LOCATION = "/nav/glide_slope", "/nav/location"
+BELOW = "/nav/height_below_aircraft"
 FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
 SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
 #: Outputs without news are repeated twice a second, the monitor updates at most five times a second [Hz].
@@ -71,6 +72,7 @@ def required_outputs(
     return [
         *_of_navigation(config.nav),
         *_heights(config, sent),
+        *_below(config, sent),
         *_approach(config, reference),
         *_measurements(config, sent),
     ]
@@ -122,6 +124,21 @@ def _heights(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterato
             _max_age_s(config, name) + NOW_S,
             roles,
             always_gap_s=_max_age_s(config, name) + NAV_GAP_S,
+        )
+
+
+def _below(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    """One of each sample of the chosen altimeter, which may change."""
+    nav, heights = config.nav, list(_heights(config, sent))
+    if heights:
+        yield RequiredOutput(
+            BELOW,
+            _devices(nav.altimeters, nav.position, nav.attitude),
+            (min(one.rate_hz[0] for one in heights), max(one.rate_hz[1] for one in heights)),
+            max(one.gap_s for one in heights),
+            max(one.age_s for one in heights),
+            (nav.position, nav.attitude),
+            always_gap_s=max(one.always_gap_s or NAV_GAP_S for one in heights),
         )
 
 

@@ -157,8 +157,12 @@ def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
 
 
 def _heights(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
-    """As the monitor takes them: what only the known ground speaks against is there, as a wood that has grown."""
-    yield from _numbers(output, ("t_valid_ns", "height_agl"), BY_GROUND.issuperset(output["reasons"]))
+    """As the monitor takes them: what only the known ground speaks against is there, as a wood that has grown.
+
+    Sessions of fti 0.1 have no ``nearest``: it was called ``height_agl``.
+    """
+    name = "nearest" if "nearest" in output else "height_agl"
+    yield from _numbers(output, ("t_valid_ns", name), BY_GROUND.issuperset(output["reasons"]))
 
 
 def _numbers(output: dict[str, Any], names: Sequence[str], used: bool) -> Iterator[tuple[float, ...]]:

@@ -20,6 +20,7 @@ from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
 from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
+from fti.nav.altimetry.heights import RANGE_SD_UNKNOWN
 from fti.nav.altimetry.nadir import POSITION_SD_UNKNOWN
 from fti.nav.altimetry.predicted import AT_EDGE
 from fti.nav.altimetry.variance import ErrorModel
@@ -30,6 +31,7 @@ from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.at_once import OnePose
+from fti.ranging.receiver_error import PossibleReceivers, model_error
 from fti.ranging.sensor import Validity
 from fti.terrain.pyramid import Pyramid
 from fti.terrain.terrain import Terrain
@@ -39,8 +41,6 @@ Array = NDArray[np.float64]
 
 #: One sigma of a heading [rad].
 HEADING_SD = math.radians(1.0)
-#: One sigma of an altimeter for which neither device nor configuration states one [m].
-RANGE_SD_UNKNOWN = 1.0
 #: Nobody flies higher [m].
 HIGHEST = 1e5
 #: No sigma is larger: squares of larger ones are no numbers [m, rad].
@@ -101,6 +101,10 @@ class Seeing(ABC):
     def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
         """Range [m], unit vector of its ray in the sensor frame, dispersion [m] and validity at one pose."""
 
+    def model_sd(self, origin_l: Array, mat_ls: Array, slant_range: float) -> float:
+        """One sigma of the range by the receiver, which may be another than the model's [m]."""
+        return 0.0
+
     def is_at_edge(self, ray_s: Array) -> bool:
         """Whether a ray lies at the edge of the beam, and turns with it; no other beam has one that is sharp."""
         return False
@@ -119,11 +123,24 @@ class Pencil(Seeing):
         return found, self._boresight, 0.0, Validity(what)
 
 
-class NearestReturn(Seeing):
+class Radar(Seeing):
+    """An altimeter whose receiver is not known."""
+
+    def __init__(self, pyramid: Pyramid, beam_width: float) -> None:
+        self._pyramid, self._receivers = pyramid, PossibleReceivers(beam_width)
+
+    def model_sd(self, origin_l: Array, mat_ls: Array, slant_range: float) -> float:
+        """See ``fti.ranging.receiver_error``."""
+        receivers = self._receivers
+        return model_error(self._pyramid, origin_l, mat_ls, receivers.rays, receivers.square_angles, slant_range)
+
+
+class NearestReturn(Radar):
     """A radar whose beam's edge is the threshold."""
 
     def __init__(self, pyramid: Pyramid, beam_width: float, max_range: float) -> None:
-        self._pyramid, self._half, self._max_range = pyramid, 0.5 * beam_width, max_range
+        super().__init__(pyramid, beam_width)
+        self._half, self._max_range = 0.5 * beam_width, max_range
         self._angles = ring_angles(beam_width, RINGS)
         self._rays = directions(self._angles)
 
@@ -141,10 +158,11 @@ class NearestReturn(Seeing):
         return bool(ray_s[2] <= math.cos(AT_EDGE * self._half))
 
 
-class WholeBeam(Seeing):
+class WholeBeam(Radar):
     """A radar with its antenna and its receiver."""
 
     def __init__(self, terrain: Terrain, sensor: RadarAltimeter) -> None:
+        super().__init__(terrain.pyramid, sensor.model_beam)
         self._terrain, self._sensor = terrain, OnePose(sensor)
 
     def look(self, origin_l: Array, mat_ls: Array, vel_l: Array) -> tuple[float, Array, float, Validity]:
@@ -192,10 +210,15 @@ class Expectation:
             frame.origin_e, frame.mat_le, *place, mat_nb, self._lever_b, self._mat_bs
         )
         vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
-        found, ray_s, spread, validity = self._seeing.look(at_l + mat_ln @ lever_n, mat_ls, mat_ln @ vel_n)
+        origin_l = at_l + mat_ln @ lever_n
+        found, ray_s, spread, validity = self._seeing.look(origin_l, mat_ls, mat_ln @ vel_n)
         if validity is not Validity.VALID:
             return REASONS[validity]
-        sds, stays = self._sds(position, attitude, range_sd), self._nearest and not self._seeing.is_at_edge(ray_s)
+        model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
+        sds, stays = (
+            self._sds(position, attitude, range_sd, model_sd),
+            self._nearest and not self._seeing.is_at_edge(ray_s),
+        )
         told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
         return self._expected(found, spread, told)
 
@@ -213,12 +236,12 @@ class Expectation:
             compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
 
-    def _sds(self, position: PositionState, attitude: AttitudeState, range_sd: float | None) -> Array:
+    def _sds(self, position: PositionState, attitude: AttitudeState, range_sd: float | None, model_sd: float) -> Array:
         """As ``at_once.told`` takes them."""
         level = _sigma(position.horizontal_sd, POSITION_SD_UNKNOWN)
         high = _sigma(position.vertical_sd, POSITION_SD_UNKNOWN)
         tilt = max(_sigma(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
-        instrument = _sigma(range_sd, RANGE_SD_UNKNOWN)
+        instrument = math.hypot(_sigma(range_sd, RANGE_SD_UNKNOWN), _sigma(model_sd, LARGEST_SD))
         dem_length = ErrorModel.dem_length
         return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, self._ground_sd, dem_length])
 

@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Altimeter, Device, Vector
-from fti.nav.altimetry.compensation import height_at_p, lower, mounting_of
+from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
+from fti.nav.altimetry.relief import ReliefEstimator
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
-from fti.types import HeightAboveGround, RadioHeight, Range, Reason
+from fti.types import Compensation, HeightAboveGround, RadioHeight, Range, Reason
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.expected import Expectation, Expected
 
 #: How often an altimeter that says nothing is reported [ns].
 REPEAT_NS = 500_000_000
+#: One sigma of an altimeter for which neither device nor configuration states one [m].
+RANGE_SD_UNKNOWN = 1.0
+#: What lies beside the point straight below is looked for so far off the vertical at most [rad].
+STEEPEST = math.radians(60.0)
 #: What the known ground says against a sample, and nothing else does.
 BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE})
 
@@ -31,6 +36,15 @@ class Reading:
     value: float | None
     sd: float | None
     flagged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Below:
+    """Height of P above the ground straight below it, its one sigma [m], and how it was made."""
+
+    height_agl: float
+    sd: float
+    compensation: Compensation
 
 
 def stands_alone(height: HeightAboveGround) -> bool:
@@ -57,6 +71,7 @@ class AltimeterChannel:
         self._wheels_b = wheels_b
         self._max_age_ns = round(device.max_age_ms * 1e6)
         self._started_ns: int | None = None
+        self._relief = ReliefEstimator(device.altimeter.relief_m)
         self._last: Reading | None = None
         self._told_ns: int | None = None
 
@@ -78,7 +93,10 @@ class AltimeterChannel:
         if self._last is None or reading.t_valid_ns >= self._last.t_valid_ns:
             self._last = reading
         self._told_ns = None
-        return self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns)
+        output = self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns)
+        if stands_alone(output) and output.nearest is not None:
+            self._relief.take(reading.t_valid_ns, output.nearest, nav)
+        return output
 
     def tick(self, t_ns: int, nav: NavState) -> list[HeightAboveGround]:
         """Nothing while samples come; when they stop, an invalid output at once and then twice a second."""
@@ -102,8 +120,9 @@ class AltimeterChannel:
 
     def _output(self, t_ns: int, reading: Reading | None, nav: NavState, age_ns: int) -> HeightAboveGround:
         attitude = nav.attitude
-        height, sd = self._compensated(reading, nav)
+        nearest = self._nearest(reading, nav)
         expected = self._expected(reading, nav)
+        below = self._below(reading, nearest, expected, nav)
         sample = Sample(
             value=reading.value if reading else None,
             flagged=reading is not None and reading.flagged,
@@ -112,7 +131,7 @@ class AltimeterChannel:
             max_age_ns=self._max_age_ns,
             roll=attitude.roll if attitude else None,
             pitch=attitude.pitch if attitude else None,
-            height=height,
+            height=nearest.height_agl if nearest else None,
             **_by_ground(expected),
         )
         reasons = reasons_against(sample, self.limits)
@@ -121,11 +140,14 @@ class AltimeterChannel:
             t_valid_ns=reading.t_valid_ns if reading else None,
             sensor=self.name,
             raw=sample.value,
-            height_agl=height,
-            sd=sd,
+            height_agl=below.height_agl if below else None,
+            sd=below.sd if below else None,
+            compensation=below.compensation if below else None,
+            nearest=nearest.height_agl if nearest else None,
+            nearest_sd=nearest.sd if nearest else None,
             valid=not reasons,
             reasons=reasons,
-            wheels=self._of_wheels(height, nav),
+            wheels=self._of_wheels(below, nav),
             **_told(expected, sample.value, self.limits),
         )
 
@@ -135,17 +157,18 @@ class AltimeterChannel:
             return self._unchecked
         return self._expectation.at(nav, reading.sd) if reading else None
 
-    def _of_wheels(self, height: float | None, nav: NavState) -> float | None:
+    def _of_wheels(self, below: Below | None, nav: NavState) -> float | None:
         """Height of the wheels [m], of one of P."""
-        if height is None or nav.attitude is None or self._wheels_b is None:
+        if below is None or nav.attitude is None or self._wheels_b is None:
             return None
-        return height - lower(self._wheels_b, nav.attitude.roll, nav.attitude.pitch)
+        return below.height_agl - lower(self._wheels_b, nav.attitude.roll, nav.attitude.pitch)
 
-    def _compensated(self, reading: Reading | None, nav: NavState) -> tuple[float | None, float | None]:
+    def _nearest(self, reading: Reading | None, nav: NavState) -> Height | None:
+        """Height of P above what the beam sees; None where there is no range or no attitude."""
         attitude = nav.attitude
         if reading is None or reading.value is None or reading.value < 0.0 or attitude is None:
-            return None, None
-        height = height_at_p(
+            return None
+        return height_at_p(
             reading.value,
             attitude.roll,
             attitude.pitch,
@@ -154,7 +177,20 @@ class AltimeterChannel:
             roll_sd=attitude.roll_sd,
             pitch_sd=attitude.pitch_sd,
         )
-        return height.height_agl, height.sd
+
+    def _below(
+        self, reading: Reading | None, nearest: Height | None, expected: Expected | Reason | None, nav: NavState
+    ) -> Below | None:
+        """Height of P above the ground straight below: by the terrain, else above what the beam sees."""
+        if reading is None or reading.value is None or nearest is None or nav.attitude is None:
+            return None
+        known = None if expected is None or isinstance(expected, Reason) else expected.compensated(reading.value)
+        if known is not None:
+            return Below(*known)
+        tilt = tilt_of(self._mounting, nav.attitude.roll, nav.attitude.pitch)
+        relief = self._relief.sd(nearest.height_agl * math.tan(min(max(tilt, self._mounting.half_beam), STEEPEST)))
+        sd = RANGE_SD_UNKNOWN if nearest.sd is None else nearest.sd
+        return Below(nearest.height_agl, math.hypot(sd, relief), Compensation.ATTITUDE)
 
 
 def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:
@@ -182,10 +218,9 @@ def _told(expected: Expected | Reason | None, value: float | None, limits: Altim
         return found
     if not compares(expected.range_sd, limits):
         found["unchecked"] = (Reason.UNCERTAIN,)
-    if (by_ground := expected.compensated(value)) is None:  # the beam meets known ground, and straight below is none
-        return {**found, "unchecked": (*found.get("unchecked", ()), Reason.TERRAIN_HOLE)}
-    names = ("compensated", "compensated_sd", "compensation")
-    return {**found, **dict(zip(names, by_ground, strict=True))}
+    if expected.compensated(value) is None:  # the beam meets known ground, and straight below is none
+        found["unchecked"] = (*found.get("unchecked", ()), Reason.TERRAIN_HOLE)
+    return found
 
 
 def _number(value: float | None) -> float | None:

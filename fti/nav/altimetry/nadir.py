@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.nav.ground import Ground
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround
+from fti.types import Compensation, HeightAboveGround
 
 Array = NDArray[np.float64]
 
@@ -75,9 +75,8 @@ def over_ground(height: HeightAboveGround, ground: Ground | None, position: Posi
 
     Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
     """
-    known, sd = height.compensated, height.compensated_sd
-    if known is None or sd is None:
-        known, sd = height.height_agl, height.sd
+    by_terrain = height.compensation in {Compensation.RANGE, Compensation.BEAM}
+    known, sd = (height.height_agl, height.sd) if by_terrain else (height.nearest, height.nearest_sd)
     below = ground_below(ground.terrain, position) if ground and position else None
     if ground is None or below is None or known is None:
         return None

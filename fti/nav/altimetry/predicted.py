@@ -28,6 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.geodesy.local import MAT_ENU_NED
 from fti.geodesy.rotations import mat_from_rpy
 from fti.ranging.nearest import NearestReturn, directions, ring_angles
+from fti.ranging.receiver_error import PossibleReceivers
 from fti.ranging.sensor import Poses, RangingSensor, Returns, Validity
 from fti.terrain.terrain import Terrain
 
@@ -56,6 +57,8 @@ class Prediction:
     place_l     : P (n, 3), east, north, up of the terrain's frame [m];  point_l : M in the same frame
     mats_ln     : (n, 3, 3), north, east, down at P to that frame
     validity    : numbers of ``fti.ranging.sensor.Validity`` (n,)
+    model_sd    : one sigma of the range by the receiver, which may be another than that of the model (n,) [m]; 0 of a
+                  pencil.  See ``fti.ranging.receiver_error``
     at_edge     : whether the ray lies at the edge of a beam that tells its nearest return (n,): the ground comes nearer
                   beyond, and the ray turns with the aircraft
     """
@@ -72,6 +75,7 @@ class Prediction:
     point_l: Array
     mats_ln: Array
     validity: Codes
+    model_sd: Array
     at_edge: NDArray[np.bool_]
 
     def __len__(self) -> int:
@@ -168,6 +172,7 @@ class Predictor:
             point_l=point_l,
             mats_ln=mats_ln,
             validity=returns.validity,
+            model_sd=_model_sd(self.terrain, self.sensor, poses, returns),
             at_edge=_at_edge(self.sensor, returns),
         )
 
@@ -195,6 +200,12 @@ def _at_edge(sensor: RangingSensor, returns: Returns) -> NDArray[np.bool_]:
     if not isinstance(sensor, NearestReturn):
         return np.zeros(len(returns.slant_range), dtype=np.bool_)
     return np.asarray(returns.direction_s[:, 2] <= np.cos(AT_EDGE * 0.5 * sensor.beam_width))
+
+
+def _model_sd(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: Returns) -> Array:
+    if sensor.model_beam is None:
+        return np.where(returns.valid, 0.0, np.nan)
+    return PossibleReceivers(sensor.model_beam).error_sd(terrain, poses, returns.slant_range)
 
 
 def _dispersion(terrain: Terrain, sensor: RangingSensor, poses: Poses, returns: Returns) -> Array:

@@ -8,7 +8,9 @@ normal n (down).  It is the plane that decides, so the footprint is no quantity 
 
     dP      error of P, north, east, down [m]
     psi     small rotation of the body in the n frame [rad]: mat_nb becomes (I + [psi x]) mat_nb
-    dh_dem  error of the ground's height, up [m];   e  error of the instrument [m]
+    dh_dem  error of the ground's height, up [m]
+    e       error of the range [m]: of the instrument, and of a radar what the model of its receiver leaves
+            (``fti.ranging.receiver_error``); s_range is the sigma of both together
 
 The row H = -[n, w x n] / (n . u) is what a filter uses that takes the range itself (``range_row``).  Of a beam that
 tells its nearest return the way to the ground is the shortest, so its change with the pose is that of the point it
@@ -81,7 +83,7 @@ def dem_factor(seen: Prediction, *, nearest: bool) -> Array:
 def range_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of measured minus predicted range (n,) [m^2]: (1) squared, with its cross terms.  Eq. 3.20, 3.21."""
     row, dem = range_row(seen, nearest=nearest), dem_factor(seen, nearest=nearest)
-    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + np.square(errors.range_sd)
+    return _quadratic(row, errors.pose_cov) + (dem * errors.dem_sd) ** 2 + _range_noise(seen, errors)
 
 
 def height_row(seen: Prediction, *, nearest: bool) -> Array:
@@ -106,7 +108,7 @@ def height_variance(seen: Prediction, errors: ErrorModel, *, nearest: bool) -> A
     """
     a = -seen.cosine * dem_factor(seen, nearest=nearest)
     by_pose = _quadratic(height_row(seen, nearest=nearest), errors.pose_cov)
-    return by_pose + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2
+    return by_pose + _dem_variance(seen, errors, a) + _range_noise(seen, errors) * seen.cosine**2
 
 
 def _dem_variance(seen: Prediction, errors: ErrorModel, a: Array) -> Array:
@@ -130,7 +132,7 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
     """
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 0]
     a = np.where(_stays(seen, nearest=nearest), seen.cosine**2, 1.0)
-    return np.asarray(spread + _dem_variance(seen, errors, a) + (np.asarray(errors.range_sd) * seen.cosine) ** 2)
+    return np.asarray(spread + _dem_variance(seen, errors, a) + _range_noise(seen, errors) * seen.cosine**2)
 
 
 def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
@@ -143,7 +145,7 @@ def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, 
     """
     plane = range_variance(seen, errors, nearest=nearest)
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
-    around = spread + (dem_factor(seen, nearest=nearest) * errors.dem_sd) ** 2 + np.square(errors.range_sd)
+    around = spread + (dem_factor(seen, nearest=nearest) * errors.dem_sd) ** 2 + _range_noise(seen, errors)
     return np.where(np.isfinite(around) & ~_stays(seen, nearest=nearest), around, plane)
 
 
@@ -171,6 +173,11 @@ def footprint_covariance(seen: Prediction, errors: ErrorModel) -> Array:
     raised = dem_factor(seen, nearest=False)[:, None] * seen.direction_n * errors.dem_sd
     by_pose = jacobian @ errors.pose_cov @ np.swapaxes(jacobian, -1, -2)
     return np.asarray(by_pose + raised[:, :, None] * raised[:, None, :])
+
+
+def _range_noise(seen: Prediction, errors: ErrorModel) -> Array:
+    """s_range^2 (n,) [m^2]: of the instrument, and of the model of its receiver."""
+    return np.asarray(np.square(errors.range_sd) + np.square(seen.model_sd))
 
 
 def _way(seen: Prediction) -> Array:

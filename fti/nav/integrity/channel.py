@@ -95,7 +95,7 @@ class ApproachChannel:
 
     def _sample(self, height: HeightAboveGround, nav: NavState, place: Place | None) -> ClearanceSample | None:
         attitude, position = nav.attitude, nav.position
-        if not stands_alone(height) or height.height_agl is None or height.t_valid_ns is None:
+        if not stands_alone(height) or height.nearest is None or height.t_valid_ns is None:
             return None
         if place is None or position is None or attitude is None:
             return None
@@ -105,7 +105,7 @@ class ApproachChannel:
             s=place.s,
             y=place.y,
             alt=place.alt,
-            agl=height.height_agl,
+            agl=height.nearest,
             roll=attitude.roll - self._monitor.path.bank_one(place.s),
             pitch=attitude.pitch,
             climb=-position.down if position.down is not None else None,

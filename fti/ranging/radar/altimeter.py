@@ -113,6 +113,11 @@ class RadarAltimeter(RangingSensor):
         object.__setattr__(self, "beam", make_beam(self.antenna, dome, self.waveform.wavelength))
 
     @property
+    def model_beam(self) -> float:
+        """Half-power width of the antenna."""
+        return self.antenna.half_power_width
+
+    @property
     def reach(self) -> float:
         """So far rays are cast [m]."""
         return self.max_range + _BEHIND_BINS * self.waveform.range_bin

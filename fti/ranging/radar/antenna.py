@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 _CUT_STEP_DEG = 0.5
 #: So far apart two measured cuts may be where they meet [dB]; more is another reference level, not an error.
 _SAME_DB = 1.0
+HALF_POWER_DB = 3.01
 
 
 def from_db(level: ArrayLike) -> Array:
@@ -61,6 +62,13 @@ class Cut:
         if not np.isfinite(self.gains_dbi).all():
             raise ValueError("a gain is not finite")
 
+    @property
+    def half_power_width(self) -> float:
+        """Full width at half the power of the boresight [rad], to the nearest angle of the cut on each side."""
+        weak = self.angles[self.gains_dbi < float(self.at(0.0)) - HALF_POWER_DB]
+        left, right = weak[weak < 0.0], weak[weak > 0.0]
+        return float(right.min(initial=np.pi) - left.max(initial=-np.pi))
+
     def at(self, angle: ArrayLike) -> Array:
         """Gain [dBi] at an angle [rad]; -inf beyond the cut."""
         return np.asarray(
@@ -84,6 +92,11 @@ class Antenna:
         across, along = float(self.azimuth.at(0.0)), float(self.elevation.at(0.0))
         if abs(across - along) > _SAME_DB:
             raise ValueError(f"on the boresight the azimuth cut has {across} dBi, the elevation cut {along} dBi")
+
+    @property
+    def half_power_width(self) -> float:
+        """Full width at half power [rad], the mean of both cuts."""
+        return 0.5 * (self.azimuth.half_power_width + self.elevation.half_power_width)
 
     def gain_dbi(self, rays_s: ArrayLike) -> Array:
         """Gain [dBi] towards unit vectors, shape (..., 3), of the sensor frame; -inf where a cut does not reach."""

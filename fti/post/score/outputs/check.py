@@ -11,7 +11,7 @@ from fti.config import Vector
 from fti.hil.expected.affected import Affected, Interval, inside
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION, May
 from fti.hil.expected.of_flight import of_flight
-from fti.hil.expected.required_outputs import GLIDE, RequiredOutput, approach_altimeter, required_outputs
+from fti.hil.expected.required_outputs import BELOW, GLIDE, RequiredOutput, approach_altimeter, required_outputs
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.kinds import Duplicated
 from fti.logger.reading.recording import Recording
@@ -27,6 +27,7 @@ from fti.post.score.outputs.presence import presence
 from fti.post.score.outputs.protection import height_error, navigated_error, protection
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
+from fti.types import Reason
 
 #: What the emulator's lateness leaves behind in outputs [s].
 AFTER_LATE_S = 1.0
@@ -126,7 +127,11 @@ class _Checks:
         return SAME_READ_SHARE if evidence.real_time else 0.0
 
     def _may_of(self, output: RequiredOutput) -> Sequence[May]:
-        """What the flight explains of an output; the glide slope needs what the monitor needs."""
+        """What the flight explains of an output; the glide slope needs what the monitor needs, a height an altimeter."""
+        if output.topic == BELOW:
+            of_heights = (may for may in self._may if may.place.startswith(HEIGHT))
+            no_height = (Reason.NO_HEIGHT,)
+            return [May(BELOW, may.from_s, may.until_s, may.words and no_height) for may in of_heights]
         if output.topic != GLIDE:
             return self._may
         return [May(GLIDE, may.from_s, may.until_s, may.words) for may in self._may if may.place == INTEGRITY]
@@ -145,5 +150,9 @@ class _Checks:
         if of_navigation and not (nav.attitude and (nav.position or output.topic.startswith(HEIGHT))):
             return np.zeros(len(t), dtype=bool)
         after = t >= evidence.start_s + output.lead_s
-        blind = [(may.from_s, may.until_s) for may in self._may if not may.words and may.explains(output.topic, "")]
+        blind = [
+            (may.from_s, may.until_s)
+            for may in self._may_of(output)
+            if not may.words and may.explains(output.topic, "")
+        ]
         return np.asarray(after & ~inside(t, blind))

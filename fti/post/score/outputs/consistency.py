@@ -11,7 +11,7 @@ import numpy as np
 from fti.config import Config
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
 from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
-from fti.hil.expected.required_outputs import FIX, GLIDE, LOCATION
+from fti.hil.expected.required_outputs import BELOW, FIX, GLIDE, LOCATION
 from fti.hil.expected.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
@@ -39,7 +39,8 @@ VALUES = {
     VERTICAL_TOPIC: ("alt", "vel_down"),
     FIX: ("lat", "lon"),
     INTEGRITY: ("s_begin", "s_end"),
-    HEIGHT: ("raw", "height_agl"),
+    HEIGHT: ("raw", "nearest", "height_agl", "sd"),
+    BELOW: ("height_agl", "sd"),
 }
 #: States in which the monitor has judged.
 JUDGED_STATES = (IntegrityState.OK, IntegrityState.MONITOR, IntegrityState.CAUTION, IntegrityState.ALERT)
@@ -70,6 +71,9 @@ class Consistency:
             for field, value in (("sensor", name), ("datum", Datum.AGL), ("point", Point.P)):
                 yield self._named(field, (value,), may_be_none=False)
             yield from self._height_of_range(truth, name)
+        elif topic == BELOW:
+            for field, values in (("sensor", nav.altimeters), ("datum", (Datum.AGL,)), ("point", (Point.P,))):
+                yield self._named(field, values, may_be_none=False)
         elif topic == GLIDE and self._glide is not None:
             yield from self._deviation(self._glide)
         elif topic == INTEGRITY and nav.approach:
@@ -113,7 +117,7 @@ class Consistency:
         tilt = np.cos(truth.at("roll", series.valid_ns)) * np.cos(truth.at("pitch", series.valid_ns))
         arm = math.hypot(*device.lever_arm_b) if device else 0.0
         allowed = abs(raw) * (TILT_FACTOR * (1.0 - tilt) + TILT_MARGIN) + arm + HEIGHT_MARGIN_M
-        yield from self._largest("height_agl - raw", "m", abs(series.column("height_agl") - raw), allowed)
+        yield from self._largest("nearest - raw", "m", abs(series.column("nearest") - raw), allowed)
         if wheels is not None:
             below = abs(series.column("wheels") - series.column("height_agl"))
             yield from self._largest("wheels - height_agl", "m", below, math.hypot(*wheels) + HEIGHT_MARGIN_M)

@@ -15,7 +15,7 @@ from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import FILTER, FIX, GLIDE, LOCATION, VERTICAL
+from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, LOCATION, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import Array, Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
@@ -75,6 +75,8 @@ class Comparison:
             return list(self._glide_slope())
         if topic == INTEGRITY:
             return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
+        if topic == BELOW:
+            return [self._height_below()]
         if topic.startswith(f"{HEIGHT}/"):
             return list(self._height(topic.rpartition("/")[2]))
         return list(self._measurement(*topic.strip("/").split("/")))
@@ -115,18 +117,20 @@ class Comparison:
         # between two rows of the truth, and within the error of the place, the beam meets what is within the spread
         # a sigma that is none stays as it is
         here, spread = self._true("range_" + name), self._true("most_range_" + name) - self._true("least_range_" + name)
-        stated = self._column("sd")
+        stated = self._column("nearest_sd")
         sd = np.where(stated > 0.0, np.hypot(stated, np.nan_to_num(spread) / 2.0), stated)
-        compensated, predicted = (
-            self._column("compensated") - self._true("height_agl"),
-            self._column("predicted") - here,
-        )
+        yield self._height_below()
+        predicted = self._column("predicted") - here
         for quantity, error, one_sigma in (
             ("measured range", self._column("raw") - here, sd),
-            ("height below", compensated, self._column("compensated_sd")),
             ("predicted range", predicted, self._column("predicted_sd")),
         ):
             yield QuantityError(quantity, "m", error, one_sigma, limits.vertical_m, must_state=True)
+
+    def _height_below(self) -> QuantityError:
+        """Of P above the ground straight below."""
+        error, limit = self._column("height_agl") - self._true("height_agl"), self._limits.vertical_m
+        return QuantityError("height below", "m", error, self._column("sd"), limit, must_state=True)
 
     # ----------------------------------------------------------------------------------------------- measurements
 

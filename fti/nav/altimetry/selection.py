@@ -1,0 +1,74 @@
+"""Which altimeter gives the height below the aircraft: one of those that are valid.
+
+The one that gives it goes on giving it while it is valid.  When it is not, the valid one with the smallest sigma takes
+its place.  A valid one whose sigma is less than ``BETTER`` times as large takes its place after ``AFTER_NS`` in which
+that was so with every sample of both: two altimeters with equal sigmas do not alternate.
+
+Each output of the chosen altimeter makes one of HeightBelowAircraft; while none is valid, each output of the last
+chosen one, or of the first that is configured, makes an invalid one.  Of two that were true at different times the
+older one after the newer is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fti.nav.series import SECOND_NS
+from fti.types import HeightAboveGround, HeightBelowAircraft, Reason
+
+BETTER = 0.7
+AFTER_NS = 2 * SECOND_NS
+
+
+class HeightSelector:
+    """Chooses among altimeters.  names : of all, the order in which equal ones are preferred"""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._latest: dict[str, HeightAboveGround | None] = dict.fromkeys(names)
+        self._chosen = next(iter(names), None)
+        self._better_since: dict[str, int] = {}
+        self._newest_ns = 0
+
+    def take(self, height: HeightAboveGround) -> list[HeightBelowAircraft]:
+        """An output of an altimeter; the height below the aircraft, where this output makes one."""
+        self._latest[height.sensor] = height
+        self._choose(height.t_ns)
+        if height.sensor != self._chosen:
+            return []
+        if height.valid and height.t_valid_ns is not None:
+            if height.t_valid_ns < self._newest_ns:
+                return []
+            self._newest_ns = height.t_valid_ns
+        return [_below(height)]
+
+    def _choose(self, t_ns: int) -> None:
+        valid = {name: _sd(height) for name, height in self._latest.items() if height is not None and height.valid}
+        if not valid:
+            return
+        if self._chosen not in valid:
+            self._chosen = min(valid, key=valid.__getitem__)
+            self._better_since.clear()
+        limit = BETTER * valid[self._chosen]
+        self._better_since = {name: self._better_since.get(name, t_ns) for name, sd in valid.items() if sd < limit}
+        for name, since_ns in self._better_since.items():
+            if t_ns - since_ns >= AFTER_NS:
+                self._chosen = name
+                self._better_since = {}
+                return
+
+
+def _sd(height: HeightAboveGround) -> float:
+    return float("inf") if height.sd is None else height.sd
+
+
+def _below(height: HeightAboveGround) -> HeightBelowAircraft:
+    return HeightBelowAircraft(
+        t_ns=height.t_ns,
+        t_valid_ns=height.t_valid_ns,
+        sensor=height.sensor,
+        height_agl=height.height_agl if height.valid else None,
+        sd=height.sd if height.valid else None,
+        valid=height.valid,
+        reasons=() if height.valid else (Reason.NO_HEIGHT,),
+        compensation=height.compensation if height.valid else None,
+    )
