@@ -553,7 +553,7 @@ class HeightAboveGround:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightBelowAircraft:
-    """Height of the aircraft above the ground straight below it, from the altimeter that is chosen among the valid ones.
+    """Height of the aircraft above the ground straight below it, from one of the valid altimeters.
 
     t_ns       : time of the output [ns]; t_valid_ns : when the height was true [ns]
     sensor     : the altimeter that is chosen

@@ -17,6 +17,7 @@ from fti.web.words import CONTINUOUS, describe_mode
 Fields = Mapping[str, Any]
 
 HEIGHT = "/nav/height_above_ground/"
+BELOW = "/nav/height_below_aircraft"
 INTEGRITY = "/nav/clearance_integrity"
 GLIDE = "/nav/glide_slope"
 SOLUTION = "/nav/nav_solution"
@@ -103,12 +104,15 @@ def _acting(fault: Fields) -> str:
 
 def _outputs(outputs: Fields) -> Table:
     table = Table("output", "value", "sigma", "", "", expand=True, box=None, header_style="dim")
+    if below := outputs.get(BELOW):
+        by = f"by {below['sensor']}" + (f", {compensation}" if (compensation := below["compensation"]) else "")
+        _add(table, "height below aircraft", below, (_metres(below["height_agl"], 1), _sigma(below["sd"], "m"), by))
     for topic, output in outputs.items():
         if topic.startswith(HEIGHT):
             values = (_metres(output["height_agl"], 1), _sigma(output["sd"], "m"), f"raw {_metres(output['raw'], 1)}")
-            _add(table, topic.removeprefix(HEIGHT), output, values)
+            _add(table, f"  {topic.removeprefix(HEIGHT)}", output, values)
             if ground := _over_ground(output):
-                table.add_row(Text("  over terrain", "dim"), *ground)
+                table.add_row(Text("    nearest return", "dim"), *ground)
     if integrity := outputs.get(INTEGRITY):
         _add_integrity(table, integrity)
     if glide := outputs.get(GLIDE):
@@ -126,13 +130,13 @@ def _outputs(outputs: Fields) -> Table:
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:
-    """What the known terrain adds to a height, or why it cannot be asked; nothing of a daemon that does not say."""
+    """What the beam sees and the terrain predicts, or why there is none; nothing of a daemon that does not say."""
     unchecked = output.get("unchecked_text", ())
-    if output.get("predicted") is None:
-        return (UNKNOWN, "", "", Text(", ".join(unchecked), "dim")) if unchecked else ()
-    below = _metres(output["compensated"], 1), _sigma(output["compensated_sd"], "m")
-    words = [word for word in (output["compensation"], *unchecked) if word]
-    return *below, f"predicts {_metres(output['predicted'], 1)}", Text(", ".join(words), "dim")
+    words = Text(", ".join(word for word in (output.get("compensation"), *unchecked) if word), "dim")
+    if output.get("nearest") is None:
+        return (UNKNOWN, "", "", words) if unchecked else ()
+    predicted = f"predicts {_metres(output['predicted'], 1)}" if output.get("predicted") is not None else ""
+    return _metres(output["nearest"], 1), _sigma(output["nearest_sd"], "m"), predicted, words
 
 
 def _add(table: Table, name: str, output: Fields, values: tuple[str, str, str]) -> None:

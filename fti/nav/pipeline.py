@@ -5,9 +5,9 @@ of different links may be out of order by milliseconds; every history is ordered
 
     t_valid_ns : by the clock of the device once it is known (``fti.nav.times.device_times``), else t_rx_ns - latency
 
-Rates: HeightAboveGround per sample; HeightBelowAircraft per sample of the chosen altimeter; NavSolution every second tick (25 Hz), moved on to the time of the tick; what takes
-the place of devices as ``fti.nav.fallbacks`` says; ClearanceIntegrity and GlideSlope per update of the monitor.  What
-has nothing new to say is repeated at 2 Hz.
+Rates: HeightAboveGround per sample; HeightBelowAircraft per sample of the chosen altimeter; NavSolution every second
+tick (25 Hz), moved on to the time of the tick; what takes the place of devices as ``fti.nav.fallbacks`` says;
+ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing new to say is repeated at 2 Hz.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from fti.service.ground import GroundLoading
 from fti.service.orders import NavigationOrder
 from fti.service.output_delay import OutputDelay
 from fti.service.patience import Patience, Skips
-from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, Output, RawFrame
+from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, HeightBelowAircraft, Output, RawFrame
 
 #: The order in which a process appears on the bus and in health.
 PROCESS = "navigation"
@@ -174,7 +174,7 @@ class Navigator:
             self._channel.send({"event": dataclasses.asdict(output)})
         else:
             max_age = OUTPUT_MAX_AGE_MS
-            if isinstance(output, HeightAboveGround):
+            if isinstance(output, HeightAboveGround | HeightBelowAircraft):
                 max_age = self._max_age_ms.get(output.sensor, OUTPUT_MAX_AGE_MS)
             payload = stamped(dataclasses.asdict(output), output.t_ns, self._clock.now_ns(), max_age)
             self._bus.publish(output_topic(output), payload)

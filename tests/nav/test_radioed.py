@@ -13,7 +13,7 @@ from fti.nav.navigation import NavState
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround, Position, PositionFix, Satellite, Satellites, Stamp
+from fti.types import Compensation, HeightAboveGround, Position, PositionFix, Satellite, Satellites, Stamp
 
 T0, LAT = 10**12, 0.8
 DEVICES = {"gnss": Device(name="gnss", link="l", driver="d", lever_arm_b=(1.0, 0.0, -1.5))}
@@ -37,12 +37,13 @@ def over_slope(place_sd: float, compensated: float | None = None) -> PositionFix
         t_valid_ns=T0,
         sensor="laser",
         raw=200.0,
-        height_agl=200.0,
+        height_agl=200.0 if compensated is None else compensated,
         sd=0.5,
         valid=True,
         reasons=(),
-        compensated=compensated,
-        compensated_sd=None if compensated is None else 0.5,
+        compensation=Compensation.ATTITUDE if compensated is None else Compensation.RANGE,
+        nearest=200.0,
+        nearest_sd=0.5,
     )
     radio.take_height(
         height, NavState(T0, None, PositionState(LAT, 0.2, 700.0, place_sd, 1.0, None, None, None, T0), None, None)

@@ -14,7 +14,7 @@ from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.sources import AttitudeState, PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround, Reason
+from fti.types import Compensation, HeightAboveGround, Reason
 
 LAT0, LON0 = math.radians(48.0), math.radians(11.5)
 HEIGHT_M = 150.0
@@ -79,7 +79,7 @@ def test_a_hole_under_the_aircraft_says_nothing_against_a_beam_beside_it() -> No
     beside = said(channel(holed, right_m=20.0, max_nadir_deviation_m=10.0), 150.0)
     assert beside.predicted == pytest.approx(150.0)
     assert beside.reasons == ()
-    assert beside.compensated is None
+    assert beside.compensation is Compensation.ATTITUDE
     assert beside.unchecked == (Reason.TERRAIN_HOLE,), "its height was held against nothing"
     assert said(channel(holed), 150.0).unchecked == (Reason.TERRAIN_HOLE,)
 
@@ -89,10 +89,10 @@ def test_an_island_of_known_ground_does_not_make_a_place_known() -> None:
     island = level()
     beside = np.maximum.outer(np.abs(POSTS), np.abs(POSTS))
     island[(beside > 7.0) & (beside < 200.0)] = np.nan
-    assert said(channel(level()), 150.0, place_sd=10.0).compensated_sd is not None
+    assert said(channel(level()), 150.0, place_sd=10.0).compensation is Compensation.RANGE
     found = said(channel(island), 150.0, place_sd=10.0)
     assert found.predicted == pytest.approx(150.0)
-    assert (found.compensated, found.unchecked) == (None, (Reason.TERRAIN_HOLE,))
+    assert (found.compensation, found.unchecked) == (Compensation.ATTITUDE, (Reason.TERRAIN_HOLE,))
 
 
 def test_a_height_that_is_used_as_it_is_is_held_against_the_navigated_one() -> None:
@@ -102,7 +102,7 @@ def test_a_height_that_is_used_as_it_is_is_held_against_the_navigated_one() -> N
     assert said(channel(wood), slant, roll_deg=30.0).reasons == ()
     gated = said(channel(wood, max_nadir_deviation_m=10.0), slant, roll_deg=30.0)
     assert gated.reasons == (Reason.NOT_NADIR,)
-    assert gated.compensated == pytest.approx(150.0, abs=0.3)  # which a terrain cures
+    assert gated.height_agl == pytest.approx(150.0, abs=0.3)  # which a terrain cures
 
 
 def test_a_beam_that_grazes_the_ground_is_refused() -> None:

@@ -23,11 +23,13 @@ from fti.bus.client import Publisher
 from fti.bus.message import encode, stamped
 from fti.types import (
     ClearanceIntegrity,
+    Compensation,
     Event,
     FilterMode,
     FilterSolution,
     GlideSlope,
     HeightAboveGround,
+    HeightBelowAircraft,
     IntegrityState,
     NavSolution,
     Output,
@@ -67,6 +69,9 @@ class Approach:
         return {
             "/nav/height_above_ground/radar_altimeter": self._height("radar_altimeter", agl, 1.2, common),
             "/nav/height_above_ground/laser_altimeter": self._laser(agl, roll, common),
+            "/nav/height_below_aircraft": HeightBelowAircraft(
+                sensor="radar_altimeter", height_agl=agl, sd=1.2, compensation=Compensation.BEAM, **common
+            ),
             "/nav/clearance_integrity": self._integrity(t, s, dh, common),
             "/nav/glide_slope": self._glide(s, dh, common),
             "/nav/nav_solution": self._solution(t, s, dh, roll, common),
@@ -75,7 +80,7 @@ class Approach:
 
     def _height(self, sensor: str, agl: float, sd: float, common: dict[str, Any]) -> HeightAboveGround:
         height = agl + self._random.gauss(0.0, sd / 3)
-        ground: dict[str, Any] = {"compensated": height, "compensated_sd": sd, "predicted": height * 1.004 + 1.2}
+        ground: dict[str, Any] = {"nearest": height - 1.5, "nearest_sd": sd / 2, "predicted": height * 1.004 + 1.2}
         return HeightAboveGround(sensor=sensor, raw=height * 1.004 + 0.3, height_agl=height, sd=sd, **ground, **common)
 
     def _laser(self, agl: float, roll: float, common: dict[str, Any]) -> HeightAboveGround:

@@ -1,4 +1,5 @@
-// Heights above ground: compensated (large) and raw, for each altimeter, with their history.
+// The height of the aircraft above the ground straight below it (large); what each altimeter makes of it (smaller), with
+// what it measured; and their history.
 
 import { fixed, isNumber, plusMinus, title } from "./format.js";
 import { h, Keyed, panelTitle, setText } from "./dom.js";
@@ -7,6 +8,7 @@ import { HistoryPlot } from "./plot.js";
 import { showValidity } from "./validity.js";
 
 const PREFIX = "/nav/height_above_ground/";
+const BELOW = "/nav/height_below_aircraft";
 const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
 
 // The first is broad, so that those on top of it leave it visible.
@@ -18,8 +20,9 @@ export class Heights {
   constructor(root) {
     this.list = h("div", { class: "sensors" });
     this.plotPlace = h("div", { class: "plot", "data-testid": "heights-plot" });
-    const { root: heading } = panelTitle("Height above ground", "line compensated · dots raw");
-    root.append(heading, this.list, this.plotPlace);
+    const { root: heading } = panelTitle("Height above ground", "line straight below · dots raw");
+    this.below = new Below();
+    root.append(heading, this.below.root, this.list, this.plotPlace);
     this.rows = new Keyed(this.list, (topic) => new Sensor(topic));
     this.topics = [];
     this.history = null;
@@ -33,6 +36,7 @@ export class Heights {
   show({ outputs, events, t_ns: tNs }) {
     const topics = Object.keys(outputs).filter((topic) => topic.startsWith(PREFIX));
     if (topics.join() !== this.topics.join()) this.#arrange(topics);
+    this.below.show(outputs[BELOW]);
     const rows = this.rows.sync(topics);
     topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], colourOf(place)));
     if (this.plot) this.plot.marks = marksOf(events);
@@ -62,15 +66,39 @@ function plotted(output) {
   return [output.late ? null : output.raw, output.valid ? output.height_agl : null];
 }
 
-// What the known terrain adds: the height straight below and what the sensor should say, or why it cannot be asked.
+// The nearest return and what the sensor should say over known terrain, or why that is not known.
 function overGround(output) {
-  if (!isNumber(output.predicted)) return uncheckedOf(output);
-  const below = isNumber(output.compensated) ? `below ${fixed(output.compensated, 1)} ${plusMinus(output.compensated_sd, 1)}, ` : "";
-  return `${below}terrain predicts ${fixed(output.predicted, 1)}`;
+  if (!isNumber(output.nearest)) return uncheckedOf(output);
+  const predicted = isNumber(output.predicted) ? `, terrain predicts ${fixed(output.predicted, 1)}` : "";
+  return `nearest ${fixed(output.nearest, 1)} ${plusMinus(output.nearest_sd, 1)}${predicted}`;
 }
 
 function uncheckedOf(output) {
   return (output.unchecked_text ?? []).join(", ");
+}
+
+class Below {
+  constructor() {
+    this.value = h("b", { "data-testid": "height-below" }, "–");
+    this.sd = h("span", { class: "sd", "data-testid": "height-below-sd" });
+    this.source = h("span", { class: "remark", "data-testid": "height-below-source" });
+    this.verdict = h("span", { class: "verdict", "data-testid": "height-below-verdict" });
+    this.root = h(
+      "div",
+      { class: "below" },
+      h("div", { class: "label" }, h("strong", {}, "Below the aircraft"), this.source, this.verdict),
+      h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
+    );
+  }
+
+  show(output) {
+    this.root.hidden = output === undefined;
+    if (output === undefined) return;
+    setText(this.value, fixed(output.height_agl, 1));
+    setText(this.sd, plusMinus(output.sd, 1));
+    setText(this.source, output.valid ? `by ${title(output.sensor)}` : "");
+    showValidity(output, [this.value, this.sd], this.verdict);
+  }
 }
 
 class Sensor {

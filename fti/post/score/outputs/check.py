@@ -127,7 +127,7 @@ class _Checks:
         return SAME_READ_SHARE if evidence.real_time else 0.0
 
     def _may_of(self, output: RequiredOutput) -> Sequence[May]:
-        """What the flight explains of an output; the glide slope needs what the monitor needs, a height an altimeter."""
+        """What the flight explains of an output; others need what the monitor, or an altimeter, needs."""
         if output.topic == BELOW:
             of_heights = (may for may in self._may if may.place.startswith(HEIGHT))
             no_height = (Reason.NO_HEIGHT,)

@@ -10,8 +10,8 @@ import numpy as np
 
 from fti.config import Config
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
 from fti.hil.expected.required_outputs import BELOW, FIX, GLIDE, LOCATION
+from fti.hil.expected.required_outputs import FILTER as FILTER_TOPIC
 from fti.hil.expected.required_outputs import VERTICAL as VERTICAL_TOPIC
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of

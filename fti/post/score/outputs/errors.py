@@ -75,10 +75,8 @@ class Comparison:
             return list(self._glide_slope())
         if topic == INTEGRITY:
             return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
-        if topic == BELOW:
-            return [self._height_below()]
-        if topic.startswith(f"{HEIGHT}/"):
-            return list(self._height(topic.rpartition("/")[2]))
+        if topic.startswith((BELOW, f"{HEIGHT}/")):
+            return list(self._height(topic.removeprefix(BELOW).rpartition("/")[2]))
         return list(self._measurement(*topic.strip("/").split("/")))
 
     # ------------------------------------------------------------------------------------------------ navigation
@@ -112,25 +110,22 @@ class Comparison:
         yield self._angle("deviation", "deviation", "sd", limits.deviation_deg)
 
     def _height(self, name: str) -> Iterator[QuantityError]:
-        """Of an altimeter: what it measures along its beam, and what follows for the height straight below."""
-        limits = self._limits
+        """The height straight below; of an altimeter with that name also what it measures along its beam."""
+        error, limits = self._column("height_agl") - self._true("height_agl"), self._limits
+        yield QuantityError("height below", "m", error, self._column("sd"), limits.vertical_m, must_state=True)
+        if not name:
+            return
         # between two rows of the truth, and within the error of the place, the beam meets what is within the spread
         # a sigma that is none stays as it is
         here, spread = self._true("range_" + name), self._true("most_range_" + name) - self._true("least_range_" + name)
         stated = self._column("nearest_sd")
         sd = np.where(stated > 0.0, np.hypot(stated, np.nan_to_num(spread) / 2.0), stated)
-        yield self._height_below()
         predicted = self._column("predicted") - here
         for quantity, error, one_sigma in (
             ("measured range", self._column("raw") - here, sd),
             ("predicted range", predicted, self._column("predicted_sd")),
         ):
             yield QuantityError(quantity, "m", error, one_sigma, limits.vertical_m, must_state=True)
-
-    def _height_below(self) -> QuantityError:
-        """Of P above the ground straight below."""
-        error, limit = self._column("height_agl") - self._true("height_agl"), self._limits.vertical_m
-        return QuantityError("height below", "m", error, self._column("sd"), limit, must_state=True)
 
     # ----------------------------------------------------------------------------------------------- measurements
 

@@ -68,7 +68,7 @@ def test_an_antenna_is_compared_where_it_is() -> None:
 def test_an_altimeter_is_compared_along_its_beam_and_straight_below() -> None:
     table = truth(4.0, range_laser=100.0, least_range_laser=99.0, most_range_laser=105.0, height_agl=97.0)
     series = messages(
-        "/nav/height_above_ground/laser", T, raw=103.0, sd=0.4, compensated=96.0, compensated_sd=2.0, predicted=99.0
+        "/nav/height_above_ground/laser", T, raw=103.0, nearest_sd=0.4, height_agl=96.0, sd=2.0, predicted=99.0
     )
     found = errors(series, table)
     np.testing.assert_allclose(found["measured range"].error, 3.0)

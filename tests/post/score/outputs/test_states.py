@@ -73,10 +73,17 @@ def consistent(series: TopicSeries) -> set[Verdict]:
 
 
 def test_a_height_belongs_to_its_altimeter_and_its_range() -> None:
-    fine: dict[str, Any] = {"sensor": "altimeter", "raw": 200.0, "height_agl": 199.0, "datum": "agl", "point": "p"}
+    heights = {"raw": 200.0, "nearest": 199.0, "height_agl": 190.0, "sd": 3.0}
+    fine: dict[str, Any] = {"sensor": "altimeter", **heights, "datum": "agl", "point": "p"}
     assert consistent(messages(HEIGHT, T.tolist(), **fine)) == {Verdict.HOLDS}
     assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, "sensor": "autopilot"}))
-    for wrong in ({"height_agl": 210.0}, {"datum": "msl"}, {"point": "wheels"}, {"reasons": [["stale"]] * len(T)}):
+    for wrong in (
+        {"nearest": 210.0},
+        {"sd": math.nan},
+        {"datum": "msl"},
+        {"point": "wheels"},
+        {"reasons": [["stale"]] * len(T)},
+    ):
         assert Verdict.FAILS in consistent(messages(HEIGHT, T.tolist(), **{**fine, **wrong})), wrong
 
 

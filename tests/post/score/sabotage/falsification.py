@@ -13,7 +13,7 @@ from tests.post.score.sabotage.session_copy import Session
 #: An output is attacked in its values when it has been valid for so many messages at least.
 MIN_VALID = 20
 POSITIONS = ("/nav/nav_solution", "/nav/filter_solution", "/nav/position_fix")
-HEIGHT = "/nav/height_above_ground"
+HEIGHT, BELOW = "/nav/height_above_ground", "/nav/height_below_aircraft"
 GLIDE_SLOPE, INTEGRITY = "/nav/glide_slope", "/nav/clearance_integrity"
 VERTICAL, LOCATION = "/nav/vertical_solution", "/nav/location"
 

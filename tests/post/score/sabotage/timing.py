@@ -146,7 +146,7 @@ def _moving(sample: Sample) -> list[str]:
         for topic in judged_outputs(sample)
         if any(
             len(values) >= MIN_VALID and max(values) - min(values) > least
-            for name, least in (("lat", 1e-4), ("latitude", 1e-3), ("s", 200.0), ("compensated", 40.0), ("alt", 40.0))
+            for name, least in (("lat", 1e-4), ("latitude", 1e-3), ("s", 200.0), ("height_agl", 40.0), ("alt", 40.0))
             for values in [sample.values(topic).get(name, [])]
         )
     ]

@@ -10,6 +10,7 @@ import orjson
 
 from fti.logger.reading.mcap_file import Item
 from tests.post.score.sabotage.falsification import (
+    BELOW,
     GLIDE_SLOPE,
     HEIGHT,
     INTEGRITY,
@@ -73,7 +74,7 @@ def _times(by: float) -> Change:
 
 
 ANGLES = ("roll", "pitch")
-HEIGHTS = ("height_agl", "compensated")
+HEIGHTS = ("height_agl", "nearest")
 SOLUTIONS = (*POSITIONS, VERTICAL)
 STATED = "the error is many times the sigma that the output states"
 NO_SIGMA = "where no sigma is stated, the accuracy that a scenario allows to an aided solution is a few metres"
@@ -94,7 +95,7 @@ BIASES = (
     _Attack(
         "raw range 50 m", (HEIGHT,), ("raw",), _plus(50.0), "the beam meets the ground of the truth file elsewhere"
     ),
-    _Attack("compensated height 20 m", (HEIGHT,), ("compensated",), _plus(20.0), f"{STATED} (0.1 to 3 m)"),
+    _Attack("height below the aircraft 20 m", (BELOW,), ("height_agl",), _plus(20.0), f"{STATED} (0.1 to 4 m)"),
     _Attack("velocity 5 m/s north", POSITIONS, ("vel_north",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
     _Attack("velocity 5 m/s east", POSITIONS, ("vel_east",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
     _Attack("velocity 5 m/s down", SOLUTIONS, ("vel_down",), _plus(5.0), "the sigma of a velocity is 0.1 to 0.5 m/s"),
@@ -133,7 +134,7 @@ SCALES = (
 )
 ALL = ("/nav/",)
 SIGMAS = (
-    "horizontal_sd", "vertical_sd", "vel_sd", "tilt_sd", "heading_sd", "vel_down_sd", "sd", "compensated_sd", "dh_sd",
+    "horizontal_sd", "vertical_sd", "vel_sd", "tilt_sd", "heading_sd", "vel_down_sd", "sd", "nearest_sd", "dh_sd",
     "height_error_sd",
 )  # fmt: skip
 #: Of which nothing but the promise is judged; an optimistic one is seen by the errors of what it belongs to.
