@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fti.geodesy.wgs84 import ECC_SQ, SEMI_MAJOR
 from fti.nav.altimetry.around import TRIALS, mean_square_around
 from fti.nav.altimetry.nadir import AROUND
+from fti.nav.altimetry.roughness import rough_height_variance, roughness
 from fti.ranging.nearest import REFINE_STEPS
 from fti.terrain.bundle import cast_bundle_min
 from fti.terrain.cast import cast_one
@@ -190,8 +191,9 @@ def told(
     a = u[2] * u[2] if is_nearest else 1.0
     out[HEIGHT_P], out[COSINE] = height, u[2]
     out[INCIDENCE] = math.acos(min(1.0, max(-1.0, facing[0] * u[0] + facing[1] * u[1] + facing[2] * u[2])))
-    out[RANGE_SD] = math.sqrt(of_range + (dem * sds[7]) ** 2 + sds[6] ** 2)
-    by_dem = sds[7] ** 2 * (1.0 + a * a - 2.0 * together * a)
+    rough = roughness(p, point[0], point[1])
+    out[RANGE_SD] = math.sqrt(of_range + dem * dem * (sds[7] ** 2 + rough * rough) + sds[6] ** 2)
+    by_dem = sds[7] ** 2 * (1.0 + a * a - 2.0 * together * a) + rough_height_variance(p, at, point, a)
     out[HEIGHT_SD] = math.sqrt(of_height + by_dem + (sds[6] * u[2]) ** 2)
     out[GROUND_SD] = _ground_sd(p, at, sds[0])
     return out

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.nav.altimetry.around import TRIALS, mean_squares_around
 from fti.nav.altimetry.predicted import Prediction
+from fti.nav.altimetry.roughness import rough_variances
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -121,9 +122,10 @@ def _dem_variance(seen: Prediction, errors: ErrorModel, a: Array) -> Array:
 def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """The same from the ground around N and M, instead of planes through them: (n,) [m^2].
 
-        Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + (s_range cos(theta))^2
+        Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + s_N^2 + a^2 s_M^2 - 2 r' a s_N s_M
+              + (s_range cos(theta))^2
 
-    with xi the errors of the pose: 64 of them, whose mean is 0 and whose covariance is ``pose_cov``.  On a plane it is
+    with s_N, s_M the roughness at N and M and r' = exp(-distance / cell) (``fti.nav.altimetry.roughness``), and with xi the errors of the pose: 64 of them, whose mean is 0 and whose covariance is ``pose_cov``.  On a plane it is
     ``height_variance``.  A few metres from the edge of a forest it is not: the plane below is level there and says
     decimetres, where 10 m of error of the place put the trees below the aircraft (``fti study compensation``).
 
@@ -132,21 +134,30 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
     """
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 0]
     a = np.where(_stays(seen, nearest=nearest), seen.cosine**2, 1.0)
-    return np.asarray(spread + _dem_variance(seen, errors, a) + _range_noise(seen, errors) * seen.cosine**2)
+    elevation = _dem_variance(seen, errors, a) + _rough_variances(terrain, seen, a)[:, 0]
+    return np.asarray(spread + elevation + _range_noise(seen, errors) * seen.cosine**2)
 
 
 def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
     """Variance of measured minus predicted range from the ground around M, instead of a plane through it: (n,) [m^2].
 
-        Var = E[(d(xi) - d(0))^2] + (n_D s_dem / (n . u))^2 + s_range^2
+        Var = E[(d(xi) - d(0))^2] + (n_D / (n . u))^2 (s_dem^2 + s_M^2) + s_range^2
 
-    On a plane it is ``range_variance``, and so it is of a nearest return, whose point stays where it is, and where the
+    with s_M the roughness at M (``fti.nav.altimetry.roughness``).  On a plane it is ``range_variance``, and so it is of a nearest return, whose point stays where it is, and where the
     ground around is not known.
     """
     plane = range_variance(seen, errors, nearest=nearest)
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
-    around = spread + (dem_factor(seen, nearest=nearest) * errors.dem_sd) ** 2 + _range_noise(seen, errors)
-    return np.where(np.isfinite(around) & ~_stays(seen, nearest=nearest), around, plane)
+    dem = dem_factor(seen, nearest=nearest) ** 2
+    around = spread + dem * errors.dem_sd**2 + _range_noise(seen, errors)
+    rough = dem * _rough_variances(terrain, seen, dem)[:, 1]
+    return np.where(np.isfinite(around) & ~_stays(seen, nearest=nearest), around, plane) + rough
+
+
+def _rough_variances(terrain: Terrain, seen: Prediction, a: Array) -> Array:
+    """Of a height and of the ground at M, by what lies between the posts (n, 2) [m^2]."""
+    at, points, share = (np.ascontiguousarray(x, dtype=np.float64) for x in (seen.place_l, seen.point_l, a))
+    return np.asarray(rough_variances(terrain.pyramid, at, points, share))
 
 
 def _spread_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, *, nearest: bool) -> Array:
