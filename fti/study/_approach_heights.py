@@ -44,8 +44,6 @@ from fti.terrain.terrain import Terrain
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
-#: Sigma of what the model of a beam leaves with exact knowledge (T13.independent) [m].
-BEAM_SD = 1.8
 WHITE_SD = (np.sqrt(2.0**2 - 1.5**2), np.sqrt(3.0**2 - 2.5**2))
 #: Measurements until the filter has settled.
 SETTLE = 10
@@ -137,7 +135,7 @@ def _raw(surface: Terrain, here: Estimate, value: float) -> TerrainAltitude | No
 def _compensated(predictor: Predictor, here: Estimate, value: float) -> TerrainAltitude | None:
     seen = predictor.at(*here.place, *here.rpy, here.vel_n)
     pose = here.cov_n[np.ix_([0, 1, 2, 6, 7, 8], [0, 1, 2, 6, 7, 8])]
-    errors = ErrorModel(pose, float(np.hypot(NOISE_M, BEAM_SD)))
+    errors = ErrorModel(pose, NOISE_M)
     height = float(height_over_ground(value, seen)[0])
     sd = float(np.sqrt(height_variance_over(predictor.terrain, seen, errors, nearest=True)[0]))
     alt = height + float(predictor.terrain.height(*here.place[:2]))

@@ -33,6 +33,7 @@ from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry.predicted import Prediction, Predictor
 from fti.ranging.error_model import RangeError
 from fti.ranging.laser import Laser
+from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import WIDE
 from fti.ranging.radar.dome import random_turn
@@ -80,8 +81,12 @@ PLACE_SD = {Known.ALL: 0.0, Known.PLACE_ERROR: HORIZONTAL_SD, Known.DEM_ERROR: D
 
 @functools.cache
 def models() -> dict[str, RangingSensor]:
-    """The sensors as they are known: without noise."""
-    return {"laser": Laser(max_range=FARTHEST_M), "radar": RadarAltimeter(antenna=WIDE, order=MODEL_ORDER)}
+    """The sensors as they are known: without noise; ``radar_nearest``, as a configuration has the radar by default."""
+    return {
+        "laser": Laser(max_range=FARTHEST_M),
+        "radar": RadarAltimeter(antenna=WIDE, order=MODEL_ORDER),
+        "radar_nearest": NearestReturn(beam_width=WIDE.half_power_width, max_range=FARTHEST_M),
+    }
 
 
 @dataclass(frozen=True, eq=False)

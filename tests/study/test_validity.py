@@ -92,10 +92,10 @@ def test_validity_sorts_the_mix(mix: Mix) -> None:
     """Laser: roll alone refuses 30 %, and what is left is small.  A sensor that is 30 m off is refused throughout."""
     reasons = against(mix, Known.ALL, SEED)
     for name in mix.measured:
-        found = assessed(mix.measured[name] - mix.nadir, reasons[name])
+        found = assessed(*[mix.measured[name] - mix.nadir] * 2, reasons[name])
         assert found.residual < 0.5 * found.raw
         assert found.excluded < 0.5
-    assert assessed(mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
+    assert assessed(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
     off = dataclasses.replace(mix, measured={name: told + 30.0 for name, told in mix.measured.items()})
     for name, refused in against(off, Known.ALL, SEED).items():
         assert all(Reason.DEVIATION in why for why in refused), name
@@ -103,7 +103,7 @@ def test_validity_sorts_the_mix(mix: Mix) -> None:
 
 def test_the_plain_gate_lets_more_through_where_the_place_is_not_known(mix: Mix) -> None:
     reasons = against(mix, Known.PLACE_ERROR, SEED)
-    narrowed, plain = (assessed(mix.nadir, reasons[name]).excluded for name in ("radar", "radar_plain_gate"))
+    narrowed, plain = (assessed(mix.nadir, mix.nadir, reasons[name]).excluded for name in ("radar", "radar_plain_gate"))
     assert plain < narrowed
 
 
@@ -116,7 +116,7 @@ def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
     assert min(np.count_nonzero(answered), np.count_nonzero(silent)) > 0
     assert all(Reason.DEVIATION in reasons[k] for k in np.flatnonzero(answered))
     assert all(reasons[k][0] == Reason.NO_RETURN for k in np.flatnonzero(silent))
-    found = assessed(error, reasons)
+    found = assessed(error, error, reasons)
     assert found.raw > 50.0**2
     assert found.residual < 0.2**2 * found.raw
 
@@ -124,7 +124,7 @@ def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
     """Table 7.20 as printed: what the sensor sees wrong the simulation sees wrong, too."""
     reasons = against(mix, Known.ALL, SEED)["radar_as_printed"]
-    found = assessed(mix.measured["radar"] - mix.nadir, reasons)
+    found = assessed(*[mix.measured["radar"] - mix.nadir] * 2, reasons)
     assert found.residual > 0.8 * found.raw
 
 

@@ -1,8 +1,8 @@
 """How far the ground may lie from the surface between the posts of an elevation model, by the posts around.
 
-A bilinear surface knows nothing between its posts: the edge of a wood lies anywhere in its cell, crowns and gaps between
-them nowhere.  What the posts next to a place say of it is their second difference, which over white errors of the
-variance s^2 has the variance 6 s^2:
+A bilinear surface knows nothing between its posts: the edge of a wood lies anywhere in its cell, and crowns and gaps
+are not in it.  What the posts next to a place tell of that is their second difference.  Of white errors of the variance
+s^2 it has the variance 6 s^2:
 
     s^2 = mean over four directions of (h(x + c) - 2 h(x) + h(x - c))^2 / 6,        c: one cell along it
 

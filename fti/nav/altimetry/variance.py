@@ -125,7 +125,8 @@ def height_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel,
         Var = E[(h(xi) - h(0))^2] + s_dem^2 (1 + a^2 - 2 r a) + s_N^2 + a^2 s_M^2 - 2 r' a s_N s_M
               + (s_range cos(theta))^2
 
-    with s_N, s_M the roughness at N and M and r' = exp(-distance / cell) (``fti.nav.altimetry.roughness``), and with xi the errors of the pose: 64 of them, whose mean is 0 and whose covariance is ``pose_cov``.  On a plane it is
+    with xi the errors of the pose, 64 of them, whose mean is 0 and whose covariance is ``pose_cov``; with s_N, s_M the
+    roughness at N and M and r' = exp(-distance / cell) (``fti.nav.altimetry.roughness``).  On a plane it is
     ``height_variance``.  A few metres from the edge of a forest it is not: the plane below is level there and says
     decimetres, where 10 m of error of the place put the trees below the aircraft (``fti study compensation``).
 
@@ -143,8 +144,8 @@ def range_variance_over(terrain: Terrain, seen: Prediction, errors: ErrorModel, 
 
         Var = E[(d(xi) - d(0))^2] + (n_D / (n . u))^2 (s_dem^2 + s_M^2) + s_range^2
 
-    with s_M the roughness at M (``fti.nav.altimetry.roughness``).  On a plane it is ``range_variance``, and so it is of a nearest return, whose point stays where it is, and where the
-    ground around is not known.
+    with s_M the roughness at M (``fti.nav.altimetry.roughness``).  On a plane it is ``range_variance``, and so it is,
+    with s_M, of a nearest return, whose point stays where it is, and where the ground around is not known.
     """
     plane = range_variance(seen, errors, nearest=nearest)
     spread = _spread_over(terrain, seen, errors, nearest=nearest)[:, 1]
