@@ -18,7 +18,7 @@ from typing import Any
 
 from fti.logger import foxglove
 from fti.logger.encoding import encode
-from fti.types import Event
+from fti.types import Event, HeightAboveGround
 
 JSON_SCHEMA = "jsonschema"
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -35,13 +35,21 @@ class Schema:
 
 
 _SCHEMAS: dict[type, Schema] = {}
+#: Of classes whose fields had another meaning in recordings of an earlier version.
+DESCRIPTIONS: dict[type, str] = {
+    HeightAboveGround: "height_agl, sd: height of the reference point above the ground straight below it, and one sigma "
+    "of its error [m]. nearest, nearest_sd: height above what the beam sees. A schema without a field nearest is that of "
+    "fti 0.1: there height_agl, sd are what nearest, nearest_sd are here, and compensated, compensated_sd the height "
+    "straight below where the terrain was known.",
+}
 
 
 def json_schema(cls: type) -> Json:
     """JSON schema of a dataclass."""
     definitions: Json = {}
     root = _object_schema(cls, definitions)
-    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **root, "definitions": definitions}
+    about = {"description": DESCRIPTIONS[cls]} if cls in DESCRIPTIONS else {}
+    return {"$schema": DRAFT, "title": f"fti.{cls.__name__}", **about, **root, "definitions": definitions}
 
 
 def schema_of(cls: type) -> Schema:

@@ -13,10 +13,13 @@ import pytest
 
 from fti.cli.main import main
 from fti.errors import StorageError
+from fti.logger.blueprint import Blueprint
 from fti.logger.export import csv_table
 from fti.logger.export.columns import Column, ColumnFinder, Type, flatten
 from fti.logger.reading.recording import Recording
+from fti.logger.schemas import Schema
 from fti.logger.session import SessionFolder
+from fti.logger.split_log import SplitLog
 from tests.cli.sessions import SECOND, STARTED, make_folder, mark, record_derived, record_raw, record_snapshots
 from tests.helpers import until
 
@@ -281,3 +284,19 @@ def test_a_number_that_was_never_known_is_a_number() -> None:
     finder = ColumnFinder("/x/attitude")
     finder.add({"roll": None})
     assert finder.columns() == [Column("roll", Type.FLOAT, "rad")]
+
+
+def test_heights_of_an_earlier_version_keep_their_own_columns(tmp_path: Path) -> None:
+    """fti 0.1 had compensated beside height_agl, which meant another height; nothing is renamed or filled in."""
+    folder = make_folder(tmp_path)
+    old = {"t_ns": STARTED, "sensor": "radar", "raw": 98.0, "height_agl": 100.0, "sd": 0.4}
+    old |= {"compensated": 96.5, "compensated_sd": 2.1}
+    schema = Schema("fti.HeightAboveGround", "jsonschema", json.dumps({"type": "object"}).encode())
+    log = SplitLog(folder, Blueprint("derived", split_s=300, split_mb=100, attachments=(), metadata={}))
+    topic = log.add_channel("/nav/height_above_ground/radar", "json", schema)
+    log.write(topic, STARTED, json.dumps(old).encode())
+    log.part.close()
+    assert export(folder, tmp_path / "tables") == 0
+    (row,) = read_table(tmp_path / "tables" / "nav_height_above_ground_radar.csv")
+    assert (row["height_agl [m]"], row["compensated [m]"], row["compensated_sd [m]"]) == ("100.0", "96.5", "2.1")
+    assert not any(name.startswith("nearest") for name in row)

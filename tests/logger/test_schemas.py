@@ -15,6 +15,7 @@ from fti.logger.encoding import encode
 from fti.types import (
     Attitude,
     Event,
+    HeightAboveGround,
     Measurement,
     NavSolution,
     Output,
@@ -123,3 +124,8 @@ def test_no_fix_without_position() -> None:
 def test_a_stray_byte_of_a_command_line_is_no_obstacle() -> None:
     event = {"t_ns": 1, "level": "info", "source": "mark", "text": "bad \udcff mark"}
     assert json.loads(schemas.encode_note("/fti/event", event))["message"] == "bad ? mark"
+
+
+def test_a_schema_says_of_which_version_the_meaning_of_a_height_is() -> None:
+    assert "height_agl" in schemas.json_schema(HeightAboveGround)["description"]
+    assert "description" not in schemas.json_schema(NavSolution)

@@ -144,7 +144,7 @@ def test_the_judges_can_say_no(name: str, limit: float) -> None:
 
 
 def test_nothing_left_is_not_good() -> None:
-    nothing = assessed(np.array([1.0, 2.0]), [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
+    nothing = assessed(*[np.array([1.0, 2.0])] * 2, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
     assert (nothing.raw, nothing.excluded, nothing.reasons[Reason.ROLL]) == (2.5, 1.0, 2)
     assert not any(result.holds for result in judged([nothing] * 3, Known.ALL, "radar", 1))
 

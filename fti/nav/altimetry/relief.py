@@ -7,8 +7,8 @@ configured (``relief_m``), or taken from the profile that this altimeter has see
     z_k = alt_k - nearest_k         D(L) = sqrt(mean (z(s + L) - z(s))^2),        L: how far beside it may look
 
 D is the structure function of the profile along the track, and the ground across it is taken to be alike.  Without an
-altitude the profile is -nearest_k less its straight line: a steady climb is no relief.  Until the profile is 5 s long
-10 m are assumed.
+altitude the profile is -nearest_k less its straight line: a steady climb is no relief.  Without a speed D is sqrt(2)
+times the standard deviation of the profile, what it is for a large L.  Until the profile is 5 s long 10 m are assumed.
 Stated, not measured: span, step and the first value.
 """
 
@@ -69,14 +69,10 @@ class ReliefEstimator:
         profile = np.array(self._profile)
         if not self._has_altitude:
             profile = _without_trend(profile)
-        lag = self._lag(beside, len(profile) // 2)
-        return float(np.sqrt(np.mean(np.square(profile[lag:] - profile[:-lag]))))
-
-    def _lag(self, beside: float, most: int) -> int:
-        """The distance in steps of the profile, from 1 to ``most``; unknown speed: ``most``."""
         if self._speed is None or self._speed < MIN_SPEED:
-            return most
-        return min(max(round(beside / self._speed * SECOND_NS / STEP_NS), 1), most)
+            return math.sqrt(2.0) * float(np.std(profile))
+        lag = min(max(round(beside / self._speed * SECOND_NS / STEP_NS), 1), len(profile) // 2)
+        return float(np.sqrt(np.mean(np.square(profile[lag:] - profile[:-lag]))))
 
 
 def _without_trend(profile: Array) -> Array:
