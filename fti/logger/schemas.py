@@ -37,10 +37,10 @@ class Schema:
 _SCHEMAS: dict[type, Schema] = {}
 #: Of classes whose fields had another meaning in recordings of an earlier version.
 DESCRIPTIONS: dict[type, str] = {
-    HeightAboveGround: "height_agl, sd: height of the reference point above the ground straight below it, and one sigma "
-    "of its error [m]. nearest, nearest_sd: height above what the beam sees. A schema without a field nearest is that of "
-    "fti 0.1: there height_agl, sd are what nearest, nearest_sd are here, and compensated, compensated_sd the height "
-    "straight below where the terrain was known.",
+    HeightAboveGround: "height_agl, sd: height of the reference point above the ground straight below it, and one "
+    "sigma of its error [m]. nearest, nearest_sd: height above what the beam sees. A schema without a field nearest is "
+    "that of fti 0.1: there height_agl, sd are what nearest, nearest_sd are here, and compensated, compensated_sd the "
+    "height straight below where the terrain was known.",
 }
 
 
