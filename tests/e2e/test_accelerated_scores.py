@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
@@ -57,6 +61,29 @@ def test_a_daemon_that_believes_every_range_fails(
     flight = fly_faster("gnss_offset", tmp_path, DURATIONS["gnss_offset"])
     assert main(["score", "gnss_offset", str(flight.session)]) == 1
     assert "0 of 1 expected flags found in time; 1 missing" in capsys.readouterr().out
+
+
+def test_the_sigma_of_the_height_below_the_aircraft_covers_the_truth(tmp_path: Path) -> None:
+    """The demonstration's flight: 93 % of its heights lie within two of their sigmas of the true one."""
+    (truth_file,) = fly_faster("nominal", tmp_path, 45.0).session.glob("*_truth_000.mcap")
+    truth, heights = numbers(truth_file, "/truth/state"), numbers(truth_file.parent, "/nav/height_below_aircraft")
+    t, known = np.array([(row["t_valid_ns"], row["height_agl"], row["sd"]) for _, row in heights if row["valid"]]).T[:2]
+    sd = np.array([row["sd"] for _, row in heights if row["valid"]])
+    true = np.interp(t, [at for at, _ in truth], [row["height_agl"] for _, row in truth])
+    during = t >= truth[0][0]
+    within = np.abs(known - true)[during] <= 2.0 * sd[during]
+    assert np.count_nonzero(during) > 500
+    assert np.mean(within) >= 0.93
+
+
+def numbers(place: Path, topic: str) -> list[tuple[int, dict[str, Any]]]:
+    """Log time [ns] and fields of each message of a topic, with the official reader."""
+    found = []
+    for path in [place] if place.is_file() else sorted(place.glob("*_derived_*.mcap")):
+        with path.open("rb") as stream:
+            messages = make_reader(stream).iter_messages([topic])
+            found += [(message.log_time, json.loads(message.data)) for _, _, message in messages]
+    return found
 
 
 def test_every_shipped_scenario_is_flown(pytestconfig: pytest.Config) -> None:

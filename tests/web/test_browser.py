@@ -127,6 +127,14 @@ async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stay
     assert "± 222 m" in await page.text("alarm-position_source")
 
 
+async def test_one_height_is_large_and_says_whose_it_is(page: Page) -> None:
+    await page.wait_for(f"{by_testid('height-below-source')}.textContent === 'by radar altimeter'")
+    size = "parseFloat(getComputedStyle({}).fontSize)"
+    small = await page.eval(size.format(by_testid(f"{LASER}-agl")))
+    assert await page.eval(size.format(by_testid("height-below"))) >= 2 * small
+    assert (await page.text("height-below-sd")) == "± 1.2"
+
+
 async def test_a_stopped_sensor_is_struck_out_and_the_others_are_not(page: Page, daemon: FakeDaemon) -> None:
     daemon.muted.add("/nav/height_above_ground/laser_altimeter")
     await page.wait_for(f"{is_struck(f'{LASER}-agl')} && {is_struck(f'{LASER}-raw')}")
