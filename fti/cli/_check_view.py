@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from fti.cli._terrain_files import terrain_cells
+from fti.cli._terrain_files import layer_cells, terrain_cells
 
 
 def lines(found: dict[str, Any]) -> Iterator[str]:
@@ -27,7 +27,10 @@ def lines(found: dict[str, Any]) -> Iterator[str]:
         "links": [_link_cells(link) for link in found["links"]],
         "devices": [_device_cells(device) for device in found["devices"]],
         "roles": list(_role_cells(found)),
-    } | ({"terrain": [terrain_cells(file) for file in found["terrain"]]} if found["terrain"] else {})
+    }
+    if found["terrain"]:
+        tables["terrain"] = [terrain_cells(file) for file in found["terrain"]]
+        tables["error of the terrain"] = [layer_cells(layer) for layer in found["terrain_layers"]]
     for title, rows in tables.items():
         yield title
         yield from table_lines(rows)

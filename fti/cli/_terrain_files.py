@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
@@ -39,6 +40,44 @@ def describe_terrain(config: Config) -> Iterator[dict[str, Any]]:
             "vertical": source.vertical,
             "vertical_by": source.vertical_by,
         }
+
+
+def describe_layers(config: Config) -> Iterator[dict[str, Any]]:
+    """Each layer of the terrain with its sigma and the parts of it [m].  Raises ConfigError or MissingError."""
+    settings = config.nav.terrain
+    if settings is None or not settings.files:
+        return
+    from fti.terrain.files.survey import survey_layers
+
+    centre = settings.centre_deg
+    try:
+        layers = survey_layers(
+            settings.files,
+            centre=(math.radians(centre[0]), math.radians(centre[1])) if centre else None,
+            radius_m=settings.radius_m,
+            cell_m=settings.cell_m,
+            vertical=settings.vertical,
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{config.path}: nav.terrain: {error}") from None
+    for layer in layers:
+        assert layer.resampling is not None  # the geoids are there
+        yield {
+            "cell_m": layer.cell_m,
+            "sigma_m": round(math.hypot(settings.sd_m, layer.resampling.rms_m), 3),
+            "sd_m": settings.sd_m,
+            "resampling_rms_m": round(layer.resampling.rms_m, 3),
+            "resampling_max_m": round(layer.resampling.max_m, 2),
+        }
+
+
+def layer_cells(layer: dict[str, Any]) -> tuple[str, ...]:
+    """The sigma of one layer for people, and its parts."""
+    parts = f"{layer['sd_m']:g} m of the files (sd_m) and {layer['resampling_rms_m']:.2f} m RMS of resampling them"
+    return (
+        f"posts {layer['cell_m']:g} m apart",
+        f"sigma {layer['sigma_m']:.2f} m: {parts}, {layer['resampling_max_m']:.1f} m at most",
+    )
 
 
 def terrain_cells(file: dict[str, Any]) -> tuple[str, ...]:

@@ -8,8 +8,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from fti.config import TerrainFiles
 from fti.terrain.files.layout import bounds_text
 from fti.terrain.files.survey import FileSurvey, LayerSurvey, Survey
+from fti.terrain.resampling import ResamplingError
 
 _ANGLES = ("south", "west", "north", "east")
 
@@ -61,12 +63,24 @@ def _layer(number: int, layer: LayerSurvey, found: Survey) -> Iterator[str]:
     size = " x ".join(f"{(end - begin) / 1000.0:.2f}" for begin, end in (layer.east_m, layer.north_m))
     files = ", ".join(Path(found.files[n].source.path).name for n in layer.files)
     yield f"  layer {number}      {layer.cell_m:g} m, {layer.rows} x {layer.columns} posts, {size} km: {files}"
+    yield f"  resampling   {_resampling(layer.resampling)}"
     if number + 1 < len(found.layers):
         (west, east), (south, north) = layer.east_m, layer.north_m
         yield (
             f"  seam         at east {west:g} and {east:g} m, north {south:g} and {north:g} m, "
             f"on posts of layer {number + 1}"
         )
+
+
+def _resampling(error: ResamplingError | None) -> str:
+    """What the change of posts costs, and what becomes of the default of ``nav.terrain.sd_m`` with it."""
+    if error is None or not error.samples:
+        return "unknown: no place could be compared" if error else "unknown without the geoid"
+    stated: float = TerrainFiles.model_fields["sd_m"].default
+    return (
+        f"{error.rms_m:.2f} m RMS, {error.max_m:.1f} m at most at {error.samples} places, against the files' own "
+        f"surface; sigma of the layer {math.hypot(stated, error.rms_m):.2f} m with sd_m = {stated:g} m of the files"
+    )
 
 
 def as_json(found: Survey) -> dict[str, Any]:

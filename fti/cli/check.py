@@ -134,7 +134,7 @@ def _listen(config: Config) -> dict[str, dict[str, Any]]:
 def describe(config: Config) -> dict[str, Any]:
     """What a configuration means, ready for JSON.  Raises ConfigError or MissingError."""
     from fti.cli._receive_buffer import hints
-    from fti.cli._terrain_files import describe_terrain
+    from fti.cli._terrain_files import describe_layers, describe_terrain
     from fti.service.binding import bind_devices
     from fti.service.preparation import Preparation
 
@@ -149,6 +149,7 @@ def describe(config: Config) -> dict[str, Any]:
         "devices": [_describe_device(bound) for bound in bind_devices(config)],
         "roles": {role: list(getattr(config.nav, role)) for role in ROLES},
         "terrain": list(describe_terrain(config)),
+        "terrain_layers": list(describe_layers(config)),
         "approach": config.nav.approach.profile if config.nav.approach else None,
         "missing": list(_missing(config)),
         "warnings": [*_shared_ports(config), *_poor_storage(config)],

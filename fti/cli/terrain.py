@@ -3,7 +3,8 @@
 Reads GeoTIFF, DTED (.dt0 .dt1 .dt2), SRTM (.hgt) and whatever else GDAL reads, in any coordinate system, many files
 and resolutions at once.  ``info`` prints for each file its size, coordinates, the distance between its posts in metres,
 the vertical datum and who says so, lowest and highest height, holes and coverage; then the layers of the terrain that
-they make, and where the seams lie.  ``plot`` draws that terrain: relief, holes hatched, seams, which file knows what.
+they make, where the seams lie, and how far each layer is off its files' own surfaces.  ``plot`` draws that terrain:
+relief, holes hatched, seams, which file knows what.
 
   fti terrain info N47E011.hgt N47E012.hgt
   fti terrain info dsm_1m.tif srtm.hgt --vertical dsm_1m.tif=egm96 --json

@@ -185,7 +185,7 @@ class TerrainFiles(StrictModel):
     cell_m               : between the posts of the finest layer; none : as in the finest file
     scene                : the ground that the emulator flies over, in place of files: the demonstration's strip, or it
                            with the country around
-    sd_m                 : one sigma of its heights
+    sd_m                 : one sigma of its heights; the error of resampling files is measured and added
     """
 
     files: tuple[str, ...] = ()

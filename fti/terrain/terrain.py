@@ -29,6 +29,7 @@ from fti.terrain import surface
 from fti.terrain.cast import cast_rays
 from fti.terrain.layer import Layer
 from fti.terrain.pyramid import Pyramid, build_pyramid
+from fti.terrain.resampling import ResamplingError
 from fti.terrain.seams import check_stack
 from fti.terrain.source import NO_SOURCE, Source
 
@@ -50,12 +51,14 @@ class Terrain:
               along posts of the coarser one and its outermost posts lie on the coarser surface, so nothing gapes
     frame   : the local frame l
     sources : the files that the posts were read from; ``Layer.origin`` and ``source`` count in them
+    resampling : of each layer, how far it is off its files' own surfaces; none where posts came from no file
     Raises ValueError for layers that do not fit each other.
     """
 
     layers: tuple[Layer, ...]
     frame: LocalFrame
     sources: tuple[Source, ...] = ()
+    resampling: tuple[ResamplingError, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "layers", tuple(self.layers))
@@ -107,9 +110,9 @@ class Terrain:
         one without coordinate system or vertical datum, files of which none touches the area, and an area too large
         for its cell; ValueError for arguments that make no sense.
         """
-        from fti.terrain.files.opening import open_layers  # noqa: PLC0415 - GDAL and PROJ are slow to load
+        from fti.terrain.files.opening import open_terrain  # noqa: PLC0415 - GDAL and PROJ are slow to load
 
-        layers, frame, sources = open_layers(
+        return open_terrain(
             [os.fspath(path) for path in paths],
             centre=centre,
             radius_m=radius_m,
@@ -118,7 +121,6 @@ class Terrain:
             progress=progress,
             local_only=local_only,
         )
-        return cls(layers, frame, sources)
 
     @property
     def finest(self) -> Layer:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fti import config
@@ -14,7 +16,7 @@ from fti.cli.check import worst_load
 from fti.cli.main import main
 from fti.links._socket import RECEIVE_BUFFER
 from tests.helpers import ROOT
-from tests.terrain.elevation_files import write_ground
+from tests.terrain.elevation_files import Array, write_ground
 
 REFERENCE = ROOT / "configs" / "profiles" / "demo.csv"
 
@@ -189,6 +191,34 @@ def test_elevation_files_are_opened(file: Path, capsys: pytest.CaptureFixture[st
     (file.parent / "wgs.tif").write_text("no elevation")
     assert main(["check", str(file)]) == 2
     assert "wgs.tif: is no elevation file that GDAL reads" in capsys.readouterr().err
+
+
+def test_the_sigma_of_the_terrain_is_shown_with_its_parts(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Ridges from post to post, 4 m high: 4 sqrt(8 / 45) = 1.69 m RMS and 4 m at most by the change of posts.
+
+    What the closed form needs: tests/terrain/files/test_resampling_error.py, with a wave of two posts.
+    """
+
+    def ridges(lat: Array, lon: Array) -> Array:
+        row = np.arange(lat.shape[0])[:, None]
+        return np.where(row % 2 == 0, 496.0, 504.0) + 0.0 * lon
+
+    write_ground(file.parent / "dem.tif", ridges, "EPSG:32632", 100, 50.0)
+    terrain = '[nav]\nterrain = { files = ["dem.tif"], vertical = "ellipsoid", sd_m = 2.0 }'
+    file.write_text(BENCH.replace("[nav]", terrain, 1))
+    assert main(["check", str(file)]) == 0
+    told = capsys.readouterr().out
+    found = re.search(
+        r"posts 50 m apart +sigma (\S+) m: 2 m of the files \(sd_m\) and (\S+) m RMS of resampling them, (\S+) m", told
+    )
+    assert found, told
+    sigma, rms, most = map(float, found.groups())
+    assert rms == pytest.approx(4.0 * math.sqrt(8 / 45), rel=0.06)
+    assert sigma == pytest.approx(math.hypot(2.0, rms), abs=0.01)
+    assert 3.5 < most < 4.1
+    assert main(["check", str(file), "--json"]) == 0
+    (layer,) = json.loads(capsys.readouterr().out)["terrain_layers"]
+    assert layer["sigma_m"] == pytest.approx(sigma, abs=0.01)
 
 
 def test_a_missing_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -58,6 +58,8 @@ def test_info_for_people(files: list[str], capsys: pytest.CaptureFixture[str]) -
         r"holes        \d{3} posts, 3\.9 %",
         r"date         2020:01:02",
         r"layer 0      4 m, \d+ x \d+ posts, 0\.\d+ x 0\.\d+ km: fine\.tif",
+        r"resampling   0\.\d\d m RMS, \d\.\d m at most at \d+ places, against the files' own surface; "
+        r"sigma of the layer 1\.5\d m with sd_m = 1\.5 m of the files$",
         r"seam         at east -2\d\d and 2\d\d m, north -2\d\d and 2\d\d m, on posts of layer 1",
         r"layer 1      20 m, \d+ x \d+ posts, 1\.4\d x 1\.4\d km: coarse\.tif",
         r"geoid        none is needed",
@@ -79,6 +81,7 @@ def test_info_for_programs_says_what_the_terrain_becomes(files: list[str], capsy
     found = [(layer["cell_m"], layer["rows"], layer["columns"], layer["east_m"]) for layer in table["layers"]]
     assert found == [(la.cell_m, *la.heights.shape, [la.east0, la.east1]) for la in terrain.layers]
     assert [layer["files"] for layer in table["layers"]] == [[0], [1]]
+    assert [layer["resampling"]["rms_m"] for layer in table["layers"]] == [e.rms_m for e in terrain.resampling]
     assert table["frame"] == {"lat_deg": pytest.approx(LAT), "lon_deg": pytest.approx(LON), "alt_m": 0.0}
     assert (table["refused"], table["geoids"]) == (None, {})
 

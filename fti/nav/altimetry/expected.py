@@ -191,7 +191,7 @@ class Expectation:
         self._pyramid, self._frame = ground.terrain.pyramid, ground.terrain.frame
         self._lever_b = np.array(device.lever_arm_b, dtype=np.float64)
         self._mat_bs = mat_from_rpy(*(math.radians(a) for a in device.rpy_bs_deg))
-        self._ground_sd = ground.sd
+        self._ground = ground
         self._nearest = device.altimeter.kind == "radar"
 
     def at(self, nav: NavState, range_sd: float | None) -> Expected | Reason:
@@ -215,8 +215,10 @@ class Expectation:
         if validity is not Validity.VALID:
             return REASONS[validity]
         model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
+        instrument = math.hypot(_sigma(range_sd, RANGE_SD_UNKNOWN), _sigma(model_sd, LARGEST_SD))
+        ground_sd = self._ground.sd_at(float(at_l[0]), float(at_l[1]))
         sds, stays = (
-            self._sds(position, attitude, range_sd, model_sd),
+            self._sds(position, attitude, instrument, ground_sd),
             self._nearest and not self._seeing.is_at_edge(ray_s),
         )
         told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
@@ -236,14 +238,13 @@ class Expectation:
             compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
 
-    def _sds(self, position: PositionState, attitude: AttitudeState, range_sd: float | None, model_sd: float) -> Array:
+    def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
         """As ``at_once.told`` takes them."""
         level = _sigma(position.horizontal_sd, POSITION_SD_UNKNOWN)
         high = _sigma(position.vertical_sd, POSITION_SD_UNKNOWN)
         tilt = max(_sigma(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
-        instrument = math.hypot(_sigma(range_sd, RANGE_SD_UNKNOWN), _sigma(model_sd, LARGEST_SD))
         dem_length = ErrorModel.dem_length
-        return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, self._ground_sd, dem_length])
+        return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, ground_sd, dem_length])
 
 
 def _sigma(told: float | None, otherwise: float) -> float:

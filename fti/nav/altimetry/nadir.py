@@ -78,6 +78,7 @@ def over_ground(height: HeightAboveGround, ground: Ground | None, position: Posi
     by_terrain = height.compensation in {Compensation.RANGE, Compensation.BEAM}
     known, sd = (height.height_agl, height.sd) if by_terrain else (height.nearest, height.nearest_sd)
     below = ground_below(ground.terrain, position) if ground and position else None
-    if ground is None or below is None or known is None:
+    if ground is None or position is None or below is None or known is None:
         return None
-    return OverGround(known, sd, below[0], math.hypot(ground.sd, below[1]))
+    east, north, _ = ground.terrain.frame.to_local(position.lat, position.lon, below[0])
+    return OverGround(known, sd, below[0], math.hypot(ground.sd_at(float(east), float(north)), below[1]))

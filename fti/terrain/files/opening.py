@@ -21,9 +21,10 @@ from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import Plan, make_plans, place_area
 from fti.terrain.files.local_only import local_environment
 from fti.terrain.files.resample import Resampler
+from fti.terrain.files.resampling_error import measure_resampling
 from fti.terrain.files.vertical import words_by_file
 from fti.terrain.layer import Layer
-from fti.terrain.source import NO_SOURCE, Source
+from fti.terrain.source import NO_SOURCE
 from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 _HAIR = 1e-6
 
 
-def open_layers(
+def open_terrain(
     paths: Sequence[str],
     *,
     centre: tuple[float, float] | None,
@@ -41,8 +42,8 @@ def open_layers(
     vertical: str | Mapping[str, str] | None,
     progress: Callable[[float], None] | None,
     local_only: bool = False,
-) -> tuple[tuple[Layer, ...], LocalFrame, tuple[Source, ...]]:
-    """Layers, frame and sources of elevation files; the arguments are those of ``Terrain.open``."""
+) -> Terrain:
+    """The terrain of elevation files; the arguments are those of ``Terrain.open``."""
     check_arguments(paths, centre, radius_m, cell_m)
     words = words_by_file(vertical, paths)
     with contextlib.ExitStack() as stack:
@@ -50,10 +51,12 @@ def open_layers(
             stack.enter_context(local_environment())
         opened = (ElevationFile(path, words, local_only=local_only) for path in paths)
         files = [stack.enter_context(contextlib.closing(file)) for file in opened]
-        geoids = {f.source.vertical: _geoid_of(f) for f in files}
+        geoids = load_geoids(files)
         frame, area = place_area(files, centre, radius_m)
         plans = make_plans(files, frame, area, cell_m)
-        return _build(plans, frame, geoids, progress), frame, tuple(file.source for file in files)
+        layers = _build(plans, frame, geoids, progress)
+        resampling = tuple(measure_resampling(plan, frame, geoids) for plan in plans)
+        return Terrain(layers, frame, tuple(file.source for file in files), resampling)
 
 
 def check_arguments(
@@ -73,8 +76,10 @@ def check_arguments(
             raise ValueError(f"{name} = {value}: must be positive")
 
 
-def _geoid_of(file: ElevationFile) -> Geoid | None:
-    return None if file.source.vertical == "ellipsoid" else load_geoid(file.source.vertical)
+def load_geoids(files: Sequence[ElevationFile]) -> dict[str, Geoid | None]:
+    """The geoid of each vertical datum of the files, None for the ellipsoid.  Raises MissingError without its grid."""
+    datums = dict.fromkeys(file.source.vertical for file in files)
+    return {datum: None if datum == "ellipsoid" else load_geoid(datum) for datum in datums}
 
 
 def _build(

@@ -63,7 +63,7 @@ class Resampler:
     def _fill_block(self, places: Places, posts: Posts) -> None:
         (east, north), (ups, origin) = places, posts
         block = Block(self.frame, self.mosaic, east, north)
-        needed = _needed(self.mosaic, block) if np.isnan(ups).any() else None
+        needed = needed_posts(self.mosaic, block) if np.isnan(ups).any() else None
         if needed is None:
             return
         holds = block.holds()
@@ -88,7 +88,7 @@ def _cuts(count: int, most: int) -> list[slice]:
     return [slice(begin, end) for begin, end in itertools.pairwise(ends)]
 
 
-def _needed(mosaic: Mosaic, block: Block) -> tuple[Extent, Extent] | None:
+def needed_posts(mosaic: Mosaic, block: Block) -> tuple[Extent, Extent] | None:
     """Rows and columns of the mosaic below a block, from the first to before the second; None when it has none there.
 
     Where the mosaic's projection has no numbers for a part of the block, the whole mosaic: the block is cut up then.
@@ -113,7 +113,7 @@ def _solve(block: Block, mosaic: Mosaic, window: Window, geoid: Geoid | None, lo
     t, undulation = (mean - block.alt.c0) / HALF, np.zeros(())
     for step in range(_MOST_STEPS):
         row, column = block.row.at(t) - window.row, block.column.at(t) - window.column
-        missing = _bilinear(filled, row, column) + undulation - block.alt.at(t)
+        missing = bilinear(filled, row, column) + undulation - block.alt.at(t)
         t = t + missing / HALF
         if step == 0 and geoid is not None:  # within metres of the place: the undulation is the final one
             undulation = geoid.undulation(block.lat.at(t), block.lon.at(t) + lon0)
@@ -124,7 +124,7 @@ def _solve(block: Block, mosaic: Mosaic, window: Window, geoid: Geoid | None, lo
     row, column = row - window.row, column - window.column
     there = inside & np.isfinite(undulation)
     if not known.all():
-        there &= np.isfinite(_bilinear(window.heights, row, column))
+        there &= np.isfinite(bilinear(window.heights, row, column))
     nearest = tuple(
         np.clip(np.rint(index), 0, size - 1).astype(np.intp)
         for index, size in zip((row, column), window.heights.shape, strict=True)
@@ -136,7 +136,7 @@ def _inside(index: Array, extent: Extent) -> NDArray[np.bool_]:
     return (index >= extent[0] - 0.5) & (index <= extent[1] - 0.5)
 
 
-def _bilinear(heights: Array, row: Array, column: Array) -> Array:
+def bilinear(heights: Array, row: Array, column: Array) -> Array:
     """Heights at rows and columns of a window, straight on beyond its edge; NaN in a cell that touches a hole."""
     rows, columns = heights.shape
     i, j = np.clip(row.astype(np.intp), 0, rows - 2), np.clip(column.astype(np.intp), 0, columns - 2)

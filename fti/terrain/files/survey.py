@@ -14,8 +14,10 @@ from fti.geodesy.geoid import load_geoid
 from fti.geodesy.local import LocalFrame
 from fti.terrain.files.elevation_file import ElevationFile
 from fti.terrain.files.layout import Box, Plan, make_plans, place_area
-from fti.terrain.files.opening import check_arguments
+from fti.terrain.files.opening import check_arguments, load_geoids
+from fti.terrain.files.resampling_error import measure_resampling
 from fti.terrain.files.vertical import words_by_file
+from fti.terrain.resampling import ResamplingError
 from fti.terrain.source import Source
 
 #: Posts that are read at once.
@@ -38,7 +40,10 @@ class FileSurvey:
 
 @dataclass(frozen=True, slots=True)
 class LayerSurvey:
-    """One layer to be: between its posts [m], rows and columns, its extent [m], and the numbers of its files."""
+    """One layer to be: between its posts [m], rows and columns, its extent [m], and the numbers of its files.
+
+    resampling : how far it is off its files' own surfaces; None where a geoid is missing
+    """
 
     cell_m: float
     rows: int
@@ -46,6 +51,7 @@ class LayerSurvey:
     east_m: tuple[float, float]
     north_m: tuple[float, float]
     files: tuple[int, ...]
+    resampling: ResamplingError | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +92,30 @@ def survey(
             if progress:
                 progress(read / total)
 
-        layers = tuple(_describe(plan) for plan in plans)
+        layers = _describe_layers(plans, frame, files)
         used = {number for layer in layers for number in layer.files}
         found = tuple(_survey_file(file, number in used, advance) for number, file in enumerate(files))
         geoids = {f.source.vertical: _grid_of(f.source.vertical) for f in files if f.source.vertical != "ellipsoid"}
         return Survey(found, layers, refused, frame, geoids)
+
+
+def survey_layers(
+    paths: Sequence[str],
+    *,
+    centre: tuple[float, float] | None = None,
+    radius_m: float | None = None,
+    cell_m: float | None = None,
+    vertical: str | Mapping[str, str] | None = None,
+) -> tuple[LayerSurvey, ...]:
+    """The layers alone, for which few posts are read; arguments and what is raised are those of ``Terrain.open``."""
+    check_arguments(paths, centre, radius_m, cell_m)
+    words = words_by_file(vertical, paths)
+    with contextlib.ExitStack() as stack:
+        files = [stack.enter_context(contextlib.closing(ElevationFile(path, words))) for path in paths]
+        frame, area = place_area(files, centre, radius_m)
+        geoids = load_geoids(files)
+        plans = make_plans(files, frame, area, cell_m)
+        return tuple(_describe(plan, measure_resampling(plan, frame, geoids)) for plan in plans)
 
 
 def _plan(
@@ -117,10 +142,21 @@ def _survey_file(file: ElevationFile, used: bool, advance: Callable[[int], None]
     return FileSurvey(file.source, lowest, highest, holes, used)
 
 
-def _describe(plan: Plan) -> LayerSurvey:
+def _describe_layers(
+    plans: Sequence[Plan], frame: LocalFrame, files: Sequence[ElevationFile]
+) -> tuple[LayerSurvey, ...]:
+    try:
+        geoids = load_geoids(files)
+    except MissingError:
+        return tuple(_describe(plan, None) for plan in plans)
+    return tuple(_describe(plan, measure_resampling(plan, frame, geoids)) for plan in plans)
+
+
+def _describe(plan: Plan, resampling: ResamplingError | None) -> LayerSurvey:
     numbers = tuple(number for mosaic in plan.mosaics for number in mosaic.numbers)
     box = plan.box
-    return LayerSurvey(plan.cell_m, *plan.shape, (box.east0, box.east1), (box.north0, box.north1), numbers)
+    extent = (box.east0, box.east1), (box.north0, box.north1)
+    return LayerSurvey(plan.cell_m, *plan.shape, *extent, numbers, resampling)
 
 
 def _grid_of(model: str) -> str:

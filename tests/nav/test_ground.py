@@ -1,0 +1,63 @@
+"""How good the ground of navigation is said to be."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.config import Device
+from fti.nav.altimetry.expected import Expectation, Expected
+from fti.nav.altimetry.nadir import over_ground
+from fti.nav.ground import Ground
+from fti.nav.navigation import NavState
+from fti.nav.sources import AttitudeState, PositionState
+from fti.terrain.layer import Layer
+from fti.terrain.resampling import ResamplingError
+from fti.terrain.terrain import Terrain
+from fti.types import HeightAboveGround
+
+SD_M, FINE_M, COARSE_M = 1.5, 0.5, 4.4
+ALTITUDE_M = 100.0
+
+
+@pytest.fixture
+def ground() -> Ground:
+    """Level; fine posts within 1 km of the origin, coarse ones within 10 km."""
+    fine = Layer(np.zeros((21, 21)), 100.0, -1000.0, -1000.0)
+    coarse = Layer(np.zeros((21, 21)), 1000.0, -10_000.0, -10_000.0)
+    frame = Terrain.from_array(np.zeros((2, 2)), 1.0).frame
+    errors = ResamplingError(FINE_M, 2.0, 100), ResamplingError(COARSE_M, 41.0, 100)
+    return Ground(Terrain((fine, coarse), frame, (), errors), SD_M, "two layers")
+
+
+def at(ground: Ground, east_m: float) -> NavState:
+    """Level over a place, known exactly."""
+    lat, lon, alt = ground.terrain.frame.to_geodetic([east_m, 10.0, ALTITUDE_M])
+    position = PositionState(float(lat), float(lon), float(alt), 1e-3, 1e-3, 0.0, 0.0, 0.0, 0)
+    return NavState(0, AttitudeState(0.0, 0.0, 0.0, 1e-6, 1e-6), position, "ins", "ins")
+
+
+@pytest.mark.parametrize(("east_m", "resampling_m"), [(50.0, FINE_M), (5000.0, COARSE_M), (20_000.0, 0.0)])
+def test_the_error_of_resampling_adds_to_the_sigma_where_its_layer_counts(
+    ground: Ground, east_m: float, resampling_m: float
+) -> None:
+    assert ground.sd_at(east_m, 10.0) == pytest.approx(math.sqrt(SD_M**2 + resampling_m**2))
+
+
+@pytest.mark.parametrize(("east_m", "resampling_m"), [(50.0, FINE_M), (5000.0, COARSE_M)])
+def test_it_stands_in_what_navigation_says_of_predictions_and_of_altitudes_over_ground(
+    ground: Ground, east_m: float, resampling_m: float
+) -> None:
+    """A range straight down is as uncertain as the surface; so is an altitude that stands on it."""
+    laser = {"name": "laser", "link": "line", "driver": "x", "altimeter": {"kind": "laser", "range_m": (1.0, 400.0)}}
+    nav = at(ground, east_m)
+    expected = Expectation(Device.model_validate(laser), ground).at(nav, 1e-3)
+    assert isinstance(expected, Expected)
+    whole = math.hypot(SD_M, resampling_m)
+    assert expected.range_sd == pytest.approx(whole, rel=1e-3)
+    common: dict[str, Any] = {"t_ns": 0, "t_valid_ns": 0, "sensor": "laser", "valid": True, "reasons": ()}
+    height = HeightAboveGround(raw=ALTITUDE_M, height_agl=ALTITUDE_M, sd=0.1, **common)
+    found = over_ground(height, ground, nav.position)
+    assert found is not None
+    assert found.ground_sd == pytest.approx(whole, rel=1e-3)
