@@ -15,8 +15,9 @@ MAKE = """Make the reference of an approach: its profile and the limits of the t
 From terrain: the elevation files must cover the approach to 200 m beyond --s-max, 1500 m to each side.  What grows on
 the ground is as the files have it: seasons are in the limits only where the approaches were recorded.
 
-From recordings: 5 approaches or more, in one session or many, with a height every 20 m from --s-max to the intercept
-point, and navigation that did not rest on the same altimeter.  Sessions without outputs: fti reprocess first.
+From recordings: 5 approaches or more from --s-max on, in one session or many, with a height every 20 m, and navigation
+that did not rest on the same altimeter.  One that was broken off counts as far as it went; each place needs the heights
+of 3, and its sigma is the larger, the fewer there are.  Sessions without outputs: fti reprocess first.
 
 2000 approaches of 7 km take some minutes of a core; with a tenth of them the limits are guesses.  Then, in the
 daemon's configuration, with its path from there:

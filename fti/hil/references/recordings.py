@@ -2,8 +2,9 @@
 
 Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
 ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
-approach is a way down the track without a gap of more than 20 m; samples are used as the monitor uses them.  Mean and
-sigma are over the approaches (``profile.surface_of``).  Limits come from approaches that are drawn with this mean,
+approach is a way down the track that begins at the far end of the profile; one that was broken off counts as far as it
+went, and samples are used as the monitor uses them.  Mean and sigma at a place are over the approaches that have a
+height there (``profile.surface_of``).  Limits come from approaches that are drawn with this mean,
 this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
 seen cannot be said, since nobody flew there.
 """
@@ -25,7 +26,15 @@ from fti.hil.recorded import recorded_config
 from fti.hil.references.approaches import AltimeterModel
 from fti.hil.references.calibration import calibrate
 from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
-from fti.hil.references.profile import DS_M, Surface, binned, correlation_length, lagged_products, surface_of
+from fti.hil.references.profile import (
+    DS_M,
+    WINDOW_M,
+    Surface,
+    binned,
+    correlation_length,
+    lagged_products,
+    surface_of,
+)
 from fti.hil.sensors.errors import slow
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
@@ -37,9 +46,12 @@ from fti.nav.navigation import FILTER, RADIO, VERTICAL
 
 Array = NDArray[np.float64]
 
-LEAST_APPROACHES = 5
+#: Approaches of a reference, and those of them that a place needs: with two, sigma is multiplied by 16.
+LEAST_APPROACHES, LEAST_AT_PLACE = 5, 3
 #: Heights of an approach may be so far apart [m]: twice that of a slow altimeter, and less than any footprint.
 GAP_M = 20.0
+#: Rounds of ``_mean_profile``: each divides what is missing by the approaches over those that were broken off.
+ROUNDS = 50
 #: No profile is shorter, see ``fti reference make --s-max``.
 SHORTEST_M = 1000.0
 HEIGHT, SOLUTION = "/nav/height_above_ground/", "/nav/nav_solution"
@@ -84,46 +96,81 @@ def reference_from_recordings(
 ) -> Reference:  # fmt: skip
     """The reference of recorded profiles, shape (n, len(grid)), n >= 5, as ``profiles_of`` gives them."""
     bare = RecordedGround(path, altimeter, Surface(*(np.zeros(0) for _ in range(4))), 0.0)
-    surface = surface_of(bare, grid(DS_M, plan.s_max), profiles)
+    surface = surface_of(bare, grid(DS_M, plan.s_max), profiles, _mean_profile(profiles))
     residuals = (profiles - surface.z_ref) / surface.s_ref
-    residuals -= residuals.mean(axis=1, keepdims=True)
-    correlation = correlation_length(np.sum([lagged_products(residual) for residual in residuals], axis=0))
+    residuals -= np.nanmean(residuals, axis=1, keepdims=True)
+    products = [lagged_products(residual[np.isfinite(residual)]) for residual in residuals]
+    correlation = correlation_length(np.sum(products, axis=0))
     return calibrate(RecordedGround(path, altimeter, surface, correlation), surface, plan, progress, run_all)
 
 
-def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
-    """The terrain that each approach saw [m], shape (n, len(grid)); what lies beyond both ends is as at the ends.
+def _mean_profile(profiles: Array) -> Array:
+    """The mean over the approaches at each place, as if each had gone to the end: shape (len(grid),) [m].
 
-    Raises ConfigError for fewer than five approaches.
+    An approach errs in height as a whole.  Where one breaks off, the plain mean of the others would step by its error:
+    least squares of place + approach (two-way layout; Scheffe 1959, The Analysis of Variance, 4.4), by turns.
+    """
+    offsets = np.zeros((len(profiles), 1))
+    for _ in range(ROUNDS):
+        mean = np.nanmean(profiles - offsets, axis=0)
+        offsets = np.nanmean(profiles - mean, axis=1, keepdims=True)
+        offsets -= offsets.mean()
+    return np.asarray(np.nanmean(profiles - offsets, axis=0))
+
+
+def profiles_of(passes: Sequence[Pass], s_max: float) -> Array:
+    """The terrain that each approach saw [m], shape (n, len(grid)); NaN where it has no height.
+
+    What lies beyond both ends of the profile is as at the ends.  An approach begins at s_max and has heights over a
+    window or more, in all; it may be broken off.
+    Raises ConfigError for fewer than five approaches, and for a place where fewer than three have a height.
     """
     s = grid(DS_M, s_max)
-    inside = (s >= 0.0) & (s <= s_max)
-    found, reaches = [], []
-    for one in passes:
-        z = binned(s, one.s, one.z)
-        known = inside & np.isfinite(z)
-        reaches.append(_reach(s[known]))
-        if reaches[-1] >= s_max - GAP_M:
-            found.append(np.interp(s, s[known], z[known]))
+    every = [_profile(s, one, s_max) for one in passes]
+    begins = [float(np.max(s[np.isfinite(z)], initial=0.0)) for z in every]
+    bins = (s >= 0.0) & (s <= s_max)
+    found = [z for z in every if np.isfinite(z[-1]) and np.isfinite(z[bins]).sum() * DS_M >= WINDOW_M]
     if len(found) < LEAST_APPROACHES:
         raise ConfigError(
-            f"{len(found)} of {len(passes)} recorded ways down the track have a height every {GAP_M:g} m from "
-            f"{s_max:g} m to the intercept point; a reference needs {LEAST_APPROACHES}{_shorter(reaches)}"
+            f"{len(found)} of {len(passes)} recorded ways down the track begin at {s_max:g} m before the intercept "
+            f"point and have a height every {GAP_M:g} m for {WINDOW_M:g} m or more; a reference needs "
+            f"{LEAST_APPROACHES}{_shorter(begins)}"
         )
+    _check_places(s, np.array(found), s_max)
     return np.array(found)
 
 
-def _reach(s: Array) -> float:
-    """How far out [m] ascending places reach from the intercept point on without a gap; 0 where they begin beyond."""
-    gaps = np.flatnonzero(np.diff(s, prepend=0.0) > GAP_M)
-    return float(np.append(0.0, s)[gaps[0] if len(gaps) else len(s)])
+def _profile(s: Array, one: Pass, s_max: float) -> Array:
+    """The terrain of one approach at the places of the profile [m]; NaN in a gap, and before and behind the flight."""
+    z = binned(s, one.s, one.z)
+    known = (s >= 0.0) & (s <= s_max) & np.isfinite(z)
+    if not known.any():
+        return np.full_like(s, np.nan)
+    places = s[known]
+    after = np.searchsorted(places, s)
+    lower, upper = (np.append(places, places[-1])[np.clip(after - back, 0, len(places))] for back in (1, 0))
+    low = places[0] if places[0] > GAP_M else -np.inf
+    high = places[-1] if places[-1] < s_max - GAP_M else np.inf
+    there = known | (upper - lower <= GAP_M) & (s >= low) & (s <= high)
+    return np.where(there, np.interp(s, places, z[known]), np.nan)
 
 
-def _shorter(reaches: Sequence[float]) -> str:
+def _check_places(s: Array, profiles: Array, s_max: float) -> None:
+    """Raises ConfigError where fewer than three approaches have a height."""
+    count = np.isfinite(profiles).sum(axis=0)
+    few = (s >= 0.0) & (s <= s_max) & (count < LEAST_AT_PLACE)
+    if few.any():
+        raise ConfigError(
+            f"only {count[few].min()} of {len(profiles)} recorded approaches have a height at {s[few][0]:g} to "
+            f"{s[few][-1]:g} m before the intercept point; a reference needs {LEAST_AT_PLACE} everywhere"
+        )
+
+
+def _shorter(begins: Sequence[float]) -> str:
     """What would do instead."""
-    if len(reaches) < LEAST_APPROACHES:
+    if len(begins) < LEAST_APPROACHES:
         return ""
-    enough = sorted(reaches)[-LEAST_APPROACHES] // 10.0 * 10.0
+    enough = sorted(begins)[-LEAST_APPROACHES] // 10.0 * 10.0
     return f", and so many have one from {enough:g} m (--s-max)" if enough >= SHORTEST_M else ""
 
 

@@ -14,6 +14,7 @@ from fti.hil.references.calibration import make_monitor
 from fti.hil.references.plan import Plan
 from fti.hil.references.profile import Surface
 from fti.hil.references.recordings import (
+    Array,
     Pass,
     RecordedGround,
     check_sensor,
@@ -91,13 +92,89 @@ def test_the_scatter_that_was_recorded_is_flown(ground: RecordedGround) -> None:
 
 
 def test_fewer_than_five_are_no_reference(flights: list[Flown]) -> None:
-    passes = [as_pass(flown) for flown in flights[:6]]
-    gap = passes[0].s > 900.0
-    gap |= passes[0].s < 870.0
-    passes[0] = Pass(passes[0].t_ns[gap], passes[0].s[gap], passes[0].z[gap])
-    assert len(profiles_of(passes, S_MAX)) == 5
-    with pytest.raises(ConfigError, match="4 of 5 recorded ways down the track have a height every 20 m"):
-        profiles_of(passes[:5], S_MAX)
+    passes = [as_pass(flown) for flown in flights[:5]]
+    late = passes[0].s < S_MAX - 50.0
+    passes[0] = Pass(passes[0].t_ns[late], passes[0].s[late], passes[0].z[late])
+    assert len(profiles_of([*passes, as_pass(flights[5])], S_MAX)) == 5
+    with pytest.raises(ConfigError, match=r"4 of 5 recorded ways .* begin at 2000 m .* a reference needs 5"):
+        profiles_of(passes, S_MAX)
+
+
+# ------------------------------------------------------------------------------------------------- broken off at 250 m
+
+BREAK_OFF_M = 250.0
+#: What each approach errs in height, all along [m]; the last two by much.
+OFFSETS_M = (0.5, -0.5, 1.0, -1.0, 5.0, -5.0)
+#: sqrt((n - 1) / chi2_0.05(n - 1)), from the table of chi-square: 0.3518 for 3, 0.7107 for 4, 1.1455 for 5 degrees.
+FACTORS = {4: 2.920, 5: 2.372, 6: 2.089}
+
+
+def wave(s: Array) -> Array:
+    return np.asarray(340.0 + 4.0 * np.sin(s / 60.0))
+
+
+def way_down(offset_m: float, until_m: float, begin_m: float = 2150.0) -> Pass:
+    """A height every 3 m, exact but for the offset; broken off at so many metres before the intercept point."""
+    s = np.arange(begin_m, until_m, -3.0)
+    return Pass(np.arange(len(s), dtype=np.int64), s, wave(s) + offset_m)
+
+
+def recorded_reference(path: ApproachPath, passes: list[Pass]) -> Reference:
+    profiles = profiles_of(passes, S_MAX)
+    plan = Plan("radar", "2024-05-01", made_from="recordings", s_max=S_MAX, draws=len(profiles), runs=20)
+    return reference_from_recordings(path, RA4500, profiles, plan, lambda *step: None)
+
+
+@pytest.mark.parametrize("broken_off", [1, 2])
+def test_an_approach_that_was_broken_off_counts_as_far_as_it_went(path: ApproachPath, broken_off: int) -> None:
+    """The sigma of each place is that of the approaches which were there, with the factor of their number.
+
+    Heights err by the offsets alone, so the mean is the wave, and stays it where the approaches with the largest
+    offsets break off: 5 m high would be a step of 1.2 m in the reference.
+    """
+    ends = [-200.0] * (6 - broken_off) + [BREAK_OFF_M] * broken_off
+    passes = [way_down(offset, end) for offset, end in zip(OFFSETS_M, ends, strict=True)]
+    reference = recorded_reference(path, passes)
+    assert reference.header.profile.draws == 6
+    inside = (reference.s >= 0.0) & (reference.s <= S_MAX)
+    assert np.abs(reference.z_ref - wave(reference.s))[inside].max() < 0.2
+    there = reference.s >= BREAK_OFF_M + 10.0
+    behind = (reference.s >= 0.0) & (reference.s <= BREAK_OFF_M - 10.0)
+    left = 6 - broken_off
+    for where, offsets in ((inside & there, OFFSETS_M), (behind, OFFSETS_M[:left])):
+        n = len(offsets)
+        sigma = np.sqrt(np.sum(np.square(offsets)) / (n - 1)) * FACTORS[n]
+        assert reference.s_ref[where] == pytest.approx(np.full(where.sum(), sigma), rel=0.05)
+
+
+def test_five_of_which_one_is_broken_off_are_enough(path: ApproachPath) -> None:
+    passes = [way_down(offset, -200.0) for offset in OFFSETS_M[:4]]
+    assert recorded_reference(path, [*passes, way_down(0.0, BREAK_OFF_M)]).header.profile.draws == 5
+
+
+def test_a_gap_takes_away_its_own_places_alone(path: ApproachPath) -> None:
+    passes = [way_down(offset, -200.0) for offset in OFFSETS_M[:5]]
+    beside = (passes[0].s > 900.0) | (passes[0].s < 850.0)
+    passes[0] = Pass(passes[0].t_ns[beside], passes[0].s[beside], passes[0].z[beside])
+    missing = np.isnan(profiles_of(passes, S_MAX)[0])
+    assert 30.0 < 5.0 * missing.sum() <= 50.0
+    assert np.isfinite(recorded_reference(path, passes).s_ref).all()
+
+
+def test_where_too_few_went_it_is_said_from_where_to_where() -> None:
+    passes = [way_down(0.0, -200.0)] * 2 + [way_down(0.0, BREAK_OFF_M)] * 4
+    with pytest.raises(ConfigError) as error:
+        profiles_of(passes, S_MAX)
+    assert str(error.value) == (
+        "only 2 of 6 recorded approaches have a height at 0 to 245 m before the intercept point; "
+        "a reference needs 3 everywhere"
+    )
+
+
+def test_a_way_that_is_shorter_than_a_window_is_no_approach() -> None:
+    passes = [way_down(0.0, -200.0)] * 4 + [way_down(0.0, S_MAX - 300.0)]
+    with pytest.raises(ConfigError, match=r"4 of 5 recorded ways .* for 400 m or more"):
+        profiles_of(passes, S_MAX)
 
 
 @pytest.mark.parametrize(("far", "said"), [(1300.0, "so many have one from 1300 m"), (800.0, None)])
