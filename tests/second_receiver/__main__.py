@@ -1,0 +1,40 @@
+"""Print what the second receiver finds: ``python -m tests.second_receiver heights|approaches``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from tests.second_receiver import heights
+from tests.second_receiver.cases import HEIGHT_CASES
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.second_receiver")
+    parser.add_argument("what", choices=("heights", "approaches"))
+    parser.add_argument("--flights", type=int, default=8, help="for each case of heights")
+    parser.add_argument("--runs", type=int, default=20, help="approaches of each kind")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="cases whose name contains this")
+    parser.add_argument("--verbose", action="store_true", help="reasons of samples that are not valid, errors by height")
+    args = parser.parse_args()
+    print(f"seed {args.seed}")
+    return _heights(args)
+
+
+def _heights(args: argparse.Namespace) -> int:
+    print(heights.TITLE)
+    for case in HEIGHT_CASES:
+        if args.only not in str(case):
+            continue
+        flights = [heights.run_flight(case, number, args.seed) for number in range(args.flights)]
+        for line in heights.lines(case, flights):
+            print(line, flush=True)
+        if args.verbose:
+            for line in heights.details(flights):
+                print(line, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

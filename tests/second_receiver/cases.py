@@ -1,0 +1,10 @@
+"""The cases in which heights are accepted."""
+
+from tests.second_receiver.heights import Case
+
+GROUNDS = ("level", "hills", "woods")
+SENSORS = ("radar", "laser")
+KNOWN = tuple(Case(ground, sensor) for ground in GROUNDS for sensor in SENSORS)
+WHOLE_BEAM = tuple(Case(ground, "radar", model="beam") for ground in GROUNDS)
+UNKNOWN = tuple(Case("hills", sensor, known=False) for sensor in SENSORS)
+HEIGHT_CASES = KNOWN + WHOLE_BEAM + UNKNOWN
