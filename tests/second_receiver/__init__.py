@@ -15,7 +15,7 @@ model with itself.  No part of the product imports it.
 
 Print the table of heights, or count alarms:
 
-    python -m tests.second_receiver heights --flights 8
+    python -m tests.second_receiver heights --sites 6
     python -m tests.second_receiver approaches --runs 20
 
 Everything is drawn from printed seeds; equal seeds give equal figures.  What the model leaves out: shadows (relief of 20

@@ -12,11 +12,13 @@ from tests.second_receiver.cases import HEIGHT_CASES
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.second_receiver")
     parser.add_argument("what", choices=("heights", "approaches"))
-    parser.add_argument("--flights", type=int, default=8, help="for each case of heights")
+    parser.add_argument("--sites", type=int, default=6, help="surfaces for each case of heights, 4 flights over each")
     parser.add_argument("--runs", type=int, default=20, help="approaches of each kind")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="cases whose name contains this")
-    parser.add_argument("--verbose", action="store_true", help="reasons of samples that are not valid, errors by height")
+    parser.add_argument(
+        "--verbose", action="store_true", help="reasons of samples that are not valid, errors by height"
+    )
     args = parser.parse_args()
     print(f"seed {args.seed}")
     return _heights(args)
@@ -27,7 +29,7 @@ def _heights(args: argparse.Namespace) -> int:
     for case in HEIGHT_CASES:
         if args.only not in str(case):
             continue
-        flights = [heights.run_flight(case, number, args.seed) for number in range(args.flights)]
+        flights = heights.run_sites(case, args.sites, args.seed)
         for line in heights.lines(case, flights):
             print(line, flush=True)
         if args.verbose:

@@ -61,8 +61,8 @@ def wander(t: Array, sd: float, tau: float, rng: np.random.Generator) -> Array:
     return found
 
 
-def fly(surface: Surface, rng: np.random.Generator, *, period: float = 0.5, n: int = 40) -> Flight:
-    """Straight over the origin or turning, 40 to 400 m above ground; a bank of up to 28 and a pitch of up to 10 degrees.
+def fly(surface: Surface, rng: np.random.Generator, *, period: float = 2.0, n: int = 12) -> Flight:
+    """Past the origin, straight or weaving, 40 to 400 m above ground; a bank of up to 28 and a pitch of up to 10 degrees.
 
     Samples below 40 m and above 400 m are left out.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,17 +45,23 @@ class Surface:
 
     def is_wooded(self, east: Array, north: Array) -> NDArray[np.bool_]:
         """By the nearest post."""
-        n = len(self.top)
-        row = np.rint((north - self.north0) / POST_M).astype(np.intp) % n
-        col = np.rint((east - self.east0) / POST_M).astype(np.intp) % n
-        return np.asarray(self.wooded[row, col] > 0.5)
+        return np.asarray(self.wooded[self._nearest(east, north)] > 0.5)
 
     def slopes(self, east: Array, north: Array) -> tuple[Array, Array]:
-        """Rise to the east and to the north [-] over 5 m."""
-        step = POST_M
-        rise_e = self.height(east + step, north) - self.height(east - step, north)
-        rise_n = self.height(east, north + step) - self.height(east, north - step)
-        return rise_e / (2.0 * step), rise_n / (2.0 * step)
+        """Rise to the east and to the north [-] over 5 m, at the nearest post."""
+        row, col = self._nearest(east, north)
+        to_east, to_north = self._rises
+        return to_east[row, col], to_north[row, col]
+
+    @functools.cached_property
+    def _rises(self) -> tuple[Array, Array]:
+        to_east, to_north = ((np.roll(self.top, -1, axis) - np.roll(self.top, 1, axis)) for axis in (1, 0))
+        return to_east / (2.0 * POST_M), to_north / (2.0 * POST_M)
+
+    def _nearest(self, east: Array, north: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        n = len(self.top)
+        row = np.rint((north - self.north0) / POST_M).astype(np.intp) % n
+        return row, np.rint((east - self.east0) / POST_M).astype(np.intp) % n
 
     def _between(self, posts: Array, east: ArrayLike, north: ArrayLike) -> Array:
         n = len(posts)

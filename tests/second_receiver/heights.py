@@ -34,19 +34,33 @@ STATED = Stated()
 #: Alignment of a laser's axis [rad], each of two angles; stated with the attitude, for a configuration has no place for it.
 ALIGNMENT = float(np.deg2rad(0.3))
 POSTS_M = (5.0, 10.0)
+#: Over each surface.
+FLIGHTS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """ground : level, hills, woods;  sensor : radar, laser;  known : whether there is a terrain;  model : radar's, live"""
+    """What is flown over what.
+
+    ground : level, hills, woods;  sensor : radar, laser;  known : whether the product has a terrain
+    model  : of a radar, as the product is configured;  steps : whether a radar has those of an RA-4500, or none
+    """
 
     ground: str
     sensor: str
     known: bool = True
     model: str = "nearest"
+    steps: bool = True
 
     def __str__(self) -> str:
-        return f"{self.ground} {self.sensor}{'' if self.known else ' unknown'}{' beam' if self.model == 'beam' else ''}"
+        words = (
+            self.ground,
+            self.sensor,
+            "beam" * (self.model == "beam"),
+            "fine" * (not self.steps),
+            "unknown" * (not self.known),
+        )
+        return " ".join(word for word in words if word)
 
     @property
     def stream(self) -> int:
@@ -75,9 +89,7 @@ class Samples:
 
 def terrain_of(model: ElevationModel) -> Terrain:
     """The product's terrain of an elevation model."""
-    return Terrain.from_array(
-        model.heights, model.cell_m, lat0=LAT0, lon0=LON0, east0=model.east0, north0=model.north0
-    )
+    return Terrain.from_array(model.heights, model.cell_m, lat0=LAT0, lon0=LON0, east0=model.east0, north0=model.north0)
 
 
 def device_of(case: Case) -> Device:
@@ -96,17 +108,26 @@ def device_of(case: Case) -> Device:
     )
 
 
-def run_flight(case: Case, number: int, seed: int = 1) -> Samples:
-    """One flight over a surface of its own."""
+def run_site(case: Case, number: int, seed: int = 1) -> list[Samples]:
+    """Flights over one surface, each with navigation errors, and with a receiver, of its own."""
     rng = np.random.default_rng([seed, case.stream, number])
     surface = make_surface(case.ground, rng)
-    flight = fly(surface, rng)
     model = survey(surface, float(rng.choice(POSTS_M)), rng)
-    ranges, sds = _measure(case.sensor, surface, flight, rng)
+    ground = Ground(terrain_of(model), model.sd, "second receiver") if case.known else None
+    return [_run_flight(case, surface, ground, np.random.default_rng(rng.integers(2**63))) for _ in range(FLIGHTS)]
+
+
+def run_sites(case: Case, sites: int, seed: int = 1) -> list[Samples]:
+    """Flights over so many surfaces."""
+    return [flight for number in range(sites) for flight in run_site(case, number, seed)]
+
+
+def _run_flight(case: Case, surface: Surface, ground: Ground | None, rng: np.random.Generator) -> Samples:
+    flight = fly(surface, rng)
+    ranges, sds = _measure(case, surface, flight, rng)
     seen = navigate(flight, STATED, rng)
     channel = AltimeterChannel(device_of(case))
-    if case.known:
-        channel.give_ground(Ground(terrain_of(model), model.sd, "second receiver"))
+    channel.give_ground(ground)
     attitude_sd = np.hypot(STATED.attitude, ALIGNMENT) if case.sensor == "laser" else STATED.attitude
     samples = Samples()
     truth = flight.place[:, 2] - surface.height(flight.place[:, 0], flight.place[:, 1])
@@ -116,14 +137,15 @@ def run_flight(case: Case, number: int, seed: int = 1) -> Samples:
     return samples
 
 
-def _measure(sensor: str, surface: Surface, flight: Flight, rng: np.random.Generator) -> tuple[Array, Array]:
+def _measure(case: Case, surface: Surface, flight: Flight, rng: np.random.Generator) -> tuple[Array, Array]:
     """Ranges [m] and their stated sigmas."""
-    off = rng.normal(0.0, ALIGNMENT, 2) if sensor == "laser" else np.zeros(2)
+    off = rng.normal(0.0, ALIGNMENT, 2) if case.sensor == "laser" else np.zeros(2)
     tilted = body_to_enu(off[0], off[1], 0.0)
     level = body_to_enu(0.0, 0.0, 0.0)
     axes = flight.axes()
     place = flight.place + axes @ np.array(LEVER_ARM_B)
-    altimeter = Laser() if sensor == "laser" else Radar(width=float(np.deg2rad(40.0 * rng.uniform(0.9, 1.1))))
+    width = float(np.deg2rad(40.0 * rng.uniform(0.9, 1.1)))
+    altimeter = Laser() if case.sensor == "laser" else Radar(width=width, steps=case.steps)
     ranges = altimeter.measure(surface, place, axes @ (level.T @ tilted), flight.velocity, rng)
     return ranges, altimeter.sd(ranges)
 

@@ -1,10 +1,10 @@
 """A radar altimeter: an antenna, the radar equation over patches of ground, and a receiver's leading edge.
 
-    power of a patch    G(off)^2 sigma0(incidence) / d^4 dA            two-way pattern, monostatic radar equation
-    G(off)              exp(-4 ln2 (off / width)^2)                    Gaussian, full width at half power
-    sigma0              open land: a peak of 22 deg about the normal above a diffuse share; woods: cosine
-    waveform            power by range, smoothed by the range resolution, averaged over sweeps, with speckle
-    range               where the waveform first passes 10 dB below its peak, less what level ground gives too little
+power of a patch    G(off)^2 sigma0(incidence) / d^4 dA            two-way pattern, monostatic radar equation
+G(off)              exp(-4 ln2 (off / width)^2)                    Gaussian, full width at half power
+sigma0              open land: a peak of 22 deg about the normal above a diffuse share; woods: cosine
+waveform            power by range, smoothed by the range resolution, averaged over sweeps, with speckle
+range               where the waveform first passes 10 dB below its peak, less what level ground gives too little
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ FOOT_M = 0.3048
 #: RA-4500: steps [ft] up to heights [ft].
 STEPS_FT = np.array([1.0, 2.0, 5.0, 20.0, 50.0, 100.0])
 STEPS_UP_TO_FT = np.array([119.0, 199.0, 499.0, 999.0, 2099.0])
+#: Of an altimeter without them.
+FINE_STEP_M = 0.01
 
 RINGS, SPOKES = 48, 84
 SWEEPS = 4
@@ -46,7 +48,7 @@ class Radar:
 
     def sd(self, height: Array) -> Array:
         """One sigma that such an instrument states [m]: noise, and its step over the root of 12."""
-        return np.asarray(np.hypot(self.noise, step_m(height) / np.sqrt(12.0) if self.steps else 0.0))
+        return np.asarray(np.hypot(self.noise, self._step(height) / np.sqrt(12.0)))
 
     def measure(self, surface: Surface, place: Array, axes: Array, velocity: Array, rng: np.random.Generator) -> Array:
         """Ranges [m] (n,), NaN without a return.
@@ -54,9 +56,12 @@ class Radar:
         place : of the antenna, east, north, up (n, 3) [m];  axes : body to east, north, up (n, 3, 3);  velocity (n, 3)
         """
         edges = np.array([self._edge(surface, *pose, rng) for pose in zip(place, axes, velocity, strict=True)])
-        ranges = edges + _zero(self.width) + rng.normal(0.0, self.noise, len(edges))
-        step = step_m(ranges) if self.steps else 1e-3
+        ranges = edges + _zero() + rng.normal(0.0, self.noise, len(edges))
+        step = self._step(ranges)
         return np.asarray(np.maximum(np.rint(ranges / step) * step, 0.0))
+
+    def _step(self, height: Array) -> Array:
+        return step_m(height) if self.steps else np.full(np.shape(height), FINE_STEP_M)
 
     def _edge(self, surface: Surface, place: Array, axes: Array, velocity: Array, rng: np.random.Generator) -> float:
         """Range [m] of the leading edge, without calibration and noise."""
@@ -85,7 +90,9 @@ class Radar:
         into = rng.random(shape)
         crown = up - rng.exponential(1.2, shape)
         up = np.where(wooded, np.where(into < 0.2, surface.bare_height(east, north), crown), up)
-        to = np.stack((east - places[:, 0, None, None], north - places[:, 1, None, None], up - places[:, 2, None, None]))
+        to = np.stack(
+            (east - places[:, 0, None, None], north - places[:, 1, None, None], up - places[:, 2, None, None])
+        )
         distance = np.sqrt(np.sum(to**2, axis=0))
         seen = np.tensordot(boresight, to, 1) / distance
         rise_e, rise_n = surface.slopes(east, north)
@@ -122,11 +129,11 @@ def step_m(height: Array) -> Array:
 
 
 @functools.cache
-def _zero(width: float) -> float:
-    """What the edge is short of the height over level ground [m], 100 m high: how such instruments are adjusted."""
+def _zero() -> float:
+    """What the nominal antenna's edge is short of the height [m], 100 m over level ground: how one adjusts the type."""
     rng = np.random.default_rng(5)
     level = make_surface("level", rng, size_m=640.0)
     place, axes = np.array([0.0, 0.0, 100.0]), np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    radar = Radar(width=width)
+    radar = Radar()
     edges = [radar._edge(level, place, axes, np.array([60.0, 0.0, 0.0]), rng) for _ in range(64)]
     return float(100.0 - level.height(0.0, 0.0) - np.mean(edges))
