@@ -62,7 +62,7 @@ def wander(t: Array, sd: float, tau: float, rng: np.random.Generator) -> Array:
 
 
 def fly(surface: Surface, rng: np.random.Generator, *, period: float = 2.0, n: int = 12) -> Flight:
-    """Past the origin, straight or weaving, 40 to 400 m above ground; a bank of up to 28 and a pitch of up to 10 degrees.
+    """Past the origin, straight or weaving, 40 to 400 m above ground; banks of up to 28, pitch of -7 to 9 degrees.
 
     Samples below 40 m and above 400 m are left out.
     """

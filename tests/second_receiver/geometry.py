@@ -28,7 +28,7 @@ def _earth_centred(lat: Array, lon: Array, alt: Array) -> Array:
 
 
 def to_geodetic(place: ArrayLike) -> tuple[Array, Array, Array]:
-    """lat, lon [rad] and height above the ellipsoid [m] of places east, north, up [m] (n, 3) in the frame of LAT0, LON0.
+    """lat, lon [rad], height above the ellipsoid [m] of places east, north, up [m] (n, 3) in the frame of LAT0, LON0.
 
     By iteration of the latitude; a nanometre after six steps at the heights of aircraft.
     """

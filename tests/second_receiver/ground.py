@@ -79,7 +79,8 @@ class Surface:
 def random_field(rng: np.random.Generator, n: int, length_m: float, power: float = 0.0) -> Array:
     """(n, n), periodic, mean 0 and standard deviation 1.
 
-    power = 0 : Gaussian covariance exp(-d^2 / (2 length^2)).  Otherwise rough: spectral density (1 + (k length)^2)^-power.
+    power = 0 : Gaussian covariance exp(-d^2 / (2 length^2)); else a rough field of spectral density
+    (1 + (k length)^2)^-power
     """
     freq = 2.0 * np.pi * np.fft.fftfreq(n, POST_M)
     k_sq = freq[:, None] ** 2 + freq[None, : n // 2 + 1] ** 2

@@ -31,7 +31,7 @@ FIELDS = {"height_agl": "sd", "compensated": "compensated_sd", "nearest": "neare
 LEVER_ARM_B = (1.2, -0.4, 0.6)
 RANGE_M = (1.0, 800.0)
 STATED = Stated()
-#: Alignment of a laser's axis [rad], each of two angles; stated with the attitude, for a configuration has no place for it.
+#: Alignment of a laser's axis [rad], each of two angles; in the stated attitude, as a configuration has no key for it.
 ALIGNMENT = float(np.deg2rad(0.3))
 POSTS_M = (5.0, 10.0)
 #: Over each surface.

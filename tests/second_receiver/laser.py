@@ -1,4 +1,4 @@
-"""A laser rangefinder: first return of seven rays in its footprint, along an axis that is not quite where it should be."""
+"""A laser rangefinder: first return of seven rays in its footprint, along an axis that is off a little."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Laser:
 
 
 def _distances(height: Callable[[Array, Array], Array], place: Array, rays: Array) -> Array:
-    """Along rays (n, k, 3) from places (n, 3) to a surface (n, k) [m]: first crossing in steps of 2 m, then bisected."""
+    """Along rays (n, k, 3) from places (n, 3) to a surface (n, k) [m]: in steps of 2 m, then by bisection."""
     low, high = np.zeros(rays.shape[:2]), np.full(rays.shape[:2], FARTHEST_M)
     missing = np.ones(rays.shape[:2], dtype=bool)
 
