@@ -19,5 +19,5 @@ Print the table of heights, or count alarms:
     python -m tests.second_receiver approaches --runs 20
 
 Everything is drawn from printed seeds; equal seeds give equal figures.  The model leaves out shadows (slopes of 20
-degrees hide nothing from a beam of 40), multiple reflections, weather, and the time in which a receiver finds its track.
+degrees hide nothing from a beam of 40), multiple reflections, weather, and the time a receiver needs to lock.
 """
