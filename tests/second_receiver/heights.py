@@ -36,6 +36,8 @@ ALIGNMENT = float(np.deg2rad(0.3))
 POSTS_M = (5.0, 10.0)
 #: Over each surface.
 FLIGHTS = 4
+#: Where the ground is unknown the product may learn from what it sees: 5 Hz for 10 s before every 10th sample counts.
+LEARNING_PERIOD_S, LEARNING_SAMPLES, LEARNING_COUNT, LEARNING_EACH = 0.2, 170, 50, 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +125,8 @@ def run_sites(case: Case, sites: int, seed: int = 1) -> list[Samples]:
 
 
 def _run_flight(case: Case, surface: Surface, ground: Ground | None, rng: np.random.Generator) -> Samples:
-    flight = fly(surface, rng)
+    period, n = (2.0, 12) if case.known else (LEARNING_PERIOD_S, LEARNING_SAMPLES)
+    flight = fly(surface, rng, period=period, n=n)
     ranges, sds = _measure(case, surface, flight, rng)
     seen = navigate(flight, STATED, rng)
     channel = AltimeterChannel(device_of(case))
@@ -132,6 +135,8 @@ def _run_flight(case: Case, surface: Surface, ground: Ground | None, rng: np.ran
     samples = Samples()
     truth = flight.place[:, 2] - surface.height(flight.place[:, 0], flight.place[:, 1])
     for k, output in enumerate(_outputs(channel, seen, ranges, sds, float(attitude_sd))):
+        if not case.known and (k < LEARNING_COUNT or k % LEARNING_EACH):
+            continue
         tilt = float(np.arccos(np.cos(flight.roll[k]) * np.cos(flight.pitch[k])))
         _collect(samples, output, float(truth[k]), (float(truth[k]), surface.relief, tilt))
     return samples
