@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from tests.second_receiver import heights
+from tests.second_receiver import approaches, heights
 from tests.second_receiver.cases import HEIGHT_CASES
 
 
@@ -14,6 +14,7 @@ def main() -> int:
     parser.add_argument("what", choices=("heights", "approaches"))
     parser.add_argument("--sites", type=int, default=6, help="surfaces for each case of heights, 4 flights over each")
     parser.add_argument("--runs", type=int, default=20, help="approaches of each kind")
+    parser.add_argument("--reference-runs", type=int, default=400, help="simulated approaches of a reference")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="cases whose name contains this")
     parser.add_argument(
@@ -21,7 +22,7 @@ def main() -> int:
     )
     args = parser.parse_args()
     print(f"seed {args.seed}")
-    return _heights(args)
+    return _heights(args) if args.what == "heights" else _approaches(args)
 
 
 def _heights(args: argparse.Namespace) -> int:
@@ -35,6 +36,23 @@ def _heights(args: argparse.Namespace) -> int:
         if args.verbose:
             for line in heights.details(flights):
                 print(line, flush=True)
+    return 0
+
+
+def _approaches(args: argparse.Namespace) -> int:
+    for kind in approaches.GROUNDS:
+        if args.only not in kind:
+            continue
+        site = approaches.make_site(kind, args.seed, args.reference_runs)
+        outcomes = [approaches.fly_nominal(site, number, args.seed) for number in range(args.runs)]
+        print(approaches.line_of_nominal(kind, outcomes), flush=True)
+        flown = [approaches.fly_over_obstacle(site, number, args.seed) for number in range(args.runs)]
+        print(approaches.line_of_obstacles(kind, flown), flush=True)
+        if args.verbose:
+            for outcome in outcomes:
+                print(f"    nominal  {outcome}")
+            for obstacle, outcome in flown:
+                print(f"    obstacle at {obstacle.s:.0f} m  {outcome}")
     return 0
 
 

@@ -66,7 +66,7 @@ def fly(surface: Surface, rng: np.random.Generator, *, period: float = 2.0, n: i
 
     Samples below 40 m and above 400 m are left out.
     """
-    t = (np.arange(n) - 0.5 * (n - 1)) * period
+    t = np.asarray((np.arange(n) - 0.5 * (n - 1)) * period, dtype=np.float64)
     speed = rng.uniform(60.0, 80.0)
     bank, turned = np.deg2rad(rng.uniform(0.0, 28.0)), 2.0 * np.pi / rng.uniform(12.0, 30.0)
     roll = bank * np.sin(turned * t + rng.uniform(0.0, 2.0 * np.pi))

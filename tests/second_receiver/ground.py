@@ -156,21 +156,27 @@ SURVEY_LENGTH_M = (50.0, 200.0)
 MARGIN_M = 900.0
 
 
-def survey(surface: Surface, cell_m: float, rng: np.random.Generator) -> ElevationModel:
-    """Means over cells of ``cell_m`` [m] (a multiple of 2.5 m), with an error of 1.5 m.
+def survey(
+    surface: Surface,
+    cell_m: float,
+    rng: np.random.Generator,
+    varies: float = SURVEY_VARIES_M,
+    bias: float = SURVEY_BIAS_M,
+) -> ElevationModel:
+    """Means over cells of ``cell_m`` [m] (a multiple of 2.5 m), with an error: one sigma of its two parts [m].
 
-    sd holds the survey's 1.5 m and what was measured of the means against the surface at 20000 random places.
+    sd holds the survey's error and what was measured of the means against the surface at 20000 random places.
     """
     every = round(cell_m / POST_M)
     margin = round(MARGIN_M / cell_m) * every
     means = _mean_over(surface.top, every)
-    error = SURVEY_VARIES_M * random_field(rng, len(means), float(rng.uniform(*SURVEY_LENGTH_M)), 1.5)
-    noisy = means + error + rng.normal(0.0, SURVEY_BIAS_M)
+    error = varies * random_field(rng, len(means), float(rng.uniform(*SURVEY_LENGTH_M)), 1.5)
+    noisy = means + error + rng.normal(0.0, bias)
     posts = np.pad(noisy, margin, mode="wrap")[::every, ::every]
     smooth = Surface(means, means, surface.wooded, surface.east0, surface.north0)
     lost = _lost_between_posts(surface, smooth, cell_m, rng)
     east0, north0 = surface.east0 - margin * POST_M, surface.north0 - margin * POST_M
-    return ElevationModel(posts, cell_m, east0, north0, float(np.hypot(np.hypot(SURVEY_VARIES_M, SURVEY_BIAS_M), lost)))
+    return ElevationModel(posts, cell_m, east0, north0, float(np.hypot(np.hypot(varies, bias), lost)))
 
 
 def _mean_over(posts: Array, every: int) -> Array:

@@ -27,7 +27,6 @@ STEPS_UP_TO_FT = np.array([119.0, 199.0, 499.0, 999.0, 2099.0])
 FINE_STEP_M = 0.01
 
 RINGS, SPOKES = 48, 84
-SWEEPS = 4
 AVERAGED_S = 0.2
 #: Independent looks that an average over 0.2 s has: leaves 18 % of speckle in a bin.
 LOOKS = 30
@@ -40,11 +39,16 @@ WIDEST = np.deg2rad(62.0)
 
 @dataclass(frozen=True, slots=True)
 class Radar:
-    """width : of the antenna, full at half power [rad];  noise : thermal, one sigma [m];  steps : of the RA-4500"""
+    """An altimeter.
+
+    width  : of the antenna, full at half power [rad];  noise : thermal, one sigma [m];  steps : those of the RA-4500
+    sweeps : that are averaged over 0.2 s
+    """
 
     width: float = float(np.deg2rad(40.0))
     noise: float = 0.3
     steps: bool = True
+    sweeps: int = 4
 
     def sd(self, height: Array) -> Array:
         """One sigma that such an instrument states [m]: noise, and its step over the root of 12."""
@@ -55,8 +59,15 @@ class Radar:
 
         place : of the antenna, east, north, up (n, 3) [m];  axes : body to east, north, up (n, 3, 3);  velocity (n, 3)
         """
-        edges = np.array([self._edge(surface, *pose, rng) for pose in zip(place, axes, velocity, strict=True)])
-        ranges = edges + _zero() + rng.normal(0.0, self.noise, len(edges))
+        return self.output(self.edges(surface, place, axes, velocity, rng), rng)
+
+    def edges(self, surface: Surface, place: Array, axes: Array, velocity: Array, rng: np.random.Generator) -> Array:
+        """Ranges [m] (n,) before noise and steps."""
+        return _zero() + np.array([self._edge(surface, *pose, rng) for pose in zip(place, axes, velocity, strict=True)])
+
+    def output(self, edges: Array, rng: np.random.Generator) -> Array:
+        """With noise, in steps."""
+        ranges = edges + rng.normal(0.0, self.noise, len(edges))
         step = self._step(ranges)
         return np.asarray(np.maximum(np.rint(ranges / step) * step, 0.0))
 
@@ -65,7 +76,7 @@ class Radar:
 
     def _edge(self, surface: Surface, place: Array, axes: Array, velocity: Array, rng: np.random.Generator) -> float:
         """Range [m] of the leading edge, without calibration and noise."""
-        times = (np.arange(SWEEPS) - 0.5 * (SWEEPS - 1)) / SWEEPS * AVERAGED_S
+        times = (np.arange(self.sweeps) - 0.5 * (self.sweeps - 1)) / self.sweeps * AVERAGED_S
         ranges, powers = self._patches(surface, place + times[:, None] * velocity, axes[:, 2], rng)
         waveform, first = _waveform(ranges, powers, rng)
         over = np.flatnonzero(waveform > THRESHOLD * waveform.max())
