@@ -150,7 +150,9 @@ def _measure(case: Case, surface: Surface, flight: Flight, rng: np.random.Genera
     axes = flight.axes()
     place = flight.place + axes @ np.array(LEVER_ARM_B)
     width = float(np.deg2rad(40.0 * rng.uniform(0.9, 1.1)))
-    altimeter = Laser() if case.sensor == "laser" else Radar(width=width, steps=case.steps)
+    altimeter = (
+        Laser() if case.sensor == "laser" else Radar(width=width, steps=case.steps, sweeps=4 if case.known else 2)
+    )
     ranges = altimeter.measure(surface, place, axes @ (level.T @ tilted), flight.velocity, rng)
     return ranges, altimeter.sd(ranges)
 
