@@ -446,6 +446,10 @@ class Reason(StrEnum):
     NOT_NADIR = "not_nadir"  # measured minus navigated height, beyond the gate: it is not the height straight below
     DISPERSION = "dispersion"  # the rays of the predicted beam differ by too much
     INCIDENCE = "incidence"  # the beam grazes the ground
+    # what the changes of an altimeter and another altimeter say against it
+    STUCK = "stuck"  # its value repeats exactly while the predicted one changes
+    CHANGE_MISMATCH = "change_mismatch"  # it changes otherwise than predicted: drift, scale
+    ALTIMETERS_DISAGREE = "altimeters_disagree"  # with another one, and neither is known to be the wrong one
     NO_PREDICTION = "no_prediction"  # the predicted beam finds no ground in range
     NO_TERRAIN = "no_terrain"  # none is configured, or it could not be loaded
     TERRAIN_LOADING = "terrain_loading"

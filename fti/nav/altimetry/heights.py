@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Altimeter, Device, Vector
+from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
+from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
@@ -24,7 +26,16 @@ RANGE_SD_UNKNOWN = 1.0
 #: What lies beside the point straight below is looked for so far off the vertical at most [rad].
 STEEPEST = math.radians(60.0)
 #: What the known ground says against a sample, and nothing else does.
-BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE})
+BY_GROUND = frozenset(
+    {
+        Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE,
+        Reason.CHANGE_MISMATCH, Reason.ALTIMETERS_DISAGREE,
+    }
+)  # fmt: skip
+#: Samples with one of these are no ranges to the ground, or of an aircraft whose attitude nobody knows.
+NO_RANGE = frozenset(
+    {Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +85,7 @@ class AltimeterChannel:
         self._relief = ReliefEstimator(device.altimeter.relief_m)
         self._last: Reading | None = None
         self._told_ns: int | None = None
+        self._change = ChangeCheck()
 
     def give_ground(self, ground: Ground | None) -> None:
         """From now on samples are compared with this ground; None: with none."""
@@ -93,7 +105,7 @@ class AltimeterChannel:
         if self._last is None or reading.t_valid_ns >= self._last.t_valid_ns:
             self._last = reading
         self._told_ns = None
-        output = self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns)
+        output = self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns, is_sample=True)
         if stands_alone(output) and output.nearest is not None:
             self._relief.take(reading.t_valid_ns, output.nearest, nav)
         return output
@@ -118,7 +130,9 @@ class AltimeterChannel:
         """Whether the newest sample is older than max_age_ms."""
         return self._last is not None and t_ns - self._last.t_valid_ns > self._max_age_ns
 
-    def _output(self, t_ns: int, reading: Reading | None, nav: NavState, age_ns: int) -> HeightAboveGround:
+    def _output(
+        self, t_ns: int, reading: Reading | None, nav: NavState, age_ns: int, *, is_sample: bool = False
+    ) -> HeightAboveGround:
         attitude = nav.attitude
         nearest = self._nearest(reading, nav)
         expected = self._expected(reading, nav)
@@ -135,6 +149,8 @@ class AltimeterChannel:
             **_by_ground(expected),
         )
         reasons = reasons_against(sample, self.limits)
+        if is_sample and reading is not None:
+            reasons += self._reasons_by_change(reading, nav, expected, reasons)
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
@@ -149,6 +165,16 @@ class AltimeterChannel:
             reasons=reasons,
             wheels=self._of_wheels(below, nav),
             **_told(expected, sample.value, self.limits),
+        )
+
+    def _reasons_by_change(
+        self, reading: Reading, nav: NavState, expected: Expected | Reason | None, against: tuple[Reason, ...]
+    ) -> tuple[Reason, ...]:
+        """What the memory of this altimeter says against a sample; one that is no range is not remembered."""
+        if reading.value is None or not NO_RANGE.isdisjoint(against):
+            return ()
+        return self._change.update(
+            make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected, self.limits)
         )
 
     def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:
