@@ -13,11 +13,14 @@ ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing n
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
+from fti.nav.altimetry.agreement import AgreementCheck
 from fti.nav.altimetry.heights import AltimeterChannel
+from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
 from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
@@ -46,6 +49,8 @@ class Pipeline:
         self._altimeters = {
             name: AltimeterChannel(devices[name], unchecked, roles.wheels_b) for name in roles.altimeters
         }
+        self._agreement = AgreementCheck({name: channel.limits for name, channel in self._altimeters.items()})
+        self._refusals = RefusalEvents()
         self._selector = HeightSelector(roles.altimeters)
         self._fallbacks = _fallbacks(config)
         self._navigation = Navigation(
@@ -100,9 +105,12 @@ class Pipeline:
     ) -> list[Output | Event]:
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
+        if against := self._agreement.update(height):
+            height = replace(height, valid=False, reasons=(*height.reasons, *against))
+        events = self._refusals.update(height, channel.since_ns)
         if self._fallbacks:
             self._fallbacks.take_height(height, nav)
-        return [height, *self._selector.take(height), *self._approach.take(height, nav)]
+        return [height, *events, *self._selector.take(height), *self._approach.take(height, nav)]
 
     def pass_gap(self) -> None:
         """Measurements are missing before the next one that are not the devices' silence."""

@@ -150,13 +150,18 @@ def navigation(flight: Flight) -> list[NavState]:
                 math.radians(0.2),
                 math.radians(0.2),
             ),
-            PositionState(lat[i], lon[i], alt[i], 1.5, 2.5, *vel[:, i].tolist(), round(t[i] * S)),
+            _position((lat[i], lon[i], alt[i]), vel[:, i], round(t[i] * S)),
             "ins",
             "ins",
             "ins",
         )
         for i in range(n)
     ]
+
+
+def _position(place: tuple[float, float, float], vel: Array, t_ns: int) -> PositionState:
+    north, east, down = vel.tolist()
+    return PositionState(*place, 1.5, 2.5, north, east, down, t_ns)
 
 
 def _slow(rng: np.random.Generator, n: int, sd: float, tau_s: float = 100.0) -> Array:

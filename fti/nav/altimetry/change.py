@@ -4,11 +4,12 @@ A constant error of place, height or elevation cancels in a difference, so these
 deviation itself.  Two tests, each with a memory of the last samples:
 
     stuck            the value repeats exactly for 1 s or more while the predicted range changes by more than
-                     max(3 steps, 3 sigma).  Unknown ground: for 2 s or more, the altitude by more than 4 steps;
+                     max(3 steps, 2 sigma).  Unknown ground: for 2 s or more, the altitude by more than 4 steps;
                      ground would have to rise parallel to the climb within half a step
-    change_mismatch  the mean of measured minus predicted over 0.5 s differs from that of 2 to 10 s before by more than
-                     4.5 sigma, three times running: drift and scale.  Known ground only: without it a slope of the
-                     ground and a drift look alike
+    change_mismatch  the mean of measured minus predicted over 0.5 s differs by more than 5 sigma from three such means
+                     of 2 to 10 s before, three times running, so that one place that is not as it is known proves
+                     nothing: drift and scale.  Known ground only: without it a slope of the ground and a drift look
+                     alike
 
 A refusal ends by agreement over a window.  Stuck: the value changes and no test contradicts for 2 s.  Mismatch: for 2 s
 measured minus predicted is again what it was before; or over 10 s, in which the predicted range changes by 9 sigma or
@@ -29,9 +30,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from fti.nav.altimetry.observation import Observation
+from fti.nav.altimetry.observation import Observation, Resolution, largest_step
 from fti.types import Reason
 
 SECOND_NS = 1_000_000_000
@@ -40,13 +42,13 @@ MAX_GAP_NS = SECOND_NS
 #: A run of equal values is judged from this length on: over known and unknown ground [ns], and in samples.
 MIN_RUN_NS, MIN_RUN_UNKNOWN_NS, MIN_RUN_SAMPLES = SECOND_NS, 2 * SECOND_NS, 5
 #: Change of prediction that a repeated value contradicts, in steps of the resolution, and in sigmas.
-STUCK_STEPS, STUCK_STEPS_UNKNOWN, STUCK_SIGMAS = 3.0, 4.0, 3.0
-#: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
-MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
+STUCK_STEPS, STUCK_STEPS_UNKNOWN, STUCK_SIGMAS = 3.0, 4.0, 2.0
+#: Time over which the prediction is smoothed [ns].
+SMOOTHING_NS = SECOND_NS // 4
 #: Means of the residual are taken over this time, and compared over these ages [ns].
 BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
 #: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
-BEGIN_SIGMAS, END_SIGMAS = 4.5, 3.0
+BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
 #: Predicted change over the window, in sigmas, that proves an altimeter which follows it.
 PROOF_SIGMAS = 9.0
 #: Blocks running that contradict before a refusal begins, and that agree before it ends.
@@ -59,13 +61,20 @@ CLIMB_SD = 0.15
 
 @dataclass(slots=True)
 class _Span:
-    """Least and largest of the values so far."""
+    """Least and largest of a smoothed value so far: a spike of the prediction over a tree is no change."""
 
     least: float = math.inf
     largest: float = -math.inf
+    _value: float = math.nan
+    _t_ns: int = 0
 
-    def add(self, value: float) -> None:
-        self.least, self.largest = min(self.least, value), max(self.largest, value)
+    def add(self, t_ns: int, value: float) -> None:
+        if math.isnan(self._value):
+            self._value = value
+        else:
+            self._value += min(1.0, (t_ns - self._t_ns) / SMOOTHING_NS) * (value - self._value)
+        self._t_ns = t_ns
+        self.least, self.largest = min(self.least, self._value), max(self.largest, self._value)
 
     @property
     def size(self) -> float:
@@ -74,11 +83,10 @@ class _Span:
 
 @dataclass(slots=True)
 class _Run:
-    """Equal values in succession.  step : of the resolution [m]; sd : the largest sigma of a sample in it [m]"""
+    """Equal values in succession.  sd : the largest sigma of a sample in it [m]"""
 
     value: float
     begin_ns: int
-    step: float
     samples: int = 0
     sd: float = 0.0
     predicted: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
@@ -90,36 +98,42 @@ class _Run:
         self.sd = max(self.sd, o.sd)
         if o.alt is None:
             return
-        self.altitude[0].add(o.alt)
-        self.altitude[1].add(climbed)
+        self.altitude[0].add(o.t_ns, o.alt)
+        self.altitude[1].add(o.t_ns, climbed)
         if o.predicted is not None:
-            self.predicted[0].add(o.predicted)
-            self.predicted[1].add(o.predicted - o.alt + climbed)
+            self.predicted[0].add(o.t_ns, o.predicted)
+            self.predicted[1].add(o.t_ns, o.predicted - o.alt + climbed)
 
-    def is_contradicted(self, t_ns: int, known: bool) -> bool:
-        """Whether the prediction changed although the value did not."""
+    def is_contradicted(self, t_ns: int, step: float, *, known: bool) -> bool:
+        """Whether the prediction changed although the value did not.  step : of the resolution [m]"""
         spans = self.predicted if known else self.altitude
         steps = STUCK_STEPS if known else STUCK_STEPS_UNKNOWN
         long_enough = t_ns - self.begin_ns >= (MIN_RUN_NS if known else MIN_RUN_UNKNOWN_NS)
         change = min(span.size for span in spans)
-        limit = max(steps * self.step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
+        limit = max(steps * step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
         return long_enough and self.samples >= MIN_RUN_SAMPLES and change > limit
 
 
 class StuckTest:
-    """Exactly repeated values although the predicted change is several steps of the resolution."""
+    """Exactly repeated values although the predicted change is several steps of the resolution.
+
+    since_ns : when the value that the last refusal began with was stated first
+    """
 
     def __init__(self) -> None:
+        self.since_ns = 0
         self._run: _Run | None = None
         self._contradicted_ns: int | None = None
 
-    def update(self, o: Observation, climbed: float) -> bool:
-        """Whether the altimeter is refused as stuck."""
+    def update(self, o: Observation, climbed: float, resolution: float | None) -> bool:
+        """Whether the altimeter is refused as stuck.  resolution : step [m]; None: unknown"""
         run = self._run
         if run is None or o.value != run.value:
-            run = self._run = _Run(o.value, o.t_ns, _step(o.value, run))
+            run = self._run = _Run(o.value, o.t_ns)
         run.add(o, climbed)
-        if run.is_contradicted(o.t_ns, o.predicted is not None):
+        step = largest_step(o.value) if resolution is None else resolution
+        if run.is_contradicted(o.t_ns, step, known=o.predicted is not None):
+            self.since_ns = run.begin_ns if self._contradicted_ns is None else self.since_ns
             self._contradicted_ns = o.t_ns
         elif self._contradicted_ns is not None and self._agrees_since(self._contradicted_ns, run, o.t_ns):
             self._contradicted_ns = None
@@ -129,12 +143,6 @@ class StuckTest:
     def _agrees_since(contradicted_ns: int, run: _Run, t_ns: int) -> bool:
         """Whether the value has changed since the last contradiction, and the window of agreement is over."""
         return run.begin_ns > contradicted_ns and t_ns - contradicted_ns >= STUCK_END_NS
-
-
-def _step(value: float, before: _Run | None) -> float:
-    """Step of the resolution at a value [m]: the change into it; no more than any altimeter has."""
-    largest = MAX_STEP_SHARE * abs(value) + MAX_STEP_M
-    return min(abs(value - before.value), largest) if before else largest
 
 
 @dataclass(slots=True)
@@ -156,9 +164,13 @@ class _Block:
 
 
 class MismatchTest:
-    """Measured against predicted change where the ground is known."""
+    """Measured against predicted change where the ground is known.
+
+    since_ns : middle of the first of the blocks that contradicted
+    """
 
     def __init__(self) -> None:
+        self.since_ns = 0
         self._samples: list[tuple[Observation, float]] = []
         self._blocks: deque[_Block] = deque()
         self._contradictions = self._agreements = 0
@@ -190,18 +202,13 @@ class MismatchTest:
         self._blocks.append(block)
 
     def _begin(self, block: _Block) -> None:
-        differs, worst = self._worst(block)
-        self._contradictions = self._contradictions + 1 if differs > BEGIN_SIGMAS else 0
+        found = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
+        found = sorted(found, reverse=True)[:BEGIN_BLOCKS]
+        contradicts = len(found) == BEGIN_BLOCKS and found[-1][0] > BEGIN_SIGMAS
+        self._contradictions = self._contradictions + 1 if contradicts else 0
         if self._contradictions >= BEGIN_BLOCKS:
-            self._reference, self._agreements = worst, 0
-
-    def _worst(self, block: _Block) -> tuple[float, _Block | None]:
-        """The block of before that differs most, and by how many sigmas."""
-        found: tuple[float, _Block | None] = (0.0, None)
-        for before in self._blocks:
-            if block.t_ns - before.t_ns >= MIN_AGE_NS and (differs := block.differs(before)) > found[0]:
-                found = differs, before
-        return found
+            self._reference, self._agreements = self._blocks[found[-1][1]], 0
+            self.since_ns = self._blocks[-2].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
         agrees = block.differs(reference) <= END_SIGMAS
@@ -241,9 +248,16 @@ class ChangeCheck:
         self._last: Observation | None = None
         self.reasons: tuple[Reason, ...] = ()
 
+    @property
+    def since_ns(self) -> Mapping[Reason, int]:
+        """When the cause of each reason began [ns]."""
+        begun = {Reason.STUCK: self._stuck.since_ns, Reason.CHANGE_MISMATCH: self._mismatch.since_ns}
+        return {reason: begun[reason] for reason in self.reasons}
+
     def _begin(self) -> None:
         self._stuck, self._mismatch = StuckTest(), MismatchTest()
         self._climbed = 0.0
+        self._resolution = Resolution()
 
     def update(self, o: Observation) -> tuple[Reason, ...]:
         """The reasons against this altimeter from this sample on."""
@@ -257,9 +271,12 @@ class ChangeCheck:
             rise = (o.alt or 0.0) - (last.alt or 0.0) if o.climb is None else o.climb * (o.t_ns - last.t_ns) / SECOND_NS
             self._climbed += rise
         self._last = o
+        self._resolution.update(o.value)
+        step = self._resolution.step
+        rounded = replace(o, sd=math.hypot(o.sd, (step or 0.0) / math.sqrt(12.0)))
         tests = (
-            (Reason.STUCK, self._stuck.update(o, self._climbed)),
-            (Reason.CHANGE_MISMATCH, self._mismatch.update(o, self._climbed)),
+            (Reason.STUCK, self._stuck.update(rounded, self._climbed, step)),
+            (Reason.CHANGE_MISMATCH, self._mismatch.update(rounded, self._climbed)),
         )
         self.reasons = tuple(reason for reason, refused in tests if refused)
         return self.reasons

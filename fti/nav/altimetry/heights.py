@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,16 +27,11 @@ RANGE_SD_UNKNOWN = 1.0
 #: What lies beside the point straight below is looked for so far off the vertical at most [rad].
 STEEPEST = math.radians(60.0)
 #: What the known ground says against a sample, and nothing else does.
-BY_GROUND = frozenset(
-    {
-        Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE,
-        Reason.CHANGE_MISMATCH, Reason.ALTIMETERS_DISAGREE,
-    }
-)  # fmt: skip
+BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE, Reason.CHANGE_MISMATCH})
+#: The integrity monitor judges these heights: it finds what is new on the ground, and says itself what is stuck.
+MONITORED = BY_GROUND | {Reason.STUCK, Reason.ALTIMETERS_DISAGREE}
 #: Samples with one of these are no ranges to the ground, or of an aircraft whose attitude nobody knows.
-NO_RANGE = frozenset(
-    {Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE}
-)
+NO_RANGE = frozenset({Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE})
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +55,8 @@ class Below:
 
 
 def stands_alone(height: HeightAboveGround) -> bool:
-    """Whether nothing but the known ground speaks against it: what is new on the ground is seen by such heights."""
-    return BY_GROUND.issuperset(height.reasons)
+    """Whether the integrity monitor judges it: nothing but the known ground and the tests with a memory refuse it."""
+    return MONITORED.issuperset(height.reasons)
 
 
 class AltimeterChannel:
@@ -122,6 +118,11 @@ class AltimeterChannel:
         return [self._output(t_ns, self._last, nav, t_ns - since)]
 
     @property
+    def since_ns(self) -> Mapping[Reason, int]:
+        """When the cause of each reason began that the memory has against this altimeter."""
+        return self._change.since_ns
+
+    @property
     def heard(self) -> bool:
         """Whether a sample ever came."""
         return self._last is not None
@@ -173,9 +174,9 @@ class AltimeterChannel:
         """What the memory of this altimeter says against a sample; one that is no range is not remembered."""
         if reading.value is None or not NO_RANGE.isdisjoint(against):
             return ()
-        return self._change.update(
-            make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected, self.limits)
-        )
+        known = None if isinstance(expected, Reason) else expected
+        seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known, limits=self.limits)
+        return self._change.update(seen)
 
     def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:
         """What the sample should be, or why nobody knows; None where there is no sample."""

@@ -1,0 +1,224 @@
+"""Two altimeters against each other, at one time.
+
+The limit is that of autoland practice: more than 15 ft (4.57 m) apart below 200 ft (61 m) is a fault; above, the same
+share of the height, 7.5 %; and three sigmas of the difference of both.
+
+Compared are the heights straight below P by the known ground when both are known; else the heights over level ground,
+whose views differ: the nearest return of a radar may come from ground or trees anywhere in its beam, a laser's does
+not.  A radar may then be shorter than a laser by ``GROWTH_M`` and a slope of ``SLOPE`` across its beam besides; it is
+not longer, for what the laser hits lies in its beam.  Two of one kind see the same.  In a bank both see places beside
+the nadir, and ``SLOPE`` times the distance of the farther one is allowed to either side.
+
+A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
+within 0.8 of the limit, or without a comparison for 2 s.  Samples with any other reason against them are not compared.
+Of two that disagree, the wrong one is one that is stuck, that changes otherwise than predicted, or that the ground
+refuses; or the one farther than three sigmas from what the ground predicts while the other
+is within two; else both are refused.
+Source: section 1 and 2 of the specification of fault detection (second altimeter); the share is 15 ft of 200 ft; trees
+to 25 m as in ``fti.terrain.synthetic.forest``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from fti.config import Altimeter
+from fti.types import HeightAboveGround, Reason
+
+#: Limit [m] below 200 ft [m].
+LIMIT_M, LOW_M = 4.572, 60.96
+SIGMAS = 3.0
+#: What may stand on unknown ground [m], and its slope.
+GROWTH_M, SLOPE = 25.0, 0.3
+#: One sigma of a height for which nobody states one [m].
+HEIGHT_SD_UNKNOWN = 1.0
+#: A disagreement becomes a refusal after so long [ns] and so many comparisons; a refusal ends after agreement [ns].
+BEGIN_NS, BEGIN_COUNT, END_NS = 500_000_000, 3, 1_000_000_000
+#: Agreement ends a refusal within this share of the limit.
+END_SHARE = 0.8
+#: Between two samples that are farther apart nothing is interpolated; without a comparison a refusal ends [ns].
+MAX_GAP_NS, EXPIRE_NS = 1_000_000_000, 2_000_000_000
+#: Reasons against one altimeter that decide which of two is the wrong one.
+DECIDES = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
+#: Samples kept of each altimeter.
+KEPT = 32
+#: Deviation from the prediction of a wrong altimeter, and of a good one [sigmas].
+WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Comparable:
+    """What of a height can be compared.
+
+    level, level_sd : height of P over level ground [m]; below, below_sd : over the ground straight below; None: unknown
+    offset          : of the place that is seen from the nadir, over level ground [m]
+    deviation       : of the range from the predicted one [sigmas]; None: unknown
+    """
+
+    t_ns: int
+    level: float
+    level_sd: float
+    below: float | None
+    below_sd: float
+    offset: float
+    deviation: float | None
+
+
+def comparable(height: HeightAboveGround) -> Comparable | None:
+    """Of a height; None of one that is not valid."""
+    level, t_ns = height.height_agl, height.t_valid_ns
+    if height.reasons or level is None or t_ns is None:
+        return None
+    sigmas = None
+    if height.raw is not None and height.predicted is not None and height.predicted_sd:
+        sigmas = abs(height.raw - height.predicted) / height.predicted_sd
+    below, below_sd = height.compensated, height.compensated_sd or HEIGHT_SD_UNKNOWN
+    offset = math.sqrt(max(0.0, (height.raw or 0.0) ** 2 - level**2))
+    return Comparable(t_ns, level, height.sd or HEIGHT_SD_UNKNOWN, below, below_sd, offset, sigmas)
+
+
+class _Pair:
+    """The memory of two altimeters.  wrong : names of those that are refused"""
+
+    def __init__(self, first: str, second: str) -> None:
+        self.names = first, second
+        self.wrong: frozenset[str] = frozenset()
+        self._last_ns = 0
+        self._since_ns: int | None = None
+        self._count = 0
+
+    def compare(self, t_ns: int, first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter]) -> None:
+        """Take what both say at one time."""
+        if t_ns <= self._last_ns:
+            return
+        self._last_ns = t_ns
+        low, high = bounds(first, second, limits)
+        share = END_SHARE if self.wrong else 1.0
+        differs = not share * low <= _difference(first, second) <= share * high
+        if differs == bool(self.wrong):  # as it was
+            self._since_ns, self._count = None, 0
+            if differs:
+                self.wrong = self._decide(first, second)
+            return
+        self._since_ns = t_ns if self._since_ns is None else self._since_ns
+        self._count += 1
+        needed_ns, needed = (END_NS, 1) if self.wrong else (BEGIN_NS, BEGIN_COUNT)
+        if t_ns - self._since_ns >= needed_ns and self._count >= needed:
+            self.wrong = frozenset() if self.wrong else self._decide(first, second)
+            self._since_ns, self._count = None, 0
+
+    def expire(self, t_ns: int) -> None:
+        """Without a comparison for so long nothing is known any more."""
+        if t_ns - self._last_ns > EXPIRE_NS:
+            self.forget()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.wrong, self._since_ns, self._count = frozenset(), None, 0
+
+    def _decide(self, first: Comparable, second: Comparable) -> frozenset[str]:
+        sigmas = first.deviation, second.deviation
+        if sigmas[0] is not None and sigmas[1] is not None:
+            for k in (0, 1):
+                mine, other = sigmas[k], sigmas[1 - k]
+                assert mine is not None
+                assert other is not None
+                if mine > WRONG_SIGMAS and other < GOOD_SIGMAS:
+                    return frozenset({self.names[k]})
+        return frozenset(self.names)
+
+
+def _difference(first: Comparable, second: Comparable) -> float:
+    if first.below is not None and second.below is not None:
+        return first.below - second.below
+    return first.level - second.level
+
+
+def bounds(first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter]) -> tuple[float, float]:
+    """Least and largest difference, first minus second, that is no disagreement [m]."""
+    known = first.below is not None and second.below is not None
+    sds = (first.below_sd, second.below_sd) if known else (first.level_sd, second.level_sd)
+    height = min(first.level, second.level)
+    limit = LIMIT_M * max(1.0, height / LOW_M) + SIGMAS * math.hypot(*sds)
+    if known:
+        return -limit, limit
+    limit += SLOPE * max(first.offset, second.offset)
+    if limits[0].kind == limits[1].kind:
+        return -limit, limit
+    radar = 0 if limits[0].kind == "radar" else 1
+    half_beam = math.radians(min(limits[radar].beam_deg, 120.0)) / 2
+    shorter = GROWTH_M + SLOPE * max(first.level, second.level) * math.tan(half_beam)
+    return (-limit - shorter, limit) if radar == 0 else (-limit, limit + shorter)
+
+
+class AgreementCheck:
+    """All pairs of altimeters.  limits : of each by its name"""
+
+    def __init__(self, limits: Mapping[str, Altimeter]) -> None:
+        self._limits = limits
+        names = list(limits)
+        self._pairs = [_Pair(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
+        self._kept: dict[str, deque[Comparable]] = {name: deque(maxlen=KEPT) for name in names}
+
+    def update(self, height: HeightAboveGround) -> tuple[Reason, ...]:
+        """Take a height; the reasons against its altimeter from the others."""
+        pairs = [pair for pair in self._pairs if height.sensor in pair.names]
+        if not pairs:
+            return ()
+        self._take(height, pairs)
+        for pair in pairs:
+            self._compare(pair)
+            pair.expire(height.t_valid_ns or height.t_ns)
+        return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
+
+    def _take(self, height: HeightAboveGround, pairs: list[_Pair]) -> None:
+        found, kept = comparable(height), self._kept[height.sensor]
+        if found is None:
+            kept.clear()
+            if not DECIDES.isdisjoint(height.reasons):
+                for pair in pairs:
+                    pair.forget()
+        elif not kept or found.t_ns > kept[-1].t_ns:
+            kept.append(found)
+
+    def _compare(self, pair: _Pair) -> None:
+        """At the newest time of which both tell."""
+        kept = [self._kept[name] for name in pair.names]
+        if not all(kept):
+            return
+        t_ns = min(kept[0][-1].t_ns, kept[1][-1].t_ns)
+        first, second = (_at(one, t_ns) for one in kept)
+        if first is not None and second is not None:
+            limits = self._limits[pair.names[0]], self._limits[pair.names[1]]
+            pair.compare(t_ns, first, second, limits)
+
+
+def _at(kept: deque[Comparable], t_ns: int) -> Comparable | None:
+    """Interpolated; None before the first, after the last and in a gap."""
+    if kept[-1].t_ns == t_ns:
+        return kept[-1]
+    for before, after in pairwise(kept):
+        if before.t_ns <= t_ns < after.t_ns:
+            gap_ns = after.t_ns - before.t_ns
+            return _between(before, after, (t_ns - before.t_ns) / gap_ns) if gap_ns <= MAX_GAP_NS else None
+    return None
+
+
+def _between(before: Comparable, after: Comparable, share: float) -> Comparable:
+    below = None
+    if before.below is not None and after.below is not None:
+        below = before.below + share * (after.below - before.below)
+    nearer = after if share > 0.5 else before
+    return Comparable(
+        t_ns=nearer.t_ns,
+        level=before.level + share * (after.level - before.level),
+        level_sd=max(before.level_sd, after.level_sd),
+        below=below,
+        below_sd=max(before.below_sd, after.below_sd),
+        offset=max(before.offset, after.offset),
+        deviation=nearer.deviation,
+    )

@@ -1,0 +1,58 @@
+"""Events for altimeters that the tests with a memory refuse: when a refusal begins and when it ends, and since when."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fti.types import Event, HeightAboveGround, Reason
+
+SECOND_NS, DAY_S = 1_000_000_000, 86_400
+BEGINS: Mapping[Reason, str] = {
+    Reason.STUCK: "its value is stuck",
+    Reason.CHANGE_MISMATCH: "it does not change as the known ground predicts",
+    Reason.ALTIMETERS_DISAGREE: "it disagrees with another altimeter",
+}
+ENDS: Mapping[Reason, str] = {
+    Reason.STUCK: "its value changes again",
+    Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
+    Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
+}
+
+
+class RefusalEvents:
+    """What was refused last, by altimeter; the source of an event is the altimeter."""
+
+    def __init__(self) -> None:
+        self._since: dict[tuple[str, Reason], int] = {}
+
+    def update(self, height: HeightAboveGround, since_ns: Mapping[Reason, int]) -> list[Event]:
+        """Events of a new height.  since_ns : when the cause of a reason began, where that is known"""
+        found, t_ns = list[Event](), height.t_valid_ns or height.t_ns
+        for reason in BEGINS:
+            key = height.sensor, reason
+            if (reason in height.reasons) == (key in self._since):
+                continue
+            if key in self._since:
+                text = _end_text(reason, t_ns - self._since.pop(key))
+                found.append(Event(t_ns=height.t_ns, level="info", source=height.sensor, text=text))
+            else:
+                since = self._since[key] = since_ns.get(reason, t_ns)
+                text = _begin_text(reason, since, height.raw)
+                found.append(Event(t_ns=height.t_ns, level="warning", source=height.sensor, text=text))
+        return found
+
+
+def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
+    value = f" at {raw:.2f} m" if reason is Reason.STUCK and raw is not None else ""
+    return f"altimeter refused: since {_clock(since_ns)} UTC {BEGINS[reason]}{value}"
+
+
+def _end_text(reason: Reason, lasted_ns: int) -> str:
+    return f"altimeter not refused any more: after {lasted_ns / SECOND_NS:.1f} s {ENDS[reason]}"
+
+
+def _clock(t_ns: int) -> str:
+    """Time of day, to a tenth of a second."""
+    seconds, rest = divmod(t_ns, SECOND_NS)
+    hours, below = divmod(seconds % DAY_S, 3600)
+    return f"{hours:02d}:{below // 60:02d}:{below % 60:02d}.{rest // 100_000_000}"
