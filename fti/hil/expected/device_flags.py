@@ -10,11 +10,14 @@ from fti.hil.expected.duties import (
     BITS,
     CLOCK_RENEW_S,
     CLOCK_SEEN_S,
+    DISAGREE_WORDS,
     DOUBT_S,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
     LINKS,
+    MEMORY_S,
+    MEMORY_WORDS,
     NAV_S,
     RATE_SHARE,
     RENEWED_S,
@@ -263,7 +266,13 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
         yield May(f"{LINKS}/{craft.link_of(name)}", begin, end + health)
     if name in craft.altimeters:
         yield May(f"{HEIGHT}/{name}", begin, end + age)
+        yield May(f"{HEIGHT}/{name}", begin, end + age + MEMORY_S, MEMORY_WORDS)
+        for other in craft.altimeters:  # one of two that disagree may be any
+            yield May(f"{HEIGHT}/{other}", begin, end + age + MEMORY_S, DISAGREE_WORDS)
+            yield May(f"/fti/event/{other}", begin, end + age + MEMORY_S)
     if name in craft.sources:
         yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, "/fti/event/nav"))
+        yield May(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
+        yield from (May(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
     if name in craft.altimeters or name in craft.sources:
         yield May(INTEGRITY, begin, end + age + craft.FIX_S + doubted_s(craft))

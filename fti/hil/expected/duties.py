@@ -33,8 +33,15 @@ SLOWEST_MPS, CONFIRM_S = 35.0, 2.0
 #: No relief that the reference leaves open is as high as this [m].
 OBSTACLE_M = 30.0
 #: What known ground says against a height; it tells so much of a value that stands still, too [m].
-GROUND_WORDS = ("deviation", "dispersion", "incidence", "not_nadir")
+GROUND_WORDS = ("deviation", "dispersion", "incidence", "not_nadir", "change_mismatch")
 DEVIATION_M = 30.0
+#: What the memory of altimeters says: of one, and of two against each other.
+MEMORY_WORDS, DISAGREE_WORDS = ("stuck", "change_mismatch", "altimeters_disagree"), ("altimeters_disagree",)
+#: A value that repeats while the range changed by more is stuck: 4 steps of any altimeter, as a share of the range and
+#: beside that [m], with the sigmas; then it is said within this time [s].
+STUCK_SHARE, STUCK_M, STUCK_S = 0.2, 10.0, 3.0
+#: So long after a cause the memory may speak of it [s]: its window, and the agreement that ends a refusal.
+MEMORY_S = 14.0
 #: A share of messages that changes a rate by more than what health tolerates.
 RATE_SHARE = 0.5
 #: Wrong bits that are enough for a message to be refused beyond doubt.

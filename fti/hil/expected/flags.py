@@ -36,6 +36,8 @@ from fti.hil.expected.duties import (
     LEDGER_CLEARS_S,
     LEDGER_S,
     LINKS,
+    MEMORY_S,
+    MEMORY_WORDS,
     NAV_S,
     OBSTACLE_M,
     SILENT_S,
@@ -100,7 +102,11 @@ def _obstacle(fault: Obstacle, craft: Aircraft, truth: Truth) -> Told:
 
 def _against_ground(craft: Aircraft, begin: float, end: float) -> tuple[May, ...]:
     """Ground that is not as it is known speaks against every altimeter."""
-    return tuple(May(f"{HEIGHT}/{name}", begin, end + SILENT_S, GROUND_WORDS) for name in craft.altimeters)
+    return (
+        *(May(f"{HEIGHT}/{name}", begin, end + SILENT_S, GROUND_WORDS) for name in craft.altimeters),
+        *(May(f"{HEIGHT}/{name}", begin, end + MEMORY_S, MEMORY_WORDS) for name in craft.altimeters),
+        *(May(f"/fti/event/{name}", begin, end + MEMORY_S) for name in craft.altimeters),
+    )
 
 
 def _deviations(craft: Aircraft, truth: Truth, above: tuple[float, float]) -> list[Duty]:

@@ -19,6 +19,9 @@ from fti.hil.expected.duties import (
     OBSTACLE_M,
     RATE_SHARE,
     SOLUTION,
+    STUCK_M,
+    STUCK_S,
+    STUCK_SHARE,
 )
 from fti.hil.tables.kinds import FaultKind
 
@@ -53,6 +56,12 @@ OTHER_SOURCE = (NO_POSITION, KindFlag(SOLUTION, ("attitude not from DEVICE",), "
 STALE = (KindFlag(f"{HEIGHT}/DEVICE", ("stale",), IN_ALTIMETERS), *OTHER_SOURCE)
 ALL_STALE = tuple(KindFlag(flag.place, flag.words, f"share = 1, and {flag.when}") for flag in STALE)
 WRONG_RANGE = KindFlag(f"{HEIGHT}/DEVICE", ("deviation",), OVER_GROUND)
+REPEATED = KindFlag(
+    f"{HEIGHT}/DEVICE",
+    ("stuck",),
+    f"{IN_ALTIMETERS}, and its range (without [nav.terrain] the altitude of the aircraft) changes by more than "
+    f"{STUCK_M:g} m and {STUCK_SHARE:g} of the range; within {STUCK_S:g} s",
+)
 TAKE_OVER = (
     KindFlag(SOLUTION, ("position from filter",), f"{NO_DEVICE}, and [nav.filter] is configured"),
     KindFlag(NAV_EVENT, ("position: from filter instead of DEVICE",), "the same"),
@@ -81,7 +90,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.OFF_TRACK: (KindFlag(INTEGRITY, ("off_track",), BESIDE),),
     FaultKind.CUT: (SILENT, *STALE, *FALLBACK),
     FaultKind.FREEZE: (CLOCK_AWAY,),
-    FaultKind.STUCK: (WRONG_RANGE,),
+    FaultKind.STUCK: (REPEATED, WRONG_RANGE),
     FaultKind.INVALID: (
         KindFlag("/DEVICE/", ("invalid", "FLAG"), "the protocol of DEVICE can declare a measurement invalid"),
         KindFlag("/DEVICE/device_status", ("FLAG",), "the same, and FLAG is one of its flags"),

@@ -10,7 +10,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from fti.hil.expected.aircraft import Array, Mask
-from fti.hil.expected.duties import DEVIATION_M, HEIGHT, NAV_S, SILENT_S, Case, Duty, Found
+from fti.hil.expected.duties import (
+    DEVIATION_M,
+    HEIGHT,
+    MEMORY_S,
+    NAV_S,
+    SILENT_S,
+    STUCK_M,
+    STUCK_S,
+    STUCK_SHARE,
+    Case,
+    Duty,
+    Found,
+)
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.tables.bases import OnQuantity
 from fti.hil.tables.kinds import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Stuck, WrongUnit
@@ -27,10 +39,32 @@ def wrong_value(fault: OnQuantity, case: Case) -> Found:
 
 
 def stands_still(fault: Stuck, case: Case) -> Found:
-    """Known ground shows it of an altimeter, as soon as the true range is another one."""
-    inside, true = _inside(case), _true_range(case)
-    stood = float(true[inside][0]) if inside.any() else np.nan
-    return _range_says(case, np.full(len(true), stood), "values that stand still with fresh times")
+    """Repeated values are seen of an altimeter as soon as the range has changed enough.
+
+    Known ground tells it with the true range, and refuses it as soon as it is wrong by much; without one the altitude
+    tells it.
+    """
+    craft, inside, true = case.craft, _inside(case), _true_range(case)
+    if case.name not in craft.altimeters or not inside.any():
+        return [], "values that stand still with fresh times"
+    stood = float(true[inside][0])
+    deviates, unknown = _range_says(case, np.full(len(true), stood), "a range that does not change by much")
+    duties = [*_repeats(case, stood), *deviates]
+    return duties, "" if duties else unknown
+
+
+def _repeats(case: Case, stood: float) -> Sequence[Duty]:
+    """Due from where on the range, or without known ground the altitude, has changed by more than any step."""
+    craft, truth, inside = case.craft, case.truth, _inside(case)
+    if case.name not in craft.altimeters or not craft.positions or not np.isfinite(stood):
+        return []
+    flown = _true_range(case) if craft.knows_ground else np.cumsum(truth.climb * np.gradient(truth.t))
+    known = inside & _measures(case.name, case) & ~craft.beyond_ground(truth)
+    changed = known & (abs(flown - float(flown[inside][0])) > STUCK_M + STUCK_SHARE * stood)
+    if (shown := truth.span(changed)) is None:
+        return []
+    until = case.until_s - shown[1] + MEMORY_S  # it stays refused until its value has changed
+    return [Duty(f"{HEIGHT}/{case.name}", (Reason.STUCK,), *shown, STUCK_S, until)]
 
 
 def in_fog(fault: Fog, case: Case) -> Found:

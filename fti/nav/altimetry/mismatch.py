@@ -1,0 +1,128 @@
+"""Drifting and scaled altimeters: changes that do not match the predicted ones over known ground.
+
+The mean of measured minus predicted over 0.5 s is compared with such means of 2 to 10 s before.  A constant error of
+place, height or elevation cancels.  A refusal begins when three means running differ each from three of before by more
+than 5 sigma, so that one place that is not as it is known proves nothing.  It ends when the means of 2 s are again
+within 3 sigma of what they were before; or when over 10 s, in which the predicted range changes by 9 sigma or more,
+nothing contradicts (an offset that remains is a bias, not a drift); or when the ground was unknown for 10 s.
+
+Sigma of a difference: ``observation``, at both ends, and 0.15 m/s of vertical velocity.  Of the changes with the
+altitude of the position and with the integral of the climb rate the smaller counts.
+Without known ground a slope of the ground and a drift look alike: nothing is judged.
+Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from fti.nav.altimetry.observation import Observation
+
+SECOND_NS = 1_000_000_000
+#: Means of the residual are taken over this time, and compared over these ages [ns].
+BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
+#: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
+BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
+#: Predicted change over the window, in sigmas, that proves an altimeter which follows it.
+PROOF_SIGMAS = 9.0
+#: Blocks running that contradict before a refusal begins, and that agree before it ends.
+BEGIN_BLOCKS, END_BLOCKS = 3, 4
+#: One sigma of the vertical velocity [m/s].
+CLIMB_SD = 0.15
+
+
+@dataclass(slots=True)
+class _Block:
+    """Means over a block of samples: time [ns], residuals by altitude and by climb [m], prediction [m], sigma [m]."""
+
+    t_ns: int
+    residuals: tuple[float, float]
+    predicted: float
+    sd: float
+
+    def differs(self, other: _Block) -> float:
+        """Change of the residual since another block, in sigmas; the smaller of both altitudes."""
+        changes = [now - then for now, then in zip(self.residuals, other.residuals, strict=True)]
+        if changes[0] * changes[1] <= 0.0:
+            return 0.0
+        age_s = (self.t_ns - other.t_ns) / SECOND_NS
+        return min(abs(c) for c in changes) / math.hypot(self.sd, other.sd, CLIMB_SD * age_s)
+
+
+class MismatchTest:
+    """Measured against predicted change where the ground is known.
+
+    since_ns : middle of the first of the blocks that contradicted
+    """
+
+    def __init__(self) -> None:
+        self.since_ns = 0
+        self._samples: list[tuple[Observation, float]] = []
+        self._blocks: deque[_Block] = deque()
+        self._contradictions = self._agreements = 0
+        self._reference: _Block | None = None
+        self._known_ns = 0
+
+    def update(self, o: Observation, climbed: float) -> bool:
+        """Whether the altimeter is refused because its changes do not match."""
+        if o.predicted is None or o.alt is None:
+            self._samples.clear()
+            if o.t_ns - self._known_ns > MAX_AGE_NS:
+                self._blocks.clear()
+                self._reference = None
+            return self._reference is not None
+        self._known_ns = o.t_ns
+        if self._samples and o.t_ns - self._samples[0][0].t_ns >= BLOCK_NS:
+            self._close(_mean(self._samples))
+            self._samples.clear()
+        self._samples.append((o, climbed))
+        return self._reference is not None
+
+    def _close(self, block: _Block) -> None:
+        while self._blocks and block.t_ns - self._blocks[0].t_ns > MAX_AGE_NS:
+            self._blocks.popleft()
+        if self._reference is None:
+            self._begin(block)
+        else:
+            self._end(block, self._reference)
+        self._blocks.append(block)
+
+    def _begin(self, block: _Block) -> None:
+        found = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
+        found = sorted(found, reverse=True)[:BEGIN_BLOCKS]
+        contradicts = len(found) == BEGIN_BLOCKS and found[-1][0] > BEGIN_SIGMAS
+        self._contradictions = self._contradictions + 1 if contradicts else 0
+        if self._contradictions >= BEGIN_BLOCKS:
+            self._reference, self._agreements = self._blocks[found[-1][1]], 0
+            self.since_ns = self._blocks[-2].t_ns
+
+    def _end(self, block: _Block, reference: _Block) -> None:
+        agrees = block.differs(reference) <= END_SIGMAS
+        self._agreements = self._agreements + 1 if agrees else 0
+        if self._agreements >= END_BLOCKS or self._is_proved(block):
+            self._reference, self._contradictions = None, 0
+
+    def _is_proved(self, block: _Block) -> bool:
+        """Whether a whole window agrees in which the prediction changes enough to tell."""
+        blocks = [*self._blocks, block]
+        if block.t_ns - blocks[0].t_ns < MAX_AGE_NS - BLOCK_NS:
+            return False
+        predicted, sd = [b.predicted for b in blocks], max(b.sd for b in blocks)
+        if max(predicted) - min(predicted) < PROOF_SIGMAS * sd:
+            return False
+        return all(later.differs(b) <= END_SIGMAS for k, later in enumerate(blocks) for b in blocks[:k])
+
+
+def _mean(samples: list[tuple[Observation, float]]) -> _Block:
+    n = len(samples)
+    by_alt = by_climb = predicted = 0.0
+    for o, climbed in samples:
+        assert o.predicted is not None
+        assert o.alt is not None
+        by_alt += (o.value - o.predicted) / n
+        by_climb += (o.value - o.predicted + o.alt - climbed) / n
+        predicted += o.predicted / n
+    t_ns = (samples[0][0].t_ns + samples[-1][0].t_ns) // 2
+    return _Block(t_ns, (by_alt, by_climb), predicted, max(o.sd for o, _ in samples))

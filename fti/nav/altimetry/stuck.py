@@ -1,0 +1,112 @@
+"""Stuck altimeters: values that repeat exactly while the predicted range changes.
+
+A value is stuck when it repeats for 2 s or more while the predicted range changes by more than max(4 steps of its
+resolution, 1.5 sigma of a difference); over unknown ground, while the altitude does: ground would have to rise parallel
+to the climb within half a step.  It is refused until the value has changed and nothing has contradicted it for 2 s.
+
+The altitude changes by what the position and by what the vertical velocity say; the smaller change counts, so that
+neither noise of a satellite height nor a jump of the navigation looks like a stuck altimeter.
+Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from fti.nav.altimetry.observation import Observation, largest_step
+
+SECOND_NS = 1_000_000_000
+#: A run of equal values is judged from this length on [ns], and in samples.
+MIN_RUN_NS, MIN_RUN_SAMPLES = 2 * SECOND_NS, 5
+#: Change of prediction that a repeated value contradicts, in steps of the resolution, and in sigmas.
+STUCK_STEPS, STUCK_SIGMAS = 4.0, 1.5
+#: Time over which the prediction is smoothed [ns].
+SMOOTHING_NS = SECOND_NS // 10
+#: Agreement after a run of equal values until a stuck altimeter is valid again [ns].
+STUCK_END_NS = 2 * SECOND_NS
+
+
+@dataclass(slots=True)
+class _Span:
+    """Least and largest of a smoothed value so far: a spike of the prediction over a tree is no change."""
+
+    least: float = math.inf
+    largest: float = -math.inf
+    _value: float = math.nan
+    _t_ns: int = 0
+
+    def add(self, t_ns: int, value: float) -> None:
+        if math.isnan(self._value):
+            self._value = value
+        else:
+            self._value += min(1.0, (t_ns - self._t_ns) / SMOOTHING_NS) * (value - self._value)
+        self._t_ns = t_ns
+        self.least, self.largest = min(self.least, self._value), max(self.largest, self._value)
+
+    @property
+    def size(self) -> float:
+        return self.largest - self.least if self.largest >= self.least else 0.0
+
+
+@dataclass(slots=True)
+class _Run:
+    """Equal values in succession.  sd : the largest sigma of a sample in it [m]"""
+
+    value: float
+    begin_ns: int
+    samples: int = 0
+    sd: float = 0.0
+    predicted: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
+    altitude: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
+
+    def add(self, o: Observation, climbed: float) -> None:
+        """A sample with this value; climbed : the integral of the climb rate [m]."""
+        self.samples += 1
+        self.sd = max(self.sd, o.sd)
+        if o.alt is None:
+            return
+        self.altitude[0].add(o.t_ns, o.alt)
+        self.altitude[1].add(o.t_ns, climbed)
+        if o.predicted is not None:
+            self.predicted[0].add(o.t_ns, o.predicted)
+            self.predicted[1].add(o.t_ns, o.predicted - o.alt + climbed)
+
+    def is_contradicted(self, t_ns: int, step: float, *, known: bool) -> bool:
+        """Whether the prediction changed although the value did not.  step : of the resolution [m]"""
+        spans = self.predicted if known else self.altitude
+        change = min(span.size for span in spans)
+        limit = max(STUCK_STEPS * step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
+        long_enough = t_ns - self.begin_ns >= MIN_RUN_NS and self.samples >= MIN_RUN_SAMPLES
+        return long_enough and change > limit
+
+
+class StuckTest:
+    """Exactly repeated values although the predicted change is several steps of the resolution.
+
+    since_ns : when the value that the last refusal began with was stated first
+    """
+
+    def __init__(self) -> None:
+        self.since_ns = 0
+        self._run: _Run | None = None
+        self._contradicted_ns: int | None = None
+
+    def update(self, o: Observation, climbed: float, resolution: float | None) -> bool:
+        """Whether the altimeter is refused as stuck.  resolution : step [m]; None: unknown"""
+        run = self._run
+        if run is None or o.value != run.value:
+            run = self._run = _Run(o.value, o.t_ns)
+        run.add(o, climbed)
+        step = largest_step(o.value) if resolution is None else resolution
+        if run.is_contradicted(o.t_ns, step, known=o.predicted is not None):
+            self.since_ns = run.begin_ns if self._contradicted_ns is None else self.since_ns
+            self._contradicted_ns = o.t_ns
+        elif self._contradicted_ns is not None and self._agrees_since(self._contradicted_ns, run, o.t_ns):
+            self._contradicted_ns = None
+        return self._contradicted_ns is not None
+
+    @staticmethod
+    def _agrees_since(contradicted_ns: int, run: _Run, t_ns: int) -> bool:
+        """Whether the value has changed since the last contradiction, and the window of agreement is over."""
+        return run.begin_ns > contradicted_ns and t_ns - contradicted_ns >= STUCK_END_NS
