@@ -4,7 +4,7 @@
     change_mismatch  ``fti.nav.altimetry.mismatch``: it changes otherwise than the known ground predicts
 
 Over level ground in level flight nothing is predicted to change, and nothing is refused.  When the source of position
-or altitude changes, or no sample comes for a second, the memory begins anew.
+or altitude changes, or no sample comes for 3 s, the memory begins anew.
 Source: section 2 of the specification of fault detection (change measured against change predicted, over 2 to 10 s,
 with the resolution).
 """
@@ -21,8 +21,8 @@ from fti.nav.altimetry.stuck import StuckTest
 from fti.types import Reason
 
 SECOND_NS = 1_000_000_000
-#: Without a sample for so long the memory begins anew [ns].
-MAX_GAP_NS = SECOND_NS
+#: Without a sample for longer the memory begins anew [ns].
+MAX_GAP_NS = 3 * SECOND_NS
 
 
 class ChangeCheck:
@@ -52,9 +52,7 @@ class ChangeCheck:
         if last is not None and (o.t_ns - last.t_ns > MAX_GAP_NS or o.source != last.source):
             self._begin()
         elif last is not None:
-            # without a climb rate the altitude alone has to do
-            rise = (o.alt or 0.0) - (last.alt or 0.0) if o.climb is None else o.climb * (o.t_ns - last.t_ns) / SECOND_NS
-            self._climbed += rise
+            self._climbed += _rise(o, last)
         self._last = o
         self._resolution.update(o.value)
         step = self._resolution.step
@@ -65,3 +63,10 @@ class ChangeCheck:
         )
         self.reasons = tuple(reason for reason, refused in tests if refused)
         return self.reasons
+
+
+def _rise(o: Observation, last: Observation) -> float:
+    """Change of the height by the climb rate [m]; without one the altitude alone has to do."""
+    if o.climb is not None:
+        return o.climb * (o.t_ns - last.t_ns) / SECOND_NS
+    return o.alt - last.alt if o.alt is not None and last.alt is not None else 0.0

@@ -1,8 +1,8 @@
 """Drifting and scaled altimeters: changes that do not match the predicted ones over known ground.
 
 The mean of measured minus predicted over 0.5 s is compared with such means of 2 to 10 s before.  A constant error of
-place, height or elevation cancels.  A refusal begins when three means running differ each from three of before by more
-than 5 sigma, so that one place that is not as it is known proves nothing.  It ends when the means of 2 s are again
+place, height or elevation cancels.  A refusal begins when four means running differ each from five of before by more
+than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.  It ends when the means of 2 s are again
 within 3 sigma of what they were before; or when over 10 s, in which the predicted range changes by 9 sigma or more,
 nothing contradicts (an offset that remains is a bias, not a drift); or when the ground was unknown for 10 s.
 
@@ -27,8 +27,8 @@ BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
 BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
 #: Predicted change over the window, in sigmas, that proves an altimeter which follows it.
 PROOF_SIGMAS = 9.0
-#: Blocks running that contradict before a refusal begins, and that agree before it ends.
-BEGIN_BLOCKS, END_BLOCKS = 3, 4
+#: Blocks running that contradict before a refusal begins, each so many of before; and that agree before it ends.
+BEGIN_BLOCKS, BEFORE_BLOCKS, END_BLOCKS = 4, 5, 4
 #: One sigma of the vertical velocity [m/s].
 CLIMB_SD = 0.15
 
@@ -91,18 +91,20 @@ class MismatchTest:
 
     def _begin(self, block: _Block) -> None:
         found = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
-        found = sorted(found, reverse=True)[:BEGIN_BLOCKS]
-        contradicts = len(found) == BEGIN_BLOCKS and found[-1][0] > BEGIN_SIGMAS
+        found = sorted(found, reverse=True)[:BEFORE_BLOCKS]
+        contradicts = len(found) == BEFORE_BLOCKS and found[-1][0] > BEGIN_SIGMAS
         self._contradictions = self._contradictions + 1 if contradicts else 0
         if self._contradictions >= BEGIN_BLOCKS:
             self._reference, self._agreements = self._blocks[found[-1][1]], 0
-            self.since_ns = self._blocks[-2].t_ns
+            self.since_ns = self._blocks[1 - BEGIN_BLOCKS].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
         agrees = block.differs(reference) <= END_SIGMAS
         self._agreements = self._agreements + 1 if agrees else 0
         if self._agreements >= END_BLOCKS or self._is_proved(block):
             self._reference, self._contradictions = None, 0
+            while len(self._blocks) >= END_BLOCKS:  # what contradicted is forgotten
+                self._blocks.popleft()
 
     def _is_proved(self, block: _Block) -> bool:
         """Whether a whole window agrees in which the prediction changes enough to tell."""

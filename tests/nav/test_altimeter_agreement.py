@@ -1,0 +1,166 @@
+"""Two altimeters against each other: limits of autoland practice, views, memory, who is wrong; and the events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fti.config import Altimeter, parse
+from fti.nav.altimetry.agreement import AgreementCheck
+from fti.nav.pipeline import Pipeline
+from fti.types import Attitude, Event, HeightAboveGround, Position, RadioHeight, Range, Reason, Stamp, Velocity
+
+S = 1_000_000_000
+T0 = 45_000 * S + 300_000_000  # 12:30:00.3 of a day
+HZ = 10
+RADAR = Altimeter(kind="radar", range_m=(0.5, 762.0), beam_deg=40.0)
+LASER = Altimeter(kind="laser", range_m=(0.2, 700.0))
+DISAGREE = (Reason.ALTIMETERS_DISAGREE,)
+
+
+def height(sensor: str, k: int, value: float, *, known: bool = False, **changes: Any) -> HeightAboveGround:
+    """A height of 0.1 m sigma, the k-th of ten a second; over known ground level and so predicted to 50 m."""
+    ground: dict[str, Any] = {"compensated": value, "compensated_sd": 0.1, "predicted": 50.0, "predicted_sd": 2.0}
+    fields: dict[str, Any] = {"t_ns": T0 + k * S // HZ, "reasons": (), **(ground if known else {}), **changes}
+    return HeightAboveGround(
+        t_valid_ns=fields["t_ns"], sensor=sensor, raw=value, height_agl=value, sd=0.1,
+        valid=not fields["reasons"], **fields,
+    )  # fmt: skip
+
+
+def shares(radar_m: float, laser_m: float, *, known: bool = False, kinds: tuple[Altimeter, Altimeter] = (RADAR, LASER)) -> dict[str, float]:  # fmt: skip  # noqa: E501
+    """Share of 5 s in which each is refused."""
+    check, found = AgreementCheck(dict(zip(("radar", "laser"), kinds, strict=True))), {"radar": 0, "laser": 0}
+    for k in range(5 * HZ):
+        for sensor, value in (("radar", radar_m), ("laser", laser_m)):
+            found[sensor] += check.update(height(sensor, k, value, known=known)) == DISAGREE
+    return {sensor: n / (5 * HZ) for sensor, n in found.items()}
+
+
+def believed(found: dict[str, float]) -> bool:
+    return found == {"radar": 0.0, "laser": 0.0}
+
+
+@pytest.mark.parametrize(("apart", "agree"), [(4.5, True), (5.5, False)])
+def test_below_200_ft_15_ft_are_the_limit(apart: float, agree: bool) -> None:
+    """And three sigmas of 0.14 m."""
+    for kinds in ((RADAR, RADAR), (LASER, LASER)):
+        assert believed(shares(50.0 + apart, 50.0, kinds=kinds)) is agree
+        assert believed(shares(50.0, 50.0 + apart, kinds=kinds)) is agree
+
+
+@pytest.mark.parametrize(("apart", "agree"), [(14.0, True), (17.0, False)])
+def test_above_it_is_as_large_a_share(apart: float, agree: bool) -> None:
+    """15 ft of 200 ft, at 200 m 15 m."""
+    assert believed(shares(200.0 + apart, 200.0, kinds=(LASER, LASER))) is agree
+
+
+def test_a_radar_may_be_shorter_than_a_laser_and_not_longer_over_unknown_ground() -> None:
+    """25 m of trees, and 0.3 of slope over the 18 m to the edge of a beam of 40 deg."""
+    assert believed(shares(25.0, 50.0))
+    assert not believed(shares(56.0, 50.0))
+    assert not believed(shares(10.0, 50.0))
+    assert not believed(shares(40.0, 50.0, known=True)), "known ground says what the radar sees"
+
+
+def test_both_are_refused_after_half_a_second_when_nobody_knows_better() -> None:
+    found = shares(60.0, 50.0)
+    assert found["radar"] == pytest.approx(0.88, abs=0.03)
+    assert found["laser"] == pytest.approx(0.88, abs=0.03)
+
+
+def test_known_ground_tells_which_one_is_wrong() -> None:
+    """50 m predicted, sigma 2 m: 57 m is 3.5 sigma, 50.5 m is none."""
+    found = shares(57.0, 50.5, known=True)
+    assert found["radar"] > 0.8
+    assert found["laser"] == 0.0
+
+
+def test_a_disagreement_of_two_samples_is_none() -> None:
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(60):
+        assert check.update(height("laser", k, 50.0)) == ()
+        assert check.update(height("radar", k, 90.0 if k % 20 in {7, 8} else 50.0)) == ()
+
+
+def test_it_ends_a_second_after_they_agree() -> None:
+    check, last = AgreementCheck({"radar": RADAR, "laser": LASER}), {"radar": 0, "laser": 0}
+    for k in range(60):
+        for sensor, value in (("radar", 60.0 if k < 30 else 50.0), ("laser", 50.0)):
+            if check.update(height(sensor, k, value)):
+                last[sensor] = k
+    assert {38, 39, 40} >= set(last.values())
+
+
+def test_who_is_refused_for_another_reason_takes_the_doubt_with_it() -> None:
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(20):
+        check.update(height("laser", k, 50.0))
+        assert check.update(height("radar", k, 60.0)) == (DISAGREE if k > 4 else ())
+    check.update(height("radar", 20, 60.0, reasons=(Reason.STUCK,)))
+    assert check.update(height("laser", 21, 50.0)) == ()
+
+
+def test_an_altimeter_that_falls_silent_leaves_the_other_alone_after_2_s() -> None:
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(20):
+        check.update(height("laser", k, 50.0))
+        check.update(height("radar", k, 60.0))
+    found = [check.update(height("laser", k, 50.0)) for k in range(20, 60)]
+    assert found[0] == DISAGREE
+    assert set(found[22:]) == {()}
+
+
+def test_samples_are_compared_at_one_time() -> None:
+    """Both fall at 10 m/s; the radar tells at 25 Hz, the laser at 4 Hz: held, it would be up to 2.5 m behind."""
+    check = AgreementCheck({"radar": RADAR, "laser": RADAR})
+    times = sorted([(k / 25, "radar", 4.4) for k in range(250)] + [(k / 4, "laser", 0.0) for k in range(40)])
+    for t, sensor, wrong in times:
+        assert check.update(height(sensor, 0, 160.0 - 10.0 * t + wrong, t_ns=T0 + round(t * S))) == ()
+
+
+# --------------------------------------------------------------------------------------------------- in the pipeline
+
+
+def pipeline() -> Pipeline:
+    device = {"link": "l", "driver": "d"}
+    table: dict[str, Any] = {
+        "session": {"name": "t"},
+        "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
+        "device": [
+            {"name": "ins", **device},
+            {"name": "radar", "altimeter": {"kind": "radar", "range_m": [0.5, 762.0]}, **device},
+            {"name": "laser", "altimeter": {"kind": "laser", "range_m": [0.2, 700.0], "sd_m": 0.1}, **device},
+        ],
+        "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": ["radar", "laser"]},
+    }
+    return Pipeline(parse(table, "", Path("t.toml")), None)
+
+
+def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_say_since_when() -> None:
+    """Without a terrain: a climb of 5 m/s from 100 m; from 5 s to 20 s the radar repeats its value."""
+    of, events, heights = pipeline(), list[Event](), list[HeightAboveGround]()
+    for k in range(40 * HZ):
+        t, stamp = k / HZ, Stamp(T0 + k * S // HZ)
+        up = 100.0 + 5.0 * t
+        shown = 100.0 + 5.0 * 5.0 if 5.0 <= t < 20.0 else round(up / 1.5) * 1.5
+        for device, m in (
+            ("ins", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)),
+            ("ins", Position(stamp=stamp, lat=0.8, lon=0.2, alt=500.0 + 5.0 * t, vertical_sd=2.0, horizontal_sd=2.0)),
+            ("ins", Velocity(stamp=stamp, north=60.0, east=0.0, down=-5.0, sd=0.1)),
+            ("radar", RadioHeight(stamp=stamp, height_agl=shown, sd=0.5)),
+            ("laser", Range(stamp=stamp, slant_range=up + 0.01 * (k % 7))),
+        ):
+            out = of.feed(device, m)
+            events += [o for o in out if isinstance(o, Event)]
+            heights += [o for o in out if isinstance(o, HeightAboveGround)]
+    radar = [((o.t_ns - T0) / S, o) for o in heights if o.sensor == "radar"]
+    assert all(not o.valid and Reason.STUCK in o.reasons for t, o in radar if 8.0 <= t < 21.9)
+    assert all(o.valid for t, o in radar if t < 5.0 or t > 22.2)
+    assert [(o.source, o.level) for o in events if "stuck" in o.text or "changes again" in o.text] == [
+        ("radar", "warning"),
+        ("radar", "info"),
+    ]
+    assert "since 12:30:05.3 UTC its value is stuck at 125.00 m" in events[0].text
