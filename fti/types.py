@@ -554,6 +554,11 @@ class HeightAboveGround:
     wheels: float | None = None
     unchecked: tuple[Reason, ...] = ()
 
+    @property
+    def is_by_terrain(self) -> bool:
+        """Is ``height_agl`` compensated by known terrain?"""
+        return self.compensation in {Compensation.RANGE, Compensation.BEAM}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeightBelowAircraft:

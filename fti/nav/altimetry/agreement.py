@@ -70,15 +70,15 @@ class Comparable:
 
 def comparable(height: HeightAboveGround) -> Comparable | None:
     """Of a height; None of one that is not valid."""
-    level, t_ns = height.height_agl, height.t_valid_ns
+    level, t_ns = height.nearest, height.t_valid_ns
     if height.reasons or level is None or t_ns is None:
         return None
     sigmas = None
     if height.raw is not None and height.predicted is not None and height.predicted_sd:
         sigmas = abs(height.raw - height.predicted) / height.predicted_sd
-    below, below_sd = height.compensated, height.compensated_sd or HEIGHT_SD_UNKNOWN
+    below, below_sd = height.height_agl if height.is_by_terrain else None, height.sd or HEIGHT_SD_UNKNOWN
     offset = math.sqrt(max(0.0, (height.raw or 0.0) ** 2 - level**2))
-    return Comparable(t_ns, level, height.sd or HEIGHT_SD_UNKNOWN, below, below_sd, offset, sigmas)
+    return Comparable(t_ns, level, height.nearest_sd or HEIGHT_SD_UNKNOWN, below, below_sd, offset, sigmas)
 
 
 class _Pair:

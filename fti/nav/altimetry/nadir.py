@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fti.nav.ground import Ground
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, HeightAboveGround
+from fti.types import HeightAboveGround
 
 Array = NDArray[np.float64]
 
@@ -75,8 +75,7 @@ def over_ground(height: HeightAboveGround, ground: Ground | None, position: Posi
 
     Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
     """
-    by_terrain = height.compensation in {Compensation.RANGE, Compensation.BEAM}
-    known, sd = (height.height_agl, height.sd) if by_terrain else (height.nearest, height.nearest_sd)
+    known, sd = (height.height_agl, height.sd) if height.is_by_terrain else (height.nearest, height.nearest_sd)
     below = ground_below(ground.terrain, position) if ground and position else None
     if ground is None or position is None or below is None or known is None:
         return None
