@@ -41,7 +41,7 @@ def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.load_profile("fti")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def scale(request: pytest.FixtureRequest) -> int:
     """Factor on the number of runs, flights or frames: 1, or 20 with ``--scale full``."""
     return SCALES[request.config.getoption("--scale")]

@@ -10,7 +10,18 @@ import pytest
 from fti.config import Altimeter, parse
 from fti.nav.altimetry.agreement import AgreementCheck
 from fti.nav.pipeline import Pipeline
-from fti.types import Attitude, Event, HeightAboveGround, Position, RadioHeight, Range, Reason, Stamp, Velocity
+from fti.types import (
+    Attitude,
+    Compensation,
+    Event,
+    HeightAboveGround,
+    Position,
+    RadioHeight,
+    Range,
+    Reason,
+    Stamp,
+    Velocity,
+)
 
 S = 1_000_000_000
 T0 = 45_000 * S + 300_000_000  # 12:30:00.3 of a day
@@ -22,10 +33,10 @@ DISAGREE = (Reason.ALTIMETERS_DISAGREE,)
 
 def height(sensor: str, k: int, value: float, *, known: bool = False, **changes: Any) -> HeightAboveGround:
     """A height of 0.1 m sigma, the k-th of ten a second; over known ground level and so predicted to 50 m."""
-    ground: dict[str, Any] = {"compensated": value, "compensated_sd": 0.1, "predicted": 50.0, "predicted_sd": 2.0}
+    ground: dict[str, Any] = {"compensation": Compensation.BEAM, "predicted": 50.0, "predicted_sd": 2.0}
     fields: dict[str, Any] = {"t_ns": T0 + k * S // HZ, "reasons": (), **(ground if known else {}), **changes}
     return HeightAboveGround(
-        t_valid_ns=fields["t_ns"], sensor=sensor, raw=value, height_agl=value, sd=0.1,
+        t_valid_ns=fields["t_ns"], sensor=sensor, raw=value, height_agl=value, sd=0.1, nearest=value, nearest_sd=0.1,
         valid=not fields["reasons"], **fields,
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ import pytest
 
 from fti.nav.altimetry.agreement import AgreementCheck
 from fti.types import HeightAboveGround, Reason
-from tests.nav.altimeter_flights import DEVICES, S, Flight, channel, fly, outputs, stuck
+from tests.nav.altimeter_flights import DEVICES, Flight, S, channel, fly, outputs, stuck
 
 pytestmark = pytest.mark.timeout(3600)
 SECONDS, ONSET_S, END_S = 60.0, 30.0, 50.0
@@ -89,7 +89,8 @@ def test_stuck_for_20_s_above_hills_is_refused_within_3_s(measured: Measured, se
     delay, memory, held = (np.array(x[sensor]) for x in (measured.delay, measured.memory, measured.held))
     print(
         f"{sensor}: refused within 3 s in {100 * np.mean(delay <= 3.0):.1f} % of {len(delay)} flights, by its memory "
-        f"{100 * np.mean(memory <= 3.0):.1f} %, median {np.median(memory):.1f} s; then refused {100 * held.mean():.1f} %"
+        f"{100 * np.mean(memory <= 3.0):.1f} %, median {np.median(memory):.1f} s; "
+        f"then refused {100 * held.mean():.1f} %"
     )
     assert np.mean(delay <= 3.0) >= 0.95
     assert np.mean(memory <= 3.0) >= 0.90

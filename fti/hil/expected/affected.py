@@ -66,7 +66,7 @@ class Affected:
             if not isinstance(fault, HARMLESS) and self._counts(name, fault, output):
                 whole = (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
                 found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
-        return [*found, *self._on_ground(output), *self._beside_track(output)]
+        return [*found, *self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
 
     def wrong(self, output: RequiredOutput) -> list[Interval]:
         """When the output may be wrong and call itself valid [s of the flight]."""
@@ -135,6 +135,15 @@ class Affected:
                 for may in (may for one in told(fault, self._craft, self._truth) for may in one.may):
                     if (may.place == INTEGRITY) is monitored:
                         yield may.from_s, may.until_s + (output.memory_s if aided else 0.0)
+
+    def _by_disagreement(self, output: RequiredOutput) -> Iterator[Interval]:
+        """An altimeter that another one contradicts, which states wrong values, may be refused with it."""
+        if not output.topic.startswith(HEIGHT):
+            return
+        others = [name for name in self._craft.altimeters if not output.topic.endswith(f"/{name}")]
+        for fault, name in self._on(others):
+            if isinstance(fault, WRONG):
+                yield fault.from_s, self._back_s(fault, name) + self._memory_s(output)
 
     def _beside_track(self, output: RequiredOutput) -> Iterator[Interval]:
         for fault in self._faults:

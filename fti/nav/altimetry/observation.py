@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fti.config import Altimeter
 from fti.nav.navigation import NavState
 
 if TYPE_CHECKING:
@@ -63,12 +62,11 @@ def make_observation(
     )
 
 
-def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | None, limits: Altimeter) -> float:
+def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | None) -> float:
     """One sigma of measured minus predicted [m] by what changes within seconds.
 
     The error of the altitude is nearly constant over 10 s and is left out; it enters a range with 1 / cos of a laser,
-    with cos of a nearest return, of which the smaller is taken out.  What a beam of another receiver sees differs by a
-    share of the relief in it.
+    with cos of a nearest return, of which the smaller is taken out.
     """
     altitude = (ALTITUDE_SD_UNKNOWN if vertical_sd is None else vertical_sd) * expected.cosine
     variance = max(expected.range_sd**2 - altitude**2, instrument**2)
