@@ -2,9 +2,10 @@
 
 The mean of measured minus predicted over 0.5 s is compared with such means of 2 to 10 s before.  A constant error of
 place, height or elevation cancels.  A refusal begins when four means running differ each from five of before by more
-than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.  It ends when the means of 2 s are again
-within 3 sigma of what they were before; or when over 10 s, in which the predicted range changes by 9 sigma or more,
-nothing contradicts (an offset that remains is a bias, not a drift); or when the ground was unknown for 10 s.
+than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.
+It ends when the means of 2 s are again within 3 sigma of what they were before; or when over 10 s, in which the
+predicted range changes by 9 sigma or more, nothing contradicts (an offset that remains is a bias, not a drift); or when
+the ground was unknown for 10 s.
 
 Sigma of a difference: ``observation``, at both ends, and 0.15 m/s of vertical velocity.  Of the changes with the
 altitude of the position and with the integral of the climb rate the smaller counts.

@@ -12,7 +12,7 @@ from fti.hil import scenario as scenarios
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.duties import Told
 from fti.hil.expected.flags import told
-from fti.hil.tables.kinds import Bias, Fog, Forced, GnssDegraded, GnssOffset, Noise, Ramp, WrongUnit
+from fti.hil.tables.kinds import Bias, Fog, Forced, GnssDegraded, GnssOffset, Noise, Ramp, Stuck, WrongUnit
 from fti.service.binding import bind_devices
 
 T = np.arange(0.0, 60.0, 0.1)
@@ -53,6 +53,20 @@ def due(found: list[Told]) -> list[tuple[str, tuple[str, ...], float, float]]:
 )
 def test_a_wrong_range_must_be_seen(craft: Aircraft, fault: Any, from_s: float) -> None:
     assert due(told(fault, craft, LEVEL)) == [(LASER, ("deviation",), from_s, 39.9)]
+
+
+def test_a_stuck_altimeter_must_be_seen_by_the_climb_where_the_ground_is_not_known() -> None:
+    """10 m and a fifth of 220 m, at 2 m/s; over known ground the range tells it, too, and its deviation before."""
+    climbing = replace(LEVEL, height_agl=200.1 + 2.0 * T, climb=0 * T + 2.0)
+    fault = Stuck(kind="stuck", devices=("altimeter",), from_s=10.0, to_s=50.0)
+    known, unknown = craft_of("nominal"), craft_of("nominal")
+    unknown.knows_ground = False
+    assert due(told(fault, unknown, climbing)) == [(RADIO, ("stuck",), 37.1, 49.9)]
+    assert due(told(fault, known, climbing)) == [
+        (RADIO, ("stuck",), 37.1, 49.9),
+        (RADIO, ("deviation",), 25.1, 49.9),
+    ]
+    assert due(told(fault, unknown, LEVEL)) == []
 
 
 def test_it_must_be_gone_a_second_after_the_fault(craft: Aircraft) -> None:
