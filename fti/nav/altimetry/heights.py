@@ -175,7 +175,7 @@ class AltimeterChannel:
         if reading.value is None or not NO_RANGE.isdisjoint(against):
             return ()
         known = None if isinstance(expected, Reason) else expected
-        seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known, limits=self.limits)
+        seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         return self._change.update(seen)
 
     def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 
 #: One sigma of an altitude and of an altimeter without a stated one [m].
 ALTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN = 5.0, 1.0
-#: Error of a predicted nearest return where the receiver follows a leading edge: a share of the relief in the beam.
-#: Measured against 2051 rays and the leading edge over hills and woods, 60 to 300 m: then RMS z is 0.6 to 1.0.
-RELIEF_SHARE = 0.3
 #: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
 MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
 
@@ -41,7 +38,7 @@ class Observation:
 
 
 def make_observation(
-    t_ns: int, value: float, range_sd: float | None, nav: NavState, *, expected: Expected | None, limits: Altimeter
+    t_ns: int, value: float, range_sd: float | None, nav: NavState, *, expected: Expected | None
 ) -> Observation:
     """The observation of a sample.
 
@@ -50,7 +47,7 @@ def make_observation(
     position = nav.position
     sd = RANGE_SD_UNKNOWN if range_sd is None or not math.isfinite(range_sd) else range_sd
     if expected is not None:
-        sd = _short_term_sd(expected, sd, position.vertical_sd if position else None, limits)
+        sd = _short_term_sd(expected, sd, position.vertical_sd if position else None)
     return Observation(
         t_ns=t_ns,
         value=value,
@@ -69,15 +66,7 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     with cos of a nearest return, of which the smaller is taken out.
     """
     altitude = (ALTITUDE_SD_UNKNOWN if vertical_sd is None else vertical_sd) * expected.cosine
-    variance = max(expected.range_sd**2 - altitude**2, instrument**2)
-    relief = _relief(expected, math.radians(limits.beam_deg) / 2) if limits.kind == "radar" else 0.0
-    return math.sqrt(variance + (RELIEF_SHARE * relief) ** 2)
-
-
-def _relief(expected: Expected, half_beam: float) -> float:
-    """Dispersion of the ranges across a beam beyond that over level ground, whose ranges are even to h / cos [m]."""
-    level = expected.slant_range * (1.0 / math.cos(half_beam) - 1.0) / math.sqrt(12.0)
-    return math.sqrt(max(0.0, expected.dispersion**2 - level**2))
+    return math.sqrt(max(expected.range_sd**2 - altitude**2, instrument**2))
 
 
 class Resolution:
