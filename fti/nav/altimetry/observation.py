@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 
 #: One sigma of an altitude and of an altimeter without a stated one [m].
 ALTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN = 5.0, 1.0
+#: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  Of 60 flights over
+#: hills 0.4 finds 98 % of stuck radars within 3 s and refuses a healthy one, 0.6 finds 97 % and refuses none, 1 finds 92.
+CHANGING_SHARE = 0.5
 #: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
 MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
 
@@ -63,10 +66,12 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     """One sigma of measured minus predicted [m] by what changes within seconds.
 
     The error of the altitude is nearly constant over 10 s and is left out; it enters a range with 1 / cos of a laser,
-    with cos of a nearest return, of which the smaller is taken out.
+    with cos of a nearest return, of which the smaller is taken out.  Of the errors of surface and
+    receiver a share is left.
     """
     altitude = (ALTITUDE_SD_UNKNOWN if vertical_sd is None else vertical_sd) * expected.cosine
-    return math.sqrt(max(expected.range_sd**2 - altitude**2, instrument**2))
+    surface = max(expected.range_sd**2 - altitude**2 - instrument**2, 0.0)
+    return math.hypot(instrument, CHANGING_SHARE * math.sqrt(surface))
 
 
 class Resolution:
