@@ -464,6 +464,7 @@ class Reason(StrEnum):
     ALIGNING = "aligning"
     COASTING = "coasting"  # nothing bounds the position at present
     REJECTED = "rejected"  # what aids is outside the gate
+    EXCLUDED = "excluded"  # an altimeter does not aid: its bias, scale or innovations are not those of a sound one
     RESET = "reset"  # the filter began again
     DIVERGED = "diverged"
     NO_SATELLITES = "no_satellites"
@@ -676,6 +677,7 @@ class FilterSolution:
 
     vel_sd, tilt_sd : the largest one sigma of the three velocities [m/s], of roll and pitch [rad]
     rejected        : what aids and is outside the gate at present, by name
+    excluded        : altimeters that do not aid at present, because they contradict the other sources, by name
     """
 
     t_ns: int
@@ -698,6 +700,7 @@ class FilterSolution:
     tilt_sd: float | None = None
     heading_sd: float | None = None
     rejected: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from fti.nav import navigation
+from fti.nav.exclusion_events import describe_return
 from fti.web.alarms import Sight, find_alarms
 from fti.web.words import REASONS
 from tests.helpers import ROOT
@@ -67,7 +68,7 @@ def test_a_reason_is_one_that_people_read(text: str) -> None:
 
 @pytest.mark.parametrize("text", texts("event"))
 def test_an_event_is_one_that_navigation_tells(text: str) -> None:
-    told = [navigation._altitude_event(0, alone=True).text]
+    told = [navigation._altitude_event(0, alone=True).text, describe_return("laser")]
     if found := CHANGED.fullmatch(text):
         role, now, before = found.groups()
         told.append(navigation._event(0, role, before, now).text)

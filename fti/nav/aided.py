@@ -17,9 +17,19 @@ from typing import Any
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
 from fti.nav.altimetry.nadir import over_ground
+from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.states import ALTIMETER_DRIFT, BARO_DRIFT, DEM_DRIFT, GNSS_DRIFTS, Drift, Extra, Model
+from fti.nav.filter.states import (
+    ALTIMETER_BIAS,
+    ALTIMETER_SCALE,
+    BARO_DRIFT,
+    DEM_DRIFT,
+    GNSS_DRIFTS,
+    Drift,
+    Extra,
+    Model,
+)
 from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
@@ -30,6 +40,7 @@ from fti.nav.vertical.fallback import VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
 from fti.types import (
     Attitude,
+    Event,
     FilterSolution,
     HeightAboveGround,
     ImuSample,
@@ -64,6 +75,7 @@ class AidedNavigation:
         self._settings = settings
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
         self._navigator = Navigator(_model(settings))
+        self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._vertical = VerticalFallback()
         self._ground: Ground | None = None
         self._place: Place | None = None
@@ -181,10 +193,12 @@ class AidedNavigation:
         self._told = None
         t_ns, known, sd = height.t_valid_ns, found.height_agl, found.height_sd
         self._used_ns[height.sensor], self._carrier = t_ns, height.sensor
-        self._vertical.take_height(t_ns, known, sd, found.ground, found.ground_sd)
+        if not self._exclusions.is_excluded(height.sensor):
+            self._vertical.take_height(t_ns, known, sd, found.ground, found.ground_sd)
         slow = _at_least_once(found.ground_sd, DEM_DRIFT)  # the place is wrong for long, too
-        name = f"{height.sensor}.altitude"
-        self._navigator.take(t_ns, TerrainAltitude(known + found.ground, sd or self._ground.sd, known, name, slow))
+        name, own = altitude_name(height.sensor), own_states(height.sensor)
+        altitude = TerrainAltitude(known + found.ground, sd or self._ground.sd, known, name, slow, *own)
+        self._navigator.take(t_ns, altitude)
 
     def _counts(self, height: HeightAboveGround) -> bool:
         last = self._used_ns.get(height.sensor)
@@ -215,6 +229,10 @@ class AidedNavigation:
             altimeter=self._carrier,
             rejected=self._vertical.altimeter_refused,
         )
+
+    def events(self, t_ns: int) -> list[Event]:
+        """Altimeters that are excluded from aiding, or aid again, since the last call."""
+        return self._exclusions.take(t_ns)
 
     def position(self, t_ns: int) -> PositionState | None:
         """Of the filter, for who has no other; None where it is not valid."""
@@ -260,9 +278,11 @@ def _at_least_once(sd: float, drift: Drift) -> float:
 
 
 def _model(settings: Filter) -> Model:
-    extras: dict[Extra, Drift] = dict(GNSS_DRIFTS) if settings.gnss else {}
+    extras: dict[str, Drift] = dict(GNSS_DRIFTS) if settings.gnss else {}
     if settings.baro:
         extras[Extra.BARO] = BARO_DRIFT
     if settings.altimeters:
-        extras |= {Extra.ALTIMETER: ALTIMETER_DRIFT, Extra.DEM: DEM_DRIFT}
+        extras[Extra.DEM] = DEM_DRIFT
+    for sensor in settings.altimeters:
+        extras |= dict(zip(own_states(sensor), (ALTIMETER_BIAS, ALTIMETER_SCALE), strict=True))
     return Model(UNITS[settings.unit], settings.states == 15, extras)

@@ -17,7 +17,7 @@ from fti.nav.navigation import FILTER, RADIO, NavState
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
 from fti.nav.vertical.fallback import VerticalState
-from fti.types import HeightAboveGround, Measurement, Output
+from fti.types import Event, HeightAboveGround, Measurement, Output
 
 #: Ticks of 20 ms between outputs.
 FILTER_TICKS, VERTICAL_TICKS, FIX_TICKS = 10, 10, 25
@@ -49,14 +49,14 @@ class Fallbacks:
             if part:
                 part.take_height(height, nav)
 
-    def tick(self, t_ns: int, nav: NavState) -> list[Output]:
+    def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
         """What is due at a tick.  nav : what is known then"""
         self._ticks += 1
         if self._aided:
             self._aided.note(nav)
-        out: list[Output] = []
+        out: list[Output | Event] = []
         if self._aided and self._ticks % FILTER_TICKS == 0:
-            out.append(self._aided.solution(t_ns))
+            out += [*self._aided.events(t_ns), self._aided.solution(t_ns)]
         if self._aided and self._ticks % VERTICAL_TICKS == 0:
             out.append(self._aided.vertical_solution(t_ns))
         if self._radio and self._ticks % FIX_TICKS == 0:

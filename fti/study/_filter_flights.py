@@ -62,7 +62,12 @@ SHAKEN = Unit(
 )
 #: A pressure altitude that was set to the field's pressure.
 BARO_DRIFT = Drift(30.0, period_s=1800.0)
-AIDED = {**GNSS_DRIFTS, Extra.BARO: BARO_DRIFT, Extra.ALTIMETER: ALTIMETER_DRIFT, Extra.DEM: DEM_DRIFT}
+AIDED: dict[str, Drift] = {
+    **GNSS_DRIFTS,
+    Extra.BARO: BARO_DRIFT,
+    Extra.ALTIMETER: ALTIMETER_DRIFT,
+    Extra.DEM: DEM_DRIFT,
+}
 AIDED |= {Extra.ALTIMETER_SCALE: SCALE_DRIFT}
 
 
@@ -104,7 +109,7 @@ class Flown:
     biases_b: Array
     start: Start
     aids: list[tuple[float, Aiding]]
-    drifts: dict[Extra, Array]
+    drifts: dict[str, Array]
 
 
 def flown(case: Case, rng: Rng) -> Flown:
@@ -195,7 +200,7 @@ def gauss_markov(drift: Drift, t: Array, way: Array, rng: Rng) -> Array:
     return found
 
 
-def _rich_drift(extra: Extra, t: Array, way: Array, rng: Rng) -> Array:
+def _rich_drift(extra: str, t: Array, way: Array, rng: Rng) -> Array:
     if extra in GNSS_DRIFTS:
         sd = GNSS_DRIFTS[extra].sd
         return slow(t, 0.5 * sd, 30.0, rng) + slow(t, 0.87 * sd, 300.0, rng)
@@ -217,7 +222,7 @@ class Slow:
     """Drifts of what aids, by name, at t."""
 
     t: Array
-    drifts: dict[Extra, Array]
+    drifts: dict[str, Array]
 
     def at(self, t: Array, *extras: Extra) -> Array:
         """Their sum at other times."""

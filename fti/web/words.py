@@ -57,6 +57,7 @@ REASONS: dict[str, str] = {
     Reason.ALIGNING: "aligning",
     Reason.COASTING: "inertial alone",
     Reason.REJECTED: "aiding outside the gate",
+    Reason.EXCLUDED: "altimeter excluded from aiding",
     Reason.RESET: "began again",
     Reason.DIVERGED: "diverged",
     Reason.NO_SATELLITES: "no satellites",

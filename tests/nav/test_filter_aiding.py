@@ -21,8 +21,8 @@ from fti.nav.filter.aiding import (
     TerrainAltitude,
 )
 from fti.nav.filter.estimate import Estimate, Start
+from fti.nav.filter.measurement_update import updated
 from fti.nav.filter.states import Drift, Extra, Model
-from fti.nav.filter.timeline import updated
 
 Array = NDArray[np.float64]
 

@@ -12,12 +12,14 @@ from fti.hil.expected.duties import (
     CLOCK_SEEN_S,
     DISAGREE_WORDS,
     DOUBT_S,
+    EXCLUDED_S,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
     LINKS,
     MEMORY_S,
     MEMORY_WORDS,
+    NAV_EVENT,
     NAV_S,
     RATE_SHARE,
     RENEWED_S,
@@ -270,8 +272,10 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
         for other in craft.altimeters:  # one of two that disagree may be any
             yield May(f"{HEIGHT}/{other}", begin, end + age + MEMORY_S, DISAGREE_WORDS)
             yield May(f"/fti/event/{other}", begin, end + age + MEMORY_S)
+    if name in craft.filter_altimeters:
+        yield May(NAV_EVENT, begin, end + age + EXCLUDED_S)
     if name in craft.sources:
-        yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, "/fti/event/nav"))
+        yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, NAV_EVENT))
         yield May(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
         yield from (May(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
     if name in craft.altimeters or name in craft.sources:

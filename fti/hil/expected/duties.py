@@ -30,6 +30,9 @@ RENEWED_S = 9.0
 CLOCK_SEEN_S = 0.1
 #: The integrity monitor judges a window; this speed is the lowest that is flown [m/s], and it confirms an alarm [s].
 SLOWEST_MPS, CONFIRM_S = 35.0, 2.0
+#: So long after a fault the filter may exclude an altimeter, or let it aid again [s]: until it is excluded because what
+#: had been found of its error is not true any more, twice (5 s), and until it has agreed for 30 s.
+EXCLUDED_S = 45.0
 #: No relief that the reference leaves open is as high as this [m].
 OBSTACLE_M = 30.0
 #: What known ground says against a height; it tells so much of a value that stands still, too [m].

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 #: One sigma of an altitude and of an altimeter without a stated one [m].
 ALTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN = 5.0, 1.0
 #: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
-#: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not; 0.6: 97 % and none; 1: 92 % and none.
+#: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not, 0.6 finds 97 % and refuses none.
 CHANGING_SHARE = 0.5
 #: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
 MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3

@@ -40,8 +40,23 @@ class Aiding(Protocol):
     def bounds(self) -> frozenset[str]:
         """Which of ``horizontal`` and ``vertical`` it keeps from drifting."""
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Names of the states that are errors of its source alone."""
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z, H, R at the estimate of its time."""
+
+
+class _NothingOfItsOwn:
+    """A source whose errors are shared, or no states."""
+
+    __slots__ = ()
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """None."""
+        return ()
 
 
 HORIZONTAL, VERTICAL = frozenset({"horizontal"}), frozenset({"vertical"})
@@ -49,7 +64,7 @@ BOTH, NOTHING = HORIZONTAL | VERTICAL, frozenset[str]()
 
 
 @dataclass(frozen=True, slots=True)
-class GnssPosition:
+class GnssPosition(_NothingOfItsOwn):
     """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m], or None of it; one sigma of each axis [m].
 
     lever_arm_b   : P to the antenna [m]
@@ -91,7 +106,7 @@ class GnssPosition:
 
 
 @dataclass(frozen=True, slots=True)
-class GnssHeight:
+class GnssHeight(_NothingOfItsOwn):
     """The height of a position that has one."""
 
     position: GnssPosition
@@ -113,7 +128,7 @@ class GnssHeight:
 
 
 @dataclass(frozen=True, slots=True)
-class GnssVelocity:
+class GnssVelocity(_NothingOfItsOwn):
     """Velocity of an antenna, north, east, down [m/s], down may be None; one sigma of each [m/s]."""
 
     north: float
@@ -143,7 +158,7 @@ class GnssVelocity:
 
 
 @dataclass(frozen=True, slots=True)
-class BaroAltitude:
+class BaroAltitude(_NothingOfItsOwn):
     """Altitude of P from static pressure, as an ellipsoidal height [m]; the extra BARO takes its offset."""
 
     alt: float
@@ -164,7 +179,7 @@ class BaroAltitude:
 class TerrainAltitude:
     """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
 
-    sd         : white part [m]; what is correlated belongs to the extras ALTIMETER, ALTIMETER_SCALE and DEM
+    sd         : white part [m]; what is correlated belongs to the states ``bias`` and ``scale`` and the extra DEM
     height_agl : what the altimeter's scale counts from [m];  dem_factor : the extra DEM counts so many times
     """
 
@@ -173,17 +188,24 @@ class TerrainAltitude:
     height_agl: float = 0.0
     name: str = "altimeter.altitude"
     dem_factor: float = 1.0
+    bias: str = Extra.ALTIMETER
+    scale: str = Extra.ALTIMETER_SCALE
 
     @property
     def bounds(self) -> frozenset[str]:
         """The height."""
         return VERTICAL
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Its bias and scale."""
+        return self.bias, self.scale
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = h_agl + h_dem - alt - drifts."""
-        z, H, R = _altitude(here, self.alt, self.sd, Extra.ALTIMETER)
+        z, H, R = _altitude(here, self.alt, self.sd, self.bias)
         z -= _drifting(here, Extra.DEM, H[0], self.dem_factor)
-        return z - _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.height_agl), H, R
+        return z - _drifting(here, self.scale, H[0], self.height_agl), H, R
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +238,11 @@ class SlantRange:
         return VERTICAL
 
     @property
+    def own(self) -> tuple[str, ...]:
+        """Its bias and scale."""
+        return Extra.ALTIMETER, Extra.ALTIMETER_SCALE
+
+    @property
     def meets(self) -> bool:
         """Whether the ray meets the ground well enough to say a height."""
         return float(np.dot(self.direction_n, self.normal_n)) > GRAZING
@@ -240,14 +267,14 @@ def skew(v: Array | Vector) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-def _altitude(here: Estimate, alt: float, sd: float, extra: Extra) -> Matrices:
+def _altitude(here: Estimate, alt: float, sd: float, extra: str) -> Matrices:
     H = np.zeros((1, here.model.size))
     H[0, POS : POS + 3] = here.mat_en @ _UP_N
     z = alt - here.place[2] - _drifting(here, extra, H[0], 1.0)
     return np.array([z]), H, np.array([[sd**2]])
 
 
-def _drifting(here: Estimate, extra: Extra, row: Array, factor: float) -> float:
+def _drifting(here: Estimate, extra: str, row: Array, factor: float) -> float:
     """What an extra adds to the measurement [m]; its column is entered."""
     column = here.model.column(extra)
     if column is None:

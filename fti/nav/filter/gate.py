@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.exclusion import SOUND, Exclusion
 from fti.nav.inertial.errors import GRAVITY, POS, TURN, VEL
 
 Array = NDArray[np.float64]
@@ -38,14 +39,16 @@ class Judgement(Enum):
     BELIEVED = "believed"
     REFUSED = "refused"
     LET_IN = "let in"
+    EXCLUDED = "excluded"
 
 
 class Standing(NamedTuple):
-    """Of one source: when it was believed last, since when it is refused; what it bounds."""
+    """Of one source: when it was believed last, since when it is refused; what it bounds; whether it is excluded."""
 
     believed_ns: int | None
     refused_since_ns: int | None
     bounds: frozenset[str]
+    exclusion: Exclusion = SOUND
 
 
 Standings = Mapping[str, Standing]
@@ -59,9 +62,14 @@ def judge(standings: Standings, aiding: Aiding, t_ns: int, nis: float, dof: int)
     since = standing.refused_since_ns if standing else None
     if since is None or t_ns - since < LOCKOUT_NS or not aiding.bounds:
         return Judgement.REFUSED
+    return Judgement.REFUSED if is_bounded_by_others(standings, aiding, t_ns) else Judgement.LET_IN
+
+
+def is_bounded_by_others(standings: Standings, aiding: Aiding, t_ns: int) -> bool:
+    """Whether others that were believed within ``LOCKOUT_NS`` bound every axis that this one bounds."""
     others = (s for name, s in standings.items() if name != aiding.name and s.believed_ns is not None)
     vouched = frozenset[str]().union(*(s.bounds for s in others if t_ns - (s.believed_ns or 0) < LOCKOUT_NS))
-    return Judgement.REFUSED if aiding.bounds <= vouched else Judgement.LET_IN
+    return aiding.bounds <= vouched
 
 
 def noted(standings: Standings, aiding: Aiding, t_ns: int, judgement: Judgement) -> dict[str, Standing]:
@@ -69,13 +77,19 @@ def noted(standings: Standings, aiding: Aiding, t_ns: int, judgement: Judgement)
     before = standings.get(aiding.name, Standing(None, None, aiding.bounds))
     if judgement is Judgement.REFUSED:
         since = t_ns if before.refused_since_ns is None else before.refused_since_ns
-        return {**standings, aiding.name: Standing(before.believed_ns, since, aiding.bounds)}
-    return {**standings, aiding.name: Standing(t_ns, None, aiding.bounds)}
+        return {**standings, aiding.name: before._replace(refused_since_ns=since, bounds=aiding.bounds)}
+    return {**standings, aiding.name: Standing(t_ns, None, aiding.bounds, before.exclusion)}
 
 
 def rejected(standings: Standings) -> tuple[str, ...]:
-    """Who is refused at present, sorted."""
-    return tuple(sorted(name for name, s in standings.items() if s.refused_since_ns is not None))
+    """Who is refused at present, and is not excluded, sorted."""
+    refused = (name for name, s in standings.items() if s.refused_since_ns is not None and not s.exclusion.cause)
+    return tuple(sorted(refused))
+
+
+def excluded(standings: Standings) -> tuple[str, ...]:
+    """Who is excluded at present, sorted."""
+    return tuple(sorted(name for name, s in standings.items() if s.exclusion.cause))
 
 
 def opened(here: Estimate, aiding: Aiding, z: Array) -> Array:

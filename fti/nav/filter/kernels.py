@@ -198,6 +198,15 @@ def update(x: Array, P: Array, z: float, h: Array, r: float) -> float:
 
     x : ndarray, shape (n,)   error found so far in this update;  P : (n, n);  h : (n,)
     """
+    return consider(x, P, z, h, r, np.ones(len(x)))
+
+
+@kernel
+def consider(x: Array, P: Array, z: float, h: Array, r: float, share: Array) -> float:  # noqa: PLR0917
+    """``update`` with so much of the gain of each state: 1 where it is corrected, 0 where it is considered alone.
+
+    share : ndarray, shape (n,); Joseph's form holds for any gain, so P stays what the errors are
+    """
     n = len(x)
     g = np.zeros(n)
     for i in range(n):
@@ -207,7 +216,7 @@ def update(x: Array, P: Array, z: float, h: Array, r: float) -> float:
     for i in range(n):
         s += h[i] * g[i]
         expected += h[i] * x[i]
-    k = g / s
+    k = share * g / s
     for i in range(n):
         x[i] += k[i] * (z - expected)
         for j in range(i, n):

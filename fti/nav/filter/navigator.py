@@ -29,7 +29,8 @@ from fti.nav.filter import kernels, place
 from fti.nav.filter.aiding import Aiding, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.gate import rejected
+from fti.nav.filter.exclusion import Exclusion
+from fti.nav.filter.gate import excluded, rejected
 from fti.nav.filter.states import Model
 from fti.nav.filter.timeline import Timeline, Verdict
 from fti.types import FilterMode, FilterSolution, Reason
@@ -128,6 +129,12 @@ class Navigator:
         """The estimate at t_ns, of the last second or ``GAP_NS`` ahead; None where there is none."""
         return self._timeline.at(t_ns) if self._timeline is not None and self.reaches(t_ns) else None
 
+    @property
+    def exclusions(self) -> dict[str, Exclusion]:
+        """Why and since when sources are excluded at present, by name."""
+        standings = self._timeline.newest.standings if self._timeline is not None else {}
+        return {name: s.exclusion for name, s in standings.items() if s.exclusion.cause is not None}
+
     def reaches(self, t_ns: int) -> bool:
         """Whether there is an estimate at t_ns, without making it."""
         timeline = self._timeline
@@ -148,7 +155,8 @@ class Navigator:
         if self._unconfirmed:
             return FilterMode.ALIGNING, (Reason.ALIGNING,)
         newest = self._timeline.newest
-        reasons = (Reason.REJECTED,) if rejected(newest.standings) else ()
+        table = ((Reason.REJECTED, rejected(newest.standings)), (Reason.EXCLUDED, excluded(newest.standings)))
+        reasons = tuple(reason for reason, names in table if names)
         if max(newest.estimate.sd_n[:3]) > MOST_SD:
             return FilterMode.INVALID, (Reason.COASTING, *reasons)
         if self._bounded(t_ns) != {"horizontal", "vertical"}:
@@ -172,7 +180,7 @@ class Navigator:
             lat=lat, lon=lon, alt=alt, horizontal_sd=float(max(sd[0], sd[1])), vertical_sd=float(sd[2]),
             vel_north=north, vel_east=east, vel_down=down, vel_sd=float(max(sd[3:6])),
             roll=roll, pitch=pitch, heading=heading, tilt_sd=max(turned[:2]), heading_sd=turned[2],
-            rejected=rejected(self._timeline.newest.standings),
+            rejected=rejected(self._timeline.newest.standings), excluded=excluded(self._timeline.newest.standings),
         )  # fmt: skip
 
     # -------------------------------------------------------------------------------------------------- in here
@@ -235,6 +243,7 @@ def warm_up() -> None:
     place.warm_up()
     x = np.zeros(len(P))
     kernels.fuse(x, P, np.zeros(1), np.zeros((1, len(P))), np.eye(1))
+    kernels.consider(x, P, 0.0, np.zeros(len(P)), 1.0, np.ones(len(P)))
     kernels.correct(y, x, 0)
 
 

@@ -38,6 +38,7 @@ class Drift:
 
     sd [m, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
     first_sd : sigma at the start, None: sd.  An offset that is not known at all at first, and hardly changes then
+    sound_sd : of a sound source, where one whose error is not like that is to be excluded (``exclusion``); None: never
     Raises ValueError where one is not positive.
     """
 
@@ -45,9 +46,11 @@ class Drift:
     period_s: float = math.inf
     length_m: float = math.inf
     first_sd: float | None = None
+    sound_sd: float | None = None
 
     def __post_init__(self) -> None:
-        if not min(self.sd, self.period_s, self.length_m, self.first) > 0.0:
+        sound = self.sd if self.sound_sd is None else self.sound_sd
+        if not min(self.sd, self.period_s, self.length_m, self.first, sound) > 0.0:
             raise ValueError(f"{self}: each must be > 0")
 
     @property
@@ -57,7 +60,7 @@ class Drift:
 
 
 #: GNSS without augmentation: correlated over some minutes.
-GNSS_DRIFTS: dict[Extra, Drift] = {
+GNSS_DRIFTS: dict[str, Drift] = {
     Extra.GNSS_NORTH: Drift(1.5, period_s=200.0),
     Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
     Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
@@ -66,6 +69,13 @@ GNSS_DRIFTS: dict[Extra, Drift] = {
 ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
 SCALE_DRIFT = Drift(0.01, period_s=3600.0)
 DEM_DRIFT = Drift(1.5, length_m=300.0)
+#: What the filter assumes of each altimeter that aids.  So wide a prior that beside satellites of 3 m an altimeter
+#: which is 10 m wrong is estimated and not believed: it moves the height by 10 m 3^2 / (3^2 + 10^2) = 0.8 m.  The bias
+#: wanders by 1.8 m in a minute, much faster than that of a sound altimeter: a change of it that the gate lets pass is
+#: otherwise taken for a climb.  The scale wanders by 1 % in an hour.  ``sound_sd``: 0.5 m of its own with 1.5 m of the
+#: elevation's; 1 %.  Measured in docs/decisions/0034-altimeters-in-the-filter.md.
+ALTIMETER_BIAS = Drift(10.0, period_s=3750.0, sound_sd=1.6)
+ALTIMETER_SCALE = Drift(0.03, period_s=32_400.0, sound_sd=0.01)
 #: A pressure altitude as a height above the ellipsoid: 10 hPa are 83 m, the undulation is up to 100 m; it changes by
 #: metres in minutes.
 BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
@@ -77,12 +87,12 @@ class Model:
 
     unit   : the inertial unit
     biased : fifteen states, else nine
-    extras : slow errors of what aids, in this order behind the others
+    extras : slow errors of what aids, in this order behind the others: of ``Extra``, or of one source by its own name
     """
 
     unit: Unit = UNITS["tactical"]
     biased: bool = True
-    extras: dict[Extra, Drift] = field(default_factory=dict)
+    extras: dict[str, Drift] = field(default_factory=dict)
 
     @property
     def base(self) -> int:
@@ -94,7 +104,7 @@ class Model:
         """States in all."""
         return self.base + len(self.extras)
 
-    def column(self, extra: Extra) -> int | None:
+    def column(self, extra: str) -> int | None:
         """Its column, None where it is no state."""
         return self.base + list(self.extras).index(extra) if extra in self.extras else None
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import Judgement, Standings, judge, noted, opened
+from fti.nav.filter.gate import Judgement, Standings
+from fti.nav.filter.measurement_update import update_estimate
 
 Array = NDArray[np.float64]
 
@@ -169,23 +170,8 @@ class Timeline:
         return Estimate(t_ns, y, P, felt, self._model)
 
     def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
-        z, H, R = entry.aiding.compute_matrices(here)
-        after, nis = updated(here, here.P.copy(), z, H, R)
-        judgement = judge(standings, entry.aiding, entry.t_ns, nis, len(z))
+        found = update_estimate(here, standings, entry.aiding, entry.t_ns)
         if not entry.told:
             entry.told = True
-            self._verdicts.append(Verdict(entry.t_ns, entry.aiding.name, nis, len(z), judgement))
-        standings = noted(standings, entry.aiding, entry.t_ns, judgement)
-        if judgement is Judgement.REFUSED:
-            return here, standings
-        if judgement is Judgement.LET_IN:
-            after, _ = updated(here, opened(here, entry.aiding, z), z, H, R)
-        return after, standings
-
-
-def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
-    """The estimate after a measurement, and its NIS; P, the covariance before, becomes that after."""
-    y, x = here.y.copy(), np.zeros(here.model.size)
-    nis = kernels.fuse(x, P, z, H, R)
-    kernels.correct(y, x, len(here.model.extras))
-    return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
+            self._verdicts.append(Verdict(entry.t_ns, entry.aiding.name, found.nis, found.dof, found.judgement))
+        return found.estimate, found.standings
