@@ -1,0 +1,46 @@
+"""References made from terrain are accepted by the second receiver, and obstacles are seen by it.
+
+Counts are held against the 95 % limits of binomial counts: ALERT on 1 % of nominal approaches, 97 % of obstacles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.second_receiver import approaches
+from tests.second_receiver.approaches import Site
+
+SEED = 1
+RUNS, RUNS_FULL = 8, 200
+REFERENCE_RUNS, REFERENCE_RUNS_FULL = 200, 2000
+
+
+@pytest.fixture(scope="module", params=approaches.GROUNDS)
+def kind(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(scope="module")
+def site(kind: str, request: pytest.FixtureRequest) -> Site:
+    runs = REFERENCE_RUNS if request.config.getoption("--scale") == "quick" else REFERENCE_RUNS_FULL
+    return approaches.make_site(kind, SEED, runs)
+
+
+def test_nominal_approaches_raise_no_alert(site: Site, kind: str, scale: int) -> None:
+    n = RUNS if scale == 1 else RUNS_FULL
+    outcomes = [approaches.fly_nominal(site, number, SEED) for number in range(n)]
+    print(f"seed {SEED}", approaches.line_of_nominal(kind, outcomes), sep="\n")
+    false = sum(outcome.alert_s is not None for outcome in outcomes)
+    assert false <= approaches.most_by_chance(n, approaches.MAX_FALSE)
+    assert np.mean([outcome.judged for outcome in outcomes]) >= 0.5, "a monitor that judges nothing alarms nobody"
+
+
+def test_obstacles_of_150_m_raise_an_alert(site: Site, kind: str, scale: int) -> None:
+    n = RUNS if scale == 1 else RUNS_FULL
+    flown = [approaches.fly_over_obstacle(site, number, SEED) for number in range(n)]
+    print(f"seed {SEED}", approaches.line_of_obstacles(kind, flown), sep="\n")
+    fresh = [pair for pair in flown if not approaches.is_earlier(*pair)]
+    missed = sum(not approaches.is_seen(*pair) for pair in fresh)
+    assert len(fresh) >= 0.9 * n
+    assert missed <= approaches.most_by_chance(len(fresh), 1.0 - approaches.MIN_SEEN)
