@@ -16,9 +16,13 @@ RUNS, RUNS_FULL = 8, 200
 REFERENCE_RUNS, REFERENCE_RUNS_FULL = 200, 2000
 
 
-@pytest.fixture(scope="module", params=approaches.GROUNDS)
-def kind(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
+#: A reference takes most of the time: quickly, the ground over which receivers differ most in what they see.
+QUICK = ("woods",)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    is_quick = metafunc.config.getoption("--scale") == "quick"
+    metafunc.parametrize("kind", QUICK if is_quick else approaches.GROUNDS, scope="module")
 
 
 @pytest.fixture(scope="module")
