@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AllowInfNan, Field
 
 from fti.config import Approach, Device, Positive, StrictModel, bind, parse_toml
 from fti.errors import ConfigError
@@ -69,6 +70,8 @@ class Limits(StrictModel):
     """Limits of the four tests: quantiles of the maxima of ``runs`` simulated nominal approaches.
 
     ``*_interval`` : 95 % bootstrap interval of each
+    t4_widths_m    : lengths of the templates that T4 is the greatest of; a file without them was made for single bins,
+                     and is judged by single bins
     """
 
     t1: Positive
@@ -86,6 +89,7 @@ class Limits(StrictModel):
     verified_alarms: int  # those of them with an ALERT
     seed: int
     method: str
+    t4_widths_m: Annotated[tuple[Positive, ...], Field(min_length=1)] | None = None
 
 
 class Detection(StrictModel):
@@ -101,6 +105,30 @@ class Detection(StrictModel):
     runs: int  # for each offset
 
 
+class Obstacles(StrictModel):
+    """The smallest obstacle on the track that T4 sees with the probability ``pd``, as long as it is wide.
+
+    s_m, agl_m : begin of each part of the way, descending, and the height above ground in it
+    height_m   : a row for each width, a figure for each part; inf: none of the heights that were tried
+    """
+
+    pd: Annotated[float, Field(gt=0.0, lt=1.0)]
+    width_m: tuple[float, ...]
+    s_m: tuple[float, ...]
+    agl_m: tuple[float, ...]
+    height_m: tuple[tuple[Annotated[float, AllowInfNan(True)], ...], ...]
+    runs: int  # for each width and part
+
+    def least(self, s: float, width: float) -> float:
+        """The height from which on an obstacle so wide at s is promised to be seen [m]; inf: none is.
+
+        It is that of the greatest width in the table that is not above its own.
+        """
+        narrower = [row for known, row in zip(self.width_m, self.height_m, strict=True) if known <= width]
+        parts = [k for k, begin in enumerate(self.s_m) if s <= begin]
+        return narrower[-1][parts[-1]] if narrower and parts else math.inf
+
+
 class Header(StrictModel):
     """Everything but the table and the hash."""
 
@@ -109,6 +137,7 @@ class Header(StrictModel):
     profile: Profile
     limits: Limits
     detection: Detection | None = None  # a profile of recordings knows nothing of what lies beside it
+    obstacles: Obstacles | None = None  # nor of what could stand on it
 
 
 @dataclass(frozen=True, eq=False)

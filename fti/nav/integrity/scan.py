@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from fti.config import Approach
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
-from fti.nav.integrity.statistics import OBSTACLE_M, SHIFT_MAX_M, match, sharp_shifts
+from fti.nav.integrity.statistics import SHIFT_MAX_M, ObstacleFilter, match, obstacle_filter, sharp_shifts
 from fti.nav.integrity.window import FILLED_SHARE, Track, means, take
 from fti.terrain.kernel import kernel
 
@@ -55,6 +55,7 @@ class Scanner:
         self._z_ref = np.ascontiguousarray(reference.z_ref)
         ds = profile.ds_m
         self._sharp = sharp_shifts(settings.alert_s_m, ds)
+        self._obstacle = obstacle_filter(reference)
         self._numbers = np.array(
             [
                 float(reference.s[0]),
@@ -63,7 +64,6 @@ class Scanner:
                 profile.window_m / profile.correlation_m,
                 profile.datum_sd_m,
                 round(SHIFT_MAX_M / ds),
-                round(OBSTACLE_M / ds) + 1,
             ]
         )
 
@@ -81,6 +81,7 @@ class Scanner:
             self._z_ref,
             self._sd,
             self._numbers,
+            self._obstacle,
             self._sharp,
             vertical_sd,
         )
@@ -96,12 +97,13 @@ def _scan(
     z_ref: Array,
     sd: Array,
     numbers: Array,
+    obstacle: ObstacleFilter,
     sharp: NDArray[np.int64],
     vertical_sd: float,
 ) -> tuple[Array, bool]:
     """A row for each judged window, and whether all samples up to the intercept point went into it plainly."""
     s0, ds, length, k_eff, datum_sd = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    span, obstacle = int(numbers[5]), int(numbers[6])
+    span = int(numbers[5])
     size = round(length / ds) + 1
     count, z, dh = np.zeros(len(z_ref)), np.zeros(len(z_ref)), np.zeros(len(z_ref))
     found, peak, table = np.empty((2, 2 * span + 1)), np.empty((2, 4)), np.empty((len(t_ns), COLUMNS))
@@ -125,14 +127,14 @@ def _scan(
         number = np.count_nonzero(filled)
         if number < FILLED_SHARE * size:
             return table[:rows], False
-        total, excess = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, found, peak)
+        total, t4 = match(mean_z, filled, z_ref, sd, first, span, k_eff, obstacle, sharp, found, peak)
         height_error_sd = math.sqrt(vertical_sd**2 + datum_sd**2 + number / k_eff / total)
         bend = peak[1, 2] + peak[1, 3]
         table[rows, 0] = ss[due]
         table[rows, 1] = found[1, span]
         table[rows, 2] = found[1, span] - found[1].min()
         table[rows, 3] = abs(found[0, span]) / height_error_sd
-        table[rows, 4] = excess.max()
+        table[rows, 4] = t4
         table[rows, 5] = min(peak[1, 0], peak[1, 1])
         table[rows, 6] = ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf
         table[rows, 7] = height_error_sd

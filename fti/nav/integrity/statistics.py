@@ -6,13 +6,18 @@
     T1 = J(0)                           the profile fits
     T2 = J(0) - min J                   no shift explains the window better than zero
     T3 = |b(0)| / s_b                   s_b^2 = s_nav_vert^2 + B_ref^2 + (K / K_eff) / sum w
-    T4 = max over the last 50 m of (e_j(0) - median e(0)) / s_j     something stands there that was not there
+    T4 = max over templates of (sum_j w_j (e_j(0) - median e(0))) / sigma       something stands there that was not
+         sigma^2 = sum_ij rho^|i - j| / (s_i s_j)       rho = (l_c - ds) / (l_c + ds)
     O  = min(Jr(+AL_s), Jr(-AL_s))      Jr: the reference matched with itself; how sharp its peak is
 
     PL_v = (t_3 + k_md) s_b             PL_s = (sqrt(t_2) + k_md) s_s       s_s = ds sqrt(2 / (Jr(ds) + Jr(-ds)))
 
 The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index that is missing in print) as weighted statistics.  The
 height error b(0) is removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
+T4 is a filter matched to what is as long as an obstacle: the sum over neighbouring bins, of the widths that the
+reference names (a single bin, 30 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
+end.  Neighbouring residuals of a flight hang together; rho is that of a first-order Gauss-Markov process in steps of ds
+whose integral scale, ds (1 + rho) / (1 - rho), is the reference's l_c.
 The protection levels are what an error must reach to be missed with the probability Pmd at most (``fti.nav.integrity.
 protection``); s_s is the sigma of a shift by the curvature of Jr.
 """
@@ -35,8 +40,13 @@ Array = NDArray[np.float64]
 
 SHIFT_MAX_M = MARGIN_M
 OBSTACLE_M = 50.0
+#: Lengths of obstacles that T4 is matched to, beside a single bin [m].
+WIDTHS_M = (30.0, 50.0, 75.0, 100.0)
 #: One sigma of the navigated height when the source states none, or one that is no sigma [m].
 VERTICAL_SD_UNKNOWN = 5.0
+
+#: Bins in which templates lie (but one that is longer), correlation of neighbours, lengths in bins, ascending.
+ObstacleFilter = tuple[int, float, NDArray[np.int64]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +79,7 @@ class Matcher:
         self._ds = profile.ds_m
         self._span = round(SHIFT_MAX_M / self._ds)
         self._sharp = sharp_shifts(alert_s, self._ds)
-        self._obstacle = round(OBSTACLE_M / self._ds) + 1
+        self._obstacle = obstacle_filter(reference)
         self._k_eff = profile.window_m / profile.correlation_m
         self._datum_sd = profile.datum_sd_m
         self._z_ref = np.ascontiguousarray(reference.z_ref)
@@ -78,7 +88,7 @@ class Matcher:
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""
         span, found, peak = self._span, np.empty((2, 2 * self._span + 1)), np.empty((2, 4))
-        total, obstacle = match(
+        total, t4 = match(
             bins.z, bins.filled, self._z_ref, self._sd, bins.first, span, self._k_eff, self._obstacle, self._sharp,
             found, peak,
         )  # fmt: skip
@@ -91,7 +101,7 @@ class Matcher:
             t1=here,
             t2=here - float(mismatch.min()),
             t3=abs(height_error) / height_error_sd,
-            t4=float(obstacle.max()),
+            t4=float(t4),
             observability=float(min(peak[1, 0], peak[1, 1])),
             shift_resolution=self._ds * math.sqrt(2.0 / bend) if bend > 0.0 else math.inf,
             shift=shift,
@@ -121,13 +131,22 @@ class Matcher:
 def warm_up() -> None:
     """Compile the kernel, or load it from the cache."""
     flat, found, peak = np.zeros(5), np.empty((2, 5)), np.empty((2, 4))
-    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, 1, sharp_shifts(1.0, 1.0), found, peak)
+    obstacle = (1, 0.0, np.array([1]))
+    match(flat, flat == 0.0, np.zeros(9), np.ones(9), 2, 2, 1.0, obstacle, sharp_shifts(1.0, 1.0), found, peak)
 
 
 def sharp_shifts(alert_s: float, ds: float) -> NDArray[np.int64]:
     """Shifts at which the sharpness of the peak is looked at, in bins: those of AL_s, and the next ones to zero."""
     alert = round(alert_s / ds)
     return np.array([-alert, alert, -1, 1])
+
+
+def obstacle_filter(reference: Reference) -> ObstacleFilter:
+    """How T4 looks for obstacles with a reference: by the templates that its limit was made with."""
+    profile = reference.header.profile
+    ds, scale = profile.ds_m, profile.correlation_m
+    widths = sorted({max(round(width / ds), 1) for width in reference.header.limits.t4_widths_m or (ds,)})
+    return round(OBSTACLE_M / ds) + 1, max(scale - ds, 0.0) / (scale + ds), np.array(widths)
 
 
 @kernel
@@ -139,15 +158,15 @@ def match(
     first: int,
     span: int,
     k_eff: float,
-    obstacle: int,
+    obstacle: ObstacleFilter,
     sharp: NDArray[np.int64],
     found: Array,
     peak: Array,
-) -> tuple[float, Array]:
+) -> tuple[float, float]:
     """Match a window with the reference at all shifts, and the reference in its place at those of ``sharp_shifts``.
 
     found   : shape (2, 2 span + 1), written: b and J of the window      peak : shape (2, 4), written: of the reference
-    Returns : sum of the weights, and (e(0) - median e(0)) / s of the newest ``obstacle`` bins, -inf where not filled
+    Returns : sum of the weights, and T4
 
     Shifts are the inner loop: they are next to each other in memory, and no sum is reordered.
     """
@@ -173,6 +192,32 @@ def match(
         sums[1] = np.maximum(k_eff / count * (sums[1] - total * sums[0] ** 2), 0.0)
     residual = z - z_ref[first : first + len(z)]
     ordered = np.sort(residual[filled])
-    median = 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
-    excess = (residual[:obstacle] - median) / sd[first : first + obstacle]
-    return total, np.where(filled[:obstacle], excess, -np.inf)
+    residual -= 0.5 * (ordered[count // 2] + ordered[(count - 1) // 2])
+    return total, greatest_excess(residual, filled, sd[first : first + len(z)], obstacle)
+
+
+@kernel
+def greatest_excess(
+    residual: Array, filled: NDArray[np.bool_], sd: Array, obstacle: tuple[int, float, NDArray[np.int64]]
+) -> float:
+    """T4 of residuals over their median [m], newest first; -inf where no template holds a sample.
+
+    obstacle : an ``ObstacleFilter``.  The sigma of a sum grows bin by bin: beside is sum_i rho^(j - i) / s_i of those
+    before the bin j.
+    """
+    newest, rho, widths = obstacle
+    greatest = -np.inf
+    for begin in range(min(newest, len(residual))):
+        total, variance, beside, k = 0.0, 0.0, 0.0, 0
+        longest = len(residual) if begin == 0 else newest - begin
+        for j in range(begin, min(begin + min(longest, widths[-1]), len(residual))):
+            root = 1.0 / sd[j] if filled[j] else 0.0
+            total += root * root * residual[j]
+            variance += root * (root + 2.0 * rho * beside)
+            beside = rho * beside + root
+            if j + 1 - begin < widths[k]:
+                continue
+            k += 1
+            if variance > 0.0:
+                greatest = max(greatest, total / math.sqrt(variance))
+    return greatest
