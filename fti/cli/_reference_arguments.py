@@ -13,7 +13,8 @@ MAKE = """Make the reference of an approach: its profile and the limits of the t
     fti reference make --airfield FILE --recorded SESSION SESSION --sensor radar_altimeter --out profiles/27.csv
 
 From terrain: the elevation files must cover the approach to 200 m beyond --s-max, 1500 m to each side.  What grows on
-the ground is as the files have it: seasons are in the limits only where the approaches were recorded.
+the ground is as the files have it: seasons are in the limits only where the approaches were recorded.  The smallest
+obstacle that is seen, by its width and the part of the way, is in the file, too.
 
 From recordings: 5 approaches or more from --s-max on, in one session or many, with a height every 20 m, and navigation
 that did not rest on the same altimeter.  One that was broken off counts as far as it went; each place needs the heights
@@ -54,6 +55,14 @@ def add_make(make: argparse.ArgumentParser) -> None:
         default=100,
         metavar="N",
         help="approaches at each offset beside the track (100)",
+    )
+    make.add_argument(
+        "--obstacle-runs",
+        type=_count(0),
+        default=100,
+        metavar="N",
+        help="approaches over obstacles of each width in each kilometre (100); fewer than 99 prove no Pd of 0.97, "
+        "0: no table",
     )
     make.add_argument("--draws", type=_count(5), default=100, help="draws of the profile (100)")
     make.add_argument(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from fti.hil.references.theory import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.ground_track import Leg
-from fti.nav.integrity.reference import Detection, Reference
+from fti.nav.integrity.reference import Detection, Limits, Obstacles, Reference
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
 
@@ -33,6 +34,8 @@ def summary(reference: Reference) -> list[str]:
         + "  (independent normal residuals; for a check)",
         f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
         *_beside(header.detection),
+        f"T4 is of     {_templates(limits)}",
+        *_obstacles(header.obstacles),
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
@@ -55,6 +58,26 @@ def _beside(detection: Detection | None) -> Iterator[str]:
     yield f"{'beside':>12} " + "".join(f"{s:7.0f}" for s in detection.s_m) + "  m and less before the intercept point"
     for y, row in zip(detection.y_m, detection.pd, strict=True):
         yield f"{y:10.0f} m " + "".join(f"{100 * pd:6.1f}%" for pd in row) + "  of the windows are over a limit"
+
+
+def _templates(limits: Limits) -> str:
+    """What T4 was calibrated with, and is judged by."""
+    if limits.t4_widths_m is None:
+        return "single bins (a file of before there were templates; make it again to see smaller obstacles)"
+    return "templates of " + ", ".join(f"{width:g}" for width in limits.t4_widths_m) + " m"
+
+
+def _obstacles(obstacles: Obstacles | None) -> Iterator[str]:
+    """The smallest obstacle that is seen, by its width and the part of the way."""
+    if obstacles is None:
+        return
+    yield (
+        f"{'obstacles':>12} " + "".join(f"{s:7.0f}" for s in obstacles.s_m) + "  m and less before the intercept point"
+    )
+    yield f"{'seen from':>12} " + "".join(f"{h:7.0f}" for h in obstacles.agl_m) + "  m above the ground"
+    for width, row in zip(obstacles.width_m, obstacles.height_m, strict=True):
+        heights = "".join(f"{height:7.0f}" if math.isfinite(height) else f"{'none':>7}" for height in row)
+        yield f"{width:5.0f} m wide {heights}  m high are seen with a Pd of {obstacles.pd:g}"
 
 
 def plot(reference: Reference) -> list[str]:

@@ -15,11 +15,12 @@ prints what a reference holds and draws it.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._reference_arguments import MAKE, add_make
@@ -128,6 +129,7 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
         draws=args.draws,
         runs=args.runs,
         beside_runs=args.beside_runs,
+        obstacle_runs=args.obstacle_runs,
         seed=args.seed,
         pfa=args.pfa,
     )
@@ -236,7 +238,16 @@ def _info(args: argparse.Namespace) -> int:
 
     reference = Reference.parse(_read(args.reference), str(args.reference))
     if args.json:
-        print_json({**reference.header.model_dump(), "hash": reference.hash}, indent=2)
+        print_json({**_finite(reference.header.model_dump()), "hash": reference.hash}, indent=2)
         return 0
     print_lines(summary(reference) + plot(reference))
     return 0
+
+
+def _finite(value: Any) -> Any:
+    """As JSON can say it: null for what is infinite, an obstacle that is not seen at any height."""
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, tuple):
+        return [_finite(inner) for inner in value]
+    return None if value in (math.inf, -math.inf) else value

@@ -1,6 +1,8 @@
 """``fti reference``: make, info, mistakes."""
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from fti.cli.main import main
 from fti.cli.reference import _doubts
 from fti.hil.references.recordings import Pass
 from fti.nav.integrity.approach import ApproachPath
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import Obstacles, Reference
 from fti.terrain.scenes import DEMO_AIRFIELD
 from tests.helpers import ROOT
 from tests.terrain.elevation_files import write_ground
@@ -54,6 +56,34 @@ def test_info_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     table = json.loads(capsys.readouterr().out)
     assert table["sensor"] == {"kind": "radar", "beam_deg": 40.0}
     assert table["hash"] == Reference.parse(Path(DEMO).read_text(), DEMO).hash
+
+
+def test_info_tells_of_obstacles_and_of_templates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The smallest that is seen; none is a word for a person and null in JSON, which has no infinity."""
+    shipped = Reference.parse(Path(DEMO).read_text(), DEMO)
+    table = Obstacles(
+        pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(140.0, 60.0),
+        height_m=((40.0, math.inf), (25.0, 15.0)), runs=100,
+    )  # fmt: skip
+    limits = shipped.header.limits.model_copy(update={"t4_widths_m": (5.0, 30.0, 100.0)})
+    header = shipped.header.model_copy(update={"obstacles": table, "limits": limits})
+    file = tmp_path / "x.csv"
+    file.write_text(replace(shipped, header=header).to_text())
+    assert main(["reference", "info", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:5] for line in lines if " m wide" in line] == [
+        ["30", "m", "wide", "40", "none"],
+        ["60", "m", "wide", "25", "15"],
+    ]
+    assert any(line.startswith("T4 is of") and "5, 30, 100 m" in line for line in lines)
+    assert main(["reference", "info", str(file), "--json"]) == 0
+    said = capsys.readouterr().out
+    assert json.loads(said)["obstacles"]["height_m"] == [[40.0, None], [25.0, 15.0]]
+    assert "Infinity" not in said
+    single = shipped.header.limits.model_copy(update={"t4_widths_m": None})
+    file.write_text(replace(shipped, header=shipped.header.model_copy(update={"limits": single})).to_text())
+    assert main(["reference", "info", str(file)]) == 0
+    assert "single bins" in capsys.readouterr().out
 
 
 def test_mistakes_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

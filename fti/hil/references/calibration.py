@@ -6,6 +6,7 @@
     Pd        share of windows with a test over its limit when the aircraft flies 50, 100, 200 m beside the track and
               navigation says on it, by the part of the way in which they end; each window for itself: how long an ALERT
               lasts that an earlier one has raised is not in it
+    obstacles the smallest that T4 sees (``fti.hil.references.obstacles``)
 
 Source: Spiegel 2018, 7.2.2; limits calibrated instead of chosen.
 """
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from fti.config import Approach
 from fti.errors import ConfigError
 from fti.hil.references.approaches import NOMINAL, Ground, TerrainGround, fly, simulate, track_of
+from fti.hil.references.obstacles import obstacles_seen
 from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
 from fti.hil.references.profile import (
     DS_M,
@@ -37,6 +39,7 @@ from fti.hil.references.tails import bootstrap_interval, upper_quantile
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.reference import Detection, Header, Limits, Profile, Reference
 from fti.nav.integrity.scan import Scan, Scanner
+from fti.nav.integrity.statistics import WIDTHS_M
 from fti.types import IntegrityState
 
 Array = NDArray[np.float64]
@@ -56,7 +59,7 @@ ANY_LEVEL_M = 1e6
 
 
 def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_all: RunAll = one_by_one) -> Reference:
-    """From terrain and sensor model: profile, limits, table of detection.
+    """From terrain and sensor model: profile, limits, tables of detection and of obstacles.
 
     Raises ConfigError where the terrain does not cover the approach.
     """
@@ -66,7 +69,8 @@ def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_al
     offsets = [(sign * y, run) for y in BESIDE_M for sign in (-1, 1) for run in range(plan.beside_runs // 2)]
     task = functools.partial(_seen_beside, ground, plan, reference)
     found = run_all(task, offsets, functools.partial(progress, "beside the track"))
-    header = reference.header.model_copy(update={"detection": _detection(plan, found)})
+    obstacles = obstacles_seen(ground, plan, reference, progress, run_all)
+    header = reference.header.model_copy(update={"detection": _detection(plan, found), "obstacles": obstacles})
     return dataclasses.replace(reference, header=header)
 
 
@@ -174,6 +178,7 @@ def _limits(plan: Plan, values: Sequence[float], intervals: Sequence[tuple[float
         f"{test}_interval": interval for test, interval in zip(TESTS, intervals, strict=True)
     }
     made = {"pfa": plan.pfa, "pmd": plan.pmd, "runs": plan.runs, "seed": plan.seed, "method": METHOD}
+    made |= {"t4_widths_m": (DS_M, *WIDTHS_M)}
     return Limits.model_validate(table | made | {"verified_runs": 0, "verified_alarms": 0})
 
 

@@ -41,6 +41,7 @@ class Plan:
 
     surface : name of the terrain or of the recordings, date : of their survey
     runs : simulated approaches for the limits      beside_runs : for each offset of the table of detection
+    obstacle_runs : over obstacles of each width in each part of the way; 0: no table of obstacles
     pfa : false alarms per approach, all tests together      pmd : missed detections
     """
 
@@ -51,6 +52,7 @@ class Plan:
     draws: int = 100
     runs: int = 2000
     beside_runs: int = 100
+    obstacle_runs: int = 100
     seed: int = 1
     pfa: float = 0.01
     pmd: float = 1e-3

@@ -13,7 +13,7 @@ from fti.hil.references.calibration import make_reference
 from fti.hil.references.plan import Plan
 from fti.hil.references.profile import few_draws_factor
 from fti.nav.integrity.approach import ApproachPath, load_airfield
-from fti.nav.integrity.reference import Reference
+from fti.nav.integrity.reference import Limits, Reference
 from fti.terrain.scenes import DEMO_AIRFIELD, demo_scene
 from fti.types import ClearanceIntegrity, IntegrityState
 from tests.helpers import ROOT
@@ -28,7 +28,7 @@ def ground() -> TerrainGround:
 
 
 def plan(s_max: float, runs: int) -> Plan:
-    return Plan(surface="demo", date="2018-06-01", s_max=s_max, draws=5, runs=runs, beside_runs=2)
+    return Plan(surface="demo", date="2018-06-01", s_max=s_max, draws=5, runs=runs, beside_runs=2, obstacle_runs=2)
 
 
 @pytest.mark.parametrize("n", [5, 10, 30, 100])
@@ -47,9 +47,38 @@ def test_a_small_reference_is_made_and_reads_back(ground: TerrainGround) -> None
     limits = reference.header.limits
     assert all(1.0 < limit < 200.0 for limit in (limits.t1, limits.t3, limits.t4))
     assert (limits.runs, limits.verified_runs) == (20, 5)
-    stages = ["profile", "range map", "correlation", "nominal approaches", "verification", "beside the track"]
+    stages = [
+        "profile",
+        "range map",
+        "correlation",
+        "nominal approaches",
+        "verification",
+        "beside the track",
+        "obstacles",
+    ]
     assert list(dict.fromkeys(what for what, _ in done)) == stages
-    assert done[-1] == ("beside the track", 1.0)
+    assert done[-1] == ("obstacles", 1.0)
+
+
+def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
+    ground: TerrainGround, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the same approaches: the greatest of several is no less than that of single bins; others are alike."""
+    made, make_limits = list[np.ndarray](), calibration.make_limits
+
+    def remembered(plan: Plan, maxima: np.ndarray) -> Limits:
+        made.append(maxima)
+        return make_limits(plan, maxima)
+
+    monkeypatch.setattr(calibration, "make_limits", remembered)
+    for widths in ((30.0, 50.0, 75.0, 100.0), ()):
+        monkeypatch.setattr(calibration, "WIDTHS_M", widths)
+        limits = make_reference(ground, plan(1200.0, 20), lambda *step: None).header.limits
+        assert limits.t4_widths_m == (5.0, *widths)
+    templates, bins = made
+    assert np.all(templates[:, 3] >= bins[:, 3])
+    assert np.any(templates[:, 3] > bins[:, 3])
+    np.testing.assert_array_equal(templates[:, :3], bins[:, :3])
 
 
 def test_detection_beside_the_track_is_tabulated(ground: TerrainGround) -> None:
