@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.scan import Scan, Scanner
 from fti.study._clearance_faults import TRUSTED, faulty, is_observable
 from fti.study._clearance_ground import mapped, path, reference, strict_reference, traced
-from fti.types import IntegrityState
+from fti.types import ClearanceIntegrity, IntegrityState
 
 #: As the demonstration is configured.
 SETTINGS = Approach(profile="", alert_v_m=50.0)
@@ -81,15 +82,31 @@ def late_flight(seed: int, run: int) -> Flown:
     )  # fmt: skip
 
 
-def joined_late(argument: tuple[int, int]) -> tuple[bool, float]:
-    """A late flight: seed, run.
+class Joined(NamedTuple):
+    """An approach that joins the track late.
 
-    Returns whether it was trusted before (OK or MONITOR), and how far behind the joining it was first [m], NaN: never.
+    before  : it was trusted (OK or MONITOR) before it was on the track
+    alerted : there was an ALERT before it was trusted
+    behind  : how far behind the joining it was first trusted [m], NaN: never
     """
+
+    before: bool
+    alerted: bool
+    behind: float
+
+
+def joined_late(argument: tuple[int, int]) -> Joined:
+    """A late flight: seed, run."""
+    return judge_joined(fly(ClearanceMonitor(reference(), SETTINGS), late_flight(*argument)))
+
+
+def judge_joined(outputs: Sequence[ClearanceIntegrity]) -> Joined:
+    """What the monitor said of a late flight."""
     join = JOINED_M + path().x_gpi
-    outputs = fly(ClearanceMonitor(reference(), SETTINGS), late_flight(*argument))
-    trusted = [o.s_end for o in outputs if o.state in TRUSTED and o.s_end is not None]
-    return any(s > join for s in trusted), join - max(trusted, default=math.nan)
+    first = next((k for k, o in enumerate(outputs) if o.state in TRUSTED and o.s_end is not None), len(outputs))
+    s_end = outputs[first].s_end if first < len(outputs) else None
+    behind = math.nan if s_end is None else join - s_end
+    return Joined(behind < 0.0, any(o.state is IntegrityState.ALERT for o in outputs[:first]), behind)
 
 
 def fly_one(argument: tuple[str, int, int]) -> Any:

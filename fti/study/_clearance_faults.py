@@ -30,6 +30,7 @@ from fti.study._clearance_ground import (
     OBSTACLES,
     PLACES_M,
     mapped,
+    promises,
     reference,
     strict_reference,
     traced,
@@ -62,6 +63,7 @@ class Faulty(NamedTuple):
                  (NaN where one of both has not been)
     observable : a shift was, in the window before the fault
     again      : after an ALERT it was trusted again (OK, MONITOR) while still over its limit
+    promised   : an obstacle that the reference promises to be seen where it stands
     """
 
     seen: bool
@@ -72,6 +74,7 @@ class Faulty(NamedTuple):
     warned_s: float
     observable: bool
     again: bool = False
+    promised: bool = False
 
 
 #: A flight with the fault, and the fault over its limit, shape (n,).
@@ -168,7 +171,7 @@ def flown_with(name: str, seed: int, run: int) -> tuple[Flown, Array, float]:
     """A faulty approach, its fault over the limit, shape (n,), and its onset [m]."""
     rng = np.random.default_rng([seed, 1 + list(FAULTS).index(name), run])
     fault, side = FAULTS[name], 1.0 if run % 2 else -1.0
-    place = run // 2 % len(PLACES_M)
+    place = _place(run)
     onset = PLACES_M[place] if name in OBSTACLES else rng.uniform(NEAREST_M, FARTHEST_M)
     ground: Ground = mapped()
     if name in OBSTACLES:
@@ -183,6 +186,11 @@ def flown_with(name: str, seed: int, run: int) -> tuple[Flown, Array, float]:
         offset=lambda s: side * fault.beside * _grown(s, onset),
     )
     return *fault.change(flown, onset, side), onset
+
+
+def _place(run: int) -> int:
+    """Which of the places an obstacle stands at."""
+    return run // 2 % len(PLACES_M)
 
 
 def faulty(argument: tuple[str, int, int]) -> Faulty:
@@ -206,6 +214,7 @@ def faulty(argument: tuple[str, int, int]) -> Faulty:
         warned_s=_until(judged, first, _warns),
         observable=is_observable(before[-1]),
         again=_trusted_again(judged, flown, over_limit),
+        promised=argument[0] in OBSTACLES and promises(argument[0], _place(argument[2])),
     )
 
 

@@ -18,8 +18,13 @@ PROFILES = FOLDER.parent / "profiles"
 #: Vegetation that no approach of the calibration has met.
 VEGETATION = (0.85, 1.15)
 #: Where obstacles stand before the intercept point [m], how high and how wide and long they are [m].
-PLACES_M = (1900.0, 2600.0, 3291.0, 4400.0)
-OBSTACLES = {"obstacle_30": (30.0, 20.0), "obstacle_75": (75.0, 60.0), "obstacle_150": (150.0, 150.0)}
+PLACES_M = (1900.0, 2600.0, 3291.0, 4400.0, 6000.0)
+OBSTACLES = {
+    "obstacle_30": (30.0, 20.0),
+    "obstacle_60": (60.0, 60.0),
+    "obstacle_75": (75.0, 60.0),
+    "obstacle_150": (150.0, 150.0),
+}
 
 
 @functools.cache
@@ -37,6 +42,13 @@ def strict_reference() -> Reference:
 def _read(name: str) -> Reference:
     file = PROFILES / name
     return Reference.parse(file.read_text(encoding="utf-8"), str(file))
+
+
+def promises(kind: str, place: int) -> bool:
+    """Whether the reference promises that an obstacle is seen there."""
+    height, width = OBSTACLES[kind]
+    table = reference().header.obstacles
+    return table is not None and table.least(PLACES_M[place], width) <= height
 
 
 @functools.cache

@@ -7,8 +7,15 @@ latency, quantiser, elevation error.
 
 N = runs nominal approaches; a fifteenth as many for each fault.  The unit is the approach.  Alarms must be no more
 than the binomial 95 % limit of Pfa: for the limits that the demonstration flies with (1 %), and for those of 0.1 % on
-the same approaches.  Detection has Wilson limits of 95 %, is told apart by whether a shift was observable, and is not
-judged: what cannot be seen depends on the ground.
+the same approaches.  Detection has Wilson limits of 95 % and is told apart by whether a shift was observable.  It must
+be 0.97 (``.detected``) where it is claimed:
+
+    obstacle of 150 m          everywhere
+    other obstacles            where the reference promises it (its table of obstacles, by width and part of the way)
+    beside and along the track where the error passes its alert limit and a shift was observable
+    the others                 where the error passes its alert limit
+
+What is below its limit, and what the ground does not show, is told.
 
 The time to the ALERT is judged by its 95th percentile from the first sample over the limit: 2 s for an obstacle, one
 window and 1 s for the others.  An approach without an ALERT counts as one on which it never comes.
@@ -23,6 +30,10 @@ longer than a window and 1 s.  Where a fault grows, the new count begins sooner,
 ``misled`` is what a time to alert is for: approaches with an error over its limit on which, that time later, there had
 been neither an ALERT nor a CAUTION nor UNAVAILABLE (docs/safety.md: hazardously misleading).  ``again`` is the other
 way to it: those on which an ALERT ended while the error was still over its limit.
+
+T14, off the track and back on it, are two groups: without an ALERT before, it is trusted within 300 m; after one a
+whole calm window is needed, and 1100 m are right: what was beside the track leaves the window, a new one is calm, and a
+turn.
 """
 
 from __future__ import annotations
@@ -37,7 +48,7 @@ import numpy as np
 
 from fti.hil.references.profile import WINDOW_M
 from fti.study import REPORTED, Draw, Progress, Result
-from fti.study._clearance import JOINED, NOMINAL, Nominal, fly_one
+from fti.study._clearance import JOINED, NOMINAL, Joined, Nominal, fly_one
 from fti.study._clearance_faults import FAULTS, Faulty
 from fti.study._clearance_ground import OBSTACLES, reference, strict_reference
 from fti.study._proportions import most_by_chance, wilson
@@ -49,10 +60,14 @@ SEED = 31
 #: Nominal approaches for each faulty one, and for each that joins late.
 NOMINAL_PER_FAULT, NOMINAL_PER_JOINED = 15, 60
 OBSTACLE_S, SPEED_MS, LATER_S = 2.0, 60.0, 1.0
-#: The late approach is trusted again so soon behind its joining [m]: what was beside the track leaves the window, a
-#: whole new one must be calm, and what a turn takes.  (700 m, one window and the turn, while an ALERT ended after three
-#: updates.)
-TRUSTED_AGAIN_M = 2 * WINDOW_M + 300.0
+#: Detection where it is claimed.
+PD = 0.97
+#: Kinds of errors that only ground with relief shows.
+BY_RELIEF = ("lateral", "along")
+#: The late approach is trusted so soon behind its joining [m]; after an ALERT what was beside the track leaves the
+#: window first, and a whole new one must be calm.
+TRUSTED_M = 300.0
+TRUSTED_AGAIN_M = 2 * WINDOW_M + TRUSTED_M
 #: Faults that reach a size at a place; the others are there from the start, or grow on.
 SIZED = ("lateral_50", "lateral_100", "lateral_200", "along_60", "height_10", "altimeter_stuck")
 
@@ -102,6 +117,7 @@ def _detected(name: str, flown: Sequence[Faulty]) -> list[Result]:
     results = [
         _share(f"{name}{part}.pd", "detected", [run.seen for run in some]) for part, some in _parts(flown).items()
     ]
+    results += _claimed(name, flown)
     results.append(_share(f"{name}.strict_pd", "detected with the limits of 0.1 %", [run.strict_seen for run in flown]))
     if name in SIZED:
         seen = [run.size_s for run in flown if math.isfinite(run.size_s)]
@@ -109,6 +125,22 @@ def _detected(name: str, flown: Sequence[Faulty]) -> list[Result]:
     over = [run for run in flown if run.over]
     results.append(_told(f"{name}.over", f"of {len(flown)} approaches: it passes its limit", len(over)))
     return results + (_in_time(name, over) if over else [])
+
+
+def _claimed(name: str, flown: Sequence[Faulty]) -> list[Result]:
+    """Detection where it is claimed: no result where it is nowhere."""
+    if name == "obstacle_150":
+        where, some = "", list(flown)
+    elif name in OBSTACLES:
+        where, some = ", where the reference promises it", [run for run in flown if run.promised]
+    elif name.startswith(BY_RELIEF):
+        where, some = ", over its limit where a shift is observable", [r for r in flown if r.over and r.observable]
+    else:
+        where, some = ", over its limit", [run for run in flown if run.over]
+    if not some:
+        return []
+    told = _share(f"{name}.detected", f"detected{where}", [run.seen for run in some])
+    return [dataclasses.replace(told, target=f">= {PD:g}", holds=told.value >= PD)]
 
 
 def _in_time(name: str, over: Sequence[Faulty]) -> list[Result]:
@@ -158,17 +190,24 @@ def _share(name: str, text: str, those: Sequence[bool]) -> Result:
     )
 
 
-def _joined(flown: Sequence[tuple[bool, float]]) -> list[Result]:
-    """T14: refused until the published track is joined, trusted behind it."""
-    before = sum(trusted for trusted, _ in flown)
-    again = [distance for _, distance in flown]
-    worst = float(np.max(np.nan_to_num(again, nan=np.inf)))
+def _joined(flown: Sequence[Joined]) -> list[Result]:
+    """T14: refused until the published track is joined, trusted behind it; after an ALERT a calm window later."""
+    before = sum(run.before for run in flown)
     text = f"of {len(flown)} approaches that join 2200 m before the threshold: trusted before"
     return [
         Result("T14.before", text, before, "= 0", before == 0),
-        Result("T14.behind", "first trusted so far behind the joining, the worst [m]", worst,
-               f"<= {TRUSTED_AGAIN_M:g} m", worst <= TRUSTED_AGAIN_M),
-    ]  # fmt: skip
+        *_behind("T14.behind", "without an ALERT", [run.behind for run in flown if not run.alerted], TRUSTED_M),
+        *_behind("T14.behind_alert", "with an ALERT", [run.behind for run in flown if run.alerted], TRUSTED_AGAIN_M),
+    ]
+
+
+def _behind(name: str, which: str, distances: Sequence[float], limit: float) -> list[Result]:
+    """How far behind the joining a group was first trusted, the worst of it; NaN: never."""
+    if not distances:
+        return []
+    worst = float(np.max(np.nan_to_num(distances, nan=np.inf)))
+    text = f"first trusted so far behind the joining, the worst of {len(distances)} {which} before [m]"
+    return [Result(name, text, worst, f"<= {limit:g} m", worst <= limit)]
 
 
 def drawings(seed: int) -> dict[str, Draw]:

@@ -1,5 +1,6 @@
 """The study of integrity with few runs: what it judges, and that it can fail."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from scipy.stats import binom
 
 from fti.hil.references.approaches import START_NS, Flown
+from fti.nav.integrity.reference import Obstacles
 from fti.study import Result, _clearance, _clearance_faults, _clearance_ground, clearance, workers
-from fti.study._clearance import Nominal
+from fti.study._clearance import Joined, Nominal
 from fti.study._clearance_faults import FAULTS, Faulty, faulty
 from fti.study._clearance_ground import reference, strict_reference
 from fti.study._proportions import most_by_chance, wilson
@@ -71,6 +73,49 @@ def test_an_alert_that_never_comes_is_late(missed: int) -> None:
     assert (found["along_60.time_p95"].value, found["along_60.time_p95"].holds) == (math.inf, False)
     assert found["along_60.time_p50"].value == (0.5 if missed == 2 else math.inf)
     assert found["along_60.misled"].value == missed / 20
+
+
+PROMISED = SEEN._replace(promised=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "flown", "value"),
+    [
+        ("obstacle_150", [SEEN] * 97 + [MISSED] * 3, 0.97),
+        ("obstacle_150", [SEEN] * 96 + [MISSED] * 4, 0.96),
+        ("obstacle_60", [PROMISED] * 40 + [MISSED] * 10, 1.0),
+        ("obstacle_60", [PROMISED] * 40 + [MISSED._replace(promised=True)] * 10, 0.8),
+        ("obstacle_60", [MISSED] * 50, None),
+        ("lateral_200", [SEEN] * 30 + [MISSED._replace(observable=False)] * 20, 1.0),
+        ("lateral_200", [SEEN] * 30 + [MISSED] * 2, 0.9375),
+        ("lateral_50", [SEEN._replace(over=False)] * 9, None),
+        ("height_10", [SEEN] * 30 + [MISSED._replace(over=False)] * 20, 1.0),
+        ("wrong_reference", [SEEN] * 30 + [MISSED._replace(observable=False)] * 20, 0.6),
+    ],
+)
+def test_detection_is_judged_where_it_is_claimed(name: str, flown: list[Faulty], value: float | None) -> None:
+    found = by_id(clearance._detected(name, flown))
+    if value is None:
+        assert f"{name}.detected" not in found
+    else:
+        judged = found[f"{name}.detected"]
+        assert (judged.target, judged.holds) == (">= 0.97", value >= 0.97)
+        assert judged.value == pytest.approx(value)
+    assert found[f"{name}.pd"].holds  # of all of them: told
+
+
+def test_a_promise_is_that_of_the_reference_at_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """60 m wide counts as 60, 150 as 100, and 20 is narrower than what the table knows."""
+    table = Obstacles(
+        pd=0.97, width_m=(30.0, 60.0, 100.0), s_m=(6000.0, 3000.0, 2000.0), agl_m=(300.0, 100.0, 90.0), runs=100,
+        height_m=((75.0, 20.0, 20.0), (75.0, 60.0, 20.0), (75.0, math.inf, 20.0)),
+    )  # fmt: skip
+    header = reference().header.model_copy(update={"obstacles": table})
+    known = dataclasses.replace(reference(), header=header)
+    monkeypatch.setattr(_clearance_ground, "reference", lambda: known)
+    kinds = ("obstacle_30", "obstacle_60", "obstacle_75", "obstacle_150")
+    near, middle, far = ([_clearance_ground.promises(kind, place) for kind in kinds] for place in (0, 1, 4))
+    assert (near, middle, far) == ([False, True, True, True], [False, True, True, False], [False, False, True, True])
 
 
 def test_an_error_below_its_alert_limit_has_a_time_from_its_size_only() -> None:
@@ -187,9 +232,42 @@ def level(s: np.ndarray) -> Flown:
 
 
 def test_an_approach_that_was_trusted_off_the_track_does_not_hold() -> None:
-    assert all(result.holds for result in clearance._joined([(False, 150.0), (False, 400.0)]))
-    assert not by_id(clearance._joined([(True, -50.0)]))["T14.before"].holds
-    assert not by_id(clearance._joined([(False, math.nan)]))["T14.behind"].holds
+    assert all(result.holds for result in clearance._joined([Joined(False, False, 150.0), Joined(False, True, 1050.0)]))
+    assert not by_id(clearance._joined([Joined(True, False, -50.0)]))["T14.before"].holds
+    assert not by_id(clearance._joined([Joined(False, False, math.nan)]))["T14.behind"].holds
+
+
+@pytest.mark.parametrize(
+    ("alerted", "behind", "holds"),
+    [(False, 299.0, True), (False, 400.0, False), (True, 400.0, True), (True, 1099.0, True), (True, 1150.0, False)],
+)
+def test_who_had_no_alert_is_trusted_within_300_m_and_who_had_one_within_1100(
+    alerted: bool, behind: float, holds: bool
+) -> None:
+    """400 m were within the limit of both groups while they were one."""
+    (judged,) = clearance._joined([Joined(False, alerted, behind)])[1:]
+    assert (judged.id, judged.holds) == ("T14.behind_alert" if alerted else "T14.behind", holds)
+
+
+@pytest.mark.parametrize(
+    ("states", "expected"),
+    [
+        ({3000.0: "unavailable", 2300.0: "ok", 2200.0: "alert"}, (False, False, 190.8)),
+        ({3000.0: "alert", 2600.0: "caution", 1400.0: "monitor"}, (False, True, 1090.8)),
+        ({2600.0: "ok", 2300.0: "alert"}, (True, False, -109.2)),
+        ({2300.0: "alert"}, (False, True, math.nan)),
+    ],
+)
+def test_joined_is_what_was_said_until_it_was_trusted(
+    states: dict[float, str], expected: tuple[bool, bool, float]
+) -> None:
+    """The track is joined 2490.8 m before the intercept point, which lies 290.8 m behind the threshold."""
+    found = _clearance.judge_joined([said(s, IntegrityState(state)) for s, state in states.items()])
+    assert found == pytest.approx(Joined(*expected), abs=0.1, nan_ok=True)
+
+
+def said(s: float, state: IntegrityState) -> ClearanceIntegrity:
+    return ClearanceIntegrity(t_ns=1, t_valid_ns=1, state=state, reasons=(), valid=True, s_end=s)
 
 
 def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -203,7 +281,9 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     assert results["nominal.alarms"].holds
     assert all(results[f"{name}.pd"].value == 1.0 for name in some)
     assert all(results[f"{name}.time_p95"].holds for name in some)
+    assert results["obstacle_150.detected"].value == 1.0
+    assert all(results[f"{name}.detected"].holds for name in some)
     assert results["T14.before"].holds
-    assert results["T14.behind"].holds
+    assert all(result.holds for name, result in results.items() if name.startswith("T14.behind"))
     assert told[-1] == pytest.approx(1.0)
     assert _clearance.nominal((5, 3)) == _clearance.nominal((5, 3))
