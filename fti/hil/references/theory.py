@@ -5,6 +5,7 @@
     T1  chi-square with K_eff - 1 degrees of freedom, at a / M      T2  chi-square with one, at a / M
     T3  |normal|, at a / M                                          T4  normal, at a / (M K_eff): the greatest of them
 
+Templates of T4 longer than a bin are no further residuals here: where they add chances, its limit is higher.
 Calibrated limits lie about them.  Where they do not, residuals are not what the model takes them for: T1 far below is a
 sigma that allows for more than nominal flights make use of, T1 far above one that allows for less.
 Sources: Wilson and Hilferty 1931 (chi-square quantile); Bonferroni for the many windows.
