@@ -20,7 +20,7 @@ from fti.types import IntegrityState, Reason
 
 Flight = Callable[..., Iterator[ClearanceSample]]
 
-WIDTHS_M = (5.0, 30.0, 50.0, 75.0, 100.0)
+WIDTHS_M = (5.0, 15.0, 30.0, 50.0, 75.0, 100.0)
 SETTINGS = Approach(profile="", alert_v_m=12.0)
 FIRST = 200
 
@@ -71,16 +71,17 @@ def test_it_is_the_greatest_normalised_sum_over_the_templates(reference: Referen
     sd_ref = np.round(rng.uniform(0.5, 6.0, len(reference.s)), 3)
     known = with_widths(with_correlation(dataclasses.replace(reference, s_ref=sd_ref), length), WIDTHS_M)
     sd = np.hypot(sd_ref, known.s_alt)[FIRST : FIRST + 81]
-    expected = by_matrices(residual, filled, sd, length, (1, 6, 10, 15, 20))
+    expected = by_matrices(residual, filled, sd, length, (1, 3, 6, 10, 15, 20))
     assert t4(known, residual, filled) == pytest.approx(expected, rel=1e-9)
 
 
 def test_three_high_bins_add_up(reference: Reference) -> None:
-    """Of bins that do not hang together: 3 x 4 sigma in a template of 6 are 12 / sqrt(6), and 4 in each alone."""
+    """Of bins that do not hang together: 3 x 4 sigma are 12 / sqrt(3), two 8 / sqrt(3), and 4 each alone."""
     white = with_correlation(reference, 5.0)
     high = np.full(3, 4.0 * math.sqrt(1.25))
     assert t4(white, high) == pytest.approx(4.0)
-    assert t4(with_widths(white, WIDTHS_M), high) == pytest.approx(12.0 / math.sqrt(6.0))
+    assert t4(with_widths(white, WIDTHS_M), high) == pytest.approx(12.0 / math.sqrt(3.0))
+    assert t4(with_widths(white, WIDTHS_M), high[:2]) == pytest.approx(8.0 / math.sqrt(3.0))
 
 
 def test_one_high_bin_is_seen_as_before(reference: Reference) -> None:

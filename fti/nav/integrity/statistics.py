@@ -15,7 +15,7 @@
 The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index that is missing in print) as weighted statistics.  The
 height error b(0) is removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
 T4 is a filter matched to what is as long as an obstacle: the sum over neighbouring bins, of the widths that the
-reference names (a single bin, 30 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
+reference names (a single bin, 15 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
 end.  Neighbouring residuals of a flight hang together; rho is that of a first-order Gauss-Markov process in steps of ds
 whose integral scale, ds (1 + rho) / (1 - rho), is the reference's l_c.
 The protection levels are what an error must reach to be missed with the probability Pmd at most (``fti.nav.integrity.
@@ -40,8 +40,8 @@ Array = NDArray[np.float64]
 
 SHIFT_MAX_M = MARGIN_M
 OBSTACLE_M = 50.0
-#: Lengths of obstacles that T4 is matched to, beside a single bin [m].
-WIDTHS_M = (30.0, 50.0, 75.0, 100.0)
+#: Lengths that T4 is matched to, beside a single bin [m]: obstacles of 30 to 100 m, and what shows of one of 20 m.
+WIDTHS_M = (15.0, 30.0, 50.0, 75.0, 100.0)
 #: One sigma of the navigated height when the source states none, or one that is no sigma [m].
 VERTICAL_SD_UNKNOWN = 5.0
 

@@ -71,7 +71,7 @@ def test_the_limit_of_t4_is_that_of_the_templates_which_the_file_names(
         return make_limits(plan, maxima)
 
     monkeypatch.setattr(calibration, "make_limits", remembered)
-    for widths in ((30.0, 50.0, 75.0, 100.0), ()):
+    for widths in ((15.0, 30.0, 50.0, 75.0, 100.0), ()):
         monkeypatch.setattr(calibration, "WIDTHS_M", widths)
         limits = make_reference(ground, plan(1200.0, 20), lambda *step: None).header.limits
         assert limits.t4_widths_m == (5.0, *widths)

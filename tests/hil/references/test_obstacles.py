@@ -97,7 +97,7 @@ def reference(path: ApproachPath) -> Reference:
             "seed": 1,
             "method": "by hand",
         }
-        | {"t4_widths_m": (5.0, 30.0, 50.0, 75.0, 100.0)}
+        | {"t4_widths_m": (5.0, 15.0, 30.0, 50.0, 75.0, 100.0)}
     )
     header = Header(airfield=path.airfield, sensor=LASER.sensor, profile=profile, limits=limits)
     return Reference(header, s, np.zeros_like(s), np.full_like(s, SD_M), np.full_like(s, 0.1))
