@@ -12,7 +12,7 @@ from fti.constants import FOOT
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference, grid
+from fti.nav.integrity.reference import Obstacles, Reference, grid
 from fti.nav.integrity.scan import Scanner
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins, Track
@@ -136,6 +136,22 @@ def test_templates_that_make_no_sense_are_refused(reference: Reference) -> None:
     text = with_widths(reference, (5.0, -30.0)).to_text()
     with pytest.raises(ConfigError, match=r"x: limits.t4_widths_m\[1\] = -30.0: input should be greater than 0"):
         Reference.parse(text, "x")
+
+
+def test_a_template_that_no_window_holds_is_refused(reference: Reference) -> None:
+    """It would see nothing at all."""
+    with pytest.raises(ConfigError, match=r"x: limits.t4_widths_m = \[5.0, 450.0\]: must be at most window_m = 400.0"):
+        Reference.parse(with_widths(reference, (5.0, 450.0)).to_text(), "x")
+
+
+@pytest.mark.parametrize("rows", [((10.0,), (10.0,)), ((10.0, 15.0),), ((10.0, 15.0), (10.0,))])
+def test_a_table_of_obstacles_that_is_no_table_is_refused(
+    reference: Reference, rows: tuple[tuple[float, ...], ...]
+) -> None:
+    table = Obstacles(pd=0.97, width_m=(30.0, 60.0), s_m=(2000.0, 1000.0), agl_m=(100.0, 50.0), height_m=rows, runs=100)
+    bad = dataclasses.replace(reference, header=reference.header.model_copy(update={"obstacles": table}))
+    with pytest.raises(ConfigError, match=r"x: obstacles.height_m: must have a row for each of 2 widths"):
+        Reference.parse(bad.to_text(), "x")
 
 
 @pytest.mark.parametrize("speed", [25.0, 60.0])

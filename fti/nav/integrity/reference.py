@@ -182,6 +182,7 @@ class Reference:
         except ConfigError as error:
             raise ConfigError(_with_line(str(error), file, where)) from None
         _check_window(header.profile, file)
+        _check_obstacles(header, file)
         rows = _read_rows(lines[at + 1 :], file, at + 2)
         _check_grid(rows[:, 0], header.profile, file, at + 2)
         _check_sigmas(rows, file, at + 2)
@@ -289,6 +290,22 @@ def _check_window(profile: Profile, file: str) -> None:
         raise ConfigError(
             f"{file}: profile.correlation_m = {profile.correlation_m}: must be at most window_m / "
             f"{LEAST_CORRELATIONS} = {profile.window_m / LEAST_CORRELATIONS}"
+        )
+
+
+def _check_obstacles(header: Header, file: str) -> None:
+    """Templates that no window holds would see nothing, and say nothing of it."""
+    widths, window = header.limits.t4_widths_m or (), header.profile.window_m
+    if max(widths, default=0.0) > window:
+        raise ConfigError(f"{file}: limits.t4_widths_m = {list(widths)}: must be at most window_m = {window}")
+    table = header.obstacles
+    if table is None:
+        return
+    parts = len(table.s_m)
+    if len(table.agl_m) != parts or [len(row) for row in table.height_m] != [parts] * len(table.width_m):
+        raise ConfigError(
+            f"{file}: obstacles.height_m: must have a row for each of {len(table.width_m)} widths (width_m), with a "
+            f"figure for each of {parts} parts (s_m), as agl_m has"
         )
 
 
