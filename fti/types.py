@@ -430,6 +430,7 @@ class Reason(StrEnum):
     GAPS = "gaps"
     NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
     PROTECTION_LEVEL = "protection_level"  # vertical, above the alert limit
+    ASSUMPTION = "assumption"  # navigation or altimeter is worse than, or another one than, the limits assume
     POSITION_UNCERTAIN = "position_uncertain"  # by its own sigma, which the ground beside the track cannot make up for
     END = "end"  # past the glide path intercept
     GO_AROUND = "go_around"

@@ -9,8 +9,9 @@ import numpy as np
 
 from fti.hil.references.theory import theoretical_limits
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.assumptions import Assumptions
 from fti.nav.integrity.ground_track import Leg
-from fti.nav.integrity.reference import Detection, Limits, Obstacles, Reference
+from fti.nav.integrity.reference import Detection, Limits, Obstacles, Reference, least_level_v
 
 PLOT_ROWS, PLOT_COLUMNS = 16, 96
 
@@ -32,10 +33,12 @@ def summary(reference: Reference) -> list[str]:
         "by theory    "
         + "  ".join(f"T{k} {limit:.3f}" for k, limit in enumerate(theoretical_limits(reference), 1))
         + "  (independent normal residuals; for a check)",
+        *_assumptions(header.assumptions),
         f"verified     an alarm on {limits.verified_alarms} of {limits.verified_runs} other approaches",
         *_beside(header.detection),
         f"T4 is of     {_templates(limits)}",
         *_obstacles(header.obstacles),
+        f"PL_v         {least_level_v(reference):.1f} m at least; nav.approach.alert_v_m must not be smaller",
         f"sigma        {reference.s_ref.min():.2f} to {reference.s_ref.max():.2f} m",
         f"hash         {reference.hash}",
     ]
@@ -49,6 +52,22 @@ def _track(legs: Sequence[Leg]) -> Iterator[str]:
         side = "right" if (leg.radius_m or 0.0) > 0.0 else "left"
         yield way + (f"to the {side}, radius {abs(leg.radius_m):g} m" if leg.radius_m else "straight")
         begin += leg.length_m
+
+
+def _assumptions(assumed: Assumptions | None) -> Iterator[str]:
+    """What the limits assume of navigation, flight, ground and receiver."""
+    if assumed is None:
+        yield "assumes      not stated (made before references stated it): nothing is compared in flight"
+        return
+    yield (
+        f"assumes      navigation {assumed.nav_vertical_sd_m:g} m vertically, {assumed.nav_noise_sd_m:g} m of it "
+        f"within a window, {assumed.nav_horizontal_sd_m:g} m horizontally"
+    )
+    yield (
+        f"             track {assumed.track_sd_m:g} m, height {assumed.height_sd_m:g} m, elevation "
+        f"{assumed.elevation_short_sd_m:g} m over 30 m and {assumed.elevation_long_sd_m:g} m over 300 m"
+    )
+    yield f"             receiver {assumed.receiver} ({assumed.receivers}), beam {assumed.beam_deg:g} deg"
 
 
 def _beside(detection: Detection | None) -> Iterator[str]:

@@ -212,18 +212,17 @@ def _missing(config: Config) -> Iterator[dict[str, str]]:
             yield {"role": role, "reason": reason.value}
     if config.nav.approach is None:
         yield {"role": "approach", "reason": Reason.NO_PROFILE.value}
-    elif config.nav.altimeters and not _fits_reference(config):
-        yield {"role": "approach", "reason": Reason.WRONG_SENSOR.value}
+    elif config.nav.altimeters and (unfit := _unfit_altimeter(config)):
+        yield {"role": "approach", "reason": unfit.value}
 
 
-def _fits_reference(config: Config) -> bool:
-    """Whether an altimeter of navigation is of the kind that the reference of the approach was made for."""
-    from fti.nav.integrity.reference import fits
+def _unfit_altimeter(config: Config) -> Reason | None:
+    """Why no altimeter of navigation is the one that the reference of the approach was made for; None: one is."""
+    from fti.nav.integrity.channel import idle_reason
     from fti.service.binding import parse_reference, read_texts
 
     reference = parse_reference(config, read_texts(config))
-    devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
-    return reference is not None and any(fits(device, reference.header.sensor) for device in devices)
+    return None if reference is None else idle_reason(config, reference)
 
 
 def _shared_ports(config: Config) -> Iterator[str]:

@@ -27,7 +27,7 @@ from fti.cli._reference_arguments import MAKE, add_make
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
-    from fti.hil.references.approaches import AltimeterModel
+    from fti.hil.references.approaches import AltimeterModel, Spread
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import Limits, Reference
     from fti.terrain.terrain import Terrain
@@ -72,14 +72,15 @@ def _read(path: Path) -> str:
 
 
 def _make(args: argparse.Namespace) -> int:
-    from fti.hil.references.approaches import MODELS
+    from fti.cli._reference_altimeter import check_alert_limit, load, model_of
     from fti.nav.integrity.approach import ApproachPath, load_airfield
 
+    config = load(args.config)
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
     _check_place(args.out)
     with _Bars() as bars:
         make = _from_recordings if args.recorded else _from_terrain
-        reference = make(args, path, MODELS[args.altimeter], bars)
+        reference = make(args, path, model_of(args, config), bars)
     try:
         args.out.parent.mkdir(parents=True, exist_ok=True)
         args.out.write_text(reference.to_text(), encoding="utf-8")
@@ -92,6 +93,7 @@ def _make(args: argparse.Namespace) -> int:
     )
     for remark in _doubts(limits):
         print_line(f"fti: {args.out}: {remark}", error=True)
+    check_alert_limit(reference, config, args.out)
     return 0
 
 
@@ -132,6 +134,8 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
         obstacle_runs=args.obstacle_runs,
         seed=args.seed,
         pfa=args.pfa,
+        spread=_spread(args),
+        receiver=args.receiver,
     )
     ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
     return make_reference(ground, plan, bars.update, run_all)
@@ -163,8 +167,22 @@ def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: Al
         runs=args.runs,
         seed=args.seed,
         pfa=args.pfa,
+        spread=_spread(args),
     )
     return reference_from_recordings(path, altimeter, profiles, plan, bars.update, run_all=run_all)
+
+
+def _spread(args: argparse.Namespace) -> Spread:
+    """What the limits are to assume."""
+    from fti.hil.references.approaches import Spread
+
+    return Spread(
+        track=args.track_sd,
+        nav_horizontal=args.nav_horizontal_sd,
+        nav_vertical=args.nav_vertical_sd,
+        dem_short=args.elevation_sd,
+        dem_long=args.elevation_sd,
+    )
 
 
 def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tuple[Terrain, ...]:

@@ -29,6 +29,7 @@ from fti.config.tables import (
     StrictModel,
     TerrainFiles,
     UdpLink,
+    UnstatedSd,
     Vector,
 )
 
@@ -54,6 +55,7 @@ __all__ = [
     "StrictModel",
     "TerrainFiles",
     "UdpLink",
+    "UnstatedSd",
     "Vector",
     "bind",
     "decode_text",

@@ -251,6 +251,20 @@ class Radio(StrictModel):
     dme_sd_m: Positive = 222.0
 
 
+class UnstatedSd(StrictModel):
+    """``[nav.unstated_sd]``: sigma of a place, horizontal and vertical [m], that counts where its source states none.
+
+    satellites : of a receiver      inertial : of a device that gives attitude as well
+
+    The defaults are the 95 % errors of the service, 8 m and 13 m (GPS Standard Positioning Service Performance
+    Standard 2020, table 3.8-3: global average), over 2.45 and 1.96; an inertial system is held by satellites, and
+    coasts without them: 1.5 times as much.
+    """
+
+    satellites: tuple[Positive, Positive] = (3.3, 6.6)
+    inertial: tuple[Positive, Positive] = (5.0, 10.0)
+
+
 class Nav(StrictModel):
     """``[nav]``: roles, each a list of devices in order of preference.
 
@@ -265,6 +279,7 @@ class Nav(StrictModel):
     filter: Filter | None = None
     radio: Radio | None = None
     approach: Approach | None = None
+    unstated_sd: UnstatedSd = UnstatedSd()
 
 
 class Display(StrictModel):

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fti.config import Approach
-from fti.hil.references.approaches import Flown, fly, simulate, track_of
+from fti.hil.references.approaches import TYPICAL, Flown, fly, simulate, track_of
 from fti.hil.references.calibration import may_alarm
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.protection import Protector
 from fti.nav.integrity.reference import Reference
 from fti.nav.integrity.scan import Scan, Scanner
 from fti.study._clearance_faults import TRUSTED, faulty, is_observable
-from fti.study._clearance_ground import mapped, path, reference, strict_reference, traced
+from fti.study._clearance_ground import assumed, mapped, path, reference, strict_reference, traced
 from fti.types import ClearanceIntegrity, IntegrityState
 
 #: As the demonstration is configured.
@@ -40,7 +40,9 @@ class Nominal(NamedTuple):
 
 def nominal(argument: tuple[int, int]) -> Nominal:
     """One nominal approach, seed and number."""
-    flown = simulate(mapped(), reference().header.profile.s_max_m, np.random.default_rng([*argument, 0]))
+    flown = simulate(
+        mapped(), reference().header.profile.s_max_m, np.random.default_rng([*argument, 0]), spread=assumed()
+    )
     scan = Scanner(reference(), SETTINGS).scan(track_of(flown), flown.vertical_sd)
     available, observable = _asked(flown) if scan is None else _scanned(scan)
     alarm, strict_alarm = (_alarms(known, flown, scan) for known in (reference(), strict_reference()))
@@ -78,7 +80,7 @@ def late_flight(seed: int, run: int) -> Flown:
     join = JOINED_M + path().x_gpi
     return simulate(
         traced(), join + 1500.0, np.random.default_rng([seed, 99, run]),
-        s_end=join - 1200.0, offset=lambda s: np.maximum(s - join, 0.0) * np.tan(np.radians(30.0)),
+        s_end=join - 1200.0, spread=TYPICAL, offset=lambda s: np.maximum(s - join, 0.0) * np.tan(np.radians(30.0)),
     )  # fmt: skip
 
 

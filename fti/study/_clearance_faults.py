@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.config import Approach
-from fti.hil.references.approaches import START_NS, Flown, Ground, fly, simulate
+from fti.hil.references.approaches import START_NS, TYPICAL, Flown, Ground, fly, simulate
 from fti.nav.integrity.monitor import ClearanceMonitor
 from fti.nav.integrity.reference import Reference
 from fti.study._clearance_ground import (
@@ -143,7 +143,7 @@ def _built(flown: Flown, onset: float, side: float) -> Changed:
     """The excess over T4's limit, against the median of what lies behind the obstacle; 0 far from it."""
     known = reference()
     expected = np.interp(flown.nav_s, known.s, known.z_ref)
-    sd = np.interp(flown.nav_s, known.s, np.hypot(known.s_ref, known.s_alt))
+    sd = np.interp(flown.nav_s, known.s, known.sd)
     residual = flown.nav_alt - flown.agl - expected
     before = flown.s > onset + ABOUT_M
     excess = (residual - np.median(residual[before])) / (known.header.limits.t4 * sd)
@@ -183,6 +183,7 @@ def flown_with(name: str, seed: int, run: int) -> tuple[Flown, Array, float]:
         onset + BEFORE_M,
         rng,
         s_end=max(onset - fault.behind, 0.0),
+        spread=TYPICAL,
         offset=lambda s: side * fault.beside * _grown(s, onset),
     )
     return *fault.change(flown, onset, side), onset

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import functools
+import math
 
-from fti.hil.references.approaches import RA4500, TerrainGround
+from fti.hil.references.approaches import NOMINAL, RA4500, Spread, TerrainGround
 from fti.hil.references.range_map import MappedGround, map_ground
+from fti.hil.references.receivers import Receiver
 from fti.hil.scenario.loading import FOLDER
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
@@ -17,6 +19,12 @@ from fti.terrain.terrain import Terrain
 PROFILES = FOLDER.parent / "profiles"
 #: Vegetation that no approach of the calibration has met.
 VEGETATION = (0.85, 1.15)
+#: Receivers that no draw of a reference is: another pattern, one threshold beyond those that are drawn (-13 to -3 dB).
+RECEIVERS = tuple(
+    Receiver("aperture", math.radians(beam), 10.0 ** (threshold / 10.0), exponent=2.5)
+    for threshold in (-14.5, -10.0, -5.0)
+    for beam in (38.0, 42.0)
+)
 #: Where obstacles stand before the intercept point [m], how high and how wide and long they are [m].
 PLACES_M = (1900.0, 2600.0, 3291.0, 4400.0, 6000.0)
 OBSTACLES = {
@@ -52,6 +60,22 @@ def promises(kind: str, place: int) -> bool:
 
 
 @functools.cache
+def assumed() -> Spread:
+    """Nominal approaches that are as bad as the limits assume."""
+    stated = reference().header.assumptions
+    if stated is None:
+        return NOMINAL
+    return Spread(
+        track=stated.track_sd_m,
+        height=stated.height_sd_m,
+        nav_horizontal=stated.nav_horizontal_sd_m,
+        nav_vertical=stated.nav_vertical_sd_m,
+        dem_short=stated.elevation_short_sd_m,
+        dem_long=stated.elevation_long_sd_m,
+    )
+
+
+@functools.cache
 def path() -> ApproachPath:
     """The approach of both."""
     return ApproachPath(reference().header.airfield)
@@ -64,8 +88,8 @@ def _terrain(vegetation: float) -> Terrain:
 
 @functools.cache
 def traced() -> TerrainGround:
-    """The ground, every range traced."""
-    return TerrainGround(path(), RA4500, tuple(map(_terrain, VEGETATION)))
+    """The ground, every range traced, for receivers that the reference does not know."""
+    return TerrainGround(path(), RA4500, tuple(map(_terrain, VEGETATION)), RECEIVERS)
 
 
 @functools.cache
@@ -81,4 +105,4 @@ def with_obstacle(kind: str, place: int) -> TerrainGround:
     before = PLACES_M[place] - path().x_gpi
     box = Obstacle(kind="obstacle", before_threshold_m=before, height_m=height, length_m=width, width_m=width)
     bare = _terrain(VEGETATION[place % len(VEGETATION)])
-    return TerrainGround(path(), RA4500, (with_obstacles(bare, path(), [box]),))
+    return TerrainGround(path(), RA4500, (with_obstacles(bare, path(), [box]),), RECEIVERS)

@@ -46,7 +46,7 @@ from typing import Literal
 
 import numpy as np
 
-from fti.hil.references.profile import WINDOW_M
+from fti.hil.references.plan import WINDOW_M
 from fti.study import REPORTED, Draw, Progress, Result
 from fti.study._clearance import JOINED, NOMINAL, Joined, Nominal, fly_one
 from fti.study._clearance_faults import FAULTS, Faulty

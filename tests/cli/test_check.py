@@ -81,19 +81,19 @@ def test_json_is_json_only(file: Path, capsys: pytest.CaptureFixture[str]) -> No
     }
 
 
-@pytest.mark.parametrize(("beam_deg", "reason"), [(40, None), (25, "wrong_sensor")])
+@pytest.mark.parametrize(("beam_deg", "reason"), [(40, None), (25, "assumption")])
 def test_a_reference_of_another_altimeter_is_told(
     file: Path, capsys: pytest.CaptureFixture[str], beam_deg: float, reason: str | None
 ) -> None:
     altimeter = BENCH.replace("[0, 800]", f"[0, 800], beam_deg = {beam_deg}")
-    file.write_text(altimeter.replace("[nav]", f'[nav]\napproach = {{ profile = "{REFERENCE}" }}'))
+    file.write_text(altimeter.replace("[nav]", f'[nav]\napproach = {{ profile = "{REFERENCE}", alert_v_m = 50.0 }}'))
     assert main(["check", str(file), "--json"]) == 0
     missing = {m["role"]: m["reason"] for m in json.loads(capsys.readouterr().out)["missing"]}
     assert missing.get("approach") == reason
     assert main(["check", str(file)]) == 0
     (line,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[0] == "approach")
     assert str(REFERENCE) in line
-    assert ("what needs it stays invalid (wrong_sensor)" in line) is (reason is not None)
+    assert ("what needs it stays invalid (assumption)" in line) is (reason is not None)
 
 
 def test_a_filter_on_a_device_without_inertial_data_is_refused(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -155,6 +155,11 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
             "nav.approach.window_m = 300.0: ",
         ),
         ("[nav]", f'[nav]\napproach = {{ profile = "{REFERENCE}", alert_s_m = 300.0 }}', "must be 5.0 to 200.0"),
+        (
+            "[nav]",
+            f'[nav]\napproach = {{ profile = "{REFERENCE}" }}',
+            "alert_v_m: 5 m is below the least protection level ",
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence_on_standard_error(

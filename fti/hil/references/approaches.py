@@ -6,6 +6,8 @@ to flight is in ``Spread``; every error that wanders is a first-order Gauss-Mark
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -14,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.constants import FOOT
+from fti.hil.references.receivers import Receiver, measure
 from fti.hil.sensors.errors import slow, white
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
@@ -22,7 +25,7 @@ from fti.nav.integrity.window import Track
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
 from fti.ranging.radar.quantise import QUANTISATION_FT
-from fti.ranging.sensor import sensor_poses
+from fti.ranging.sensor import Poses, sensor_poses
 from fti.terrain.terrain import Terrain
 from fti.types import ClearanceIntegrity
 
@@ -33,6 +36,8 @@ START_NS = 1_000_000_000
 TAPER_M = 1000.0
 #: Nobody flies lower than this over the plane of the runway [m].
 FLARE_M = 3.0
+#: Share of the sigma of the navigated height that varies faster than a window lasts, and its correlation time [s].
+FAST_SHARE, FAST_S = 0.5, 3.0
 #: Distance that a spatial process takes for a second of a temporal one [m].
 UNIT_M = 10.0
 #: The ground is traced at least so often along the way [m]: a bin of the reference, and less than any footprint.
@@ -46,12 +51,14 @@ class Spread:
     track, height           : flown against the published path [m], over ``period`` [s]
     speed                   : ground speed, about ``speed_mean`` [m/s]
     roll, pitch, crab       : attitude about level, trimmed and along the track [rad]
-    nav_horizontal, nav_vertical : navigation error [m], told as its sigma
+    nav_horizontal, nav_vertical : navigation error [m], told as its sigma; a part of the height's is fast
     latency                 : what is left of the altimeter's latency [s]
     dem_bias, dem_short, dem_long : error of the elevation: constant, over 30 m and over 300 m [m]
+
+    The defaults are what the limits of a reference assume, and what it states (``fti.nav.integrity.assumptions``).
     """
 
-    track: float = 5.0
+    track: float = 15.0
     height: float = 5.0
     period: float = 60.0
     speed_mean: float = 60.0
@@ -60,17 +67,17 @@ class Spread:
     pitch: float = np.deg2rad(1.0)
     pitch_mean: float = np.deg2rad(1.0)
     crab: float = np.deg2rad(4.0)
-    nav_horizontal: float = 2.0
-    nav_vertical: float = 1.0
+    nav_horizontal: float = 5.0
+    nav_vertical: float = 3.0
     latency: float = 0.01
     dem_bias: float = 1.0
-    dem_short: float = 0.5
-    dem_long: float = 0.5
+    dem_short: float = 2.0
+    dem_long: float = 2.0
 
 
 NOMINAL = Spread()
-#: The profile allows for more than a nominal approach makes use of: 15 m of track.
-PROFILE = Spread(track=15.0)
+#: A survey aircraft over a surveyed surface: what most flights are, better than what limits assume.
+TYPICAL = Spread(track=5.0, nav_horizontal=2.0, nav_vertical=1.0, dem_short=0.5, dem_long=0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +128,7 @@ MODELS = {"ra4500": RA4500, "laser": LASER}
 class Flown:
     """One approach, arrays of shape (n,).
 
-    vertical_sd : what navigation says of its height [m]      t : [s]      climb : [m/s]
+    vertical_sd, horizontal_sd : what navigation says of its height and place [m]      t : [s]      climb : [m/s]
     roll : beyond the bank of the track, pitch : [rad]
     s, y, alt   : truth [m]      nav_s, nav_y, nav_alt : as navigated [m]      agl : raw height as measured, at P [m]
     """
@@ -138,6 +145,7 @@ class Flown:
     roll: Array
     pitch: Array
     climb: Array
+    horizontal_sd: float = 1.0
 
 
 class Ground(Protocol):
@@ -157,20 +165,30 @@ class Ground(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TerrainGround:
-    """Terrain; where there are several of it (seasons of the vegetation, say) each approach meets one of them."""
+    """Terrain; where there are several of it (seasons of the vegetation, say) each approach meets one of them.
+
+    receivers : each approach is flown with one of them; none: the range model of the altimeter
+    """
 
     path: ApproachPath
     altimeter: AltimeterModel
     terrains: tuple[Terrain, ...]
+    receivers: tuple[Receiver, ...] = ()
 
     def ranges(self, pose: Array, rng: np.random.Generator) -> Array:
-        """By the range model of the altimeter."""
+        """By the range model of the altimeter, or of one of the receivers."""
         terrain = self.terrains[rng.integers(len(self.terrains))]
+        poses = self.poses(terrain, pose)
+        if not self.receivers:
+            return self.altimeter.beam().measure(terrain, poses).slant_range
+        receiver = self.receivers[rng.integers(len(self.receivers))]
+        return measure((receiver,), terrain, poses, np.zeros((1, 2)))[:, 0, 0]
+
+    def poses(self, terrain: Terrain, pose: Array) -> Poses:
+        """Of rows s, y, alt, roll, pitch, crab."""
         s, y, alt, roll, pitch, crab = pose
         lat, lon = self.path.geodetic(s, y)
-        heading = self.path.course(s) + crab
-        poses = sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, heading)
-        return self.altimeter.beam().measure(terrain, poses).slant_range
+        return sensor_poses(terrain.frame, lat, lon, alt, roll, pitch, self.path.course(s) + crab)
 
 
 def simulate(
@@ -179,7 +197,7 @@ def simulate(
     rng: np.random.Generator,
     *,
     s_end: float = 0.0,
-    spread: Spread = NOMINAL,
+    spread: Spread = TYPICAL,
     offset: Callable[[Array], Array] | None = None,
 ) -> Flown:
     """One nominal approach from s_max down to s_end; ``offset(s)`` [m] to the right makes it another one.
@@ -205,11 +223,30 @@ def simulate(
     seen = np.isfinite(measured)
     measured += rng.normal(0.0, spread.dem_bias) + _dem_error(s[0] - s, spread, rng)
     agl = _projected(altimeter, measured, roll, pitch) + white(t, altimeter.noise_sd, rng)
-    nav = [slow(t, sd, spread.period, rng) for sd in (*(spread.nav_horizontal,) * 2, spread.nav_vertical)]
+    nav = [slow(t, sd, spread.period, rng) for sd in (spread.nav_horizontal,) * 2]
+    nav.append(_nav_vertical(t, spread, rng))
     climb = np.gradient(alt, t)
     shown = altimeter.quantise(np.maximum(np.nan_to_num(agl), 0.0))
     columns = (t, s, y, alt, shown, s + nav[0], y + nav[1], alt + nav[2], off, pitch, climb)
-    return Flown(spread.nav_vertical, *(column[seen] for column in columns))
+    return dataclasses.replace(
+        Flown(spread.nav_vertical, *(column[seen] for column in columns)), horizontal_sd=spread.nav_horizontal
+    )
+
+
+def _nav_vertical(t: Array, spread: Spread, rng: np.random.Generator) -> Array:
+    """Error of the navigated height [m]: most of it slow, a part as fast as a satellite fix jumps."""
+    fast = slow(t, FAST_SHARE * spread.nav_vertical, FAST_S, rng)
+    return np.asarray(slow(t, math.sqrt(1.0 - FAST_SHARE**2) * spread.nav_vertical, spread.period, rng) + fast)
+
+
+def window_noise(nav_vertical: float, window_s: float) -> float:
+    """One sigma of the navigated height within a window, its mean removed [m]: the fast part, and what the slow drifts.
+
+    nav_vertical [m]; window_s : how long a window lasts [s].  Of a first-order Gauss-Markov process of the correlation
+    time tau the variance within a short window T is sigma^2 T / (3 tau) (Gelb 1974, Applied optimal estimation, 3.8).
+    """
+    drift = (1.0 - FAST_SHARE**2) * window_s / (3.0 * NOMINAL.period)
+    return nav_vertical * math.sqrt(FAST_SHARE**2 + drift)
 
 
 def flown_altitude(path: ApproachPath, s: Array, error: Array) -> Array:
@@ -229,12 +266,11 @@ def _dem_error(along: Array, spread: Spread, rng: np.random.Generator) -> Array:
     return np.asarray(short + slow(along / UNIT_M, spread.dem_long, 300.0 / UNIT_M, rng))
 
 
-def draw_profile(ground: Ground, s: Array, rng: np.random.Generator) -> Array:
-    """One draw of the terrain as the sensor sees it [m] at ascending path lengths s: z = alt - agl.
+def draw_profile(ground: Ground, s: Array, rng: np.random.Generator, spread: Spread = NOMINAL) -> Array:
+    """One draw of the terrain as one receiver sees it [m] at ascending path lengths s: z = alt - agl.
 
     Track, height, attitude and the navigated s are off by constants; the elevation errs over 30 and 300 m.
     """
-    spread = PROFILE
     sds = (spread.nav_horizontal, spread.track, spread.height, spread.roll, spread.pitch, spread.crab)
     pose = np.outer(rng.normal(0.0, sds), np.ones_like(s))
     pose[0] += s
@@ -252,18 +288,18 @@ def track_of(flown: Flown) -> Track:
     return Track(t_ns, *columns)
 
 
-def sample_of(track: Track, k: int, vertical_sd: float) -> ClearanceSample:
+def sample_of(track: Track, k: int, vertical_sd: float, horizontal_sd: float) -> ClearanceSample:
     """Sample k of an approach."""
     columns = (track.s, track.y, track.alt, track.agl, track.roll, track.pitch, track.climb)
     s, y, alt, agl, roll, pitch, climb = (float(column[k]) for column in columns)
     t_ns = int(track.t_ns[k])
-    return ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, vertical_sd)
+    return ClearanceSample(t_ns, t_ns, s, y, alt, agl, roll, pitch, climb, vertical_sd, horizontal_sd)
 
 
 def samples(flown: Flown) -> Iterator[ClearanceSample]:
     """All samples of an approach."""
     track = track_of(flown)
-    return (sample_of(track, k, flown.vertical_sd) for k in range(len(track.t_ns)))
+    return (sample_of(track, k, flown.vertical_sd, flown.horizontal_sd) for k in range(len(track.t_ns)))
 
 
 def fly(monitor: ClearanceMonitor, flown: Flown) -> list[ClearanceIntegrity]:
@@ -271,7 +307,7 @@ def fly(monitor: ClearanceMonitor, flown: Flown) -> list[ClearanceIntegrity]:
     track, outputs = track_of(flown), list[ClearanceIntegrity]()
     k = 0
     while (k := monitor.skip(track, k)) < len(track.t_ns):
-        output = monitor.step(sample_of(track, k, flown.vertical_sd))
+        output = monitor.step(sample_of(track, k, flown.vertical_sd, flown.horizontal_sd))
         if output is not None:
             outputs.append(output)
         k += 1

@@ -23,19 +23,20 @@ from numpy.typing import NDArray
 
 from fti.config import Approach
 from fti.errors import ConfigError
-from fti.hil.references.approaches import NOMINAL, Ground, TerrainGround, fly, simulate, track_of
+from fti.hil.references.approaches import Ground, TerrainGround, fly, simulate, track_of
 from fti.hil.references.obstacles import obstacles_seen
-from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
+from fti.hil.references.plan import WINDOW_M, Plan, Progress, RunAll, one_by_one
 from fti.hil.references.profile import (
     DS_M,
-    WINDOW_M,
     Surface,
     correlation_length,
     make_surface,
     residual_covariance,
 )
 from fti.hil.references.range_map import map_ground
+from fti.hil.references.receivers import draw_receivers
 from fti.hil.references.tails import bootstrap_interval, upper_quantile
+from fti.nav.integrity.assumptions import Assumptions
 from fti.nav.integrity.monitor import OBSERVABLE_MARGIN, ClearanceMonitor
 from fti.nav.integrity.reference import Detection, Header, Limits, Profile, Reference
 from fti.nav.integrity.scan import Scan, Scanner
@@ -63,8 +64,9 @@ def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_al
 
     Raises ConfigError where the terrain does not cover the approach.
     """
-    surface = make_surface(ground, plan, progress, run_all)
-    mapped = map_ground(ground, plan.s_max, functools.partial(progress, "range map"))
+    ground = with_receivers(ground, plan)
+    mapped = map_ground(ground, plan.s_max, functools.partial(progress, "range map"), run_all)
+    surface = make_surface(mapped, plan, progress, run_all)
     reference = calibrate(mapped, surface, plan, progress, run_all)
     offsets = [(sign * y, run) for y in BESIDE_M for sign in (-1, 1) for run in range(plan.beside_runs // 2)]
     task = functools.partial(_seen_beside, ground, plan, reference)
@@ -72,6 +74,16 @@ def make_reference(ground: TerrainGround, plan: Plan, progress: Progress, run_al
     obstacles = obstacles_seen(ground, plan, reference, progress, run_all)
     header = reference.header.model_copy(update={"detection": _detection(plan, found), "obstacles": obstacles})
     return dataclasses.replace(reference, header=header)
+
+
+def with_receivers(ground: TerrainGround, plan: Plan) -> TerrainGround:
+    """The ground with the receivers of the plan; as they are when it has some already (fitted ones)."""
+    if ground.receivers:
+        return ground
+    model = ground.altimeter
+    return dataclasses.replace(
+        ground, receivers=draw_receivers(model.sensor, plan.receivers, model.noise_sd, plan.receiver, plan.rng(7))
+    )
 
 
 def calibrate(
@@ -111,10 +123,32 @@ def _without_limits(ground: Ground, plan: Plan, surface: Surface, correlation: f
         seed=plan.seed,
         window_m=WINDOW_M,
         correlation_m=round(correlation, 1),
-        datum_sd_m=NOMINAL.dem_bias,
+        datum_sd_m=plan.spread.dem_bias,
     )
-    header = Header(airfield=ground.path.airfield, sensor=ground.altimeter.sensor, profile=profile, limits=unlimited)
+    header = Header(
+        airfield=ground.path.airfield,
+        sensor=ground.altimeter.sensor,
+        profile=profile,
+        limits=unlimited,
+        assumptions=_assumptions(ground, plan),
+    )
     return Reference(header, surface.s, surface.z_ref, surface.s_ref, surface.s_alt)
+
+
+def _assumptions(ground: Ground, plan: Plan) -> Assumptions:
+    spread, recorded = plan.spread, plan.made_from == "recordings"
+    return Assumptions(
+        nav_vertical_sd_m=spread.nav_vertical,
+        nav_horizontal_sd_m=spread.nav_horizontal,
+        nav_noise_sd_m=plan.nav_noise,
+        track_sd_m=spread.track,
+        height_sd_m=spread.height,
+        elevation_short_sd_m=spread.dem_short,
+        elevation_long_sd_m=spread.dem_long,
+        receiver="recorded" if recorded else plan.receiver,
+        beam_deg=ground.altimeter.sensor.beam_deg,
+        receivers=plan.draws if recorded else plan.receivers,
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ limits
@@ -141,7 +175,7 @@ def approach_maxima(scan: Scan, alert_s: float) -> Array:
 
 
 def _maxima(ground: Ground, plan: Plan, scanner: Scanner, run: int) -> Array:
-    flown = simulate(ground, plan.s_max, plan.rng(3, run))
+    flown = simulate(ground, plan.s_max, plan.rng(3, run), spread=plan.spread)
     scan = scanner.scan(track_of(flown), flown.vertical_sd)
     if scan is None or not len(scan.s):
         raise ConfigError(f"{plan.surface}: a nominal approach leaves windows without samples: it cannot be monitored")
@@ -158,7 +192,7 @@ def may_alarm(scan: Scan | None, limits: Limits) -> bool:
 
 def _alarms(ground: Ground, plan: Plan, reference: Reference, scanner: Scanner, run: int) -> bool:
     """Whether there was an ALERT on a nominal approach that the limits were not made from."""
-    flown = simulate(ground, plan.s_max, plan.rng(4, run))
+    flown = simulate(ground, plan.s_max, plan.rng(4, run), spread=plan.spread)
     if not may_alarm(scanner.scan(track_of(flown), flown.vertical_sd), reference.header.limits):
         return False
     return any(output.state is IntegrityState.ALERT for output in fly(make_monitor(reference), flown))
@@ -194,7 +228,7 @@ def _seen_beside(ground: Ground, plan: Plan, reference: Reference, flight: tuple
     """Windows over a limit and windows judged, by part, shape (2, parts), flown ``flight[0]`` m beside the track."""
     beside, run = flight
     rng = plan.rng(6, round(abs(beside)), int(beside > 0), run)
-    flown = simulate(ground, plan.s_max, rng, offset=lambda s: np.full_like(s, beside))
+    flown = simulate(ground, plan.s_max, rng, spread=plan.spread, offset=lambda s: np.full_like(s, beside))
     flown = dataclasses.replace(flown, nav_y=flown.nav_y - beside)
     counts = np.zeros((2, len(_parts(plan))))
     for output in fly(make_monitor(reference), flown):

@@ -8,6 +8,12 @@ from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
+from fti.hil.references.approaches import NOMINAL, Spread, window_noise
+from fti.hil.references.receivers import ReceiverModel
+
+#: Length of the window that the limits are made for [m].
+WINDOW_M = 400.0
+
 Argument = TypeVar("Argument")
 Found = TypeVar("Found")
 
@@ -40,6 +46,8 @@ class Plan:
     """What a reference is made with.
 
     surface : name of the terrain or of the recordings, date : of their survey
+    spread : what differs between approaches; the limits assume it
+    receiver : model of the receivers that are drawn      receivers : how many
     runs : simulated approaches for the limits      beside_runs : for each offset of the table of detection
     obstacle_runs : over obstacles of each width in each part of the way; 0: no table of obstacles
     pfa : false alarms per approach, all tests together      pmd : missed detections
@@ -49,6 +57,9 @@ class Plan:
     date: str
     made_from: Literal["terrain", "recordings"] = "terrain"
     s_max: float = 7000.0
+    spread: Spread = NOMINAL
+    receiver: ReceiverModel = "drawn"
+    receivers: int = 60
     draws: int = 100
     runs: int = 2000
     beside_runs: int = 100
@@ -56,6 +67,11 @@ class Plan:
     seed: int = 1
     pfa: float = 0.01
     pmd: float = 1e-3
+
+    @property
+    def nav_noise(self) -> float:
+        """One sigma of the navigated height within a window [m]."""
+        return round(window_noise(self.spread.nav_vertical, WINDOW_M / self.spread.speed_mean), 3)
 
     def rng(self, *stream: int) -> np.random.Generator:
         """Random numbers of one purpose, the same for the same numbers."""

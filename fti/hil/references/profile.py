@@ -1,6 +1,6 @@
 """The profile of an approach: terrain as the sensor sees it, its sigma, and how far residuals hang together.
 
-    profile   z_ref, s_ref = mean and sigma over draws of track (15 m), height (5 m), attitude and elevation error, or
+    profile   z_ref, s_ref = mean and sigma over draws of receiver, track, height, attitude and elevation error, or
               over recorded approaches (``fti.hil.references.recordings``); sigma not below 0.5 m and multiplied by
               sqrt((n - 1) / chi2_0.05(n - 1)), so that few draws are not taken for certainty
     l_c       integral scale of the residuals of nominal approaches, between ds and L / 8
@@ -18,13 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.errors import ConfigError
 from fti.hil.references.approaches import Flown, Ground, draw_profile, simulate
-from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
+from fti.hil.references.plan import WINDOW_M, Plan, Progress, RunAll, one_by_one
 from fti.nav.integrity.reference import LEAST_CORRELATIONS, grid
 
 Array = NDArray[np.float64]
 
 DS_M = 5.0
-WINDOW_M = 400.0
 SD_FLOOR_M = 0.5
 
 
@@ -53,7 +52,7 @@ def make_surface(ground: Ground, plan: Plan, progress: Progress, run_all: RunAll
 
 
 def _draw(ground: Ground, plan: Plan, s: Array, n: int) -> Array:
-    return draw_profile(ground, s, plan.rng(1, n))
+    return draw_profile(ground, s, plan.rng(1, n), plan.spread)
 
 
 def surface_of(ground: Ground, s: Array, z: Array, mean: Array | None = None) -> Surface:
@@ -91,7 +90,9 @@ def correlation_length(covariance: Array) -> float:
 
 def residual_covariance(ground: Ground, plan: Plan, surface: Surface, run: int) -> Array:
     """Of the normalised residuals of an approach, by lag in bins up to a window."""
-    residual = _binned_residual(surface, simulate(ground, plan.s_max, plan.rng(2, run)))
+    residual = _binned_residual(
+        surface, plan.nav_noise, simulate(ground, plan.s_max, plan.rng(2, run), spread=plan.spread)
+    )
     return lagged_products(residual[np.isfinite(residual)])
 
 
@@ -111,10 +112,10 @@ def binned(s: Array, flown_s: Array, z: Array) -> Array:
         return np.asarray(total / count)
 
 
-def _binned_residual(surface: Surface, flown: Flown) -> Array:
+def _binned_residual(surface: Surface, nav_noise: float, flown: Flown) -> Array:
     """(z - z_ref) / sigma in bins, without its mean over a window, NaN where there is no sample."""
     z = binned(surface.s, flown.nav_s, flown.nav_alt - flown.agl)
-    residual = (z - surface.z_ref) / np.hypot(surface.s_ref, surface.s_alt)
+    residual = (z - surface.z_ref) / np.sqrt(surface.s_ref**2 + surface.s_alt**2 + nav_noise**2)
     flat = np.ones(round(WINDOW_M / DS_M) + 1)
     there = np.isfinite(residual)
     mean = np.convolve(np.where(there, residual, 0.0), flat, "same") / np.maximum(

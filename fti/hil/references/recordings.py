@@ -25,10 +25,9 @@ from fti.errors import ConfigError, MissingError
 from fti.hil.recorded import recorded_config
 from fti.hil.references.approaches import AltimeterModel
 from fti.hil.references.calibration import calibrate
-from fti.hil.references.plan import Plan, Progress, RunAll, one_by_one
+from fti.hil.references.plan import WINDOW_M, Plan, Progress, RunAll, one_by_one
 from fti.hil.references.profile import (
     DS_M,
-    WINDOW_M,
     Surface,
     binned,
     correlation_length,

@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
-from fti.config import Approach, Config
+from fti.config import Approach, Config, Device, UnstatedSd
 from fti.nav.altimetry.heights import stands_alone
+from fti.nav.integrity.assumptions import receiver_holds
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference, check_settings, fits
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
-from fti.types import ClearanceIntegrity, GlideSlope, HeightAboveGround, IntegrityState, Reason
+from fti.nav.sources import PositionState
+from fti.types import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
-Outputs = list[ClearanceIntegrity | GlideSlope]
+#: Of a source that states no sigma, and of which none is configured.
+NO_SIGMA = (None, None)
+NO_SIGMAS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+
+Outputs = list[ClearanceIntegrity | GlideSlope | Event]
 
 
 class IdleChannel:
@@ -41,16 +50,24 @@ class IdleChannel:
 class ApproachChannel:
     """Feeds the monitor with the heights of one altimeter.
 
-    sensor : the name of that altimeter      held : sources of altitude that it holds itself, over known ground: what
+    sensor : the name of that altimeter      unstated : sigmas of a place that states none [m], by source
+    held : sources of altitude that it holds itself, over known ground: what
              it measures below such an altitude is that ground, whatever is there, so nothing is judged
     """
 
     def __init__(
-        self, reference: Reference, settings: Approach, sensor: str, held: frozenset[str] = frozenset()
+        self,
+        reference: Reference,
+        settings: Approach,
+        sensor: str,
+        held: frozenset[str] = frozenset(),
+        unstated: Mapping[str, tuple[float, float]] = NO_SIGMAS,
     ) -> None:
         self._monitor = ClearanceMonitor(reference, settings)
         self._sensor = sensor
         self._held = held
+        self._unstated = unstated
+        self._told = set[str]()
         self._sources: tuple[str, str] | None = None
         self._slope: GlideSlope | None = None
 
@@ -67,7 +84,28 @@ class ApproachChannel:
                 self._monitor.follow(place.s)
             reasons = height.reasons + _missing(nav) + ((Reason.NOT_INDEPENDENT,) if held else ())
             return self._with_slope(self._monitor.refuse(height.t_ns, height.t_valid_ns, reasons), place)
-        return self._with_slope(self._monitor.step(sample), place)
+        return [*self._tell_unstated(height.t_ns, nav), *self._with_slope(self._monitor.step(sample), place)]
+
+    def _tell_unstated(self, t_ns: int, nav: NavState) -> list[Event]:
+        """Once for each source: which sigma counts because it states none."""
+        name, position = nav.position_source, nav.position
+        if name is None or name in self._told or name not in self._unstated or position is None:
+            return []
+        unstated = [
+            f"{sd:g} m {axis}"
+            for axis, sd, stated in zip(
+                ("horizontally", "vertically"),
+                self._unstated[name],
+                (position.horizontal_sd, position.vertical_sd),
+                strict=True,
+            )
+            if _stated(stated, None) is None
+        ]
+        if not unstated:
+            return []
+        self._told.add(name)
+        text = f"states no sigma of its position; {' and '.join(unstated)} count for the approach (nav.unstated_sd)"
+        return [Event(t_ns=t_ns, level="info", source=name, text=text)]
 
     def tick(self, t_ns: int, nav: NavState) -> Outputs:
         """Repeat what is half a second old."""
@@ -99,6 +137,7 @@ class ApproachChannel:
             return None
         if place is None or position is None or attitude is None:
             return None
+        horizontal_sd, vertical_sd = self._sigmas(nav, position)
         return ClearanceSample(
             t_ns=height.t_ns,
             t_valid_ns=height.t_valid_ns,
@@ -109,9 +148,18 @@ class ApproachChannel:
             roll=attitude.roll - self._monitor.path.bank_one(place.s),
             pitch=attitude.pitch,
             climb=-position.down if position.down is not None else None,
-            vertical_sd=position.vertical_sd,
-            horizontal_sd=position.horizontal_sd,
+            vertical_sd=vertical_sd,
+            horizontal_sd=horizontal_sd,
         )
+
+    def _sigmas(self, nav: NavState, position: PositionState) -> tuple[float | None, float | None]:
+        """Horizontal and vertical sigma [m]: as stated, else what is configured for the kind of the source.
+
+        A stated sigma that is not a positive number states nothing.
+        """
+        level, _ = self._unstated.get(nav.position_source or "", NO_SIGMA)
+        _, high = self._unstated.get(nav.altitude_source or "", NO_SIGMA)
+        return _stated(position.horizontal_sd, level), _stated(position.vertical_sd, high)
 
     def _with_slope(self, integrity: ClearanceIntegrity | None, place: Place | None) -> Outputs:
         if integrity is None:
@@ -131,12 +179,46 @@ def make_channel(config: Config, reference: Reference | None) -> ApproachChannel
     if reference is None or settings is None:
         return IdleChannel(IntegrityState.NO_PROFILE, Reason.NO_PROFILE, None)
     check_settings(reference, settings, config.path)
-    devices = [device for name in config.nav.altimeters if (device := config.find_device(name))]
-    fitting = [device.name for device in devices if fits(device, reference.header.sensor)]
-    if fitting:
-        return ApproachChannel(reference, settings, fitting[0], _held_by(config, fitting[0]))
-    reason = Reason.WRONG_SENSOR if devices else Reason.NO_ALTIMETER
-    return IdleChannel(IntegrityState.UNAVAILABLE, reason, reference.hash)
+    fitting = _fitting(config, reference)
+    if not fitting:
+        reason = idle_reason(config, reference) or Reason.NO_ALTIMETER
+        return IdleChannel(IntegrityState.UNAVAILABLE, reason, reference.hash)
+    return ApproachChannel(reference, settings, fitting[0], _held_by(config, fitting[0]), unstated_sigmas(config))
+
+
+def idle_reason(config: Config, reference: Reference) -> Reason | None:
+    """Why no altimeter of navigation can be judged with a reference; None: one can."""
+    if _fitting(config, reference):
+        return None
+    header, devices = reference.header, _altimeters(config)
+    if any(fits(device, header.sensor, header.assumptions) for device in devices):
+        return Reason.ASSUMPTION
+    return Reason.WRONG_SENSOR if devices else Reason.NO_ALTIMETER
+
+
+def _altimeters(config: Config) -> list[Device]:
+    return [device for name in config.nav.altimeters if (device := config.find_device(name))]
+
+
+def _fitting(config: Config, reference: Reference) -> list[str]:
+    """The altimeters of the reference's kind that are what its limits assume, in order of preference."""
+    header = reference.header
+    return [
+        device.name
+        for device in _altimeters(config)
+        if fits(device, header.sensor, header.assumptions) and receiver_holds(header.assumptions, device)
+    ]
+
+
+def unstated_sigmas(config: Config) -> dict[str, tuple[float, float]]:
+    """Horizontal and vertical sigma [m] that count where a source states none, by the name of the source."""
+    kinds: UnstatedSd = config.nav.unstated_sd
+    inertial = frozenset(config.nav.attitude)
+    return {name: kinds.inertial if name in inertial else kinds.satellites for name in config.nav.position}
+
+
+def _stated(sd: float | None, otherwise: float | None) -> float | None:
+    return sd if sd is not None and 0.0 < sd < math.inf else otherwise
 
 
 def _held_by(config: Config, altimeter: str) -> frozenset[str]:

@@ -6,8 +6,8 @@ compensated for terrain.
 
     UNAVAILABLE   the inputs cannot be used (no usable sample for 0.2 s), less than 80 % of the bins are filled, the
                   aircraft made no 10 m of way within 2 s, so that nothing new was judged, the vertical protection
-                  level is above its alert limit, or navigation itself does not hold the place to be within AL_y; an
-                  ALERT is said all the same
+                  level is above its alert limit, navigation itself does not hold the place to be within AL_y, or its
+                  sigma is beyond what the limits assume; an ALERT is said all the same
     ACQUIRE       the window is not yet full.  Past the intercept point, outside the profile, after a go-around and
                   after s grew by more than 20 m everything begins again from here.
     others        see fti.nav.integrity.states; these are judgements, and ``valid`` (an ALERT too)
@@ -27,6 +27,7 @@ import numpy as np
 
 from fti.config import Approach
 from fti.nav.integrity.approach import ApproachPath
+from fti.nav.integrity.assumptions import navigation_holds
 from fti.nav.integrity.go_around import GO_AROUND_CLIMB, GoAround
 from fti.nav.integrity.protection import Protection, Protector
 from fti.nav.integrity.reference import Reference
@@ -50,7 +51,7 @@ class ClearanceSample:
     """One altimeter sample with navigation at the time at which it was true.
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
-    s, y : path length and offset [m], horizontal_sd their sigma, None when not stated
+    s, y : path length and offset [m], horizontal_sd their sigma; None when not known, which counts as beyond any limit
     climb : [m/s], None when unknown      roll : beyond the bank of the track there, pitch : [rad]
     """
 
@@ -95,6 +96,7 @@ class ClearanceMonitor:
         self._observable = (math.sqrt(self._limits.t2) + OBSERVABLE_MARGIN) ** 2
         self._window = Window(reference)
         self._matcher = Matcher(reference, settings.alert_s_m)
+        self._assumed = reference.header.assumptions
         self._protector = Protector(self._limits, settings)
         self.agl_ref = self.path.alt_path(reference.s) - reference.z_ref
         self.bounds = np.array(
@@ -218,8 +220,11 @@ class ClearanceMonitor:
         protection = self._protector.of(found, x.s, x.horizontal_sd)
         ratios = self._ratios(found, protection)
         state, reasons = self._logic.step(ratios, x.s)
-        if state is not IntegrityState.ALERT and protection.lacks:
-            state, reasons = IntegrityState.UNAVAILABLE, (*protection.lacks, *reasons)
+        lacks = protection.lacks
+        if not navigation_holds(self._assumed, x.vertical_sd, x.horizontal_sd):
+            lacks = (*lacks, Reason.ASSUMPTION)
+        if state is not IntegrityState.ALERT and lacks:
+            state, reasons = IntegrityState.UNAVAILABLE, (*lacks, *reasons)
         return self._judged(x, state, reasons, _told(found, ratios, protection))
 
     def _ratios(self, found: Statistics, protection: Protection) -> Ratios:

@@ -5,7 +5,7 @@ SHA-256 over the rest.  A reference made for another kind of sensor is refused b
 
     s_m      path length before the intercept point, step ds, from -200 to s_max + 200
     z_ref_m  altitude of the terrain as this sensor sees it: altitude of the path minus expected height above ground
-    s_ref_m  its sigma over the draws of track, height and elevation error
+    s_ref_m  its sigma over the draws of receiver, track, height and elevation error
     s_alt_m  sigma of one sample of the altimeter at the expected height
 """
 
@@ -15,6 +15,7 @@ import functools
 import hashlib
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from pydantic import AllowInfNan, Field
 from fti.config import Approach, Device, Positive, StrictModel, bind, parse_toml
 from fti.errors import ConfigError
 from fti.nav.integrity.approach import Airfield
+from fti.nav.integrity.assumptions import BEAM_TOLERANCE_DEG, Assumptions
 
 Array = NDArray[np.float64]
 
@@ -31,8 +33,6 @@ TITLE = "# fti reference profile"
 COLUMNS = "s_m,z_ref_m,s_ref_m,s_alt_m"
 #: The profile goes so far beyond both ends: the greatest shift that is tried.
 MARGIN_M = 200.0
-#: How far the beam may differ from the reference's [deg].
-BEAM_TOLERANCE_DEG = 1.0
 #: Tables within each other that a key of the header names.
 MAX_FOLDERS = 8
 #: Correlation lengths that a window must hold.
@@ -136,6 +136,7 @@ class Header(StrictModel):
     sensor: Sensor
     profile: Profile
     limits: Limits
+    assumptions: Assumptions | None = None  # a reference of before they were stated has none
     detection: Detection | None = None  # a profile of recordings knows nothing of what lies beside it
     obstacles: Obstacles | None = None  # nor of what could stand on it
 
@@ -149,6 +150,13 @@ class Reference:
     z_ref: Array
     s_ref: Array
     s_alt: Array
+
+    @functools.cached_property
+    def sd(self) -> Array:
+        """Sigma of the residual of a bin [m]: of the profile, of a sample, of the navigated height within a window."""
+        assumed = self.header.assumptions
+        noise = assumed.nav_noise_sd_m if assumed else 0.0
+        return np.asarray(np.sqrt(self.s_ref**2 + self.s_alt**2 + noise**2))
 
     @functools.cached_property
     def hash(self) -> str:
@@ -314,11 +322,24 @@ def grid(ds: float, s_max: float) -> Array:
     return np.asarray(-MARGIN_M + ds * np.arange(round((s_max + 2 * MARGIN_M) / ds) + 1))
 
 
+def least_level_v(reference: Reference) -> float:
+    """The least vertical protection level that any full window of a reference can have [m].
+
+    PL_v = (t_3 + k_md) s_b with a navigation without error: datum and matching alone.
+    """
+    profile, limits = reference.header.profile, reference.header.limits
+    size = round(profile.window_m / profile.ds_m) + 1
+    weights = np.convolve(1.0 / reference.sd**2, np.ones(size), "valid")
+    matching = size * profile.correlation_m / profile.window_m / float(weights.max())
+    factor = limits.t3 + NormalDist().inv_cdf(1.0 - limits.pmd)
+    return factor * math.sqrt(profile.datum_sd_m**2 + matching)
+
+
 def check_settings(reference: Reference, settings: Approach, file: str) -> None:
     """Whether a configuration can be flown with a reference.  file : the configuration's name
 
-    Raises ConfigError when the window is not the one that the limits were made with, and when AL_s is not among the
-    shifts that are tried.
+    Raises ConfigError when the window is not the one that the limits were made with, when AL_s is not among the
+    shifts that are tried, and when AL_v is below any protection level that there can be.
     """
     profile = reference.header.profile
     if settings.window_m != profile.window_m:
@@ -331,10 +352,30 @@ def check_settings(reference: Reference, settings: Approach, file: str) -> None:
             f"{file}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {profile.ds_m} to {MARGIN_M}"
         )
 
+    check_alert_limit(reference, settings.alert_v_m, settings.profile, file)
 
-def fits(device: Device, sensor: Sensor) -> bool:
-    """Whether a device is the kind of altimeter that a reference is made for."""
+
+def check_alert_limit(reference: Reference, alert_v: float, profile: str, file: str) -> None:
+    """Raises ConfigError when the alert limit [m] is below the least protection level: it could not be met anywhere.
+
+    profile, file : names of the reference and of the configuration
+    """
+    least = least_level_v(reference)
+    if alert_v < least:
+        raise ConfigError(
+            f"{file}: nav.approach.alert_v_m: {alert_v:g} m is below the least protection level {least:.1f} m of "
+            f"{profile}; at least {math.ceil(least)} m"
+        )
+
+
+def fits(device: Device, sensor: Sensor, assumptions: Assumptions | None = None) -> bool:
+    """Whether a device is the kind of altimeter that a reference is made for.
+
+    With assumptions the beam is one of them (``assumptions.receiver_holds``).
+    """
     altimeter = device.altimeter
     if altimeter is None or altimeter.kind != sensor.kind:
         return False
-    return sensor.kind == "laser" or abs(altimeter.beam_deg - sensor.beam_deg) <= BEAM_TOLERANCE_DEG
+    if sensor.kind == "laser" or assumptions is not None:
+        return True
+    return abs(altimeter.beam_deg - sensor.beam_deg) <= BEAM_TOLERANCE_DEG

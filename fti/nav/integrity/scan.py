@@ -51,7 +51,7 @@ class Scanner:
         profile = reference.header.profile
         monitor = ClearanceMonitor(reference, settings)
         self._bounds, self._agl_ref = monitor.bounds, monitor.agl_ref
-        self._sd = np.hypot(reference.s_ref, reference.s_alt)
+        self._sd = reference.sd
         self._z_ref = np.ascontiguousarray(reference.z_ref)
         ds = profile.ds_m
         self._sharp = sharp_shifts(settings.alert_s_m, ds)

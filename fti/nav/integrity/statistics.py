@@ -1,6 +1,6 @@
 """Matching a window with the reference, and the test statistics made of it.
 
-    e_j(d) = z_j - z_ref(s_j + d)       d in {-200 .. 200} m in steps of ds       w_j = 1 / (s_ref^2 + s_alt^2)(s_j)
+    e_j(d) = z_j - z_ref(s_j + d)       d in {-200 .. 200} m in steps of ds     w_j = 1 / (s_ref^2 + s_alt^2 + s_nav^2)
     b(d)   = sum w e / sum w            J(d) = (K_eff / K) sum w (e - b)^2        K_eff = L / l_c
 
     T1 = J(0)                           the profile fits
@@ -12,8 +12,9 @@
 
     PL_v = (t_3 + k_md) s_b             PL_s = (sqrt(t_2) + k_md) s_s       s_s = ds sqrt(2 / (Jr(ds) + Jr(-ds)))
 
-The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index that is missing in print) as weighted statistics.  The
-height error b(0) is removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
+The four criteria of Spiegel 2018, 7.2.2 (eq. 7.4 with the index missing in print) as weighted statistics.  s_nav
+is the part of the navigated height error that varies within a window (``Reference.sd``).  The height error b(0) is
+removed from J and tested on its own.  Bins without a sample have no weight; K counts the others.
 T4 is a filter matched to what is as long as an obstacle: the sum over neighbouring bins, of the widths that the
 reference names (a single bin, 15 to 100 m), each of them anywhere within the last 50 m, and a wider one at the newest
 end.  Neighbouring residuals of a flight hang together; rho is that of a first-order Gauss-Markov process in steps of ds
@@ -83,7 +84,7 @@ class Matcher:
         self._k_eff = profile.window_m / profile.correlation_m
         self._datum_sd = profile.datum_sd_m
         self._z_ref = np.ascontiguousarray(reference.z_ref)
-        self._sd = np.hypot(reference.s_ref, reference.s_alt)
+        self._sd = reference.sd
 
     def evaluate(self, bins: Bins, vertical_sd: float | None) -> Statistics:
         """The statistics of a window.  vertical_sd : sigma of the navigated height [m], or None."""

@@ -44,12 +44,16 @@ def test_a_small_reference_is_made_and_reads_back(ground: TerrainGround) -> None
     assert (again.hash, again.header) == (reference.hash, reference.header)
     assert reference.s_ref.min() >= 0.5 * few_draws_factor(5) - 1e-3
     assert 5.0 <= reference.header.profile.correlation_m <= 50.0
+    assumed = reference.header.assumptions
+    assert assumed is not None
+    assert (assumed.nav_vertical_sd_m, assumed.track_sd_m, assumed.elevation_short_sd_m) == (3.0, 15.0, 2.0)
+    assert (assumed.receiver, assumed.receivers, assumed.beam_deg) == ("drawn", 60, 40.0)
     limits = reference.header.limits
     assert all(1.0 < limit < 200.0 for limit in (limits.t1, limits.t3, limits.t4))
     assert (limits.runs, limits.verified_runs) == (20, 5)
     stages = [
-        "profile",
         "range map",
+        "profile",
         "correlation",
         "nominal approaches",
         "verification",
