@@ -158,9 +158,10 @@ def test_a_described_radar_altimeter_measures_radio_height() -> None:
 # ------------------------------------------------------------------------------------------------ the FMCW altimeter
 
 
-def radar_heights(model: str | None, terrain: Terrain | None = None) -> NDArray[np.float64]:
+def radar_heights(model: str | None, terrain: Terrain | None = None, **keys_of_sensor: float) -> NDArray[np.float64]:
     """What a radar altimeter says over a terrain, with the noise of the same seed; NaN without a height [m]."""
-    settings = {} if model is None else {"device": SensorSettings.model_validate({"model": model})}
+    said = keys_of_sensor | ({} if model is None else {"model": model})
+    settings = {"device": SensorSettings.model_validate(said)} if said else {}
     plan = scenario(flight=flown().scenario.flight, sensor=settings)
     there = World(plan, path(), terrain or flat_terrain(), undulation=47.0)
     keys = {"kind": "radar", "range_m": (0.5, 762.0), "beam_deg": 40.0}
@@ -186,6 +187,24 @@ def test_the_fmcw_radar_looks_past_a_mast_that_the_nearest_return_sees() -> None
     masts = flat_terrain().with_finest(heights)
     past = radar_heights("fmcw", masts) - radar_heights("nearest", masts)
     assert np.nanmax(past) > 5.0
+
+
+@pytest.mark.parametrize("model", ["nearest", "fmcw"])
+def test_bias_and_scale_of_the_instrument_are_in_what_it_tells(model: str) -> None:
+    bare, wrong = radar_heights(model), radar_heights(model, bias_m=2.0, scale=1.01)
+    step = np.where(bare > 152.0, 20.0, 5.0) * 0.3048  # of the RA-4500, 499 ft
+    assert (np.abs(wrong - (1.01 * bare + 2.0)) < 1.01 * step + 0.1).all()
+    assert np.mean(wrong - bare) == pytest.approx(0.01 * np.mean(bare) + 2.0, abs=0.5)
+
+
+def test_the_beam_need_not_be_the_one_that_is_configured() -> None:
+    """Ridges beside the flight come into a wider beam, and into a deeper threshold."""
+    heights = flat_terrain().finest.heights.copy()
+    heights[::10, :] = 60.0
+    ridges = flat_terrain().with_finest(heights)
+    assert np.nanmean(radar_heights("nearest", ridges) - radar_heights("nearest", ridges, beam_deg=70.0)) > 3.0
+    by_threshold = radar_heights("fmcw", ridges, threshold_db=-3.0) - radar_heights("fmcw", ridges, threshold_db=-20.0)
+    assert np.nanmean(by_threshold) > 1.0
 
 
 def test_a_model_that_there_is_not_is_refused_by_its_key() -> None:

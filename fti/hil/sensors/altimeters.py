@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from fti.hil.sensors.errors import white
 from fti.hil.sensors.quick import new_radio_height, new_range, new_reading, new_status
@@ -14,6 +15,7 @@ from fti.hil.sensors.settings import DeviceSettings, settings_of
 from fti.hil.world import World
 from fti.ranging.radar.altimeter import RadarAltimeter as FmcwAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
+from fti.ranging.radar.edge import edge_at
 from fti.service.binding import BoundDevice
 from fti.types import Measurement, Stamp
 
@@ -26,9 +28,16 @@ class RadarSettings(DeviceSettings):
     model : "nearest", the nearest point in the beam, as references of approaches are made; or "fmcw", the instrument
             with antenna, radar equation and spectrum, which looks past what gives little power: over the ridges and
             woods of the demonstration it reads 1.2 m more on average, and 7 m more in one sample of twenty
+    beam_deg      : full width of its beam; none: what the configuration has, which need not be true
+    threshold_db  : of the leading edge against the peak, of "fmcw"; none: a quarter of its power
+    bias_m, scale : it tells scale x range + bias_m
     """
 
     model: Literal["nearest", "fmcw"] = "nearest"
+    beam_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
+    threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
+    bias_m: Annotated[float, Field(ge=-1000, le=1000)] = 0.0
+    scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
 
 
 class RadarAltimeter:
@@ -41,14 +50,17 @@ class RadarAltimeter:
 
     def __init__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> None:
         limits = bound.device.altimeter
-        beam = math.radians(limits.beam_deg if limits else self.BEAM_DEG)
+        settings = settings_of(RadarSettings, world.scenario, bound.device.name)
+        beam = math.radians(settings.beam_deg or (limits.beam_deg if limits else self.BEAM_DEG))
         self._range = limits.range_m if limits else self.RANGE_M
-        if settings_of(RadarSettings, world.scenario, bound.device.name).model == "fmcw":
-            instrument = FmcwAltimeter(antenna=cosine_antenna(beam, beam), max_range=self._range[1])
+        if settings.model == "fmcw":
+            edge = edge_at(settings.threshold_db)
+            instrument = FmcwAltimeter(antenna=cosine_antenna(beam, beam), edge=edge, max_range=self._range[1])
             heights = world.returns(instrument, t, bound.device).slant_range
         else:
             heights = world.radar_ranges(t, beam, bound.device)
-        self._heights = (heights + white(t, self.NOISE_SD, rng)).tolist()
+        told = settings.scale * heights + settings.bias_m
+        self._heights = (told + white(t, self.NOISE_SD, rng)).tolist()
 
     def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
         """Status, then height."""

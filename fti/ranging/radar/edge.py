@@ -108,3 +108,8 @@ def _by_slopes(power: Array, first: NDArray[np.intp], level: Array, noise: float
     share[after > 2.0 * at] = 1.0
     near, far = ((2.0 * high - low) / (high + low) for low, high in ((before, at), (at, after)))
     return np.asarray(first + (1.0 - share) * (near - 1.0) + share * far)
+
+
+def edge_at(threshold_db: float | None) -> LeadingEdge:
+    """The detector with a threshold so many decibels against the peak, negative; None: its own, a quarter."""
+    return LeadingEdge() if threshold_db is None else LeadingEdge(threshold=10.0 ** (threshold_db / 10.0))
