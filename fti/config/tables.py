@@ -143,6 +143,9 @@ class Altimeter(StrictModel):
 
     relief_m : one sigma of unknown ground straight below against that which the beam sees; none : from the profile of
                the last 20 s
+
+    What it should measure is scale x range + bias_m; ``fti reference fit`` finds these, beam and threshold_db, which is
+    that of the leading edge against the peak, of the model "beam" (none : a quarter of the peak's power).
     """
 
     kind: Literal["radar", "laser"]
@@ -157,6 +160,9 @@ class Altimeter(StrictModel):
     model: Literal["nearest", "beam"] = "nearest"  # of a radar, for what it should measure over known terrain
     sd_m: Positive | None = None  # one sigma, when the device does not say
     relief_m: Positive | None = None
+    bias_m: Annotated[float, Field(ge=-100, le=100)] = 0.0
+    scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
+    threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
 
 
 class Device(StrictModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -105,6 +106,37 @@ def test_one_pose_at_once_is_what_the_arrays_say(ground: Ground, kind: str, mode
         for mine, theirs, within in pairs:
             assert mine == pytest.approx(float(theirs[0]), abs=within)
     assert seen >= 8
+
+
+@pytest.mark.parametrize(("kind", "model"), list(SENSORS))
+def test_bias_and_scale_of_an_altimeter_are_expected_of_it(ground: Ground, kind: str, model: str) -> None:
+    """Range alone: what is told of the ray, of the ground and of the place stays as it is."""
+    bare = device(kind, model)
+    assert bare.altimeter is not None
+    wrong = bare.altimeter.model_copy(update={"bias_m": 2.0, "scale": 1.01})
+    biased = Expectation(bare.model_copy(update={"altimeter": wrong}), ground)
+    for nav in poses(6):
+        there, here = Expectation(bare, ground).at(nav, RANGE_SD), biased.at(nav, RANGE_SD)
+        if isinstance(there, Expected) and isinstance(here, Expected):
+            assert here.slant_range == pytest.approx(1.01 * there.slant_range + 2.0)
+            assert dataclasses.replace(here, slant_range=there.slant_range) == there
+
+
+def test_the_threshold_of_the_leading_edge_is_that_of_the_configuration(ground: Ground) -> None:
+    """A deeper one hears the ground earlier, nowhere later."""
+    bare = device("radar", "beam")
+    assert bare.altimeter is not None
+    found = []
+    for level in (None, -6.0206, -20.0):
+        altimeter = bare.altimeter.model_copy(update={"threshold_db": level})
+        one = Expectation(bare.model_copy(update={"altimeter": altimeter}), ground)
+        found.append(
+            [e.slant_range if isinstance(e := one.at(nav, RANGE_SD), Expected) else math.nan for nav in poses(12)]
+        )
+    default, quarter, deep = np.array(found)
+    assert np.nanmax(np.abs(default - quarter)) < 1e-3
+    assert np.nanmax(deep - default) < 0.5
+    assert np.nanmean(default - deep) > 1.0
 
 
 def test_why_the_ground_cannot_be_asked_is_said(ground: Ground) -> None:

@@ -31,6 +31,7 @@ from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
 from fti.ranging.radar.at_once import OnePose
+from fti.ranging.radar.edge import edge_at
 from fti.ranging.receiver_error import PossibleReceivers, model_error
 from fti.ranging.sensor import Validity
 from fti.terrain.pyramid import Pyramid
@@ -176,7 +177,8 @@ def seeing_of(altimeter: Altimeter, terrain: Terrain) -> Seeing:
     if altimeter.kind == "laser":
         return Pencil(terrain.pyramid, farthest)
     if altimeter.model == "beam":
-        sensor = RadarAltimeter(antenna=cosine_antenna(width, width), max_range=altimeter.range_m[1])
+        edge, antenna = edge_at(altimeter.threshold_db), cosine_antenna(width, width)
+        sensor = RadarAltimeter(antenna=antenna, edge=edge, max_range=altimeter.range_m[1])
         return WholeBeam(terrain, sensor)
     return NearestReturn(terrain.pyramid, width, farthest)
 
@@ -193,6 +195,7 @@ class Expectation:
         self._mat_bs = mat_from_rpy(*(math.radians(a) for a in device.rpy_bs_deg))
         self._ground = ground
         self._nearest = device.altimeter.kind == "radar"
+        self._bias, self._scale = device.altimeter.bias_m, device.altimeter.scale
 
     def at(self, nav: NavState, range_sd: float | None) -> Expected | Reason:
         """What it should measure; or why that cannot be told.  range_sd : of the instrument [m]"""
@@ -227,7 +230,7 @@ class Expectation:
     def _expected(self, found: float, spread: float, told: Array) -> Expected:
         height, cosine, incidence, range_sd, height_sd, ground_sd = told.tolist()
         return Expected(
-            slant_range=found,
+            slant_range=self._scale * found + self._bias,
             range_sd=range_sd,
             height=height,
             height_sd=height_sd,
