@@ -24,6 +24,8 @@ The limits hold for what the file states as assumptions: sigmas of navigation, t
 altimeter.  A navigation that states more in flight makes integrity unavailable (assumption).  Larger assumptions mean
 fewer alarms and later detection.
 
+--fitted: the altimeter as fti reference fit has found it on flights, in place of the stated beam.
+
 From recordings: 5 approaches or more from --s-max on, in one session or many, with a height every 20 m, and navigation
 that did not rest on the same altimeter.  One that was broken off counts as far as it went; each place needs the heights
 of 3, and its sigma is the larger, the fewer there are.  Sessions without outputs: fti reprocess first.
@@ -96,6 +98,12 @@ def add_make(make: argparse.ArgumentParser) -> None:
         "--elevation-sd", type=_within(0.0, 20.0, "m"), default=2.0, metavar="M",
         help="assumed sigma of the elevation, over 30 m and over 300 m each (2; a surveyed surface model: 0.5)",
     )  # fmt: skip
+    make.add_argument(
+        "--fitted",
+        type=Path,
+        metavar="FILE",
+        help="the receiver, as fti reference fit --out wrote it, in place of those that are drawn",
+    )
     make.add_argument("--s-max", type=_positive, default=7000.0, metavar="M", help="far end of the profile [m]")
     make.add_argument("--runs", type=_count(20), default=2000, help="simulated nominal approaches (2000)")
     make.add_argument(

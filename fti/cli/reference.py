@@ -1,13 +1,14 @@
 """Make and read the reference profile of an approach.
 
 The profile is what one kind of altimeter sees of the terrain along the published path; with it come the limits of the
-integrity monitor's tests, from simulated nominal approaches, over as many processes as there are cores.  ``info``
-prints what a reference holds and draws it.
+integrity monitor's tests, from simulated nominal approaches, over as many processes as there are cores.  ``fit`` learns
+the receiver of an altimeter from recorded flights.  ``info`` prints what a reference holds and draws it.
 
     fti reference make --airfield FILE --terrain demo --out configs/profiles/demo.csv
     fti reference make --airfield FILE --terrain dsm_1m.tif srtm.hgt --vertical egm96 --out profiles/27.csv
     fti reference make --airfield FILE --recorded SESSION SESSION --sensor radar_altimeter --out profiles/27.csv
     fti reference make --airfield FILE --terrain demo --out x.csv --runs 50 --seed 7
+    fti reference fit SESSION --sensor radar_altimeter --out receiver.toml
     fti reference info configs/profiles/demo.csv
     fti reference info configs/profiles/demo.csv --json
 """
@@ -16,7 +17,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -24,10 +24,12 @@ from typing import TYPE_CHECKING, Any
 
 from fti.cli._printing import print_json, print_line, print_lines
 from fti.cli._reference_arguments import MAKE, add_make
+from fti.cli._reference_fit import FIT, add_fit, check_place, fit
 from fti.errors import ConfigError, MissingError
 
 if TYPE_CHECKING:
     from fti.hil.references.approaches import AltimeterModel, Spread
+    from fti.hil.references.receivers import Receiver
     from fti.nav.integrity.approach import ApproachPath
     from fti.nav.integrity.reference import Limits, Reference
     from fti.terrain.terrain import Terrain
@@ -39,7 +41,7 @@ COARSE_M = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Two actions."""
+    """Three actions."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     add_make(
         actions.add_parser(
@@ -49,14 +51,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             formatter_class=parser.formatter_class,
         )
     )
+    add_fit(
+        actions.add_parser(
+            "fit",
+            help="learn beam, threshold, bias and scale of an altimeter from recorded flights",
+            description=FIT,
+            formatter_class=parser.formatter_class,
+        )
+    )
     info = actions.add_parser("info", help="print and draw a reference")
     info.add_argument("reference", type=Path, metavar="FILE")
     info.add_argument("--json", action="store_true", help="what the reference says of itself, as JSON")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make or show."""
-    return _make(args) if args.action == "make" else _info(args)
+    """Make, fit or show."""
+    return {"make": _make, "fit": fit, "info": _info}[args.action](args)
 
 
 def _read(path: Path) -> str:
@@ -77,7 +87,7 @@ def _make(args: argparse.Namespace) -> int:
 
     config = load(args.config)
     path = ApproachPath(load_airfield(_read(args.airfield), str(args.airfield)))
-    _check_place(args.out)
+    check_place(args.out)
     with _Bars() as bars:
         make = _from_recordings if args.recorded else _from_terrain
         reference = make(args, path, model_of(args, config), bars)
@@ -97,15 +107,6 @@ def _make(args: argparse.Namespace) -> int:
     return 0
 
 
-def _check_place(out: Path) -> None:
-    """Whether the file can be written: better known before the minutes that it takes than after."""
-    folder = next(parent for parent in out.absolute().parents if parent.exists())
-    if out.is_dir() or not folder.is_dir():
-        raise ConfigError(f"{out}: cannot be written: {'is a folder' if out.is_dir() else f'{folder} is no folder'}")
-    if not os.access(out if out.exists() else folder, os.W_OK):
-        raise ConfigError(f"{out}: cannot be written: permission denied")
-
-
 def _doubts(limits: Limits) -> Iterator[str]:
     """What whoever flies with the limits should know of them."""
     from fti.study._proportions import most_by_chance
@@ -121,9 +122,10 @@ def _doubts(limits: Limits) -> Iterator[str]:
 def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:
     from fti.hil.references.approaches import TerrainGround
     from fti.hil.references.calibration import make_reference
-    from fti.hil.references.plan import Plan
+    from fti.hil.references.plan import RECEIVERS, Plan
     from fti.study.workers import run_all
 
+    receivers = _fitted(args, altimeter)
     plan = Plan(
         surface=args.surface or " ".join(Path(name).name for name in args.terrain),
         date=args.date or path.airfield.survey_date,
@@ -135,10 +137,18 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
         seed=args.seed,
         pfa=args.pfa,
         spread=_spread(args),
-        receiver=args.receiver,
+        receiver="fitted" if receivers else args.receiver,
+        receivers=len(receivers) or RECEIVERS,
     )
-    ground = TerrainGround(path, altimeter, _terrains(args, path, bars))
+    ground = TerrainGround(path, altimeter, _terrains(args, path, bars), receivers=receivers)
     return make_reference(ground, plan, bars.update, run_all)
+
+
+def _fitted(args: argparse.Namespace, altimeter: AltimeterModel) -> tuple[Receiver, ...]:
+    """The receiver that was found on flights; none: they are drawn."""
+    from fti.hil.references.fitted_file import fitted_receiver, read_fitted
+
+    return (fitted_receiver(altimeter.sensor, read_fitted(args.fitted)),) if args.fitted else ()
 
 
 def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:

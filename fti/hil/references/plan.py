@@ -13,6 +13,8 @@ from fti.hil.references.receivers import ReceiverModel
 
 #: Length of the window that the limits are made for [m].
 WINDOW_M = 400.0
+#: So many receivers are drawn.
+RECEIVERS = 60
 
 Argument = TypeVar("Argument")
 Found = TypeVar("Found")
@@ -59,7 +61,7 @@ class Plan:
     s_max: float = 7000.0
     spread: Spread = NOMINAL
     receiver: ReceiverModel = "drawn"
-    receivers: int = 60
+    receivers: int = RECEIVERS
     draws: int = 100
     runs: int = 2000
     beside_runs: int = 100

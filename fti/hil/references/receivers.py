@@ -42,7 +42,7 @@ from fti.terrain.terrain import Terrain
 
 Array = NDArray[np.float64]
 
-ReceiverModel = Literal["drawn", "edge", "nearest"]
+ReceiverModel = Literal["drawn", "edge", "nearest", "fitted"]
 
 #: Of the drawn family: relative sigma of the beam width and its bounds, thresholds under the peak [dB], exponents of
 #: the backscatter, share of receivers that take the nearest return.
@@ -73,7 +73,7 @@ class Receiver:
                 -13 dB (never drawn: for the proof)
     beam      : full width between the half-power points, or of the cone, or the divergence of a laser [rad]
     threshold : of the leading edge, over the peak power      exponent : q of the backscatter cos^q
-    bias      : of every range [m]
+    bias, scale : the instrument says scale x range + bias [m]
     last      : a laser that tells the last echo              roll, pitch : pointing of a laser [rad]
     """
 
@@ -82,6 +82,7 @@ class Receiver:
     threshold: float = 0.25
     exponent: float = 2.0
     bias: float = 0.0
+    scale: float = 1.0
     last: bool = False
     roll: float = 0.0
     pitch: float = 0.0
@@ -148,12 +149,13 @@ def measure(receivers: tuple[Receiver, ...], terrain: Terrain, poses: Poses, til
         return np.stack([_laser(receiver, terrain, poses, tilts) for receiver in receivers], axis=-1)
     dome = _dome(max(receiver.beam for receiver in receivers))
     gains = np.stack([[r.two_way_gain(off) for r in receivers] for off in _off_boresight(dome, tilts)])
-    thresholds, exponents, biases = np.array([(r.threshold, r.exponent, r.bias) for r in receivers]).T.copy()
+    thresholds, exponents = np.array([(r.threshold, r.exponent) for r in receivers]).T.copy()
     ranges = _edges(
         terrain.pyramid, poses.origins_l, poses.mats_ls, dome.rays_s, gains * dome.solid_angles, thresholds,
         exponents - 1.0, MAX_RANGE_M["radar"],
     )  # fmt: skip
-    return np.asarray(ranges + biases)
+    scales, biases = np.array([(r.scale, r.bias) for r in receivers]).T
+    return np.asarray(ranges * scales + biases)
 
 
 @functools.lru_cache(maxsize=8)
@@ -179,7 +181,7 @@ def _laser(receiver: Receiver, terrain: Terrain, poses: Poses, tilts: Array) -> 
     for roll, pitch in tilts + np.array([receiver.roll, receiver.pitch]):
         turned = Poses(poses.origins_l, poses.mats_ls @ mat_from_rpy(roll, pitch, 0.0), poses.vels_l)
         found.append(laser.measure(terrain, turned).slant_range)
-    return np.stack(found, axis=-1) + receiver.bias
+    return receiver.scale * np.stack(found, axis=-1) + receiver.bias
 
 
 @kernel
