@@ -100,11 +100,11 @@ def test_beam_bias_and_scale_are_found_where_others_are_configured() -> None:
 
 @pytest.mark.parametrize("alike_s", [0.0, 10.0])
 def test_the_sigmas_hold_also_where_neighbours_err_alike(alike_s: float) -> None:
-    """Of 12 fits the squares of error over sigma are 1 in the mean; of 36 numbers, three of which hang together, 0.2
+    """Of 8 fits the squares of error over sigma are 1 in the mean; of 24 numbers, three of which hang together, 0.2
     to 2.0 hold it: 30 blocks of 10 s make a sigma itself uncertain by an eighth, and of two sigmas the larger counts.
     """
     squares = []
-    for seed in range(12):
+    for seed in range(8):
         found = fit(measured(100 + seed, alike_s=alike_s))
         squares.append([((value - TRUE[name]) / sd) ** 2 for name, value, sd, _ in found.rows()])
     assert 0.2 < np.mean(squares) < 2.0
