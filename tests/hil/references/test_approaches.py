@@ -9,7 +9,18 @@ import pytest
 
 from fti.config import Approach
 from fti.constants import FOOT
-from fti.hil.references.approaches import RA4500, AltimeterModel, TerrainGround, draw_profile, fly, samples, simulate
+from fti.hil.references.approaches import (
+    RA4500,
+    TYPICAL,
+    AltimeterModel,
+    TerrainGround,
+    draw_profile,
+    fly,
+    samples,
+    simulate,
+)
+from fti.hil.references.calibration import with_receivers
+from fti.hil.references.plan import Plan
 from fti.hil.tables.kinds import Obstacle
 from fti.hil.world import with_obstacles
 from fti.nav.integrity.approach import ApproachPath, load_airfield
@@ -61,7 +72,8 @@ def monitor(reference: Reference) -> ClearanceMonitor:
 def test_reference_is_that_of_the_airfield_and_the_scene(reference: Reference, ground: TerrainGround) -> None:
     assert reference.header.airfield == ground.path.airfield
     rng = np.random.default_rng(FRESH)
-    z = np.mean([draw_profile(ground, reference.s, rng) for _ in range(8)], axis=0)
+    drawn = with_receivers(ground, Plan(surface="demo", date="2018-06-01", seed=FRESH))
+    z = np.mean([draw_profile(drawn, reference.s, rng, TYPICAL) for _ in range(16)], axis=0)
     normal = (z - reference.z_ref) / reference.s_ref
     assert np.abs(normal).mean() < 0.5
     assert np.abs(normal).max() < 3.0
