@@ -116,6 +116,6 @@ def test_the_same_seed_is_the_same_reference(ground: TerrainGround) -> None:
 
 
 def test_a_profile_beyond_the_terrain_says_where_it_ends(ground: TerrainGround) -> None:
-    """The terrain ends 7500 m before the threshold, 7790 m before the intercept point: a beam of 40 deg needs the last 100 m."""
+    """The terrain ends 7790 m before the intercept point; a beam of 40 deg needs the last 100 m."""
     with pytest.raises(ConfigError, match=r"no return from 'demo' between 76\d\d and 9200 m"):
         make_reference(ground, plan(9000.0, 6), lambda *step: None)
