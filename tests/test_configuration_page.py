@@ -29,6 +29,7 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "### `[nav.radio]`": (tables.Radio, ()),
     "### `[nav.radio.station.NAME]`": (tables.Station, ()),
     "### `[nav.approach]`": (tables.Approach, ()),
+    "### `[nav.unstated_sd]`": (tables.UnstatedSd, ()),
     "| key of `[display]`": (tables.Display, ()),
     "| key of `[bus]`": (tables.Bus, ()),
     "## `[recorder]`": (tables.RecorderTuning, ()),
@@ -60,7 +61,8 @@ def expected(model: type[BaseModel], shared: tuple[str, ...]) -> dict[str, Any]:
     for name, field in model.model_fields.items():
         default = field.get_default(call_default_factory=True)
         if name not in shared:
-            found[name] = "" if default is PydanticUndefined else "–" if default is None else default
+            is_table = isinstance(default, BaseModel)  # with defaults for all of its keys
+            found[name] = "" if default is PydanticUndefined else "–" if default is None or is_table else default
     return found
 
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 #: One sigma of an altitude and of an altimeter without a stated one [m].
 ALTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN = 5.0, 1.0
+#: No sigma is larger: squares of larger ones are no numbers [m].
+LARGEST_SD = 1e6
 #: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
 #: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not, 0.6 finds 97 % and refuses none.
 CHANGING_SHARE = 0.5
@@ -48,7 +50,7 @@ def make_observation(
     range_sd : of the instrument [m], None where nobody states it; expected : None where the ground is unknown
     """
     position = nav.position
-    sd = RANGE_SD_UNKNOWN if range_sd is None or not math.isfinite(range_sd) else range_sd
+    sd = RANGE_SD_UNKNOWN if range_sd is None or not math.isfinite(range_sd) else min(abs(range_sd), LARGEST_SD)
     if expected is not None:
         sd = _short_term_sd(expected, sd, position.vertical_sd if position else None)
     return Observation(
@@ -69,7 +71,8 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     with cos of a nearest return, of which the smaller is taken out.  Of the errors of surface and
     receiver a share is left.
     """
-    altitude = (ALTITUDE_SD_UNKNOWN if vertical_sd is None else vertical_sd) * expected.cosine
+    told = ALTITUDE_SD_UNKNOWN if vertical_sd is None or not math.isfinite(vertical_sd) else vertical_sd
+    altitude = min(abs(told), LARGEST_SD) * expected.cosine
     surface = max(expected.range_sd**2 - altitude**2 - instrument**2, 0.0)
     return math.hypot(instrument, CHANGING_SHARE * math.sqrt(surface))
 
