@@ -49,7 +49,12 @@ def config() -> Config:
             {"name": "ins", "max_age_ms": 500.0, **device},
             {"name": "radar", "max_age_ms": 500.0, "altimeter": altimeter, **device},
         ],
-        "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": ["radar"], "approach": {"profile": "p.csv"}},
+        "nav": {
+            "attitude": ["ins"],
+            "position": ["ins"],
+            "altimeters": ["radar"],
+            "approach": {"profile": "p.csv", "alert_v_m": 12.0},
+        },
     }
     return parse(table, "", Path("t.toml"))
 
