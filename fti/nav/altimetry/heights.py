@@ -26,6 +26,8 @@ REPEAT_NS = 500_000_000
 RANGE_SD_UNKNOWN = 1.0
 #: What lies beside the point straight below is looked for so far off the vertical at most [rad].
 STEEPEST = math.radians(60.0)
+#: The profile along the track does not tell how steep the ground is across it.
+ACROSS = 1.25
 #: What the known ground says against a sample, and nothing else does.
 BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE, Reason.CHANGE_MISMATCH})
 #: The integrity monitor judges these heights: it finds what is new on the ground, and says itself what is stuck.
@@ -215,7 +217,8 @@ class AltimeterChannel:
         if known is not None:
             return Below(*known)
         tilt = tilt_of(self._mounting, nav.attitude.roll, nav.attitude.pitch)
-        relief = self._relief.sd(nearest.height_agl * math.tan(min(max(tilt, self._mounting.half_beam), STEEPEST)))
+        beside = min(max(tilt, 0.5 * self._mounting.half_beam), STEEPEST)
+        relief = ACROSS * self._relief.sd(nearest.height_agl * math.tan(beside))
         sd = RANGE_SD_UNKNOWN if nearest.sd is None else nearest.sd
         return Below(nearest.height_agl, math.hypot(sd, relief), Compensation.ATTITUDE)
 
