@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -56,7 +57,7 @@ def test_assumptions_are_in_the_file_and_an_older_file_has_none(reference: Refer
 
 def test_noise_of_navigation_lowers_the_weights(reference: Reference, stated: Reference) -> None:
     """Uniform sigmas of 1.2 m and 0.9 m, so 1.5 m in all, and 1.5 m of noise: T1 is half of what it was."""
-    uniform = {"s_ref": np.full_like(reference.s, 1.2), "s_alt": np.full_like(reference.s, 0.9)}
+    uniform: dict[str, Any] = {"s_ref": np.full_like(reference.s, 1.2), "s_alt": np.full_like(reference.s, 0.9)}
     n = round(reference.header.profile.window_m / reference.header.profile.ds_m) + 1
     z = reference.z_ref[200 : 200 + n] + 3.0 * np.sin(np.arange(n))
     bins = Bins(200, np.ones(n, dtype=bool), z, np.zeros(n))
@@ -101,7 +102,7 @@ def test_an_alert_is_said_beyond_the_assumptions_all_the_same(stated: Reference,
     assert any(o.state is IntegrityState.ALERT for o in states(ClearanceMonitor(stated, SETTINGS), flown))
 
 
-def altimeter(beam_deg: float = 40.0, model: str = "nearest") -> Device:
+def altimeter(beam_deg: float = 40.0, model: Literal["nearest", "beam"] = "nearest") -> Device:
     return Device(
         name="radar",
         link="line",

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from fti.nav.altimetry.roughness import rough_height_variance, roughness
 from fti.terrain.terrain import Terrain
@@ -15,7 +16,7 @@ POSTS = np.arange(-50, 51) * CELL
 EAST, NORTH = np.meshgrid(POSTS, POSTS)
 
 
-def pyramid_of(heights: np.ndarray) -> Terrain:  # type: ignore[type-arg]
+def pyramid_of(heights: NDArray[np.float64]) -> Terrain:
     return Terrain.from_array(heights, CELL, east0=POSTS[0], north0=POSTS[0])
 
 

@@ -92,7 +92,7 @@ def test_validity_sorts_the_mix(mix: Mix) -> None:
     """Laser: roll alone refuses 30 %, and what is left is small.  A sensor that is 30 m off is refused throughout."""
     reasons = against(mix, Known.ALL, SEED)
     for name in mix.measured:
-        found = assessed(*[mix.measured[name] - mix.nadir] * 2, reasons[name])
+        found = assessed(mix.measured[name] - mix.nadir, mix.measured[name] - mix.nadir, reasons[name])
         assert found.residual < 0.5 * found.raw
         assert found.excluded < 0.5
     assert assessed(mix.nadir, mix.nadir, reasons["laser"]).share(Reason.ROLL) == pytest.approx(0.3)
@@ -124,7 +124,7 @@ def test_a_cloud_is_not_taken_for_the_ground(mix: Mix) -> None:
 def test_held_against_the_simulation_alone_the_radar_keeps_its_error(mix: Mix) -> None:
     """Table 7.20 as printed: what the sensor sees wrong the simulation sees wrong, too."""
     reasons = against(mix, Known.ALL, SEED)["radar_as_printed"]
-    found = assessed(*[mix.measured["radar"] - mix.nadir] * 2, reasons)
+    found = assessed(mix.measured["radar"] - mix.nadir, mix.measured["radar"] - mix.nadir, reasons)
     assert found.residual > 0.8 * found.raw
 
 
@@ -144,7 +144,8 @@ def test_the_judges_can_say_no(name: str, limit: float) -> None:
 
 
 def test_nothing_left_is_not_good() -> None:
-    nothing = assessed(*[np.array([1.0, 2.0])] * 2, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
+    errors = np.array([1.0, 2.0])
+    nothing = assessed(errors, errors, [(Reason.ROLL,), (Reason.ROLL, Reason.DEVIATION)])
     assert (nothing.raw, nothing.excluded, nothing.reasons[Reason.ROLL]) == (2.5, 1.0, 2)
     assert not any(result.holds for result in judged([nothing] * 3, Known.ALL, "radar", 1))
 

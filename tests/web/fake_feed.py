@@ -65,7 +65,7 @@ class Approach:
         dh = 9.0 * math.sin(t / 13.0) + 3.0 * math.sin(t / 4.1)
         roll = 2.4 * math.sin(t / 5.0) * DEG
         agl = s * math.tan(GLIDE_ANGLE) + dh + 14.0 * math.sin(s / 310.0) + 6.0 * math.sin(s / 90.0)
-        common = {"t_ns": t_ns, "t_valid_ns": t_ns - 20_000_000, "reasons": (), "valid": True}
+        common: dict[str, Any] = {"t_ns": t_ns, "t_valid_ns": t_ns - 20_000_000, "reasons": (), "valid": True}
         return {
             "/nav/height_above_ground/radar_altimeter": self._height("radar_altimeter", agl, 1.2, common),
             "/nav/height_above_ground/laser_altimeter": self._laser(agl, roll, common),
