@@ -219,9 +219,9 @@ def _missing(config: Config) -> Iterator[dict[str, str]]:
 def _unfit_altimeter(config: Config) -> Reason | None:
     """Why no altimeter of navigation is the one that the reference of the approach was made for; None: one is."""
     from fti.nav.integrity.channel import idle_reason
-    from fti.service.binding import parse_reference, read_texts
+    from fti.service.binding import check_reference, read_texts
 
-    reference = parse_reference(config, read_texts(config))
+    reference = check_reference(config, read_texts(config))
     return None if reference is None else idle_reason(config, reference)
 
 

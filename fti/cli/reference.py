@@ -16,6 +16,7 @@ the receiver of an altimeter from recorded flights.  ``info`` prints what a refe
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
@@ -125,7 +126,7 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
     from fti.hil.references.plan import RECEIVERS, Plan
     from fti.study.workers import run_all
 
-    receivers = _fitted(args, altimeter)
+    altimeter, receivers = _fitted(args, altimeter)
     plan = Plan(
         surface=args.surface or " ".join(Path(name).name for name in args.terrain),
         date=args.date or path.airfield.survey_date,
@@ -144,11 +145,16 @@ def _from_terrain(args: argparse.Namespace, path: ApproachPath, altimeter: Altim
     return make_reference(ground, plan, bars.update, run_all)
 
 
-def _fitted(args: argparse.Namespace, altimeter: AltimeterModel) -> tuple[Receiver, ...]:
-    """The receiver that was found on flights; none: they are drawn."""
+def _fitted(args: argparse.Namespace, altimeter: AltimeterModel) -> tuple[AltimeterModel, tuple[Receiver, ...]]:
+    """The altimeter with the beam, and the receiver, that were found on flights; none: receivers are drawn."""
     from fti.hil.references.fitted_file import fitted_receiver, read_fitted
 
-    return (fitted_receiver(altimeter.sensor, read_fitted(args.fitted)),) if args.fitted else ()
+    if not args.fitted:
+        return altimeter, ()
+    keys, sensor = read_fitted(args.fitted), altimeter.sensor
+    if keys.beam_deg is not None and sensor.kind == "radar":
+        sensor = sensor.model_copy(update={"beam_deg": keys.beam_deg})
+    return dataclasses.replace(altimeter, sensor=sensor), (fitted_receiver(sensor, keys),)
 
 
 def _from_recordings(args: argparse.Namespace, path: ApproachPath, altimeter: AltimeterModel, bars: _Bars) -> Reference:

@@ -154,6 +154,16 @@ def sending_on(link: str, devices: Sequence[BoundDevice]) -> Sending:
     )
 
 
+def check_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
+    """``parse_reference`` before a flight.  Raises ConfigError for an alert limit that the reference cannot keep."""
+    reference, settings = parse_reference(config, texts), config.nav.approach
+    if reference is not None and settings is not None:
+        from fti.nav.integrity.reference import check_alert_limit  # noqa: PLC0415 - as in parse_reference
+
+        check_alert_limit(reference, settings.alert_v_m, settings.profile, config.path)
+    return reference
+
+
 def parse_reference(config: Config, texts: Mapping[str, str]) -> Reference | None:
     """The reference profile of ``nav.approach``, if it can be flown with the rest of it; None without an approach.
 

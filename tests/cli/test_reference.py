@@ -47,7 +47,7 @@ def test_info_draws_the_path_above_the_terrain(capsys: pytest.CaptureFixture[str
 def test_info_has_limits_by_theory_beside_the_calibrated(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reference", "info", DEMO]) == 0
     lines = {line.split("  ")[0]: line for line in capsys.readouterr().out.splitlines()}
-    assert "T1 25.263  T2 16.158  T3 3.894  T4 5.208" in lines["limits"]
+    assert "T1 25.452  T2 15.475  T3 3.689  T4 5.114" in lines["limits"]
     assert "T2 14.4" in lines["by theory"]
 
 

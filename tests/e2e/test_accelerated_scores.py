@@ -30,7 +30,7 @@ DURATIONS = {
     "jsbsim_low_level": 12.0,
     "jsbsim_pattern": 12.0,
     "pattern": 32.0,
-    "recorded": 12.0,
+    "recorded": 20.0,
     "table": 35.0,
 }
 

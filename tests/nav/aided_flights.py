@@ -31,7 +31,17 @@ from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import Attitude, Event, HeightAboveGround, ImuSample, Measurement, Position, Stamp, Velocity
+from fti.types import (
+    Attitude,
+    Compensation,
+    Event,
+    HeightAboveGround,
+    ImuSample,
+    Measurement,
+    Position,
+    Stamp,
+    Velocity,
+)
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -284,5 +294,15 @@ def _fix(flight: Flight, which: int, t_ns: int) -> list[Measurement]:
 
 def _output(t_ns: int, told: float) -> HeightAboveGround:
     return HeightAboveGround(
-        t_ns=t_ns, t_valid_ns=t_ns, sensor="laser", raw=told, height_agl=told, sd=0.3, valid=True, reasons=()
+        t_ns=t_ns,
+        t_valid_ns=t_ns,
+        sensor="laser",
+        raw=told,
+        height_agl=told,
+        sd=0.3,
+        valid=True,
+        reasons=(),
+        nearest=told,
+        nearest_sd=0.3,
+        compensation=Compensation.RANGE,
     )

@@ -14,7 +14,7 @@ from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.assumptions import Assumptions, receiver_holds
 from fti.nav.integrity.channel import ApproachChannel
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
-from fti.nav.integrity.reference import Reference, check_settings, least_level_v
+from fti.nav.integrity.reference import Reference, check_alert_limit, least_level_v
 from fti.nav.integrity.statistics import Matcher
 from fti.nav.integrity.window import Bins
 from fti.types import ClearanceIntegrity, Event, IntegrityState, Reason
@@ -123,9 +123,9 @@ def test_an_alert_limit_below_the_least_protection_level_is_refused(reference: R
     """Sigmas so small that the datum alone counts: (4 + 3.09) x 1 m."""
     sharp = dataclasses.replace(reference, s_ref=np.full_like(reference.s, 1e-3), s_alt=np.full_like(reference.s, 1e-3))
     assert least_level_v(sharp) == pytest.approx(7.09, abs=0.01)
-    check_settings(sharp, Approach(profile="x.csv", alert_v_m=7.1), "c.toml")
+    check_alert_limit(sharp, 7.1, "x.csv", "c.toml")
     with pytest.raises(ConfigError) as refusal:
-        check_settings(sharp, Approach(profile="x.csv"), "c.toml")
+        check_alert_limit(sharp, 5.0, "x.csv", "c.toml")
     assert str(refusal.value) == (
         "c.toml: nav.approach.alert_v_m: 5 m is below the least protection level 7.1 m of x.csv; at least 8 m"
     )

@@ -15,7 +15,7 @@ from fti.nav.sources import AttitudeState, PositionState
 from fti.terrain.layer import Layer
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround
+from fti.types import Compensation, HeightAboveGround
 
 SD_M, FINE_M, COARSE_M = 1.5, 0.5, 4.4
 ALTITUDE_M = 100.0
@@ -57,7 +57,7 @@ def test_it_stands_in_what_navigation_says_of_predictions_and_of_altitudes_over_
     whole = math.hypot(SD_M, resampling_m)
     assert expected.range_sd == pytest.approx(whole, rel=1e-3)
     common: dict[str, Any] = {"t_ns": 0, "t_valid_ns": 0, "sensor": "laser", "valid": True, "reasons": ()}
-    height = HeightAboveGround(raw=ALTITUDE_M, height_agl=ALTITUDE_M, sd=0.1, **common)
+    height = HeightAboveGround(raw=ALTITUDE_M, height_agl=ALTITUDE_M, sd=0.1, compensation=Compensation.RANGE, **common)
     found = over_ground(height, ground, nav.position)
     assert found is not None
     assert found.ground_sd == pytest.approx(whole, rel=1e-3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, doubted_s
 from fti.hil.expected.flags import told
-from fti.hil.expected.required_outputs import FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
+from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.bases import OnDevices, OnQuantity
 from fti.hil.tables.kinds import (
@@ -128,7 +128,7 @@ class Affected:
     def _on_ground(self, output: RequiredOutput) -> Iterator[Interval]:
         """Obstacles that the reference does not know, in what is compared with the known ground."""
         monitored, aided = output.topic in (INTEGRITY, GLIDE), output.topic in (FILTER, VERTICAL, FIX)
-        if not (monitored or aided or output.topic.startswith(HEIGHT)):
+        if not (monitored or aided or output.topic.startswith((HEIGHT, BELOW))):
             return
         for fault in self._faults:
             if isinstance(fault, Obstacle):
@@ -138,7 +138,7 @@ class Affected:
 
     def _by_disagreement(self, output: RequiredOutput) -> Iterator[Interval]:
         """An altimeter that another one contradicts, which states wrong values, may be refused with it."""
-        if not output.topic.startswith(HEIGHT):
+        if not output.topic.startswith((HEIGHT, BELOW)):
             return
         others = [name for name in self._craft.altimeters if not output.topic.endswith(f"/{name}")]
         for fault, name in self._on(others):

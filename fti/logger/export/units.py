@@ -37,6 +37,7 @@ _BY_CLASS: dict[str, dict[str, str]] = {
     "velocity": {"sd": "m/s"},
     "range": {"sd": "m"},
     "radio_height": {"sd": "m"},
+    "height_below_aircraft": {"sd": "m"},
     "static_pressure": {"sd": "Pa"},
     "impact_pressure": {"sd": "Pa"},
     "temperature": {"static": "K", "total": "K"},

@@ -3,8 +3,9 @@
     stuck            ``fti.nav.altimetry.stuck``: its value repeats exactly although the prediction changes
     change_mismatch  ``fti.nav.altimetry.mismatch``: it changes otherwise than the known ground predicts
 
-Over level ground in level flight nothing is predicted to change, and nothing is refused.  When the source of position
-or altitude changes, or no sample comes for 3 s, the memory begins anew.
+Over level ground in level flight nothing is predicted to change, and nothing is refused.  When no sample comes for 3 s
+the memory begins anew.  When the source of position or altitude changes, the step between both is no change: repeated
+values are remembered across it, and the test of changes begins anew.
 Source: section 2 of the specification of fault detection (change measured against change predicted, over 2 to 10 s,
 with the resolution).
 """
@@ -49,8 +50,11 @@ class ChangeCheck:
         last = self._last
         if last is not None and o.t_ns <= last.t_ns:
             return self.reasons
-        if last is not None and (o.t_ns - last.t_ns > MAX_GAP_NS or o.source != last.source):
+        if last is not None and o.t_ns - last.t_ns > MAX_GAP_NS:
             self._begin()
+        elif last is not None and o.source != last.source:
+            self._stuck.join()
+            self._mismatch = MismatchTest()
         elif last is not None:
             self._climbed += _rise(o, last)
         self._last = o

@@ -173,9 +173,9 @@ class AltimeterChannel:
     def _reasons_by_change(
         self, reading: Reading, nav: NavState, expected: Expected | Reason | None, against: tuple[Reason, ...]
     ) -> tuple[Reason, ...]:
-        """What the memory of this altimeter says against a sample; one that is no range is not remembered."""
+        """What the memory of this altimeter says against a sample; one that is no range does not change it."""
         if reading.value is None or not NO_RANGE.isdisjoint(against):
-            return ()
+            return self._change.reasons
         known = None if isinstance(expected, Reason) else expected
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         return self._change.update(seen)
@@ -220,7 +220,13 @@ class AltimeterChannel:
         beside = min(max(tilt, 0.5 * self._mounting.half_beam), STEEPEST)
         relief = ACROSS * self._relief.sd(nearest.height_agl * math.tan(beside))
         sd = RANGE_SD_UNKNOWN if nearest.sd is None else nearest.sd
-        return Below(nearest.height_agl, math.hypot(sd, relief), Compensation.ATTITUDE)
+        return Below(
+            nearest.height_agl + self._correction(reading.value), math.hypot(sd, relief), Compensation.ATTITUDE
+        )
+
+    def _correction(self, value: float) -> float:
+        """What bias and scale of the instrument, as configured, have added to a range, taken off [m]."""
+        return (value - self.limits.bias_m) / self.limits.scale - value
 
 
 def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:

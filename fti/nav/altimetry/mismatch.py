@@ -23,6 +23,8 @@ from fti.nav.altimetry.observation import Observation
 
 SECOND_NS = 1_000_000_000
 #: Means of the residual are taken over this time, and compared over these ages [ns].
+#: A longer hole in the samples begins a new mean [ns].
+MAX_HOLE_NS = 2 * SECOND_NS
 BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
 #: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
 BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
@@ -68,8 +70,9 @@ class MismatchTest:
 
     def update(self, o: Observation, climbed: float) -> bool:
         """Whether the altimeter is refused because its changes do not match."""
-        if o.predicted is None or o.alt is None:
+        if self._samples and o.t_ns - self._samples[-1][0].t_ns > MAX_HOLE_NS:
             self._samples.clear()
+        if o.predicted is None or o.alt is None:
             if o.t_ns - self._known_ns > MAX_AGE_NS:
                 self._blocks.clear()
                 self._reference = None

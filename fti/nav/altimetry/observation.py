@@ -71,6 +71,8 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     with cos of a nearest return, of which the smaller is taken out.  Of the errors of surface and
     receiver a share is left.
     """
+    if not math.isfinite(expected.range_sd):
+        return LARGEST_SD
     told = ALTITUDE_SD_UNKNOWN if vertical_sd is None or not math.isfinite(vertical_sd) else vertical_sd
     altitude = min(abs(told), LARGEST_SD) * expected.cosine
     surface = max(expected.range_sd**2 - altitude**2 - instrument**2, 0.0)

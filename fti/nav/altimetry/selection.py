@@ -5,8 +5,8 @@ its place.  A valid one whose sigma is less than ``BETTER`` times as large takes
 that was so with every sample of both: two altimeters with equal sigmas do not alternate.
 
 Each output of the chosen altimeter makes one of HeightBelowAircraft; while none is valid, each output of the last
-chosen one, or of the first that is configured, makes an invalid one.  Of two that were true at different times the
-older one after the newer is left out.
+chosen one, or of the first that is configured, makes an invalid one.  One that is not
+newer than the last, as a copy of it, makes none.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class HeightSelector:
         self._latest: dict[str, HeightAboveGround | None] = dict.fromkeys(names)
         self._chosen = next(iter(names), None)
         self._better_since: dict[str, int] = {}
-        self._newest_ns = 0
+        self._newest_ns = -1
 
     def take(self, height: HeightAboveGround) -> list[HeightBelowAircraft]:
         """An output of an altimeter; the height below the aircraft, where this output makes one."""
@@ -36,7 +36,7 @@ class HeightSelector:
         if height.sensor != self._chosen:
             return []
         if height.valid and height.t_valid_ns is not None:
-            if height.t_valid_ns < self._newest_ns:
+            if height.t_valid_ns <= self._newest_ns:
                 return []
             self._newest_ns = height.t_valid_ns
         return [_below(height)]

@@ -35,8 +35,18 @@ class _Span:
     largest: float = -math.inf
     _value: float = math.nan
     _t_ns: int = 0
+    _offset: float = 0.0
+    _joins: bool = False
+
+    def join(self) -> None:
+        """The next value is of another source: the step between both is no change."""
+        self._joins = True
 
     def add(self, t_ns: int, value: float) -> None:
+        if self._joins:
+            self._joins = False
+            self._offset = 0.0 if math.isnan(self._value) else self._value - value
+        value += self._offset
         if math.isnan(self._value):
             self._value = value
         else:
@@ -91,6 +101,12 @@ class StuckTest:
         self.since_ns = 0
         self._run: _Run | None = None
         self._contradicted_ns: int | None = None
+
+    def join(self) -> None:
+        """Position or altitude come from another source from now on."""
+        if self._run is not None:
+            for span in (*self._run.predicted, *self._run.altitude):
+                span.join()
 
     def update(self, o: Observation, climbed: float, resolution: float | None) -> bool:
         """Whether the altimeter is refused as stuck.  resolution : step [m]; None: unknown"""

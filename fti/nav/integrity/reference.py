@@ -338,8 +338,8 @@ def least_level_v(reference: Reference) -> float:
 def check_settings(reference: Reference, settings: Approach, file: str) -> None:
     """Whether a configuration can be flown with a reference.  file : the configuration's name
 
-    Raises ConfigError when the window is not the one that the limits were made with, when AL_s is not among the
-    shifts that are tried, and when AL_v is below any protection level that there can be.
+    Raises ConfigError when the window is not the one that the limits were made with, and when AL_s is not among the
+    shifts that are tried.
     """
     profile = reference.header.profile
     if settings.window_m != profile.window_m:
@@ -352,11 +352,11 @@ def check_settings(reference: Reference, settings: Approach, file: str) -> None:
             f"{file}: nav.approach.alert_s_m = {settings.alert_s_m}: must be {profile.ds_m} to {MARGIN_M}"
         )
 
-    check_alert_limit(reference, settings.alert_v_m, settings.profile, file)
-
 
 def check_alert_limit(reference: Reference, alert_v: float, profile: str, file: str) -> None:
     """Raises ConfigError when the alert limit [m] is below the least protection level: it could not be met anywhere.
+
+    Asked before a flight alone: a recorded one is read and repeated as it was.
 
     profile, file : names of the reference and of the configuration
     """

@@ -41,6 +41,7 @@ def test_every_role_of_the_demonstration_promises_its_topics() -> None:
         "/nav/vertical_solution",
         "/nav/height_above_ground/altimeter",
         "/nav/height_above_ground/autopilot",
+        "/nav/height_below_aircraft",
         "/nav/clearance_integrity",
         "/nav/glide_slope",
         "/altimeter/radio_height",

@@ -18,7 +18,7 @@ def test_the_quantile_is_that_of_the_chi_square(degrees: float, beyond: float) -
 
 def test_limits_are_those_of_independent_normal_residuals() -> None:
     reference = Reference.parse(DEMO.read_text(), str(DEMO))
-    beyond, k_eff = 0.01 / 4 / (7000.0 / 400.0), 400.0 / 36.9
+    beyond, k_eff = 0.01 / 4 / (7000.0 / 400.0), 400.0 / 50.0
     t1, t2, t3, t4 = theoretical_limits(reference)
     assert t1 == pytest.approx(chi2.isf(beyond, k_eff - 1), rel=0.03)
     assert (t2, t3) == pytest.approx((chi2.isf(beyond, 1), norm.isf(beyond / 2)))

@@ -52,6 +52,9 @@ def test_the_truth_has_the_configuration_that_was_played(flown: Path) -> None:
     assert attachments[CONFIG_ATTACHMENT].decode() == CONFIG
 
 
+UNSTATED = ("nav.unstated_sd.inertial", "nav.unstated_sd.satellites")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "keys"),
     [
@@ -104,9 +107,9 @@ def test_a_configuration_that_is_wrong_is_a_miss(flown: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("old", "new", "keys"),
     [
-        ("[nav.approach]\n", None, ["nav.approach"]),
+        ("[nav.approach]\n", None, ["nav.approach", *UNSTATED]),
         ("terrain = { scene", "# terrain = { scene", ["nav.terrain"]),
-        ("[nav.filter]", None, ["nav.approach", "nav.filter"]),
+        ("[nav.filter]", None, ["nav.approach", "nav.filter", *UNSTATED]),
         ("alert_v_m = 50.0", "alert_v_m = 500.0", ["nav.approach.alert_v_m"]),
         ('"demo_country"', '"demo"', ["nav.terrain.scene"]),
     ],
