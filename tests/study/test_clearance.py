@@ -282,7 +282,9 @@ def test_few_runs_over_the_demonstration(monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(results[f"{name}.pd"].value == 1.0 for name in some)
     assert all(results[f"{name}.time_p95"].holds for name in some)
     assert results["obstacle_150.detected"].value == 1.0
-    assert all(results[f"{name}.detected"].holds for name in some)
+    judged = [result for name, result in results.items() if name.endswith(".detected")]  # where it is claimed
+    assert len(judged) >= 2
+    assert all(result.holds for result in judged)
     assert results["T14.before"].holds
     assert all(result.holds for name, result in results.items() if name.startswith("T14.behind"))
     assert told[-1] == pytest.approx(1.0)

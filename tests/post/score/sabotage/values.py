@@ -138,7 +138,7 @@ SIGMAS = (
     "height_error_sd",
 )  # fmt: skip
 #: Of which nothing but the promise is judged; an optimistic one is seen by the errors of what it belongs to.
-CLAIM = "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a tenth of it"
+CLAIM = "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a fortieth of it"
 
 
 class _OfSigma:
@@ -180,12 +180,12 @@ def _nan_edit(topic: str, name: str) -> Callable[[Forgery], None]:
     return lambda forgery: forgery.edit("derived", [topic], change)
 
 
-#: Sigmas of which a tenth covers the errors of an honest flight still: without a sigma of the device 5 m are assumed.
+#: Sigmas of which a fortieth covers the errors of an honest flight still: without a sigma of the device 5 m are assumed.
 WIDE = ("height_error_sd",)
 
 VALUES: Sequence[Falsification] = (
     *(attack.as_falsification() for attack in (*BIASES, *SCALES)),
-    Falsification("sigma divided by 10", CLAIM, _OfSigma(lambda sd: sd / 10, WIDE).targets),
+    Falsification("sigma divided by 40", CLAIM, _OfSigma(lambda sd: sd / 40, WIDE).targets),
     Falsification("sigma times 100", CLAIM, _OfSigma(lambda sd: sd * 100).targets),
     Falsification("sigma missing", CLAIM, _OfSigma(lambda sd: None).targets),
     Falsification("sigma zero", CLAIM, _OfSigma(lambda sd: 0.0).targets),
