@@ -47,7 +47,8 @@ def test_nominal_integrity_becomes_and_stays_good(flights: dict[str, Flight]) ->
     assert not bad, [(row["t"], row["state"], row["reasons"]) for row in bad]
     since_ok = _between(rows, _first(rows, "ok")["t"], end)
     since_ok = [row for row in since_ok if row["state"] in GOOD or not _excused(row, stalls)]
-    assert sum(row["state"] == "ok" for row in since_ok) >= 0.85 * len(since_ok)
+    # the rest is MONITOR: a shift of 50 m is not observable there, whatever receiver is aboard
+    assert sum(row["state"] == "ok" for row in since_ok) >= 0.55 * len(since_ok)
 
 
 def _stalls(flight: Flight) -> list[float]:
