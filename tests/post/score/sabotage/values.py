@@ -138,7 +138,9 @@ SIGMAS = (
     "height_error_sd",
 )  # fmt: skip
 #: Of which nothing but the promise is judged; an optimistic one is seen by the errors of what it belongs to.
-CLAIM = "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a fortieth of it"
+CLAIM = (
+    "a sigma is positive, stated for each valid value, and the errors fit it: neither 5 times it nor a fortieth of it"
+)
 
 
 class _OfSigma:
@@ -180,7 +182,7 @@ def _nan_edit(topic: str, name: str) -> Callable[[Forgery], None]:
     return lambda forgery: forgery.edit("derived", [topic], change)
 
 
-#: Sigmas of which a fortieth covers the errors of an honest flight still: without a sigma of the device 5 m are assumed.
+#: Sigmas of which a fortieth covers the errors of an honest flight still: without one of the device 5 m are assumed.
 WIDE = ("height_error_sd",)
 
 VALUES: Sequence[Falsification] = (
