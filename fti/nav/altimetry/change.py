@@ -19,9 +19,9 @@ from dataclasses import replace
 from fti.nav.altimetry.mismatch import MismatchTest
 from fti.nav.altimetry.observation import Observation, Resolution
 from fti.nav.altimetry.stuck import StuckTest
+from fti.nav.series import SECOND_NS
 from fti.types import Reason
 
-SECOND_NS = 1_000_000_000
 #: Without a sample for longer the memory begins anew [ns].
 MAX_GAP_NS = 3 * SECOND_NS
 

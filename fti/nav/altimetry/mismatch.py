@@ -20,8 +20,8 @@ from collections import deque
 from dataclasses import dataclass
 
 from fti.nav.altimetry.observation import Observation
+from fti.nav.series import SECOND_NS
 
-SECOND_NS = 1_000_000_000
 #: Means of the residual are taken over this time, and compared over these ages [ns].
 #: A longer hole in the samples begins a new mean [ns].
 MAX_HOLE_NS = 2 * SECOND_NS
@@ -47,7 +47,7 @@ class _Block:
 
     def differs(self, other: _Block) -> float:
         """Change of the residual since another block, in sigmas; the smaller of both altitudes."""
-        changes = [now - then for now, then in zip(self.residuals, other.residuals, strict=True)]
+        changes = [mine - theirs for mine, theirs in zip(self.residuals, other.residuals, strict=True)]
         if changes[0] * changes[1] <= 0.0:
             return 0.0
         age_s = (self.t_ns - other.t_ns) / SECOND_NS

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from fti.nav.series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
-SECOND_NS, DAY_S = 1_000_000_000, 86_400
+DAY_S = 86_400
 BEGINS: Mapping[Reason, str] = {
     Reason.STUCK: "its value is stuck",
     Reason.CHANGE_MISMATCH: "it does not change as the known ground predicts",

@@ -15,8 +15,8 @@ import math
 from dataclasses import dataclass, field
 
 from fti.nav.altimetry.observation import Observation, largest_step
+from fti.nav.series import SECOND_NS
 
-SECOND_NS = 1_000_000_000
 #: A run of equal values is judged from this length on [ns], and in samples.
 MIN_RUN_NS, MIN_RUN_SAMPLES = 2 * SECOND_NS, 5
 #: Change of prediction that a repeated value contradicts, in steps of the resolution, and in sigmas.
