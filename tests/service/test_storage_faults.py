@@ -32,6 +32,7 @@ from fti.service.stint import Stint
 from fti.service.writing import Writer
 from tests.helpers import until
 
+ONE_FILE_S = 1000.0  # no file is split before
 ERRORS = {"full": errno.ENOSPC, "read-only": errno.EROFS, "broken": errno.EIO}
 STATUS = st.sampled_from(["good", "stuck", *ERRORS])
 
@@ -72,13 +73,21 @@ class Media:
 class Rig:
     """A writer with one link, a main place and perhaps a fallback."""
 
-    def __init__(self, media: Media, roots: list[Path], capacity: int = 2**19) -> None:
+    def __init__(
+        self,
+        media: Media,
+        roots: list[Path],
+        capacity: int = 2**19,
+        split_s: float = 1e-7,
+        status: tuple[str, ...] = ("good", "good"),
+    ) -> None:
+        """status : what each medium does before the first file is opened"""
         self._media = media
         self._roots = roots
-        self.set(*["good"] * len(roots))
+        self.set(*status[: len(roots)])
         self.folders = [root / "s_0" for root in roots]
         links = [RawTopic("a", "udp", {})]
-        self.log = RawLog(None, links, split_s=1e-7, split_mb=100, numbering=Numbering(), places=self.folders)
+        self.log = RawLog(None, links, split_s=split_s, split_mb=100, numbering=Numbering(), places=self.folders)
         self.buffer = TripleBuffer(capacity)
         self.reports: list[str] = []
         source = Source("a", self.log.channels("a")[0], self.buffer)
@@ -199,8 +208,7 @@ def test_it_goes_to_the_fallback_and_comes_back(make: Callable[..., Rig], how: s
 @pytest.mark.parametrize("how", ["stuck", *ERRORS])
 @pytest.mark.parametrize("begun", [True, False])
 def test_without_another_medium_the_buffers_hold(make: Callable[..., Rig], how: str, begun: bool) -> None:
-    rig = make(1)
-    rig.set("good" if begun else how)
+    rig = make(1, status=("good" if begun else how,))
     if begun:
         until(lambda: rig.writer.file, what="a file")
         rig.feed(20)
@@ -219,9 +227,7 @@ def check_of(recording: Recording, name: str) -> Check:
 
 
 def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callable[..., Rig]) -> None:
-    rig = make()
-    rig.log._log.blueprint.split_ns = 10**12
-    rig.set("stuck", "good")
+    rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
     rig.wait_for(State.FALLBACK)
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
@@ -239,9 +245,7 @@ def test_the_number_of_a_file_that_was_not_opened_in_time_is_stated(make: Callab
 def test_a_file_that_was_opened_too_late_gets_a_number_behind_those_that_were_written(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch
 ) -> None:
-    rig = make()
-    rig.log._log.blueprint.split_ns = 10**12
-    rig.set("stuck", "good")
+    rig = make(split_s=ONE_FILE_S, status=("stuck", "good"))
     rig.wait_for(State.FALLBACK)
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
@@ -288,8 +292,7 @@ def test_a_folder_that_is_moved_away_is_made_again(make: Callable[..., Rig], qui
 
 
 def test_a_deleted_file_is_written_again(make: Callable[..., Rig]) -> None:
-    rig = make(1)
-    rig.log._log.blueprint.split_ns = 10**12
+    rig = make(1, split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
     before = until(lambda: rig.writer.file, what="a file")
@@ -348,8 +351,7 @@ def test_a_sync_that_failed_once_is_never_believed_again(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
     """The kernel tells a failed write-back once, and then finds all well."""
-    rig = make(places)
-    rig.log._log.blueprint.split_ns = 10**12
+    rig = make(places, split_s=ONE_FILE_S)
     rig.settle()
     sick = SickSync(rig, quick, refusals=1)
     rig.feed(20)
@@ -367,8 +369,7 @@ def test_what_was_not_synced_at_the_stop_goes_to_the_fallback(
 ) -> None:
     """The buffers are empty then: it is what the file has taken that must be written again."""
     quick.setattr(stint, "SYNC_PERIOD_S", 1000.0)
-    rig = make()
-    rig.log._log.blueprint.split_ns = 10**12
+    rig = make(split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
     until(lambda: rig.buffer.empty, what="an empty buffer")
@@ -382,8 +383,7 @@ def test_the_last_notes_go_to_another_place_when_the_file_cannot_be_closed(
     make: Callable[..., Rig], quick: pytest.MonkeyPatch, places: int
 ) -> None:
     quick.setattr(writing, "LAST_CHANCE_S", 0.2)
-    rig = make(places)
-    rig.log._log.blueprint.split_ns = 10**12
+    rig = make(places, split_s=ONE_FILE_S)
     rig.settle()
     rig.feed(20)
     rig.end_tending()
@@ -412,7 +412,7 @@ def test_a_mount_point_without_its_medium_is_left_alone(make: Callable[..., Rig]
 
 
 def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = make()
+    rig = make(split_s=ONE_FILE_S)
     rig.feed(10)
     rig.settle()
     rig.end_tending()
