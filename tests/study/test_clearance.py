@@ -75,6 +75,21 @@ def test_an_alert_that_never_comes_is_late(missed: int) -> None:
     assert found["along_60.misled"].value == missed / 20
 
 
+@pytest.mark.parametrize(("name", "is_judged_everywhere"), [("lateral_100", False), ("height_10", True)])
+def test_a_time_beside_the_track_is_promised_where_a_shift_is_observable(name: str, is_judged_everywhere: bool) -> None:
+    """Elsewhere the state is MONITOR; a height shows over any ground."""
+    hidden = SEEN._replace(observable=False, delay_s=9.0, warned_s=9.0)
+    found = by_id(clearance._detected(name, [SEEN] * 20 + [hidden] * 20))
+    judged = {key for key, result in found.items() if ".time_p95" in key and result.target == "<= 7.7 s"}
+    assert judged == {f"{name}.time_p95" if is_judged_everywhere else f"{name}.observable.time_p95"}
+    assert all(found[key].holds is not is_judged_everywhere for key in judged)
+    assert (found[f"{name}.misled"].value, found[f"{name}.not_observable.misled"].value) == (0.5, 1.0)
+    late = by_id(clearance._detected(name, [SEEN._replace(delay_s=9.0)] * 20 + [hidden._replace(delay_s=0.5)] * 20))
+    assert not all(late[key].holds for key in judged)
+    unseen = by_id(clearance._detected(name, [hidden] * 20))
+    assert [r.holds for r in unseen.values() if r.target == "<= 7.7 s"] == [False] * is_judged_everywhere
+
+
 PROMISED = SEEN._replace(promised=True)
 
 
