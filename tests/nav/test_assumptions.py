@@ -144,13 +144,31 @@ def test_a_source_without_a_sigma_has_the_configured_one_and_it_is_told(
         channel = ApproachChannel(stated, SETTINGS, "radar", unstated={"ins": (3.0, high)})
         told[high] = [output for height, nav in given for output in channel.take(height, nav)]
         events = [output.text for output in told[high] if isinstance(output, Event)]
-        assert events == [
-            f"states no sigma of its position; {high:g} m vertically count for the approach (nav.unstated_sd)"
-        ]
+        assert events == [f"states no sigma of its altitude; {high:g} m count for the approach (nav.unstated_sd)"]
     judged = {high: [o for o in out if isinstance(o, ClearanceIntegrity) and o.t1_ratio] for high, out in told.items()}
     assert all(output.valid for output in judged[3.0])
     assert all(Reason.ASSUMPTION in output.reasons for output in judged[6.6])
     assert min(o.height_error_sd or 0.0 for o in judged[6.6]) > 6.6 > max(o.height_error_sd or 0.0 for o in judged[3.0])
+
+
+def test_each_source_is_told_with_the_sigma_of_its_own_axis(
+    stated: Reference, path: ApproachPath, flight: Flight
+) -> None:
+    """The place by one source, the altitude by another: neither states a sigma."""
+    channel = ApproachChannel(stated, SETTINGS, "radar", unstated={"ins": (3.0, 10.0), "gnss": (2.0, 6.0)})
+    told = [
+        output
+        for height, nav in inputs(path, flight, lambda _: "gnss")
+        if nav.position
+        for output in channel.take(
+            height,
+            dataclasses.replace(nav, position=dataclasses.replace(nav.position, horizontal_sd=None, vertical_sd=None)),
+        )
+    ]
+    assert [(output.source, output.text) for output in told if isinstance(output, Event)] == [
+        ("ins", "states no sigma of its position; 3 m count for the approach (nav.unstated_sd)"),
+        ("gnss", "states no sigma of its altitude; 6 m count for the approach (nav.unstated_sd)"),
+    ]
 
 
 def test_the_default_sigmas_are_those_of_the_service() -> None:

@@ -67,7 +67,7 @@ class ApproachChannel:
         self._sensor = sensor
         self._held = held
         self._unstated = unstated
-        self._told = set[str]()
+        self._told = set[tuple[str, int]]()
         self._sources: tuple[str, str] | None = None
         self._slope: GlideSlope | None = None
 
@@ -87,25 +87,25 @@ class ApproachChannel:
         return [*self._tell_unstated(height.t_ns, nav), *self._with_slope(self._monitor.step(sample), place)]
 
     def _tell_unstated(self, t_ns: int, nav: NavState) -> list[Event]:
-        """Once for each source: which sigma counts because it states none."""
-        name, position = nav.position_source, nav.position
-        if name is None or name in self._told or name not in self._unstated or position is None:
+        """Once for each source and axis: which sigma counts because it states none."""
+        position = nav.position
+        if position is None:
             return []
-        unstated = [
-            f"{sd:g} m {axis}"
-            for axis, sd, stated in zip(
-                ("horizontally", "vertically"),
-                self._unstated[name],
-                (position.horizontal_sd, position.vertical_sd),
-                strict=True,
-            )
-            if _stated(stated, None) is None
-        ]
-        if not unstated:
-            return []
-        self._told.add(name)
-        text = f"states no sigma of its position; {' and '.join(unstated)} count for the approach (nav.unstated_sd)"
-        return [Event(t_ns=t_ns, level="info", source=name, text=text)]
+        axes = (
+            (nav.position_source, "position", position.horizontal_sd, 0),
+            (nav.altitude_source, "altitude", position.vertical_sd, 1),
+        )
+        events = list[Event]()
+        for source, what, stated, axis in axes:
+            if source is None or source not in self._unstated or (source, axis) in self._told:
+                continue
+            if _stated(stated, None) is not None:
+                continue
+            self._told.add((source, axis))
+            sd = self._unstated[source][axis]
+            text = f"states no sigma of its {what}; {sd:g} m count for the approach (nav.unstated_sd)"
+            events.append(Event(t_ns=t_ns, level="info", source=source, text=text))
+        return events
 
     def tick(self, t_ns: int, nav: NavState) -> Outputs:
         """Repeat what is half a second old."""
