@@ -164,6 +164,10 @@ class Altimeter(StrictModel):
     scale: Annotated[float, Field(ge=0.8, le=1.25)] = 1.0
     threshold_db: Annotated[float, Field(ge=-26, le=-2)] | None = None
 
+    def range_of(self, value: float) -> float:
+        """The range [m] of which the instrument says ``value`` [m]: bias and scale, as configured, taken off."""
+        return (value - self.bias_m) / self.scale
+
 
 class Device(StrictModel):
     """``[[device]]``: what is understood; any number on one link."""

@@ -76,6 +76,14 @@ def test_a_radar_may_be_shorter_than_a_laser_and_not_longer_over_unknown_ground(
     assert not believed(shares(40.0, 50.0, known=True)), "known ground says what the radar sees"
 
 
+@pytest.mark.parametrize(("bias_m", "scale"), [(12.0, 1.0), (0.0, 1.24)])
+def test_bias_and_scale_that_are_configured_are_no_disagreement(bias_m: float, scale: float) -> None:
+    """A laser that says 62 m of 50 m."""
+    kinds = LASER, LASER.model_copy(update={"bias_m": bias_m, "scale": scale})
+    assert believed(shares(50.0, 62.0, kinds=kinds))
+    assert not believed(shares(62.0, 50.0, kinds=kinds))
+
+
 def test_both_are_refused_after_half_a_second_when_nobody_knows_better() -> None:
     found = shares(60.0, 50.0)
     assert found["radar"] == pytest.approx(0.88, abs=0.03)

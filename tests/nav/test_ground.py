@@ -60,4 +60,16 @@ def test_it_stands_in_what_navigation_says_of_predictions_and_of_altitudes_over_
     height = HeightAboveGround(raw=ALTITUDE_M, height_agl=ALTITUDE_M, sd=0.1, compensation=Compensation.RANGE, **common)
     found = over_ground(height, ground, nav.position)
     assert found is not None
+    assert found.height_agl == ALTITUDE_M
     assert found.ground_sd == pytest.approx(whole, rel=1e-3)
+
+
+def test_without_a_prediction_a_height_stands_on_the_ground_with_its_bias_taken_off(ground: Ground) -> None:
+    """By attitude alone: the configured bias is taken off, and relief that is only assumed is no error of the range."""
+    height = HeightAboveGround(
+        t_ns=0, t_valid_ns=0, sensor="laser", valid=True, reasons=(), raw=103.0, nearest=103.0, nearest_sd=0.1,
+        height_agl=100.0, sd=8.0, compensation=Compensation.ATTITUDE,
+    )  # fmt: skip
+    found = over_ground(height, ground, at(ground, 50.0).position)
+    assert found is not None
+    assert (found.height_agl, found.height_sd) == (100.0, 0.1)

@@ -22,7 +22,8 @@ def nav(alt: float | None, speed: float | None = SPEED) -> NavState:
 def flown(profile: list[float], alts: list[float | None], speed: float | None = SPEED) -> ReliefEstimator:
     found = ReliefEstimator(None)
     for k, (ground, alt) in enumerate(zip(profile, alts, strict=True)):
-        found.take(k * SECOND // HZ, (500.0 if alt is None else alt) - ground, nav(alt, speed))
+        nearest = (500.0 if alt is None else alt) - ground
+        found.take(k * SECOND // HZ, nearest, nearest, nav(alt, speed))
     return found
 
 
@@ -54,7 +55,15 @@ def test_without_a_speed_it_is_what_far_places_differ_by() -> None:
     assert flown(hills, [500.0] * 300, speed=None).sd(1.0) == pytest.approx(20.0, rel=0.1)
 
 
+def test_without_an_altitude_a_value_that_repeats_does_not_make_the_ground_level() -> None:
+    assert flown([0.0] * 300, [None] * 300).sd(80.0) == RELIEF_UNKNOWN_M
+    along = np.arange(200) * SPEED / HZ
+    hills = (20.0 * np.sin(2.0 * math.pi * along / 300.0)).tolist()
+    stuck = flown([*hills, *[hills[-1]] * 100], [None] * 300)  # for 10 s
+    assert stuck.sd(80.0) == RELIEF_UNKNOWN_M
+
+
 def test_a_silence_begins_a_new_profile() -> None:
     found = flown([0.0] * 100, [500.0] * 100)
-    found.take(60 * SECOND, 400.0, nav(500.0))
+    found.take(60 * SECOND, 400.0, 400.0, nav(500.0))
     assert found.sd(50.0) == RELIEF_UNKNOWN_M

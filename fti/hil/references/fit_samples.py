@@ -21,7 +21,7 @@ from fti.errors import MissingError
 from fti.logger.reading.json_message import parse_table, using_message
 from fti.logger.reading.recording import Recording
 from fti.nav.altimetry.heights import BY_GROUND
-from fti.nav.altimetry.nadir import POSITION_SD_UNKNOWN
+from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN
 from fti.nav.navigation import FILTER, RADIO, VERTICAL
 from fti.types import Reason
 

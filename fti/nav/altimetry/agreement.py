@@ -3,11 +3,12 @@
 The limit is that of autoland practice: more than 15 ft (4.57 m) apart below 200 ft (61 m) is a fault; above, the same
 share of the height, 7.5 %; and three sigmas of the difference of both.
 
-Compared are the heights straight below P by the known ground when both are known; else the heights over level ground,
-whose views differ: the nearest return of a radar may come from ground or trees anywhere in its beam, a laser's does
-not.  A radar may then be shorter than a laser by ``GROWTH_M`` and a slope of ``SLOPE`` across its beam besides; it is
-not longer, for what the laser hits lies in its beam.  Two of one kind see the same.  In a bank both see places beside
-the nadir, and ``SLOPE`` times the distance of the farther one is allowed to either side.
+Bias and scale of both, as configured, are taken off.  Compared are the heights straight below P by the known ground
+when both are known; else the heights over level ground, whose views differ: the nearest return of a radar may come from
+ground or trees anywhere in its beam, a laser's does not.  A radar may then be shorter than a laser by ``GROWTH_M`` and
+a slope of ``SLOPE`` across its beam besides; it is not longer, for what the laser hits lies in its beam.  Two of one
+kind see the same.  In a bank both see places beside the nadir, and ``SLOPE`` times the distance of the farther one is
+allowed to either side.
 
 A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
 within 0.8 of the limit, or without a comparison for 2 s.  Samples with any other reason against them are not compared.
@@ -27,6 +28,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from fti.config import Altimeter
+from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN
 from fti.types import HeightAboveGround, Reason
 
 #: Limit [m] below 200 ft [m].
@@ -34,8 +36,6 @@ LIMIT_M, LOW_M = 4.572, 60.96
 SIGMAS = 3.0
 #: What may stand on unknown ground [m], and its slope.
 GROWTH_M, SLOPE = 25.0, 0.3
-#: One sigma of a height for which nobody states one [m].
-HEIGHT_SD_UNKNOWN = 1.0
 #: A disagreement becomes a refusal after so long [ns] and so many comparisons; a refusal ends after agreement [ns].
 BEGIN_NS, BEGIN_COUNT, END_NS = 500_000_000, 3, 1_000_000_000
 #: Agreement ends a refusal within this share of the limit.
@@ -68,17 +68,19 @@ class Comparable:
     deviation: float | None
 
 
-def comparable(height: HeightAboveGround) -> Comparable | None:
-    """Of a height; None of one that is not valid."""
-    level, t_ns = height.nearest, height.t_valid_ns
-    if height.reasons or level is None or t_ns is None:
+def comparable(height: HeightAboveGround, limits: Altimeter) -> Comparable | None:
+    """Of a height of the altimeter with these limits; None of one that is not valid."""
+    raw, t_ns = height.raw, height.t_valid_ns
+    if height.reasons or height.nearest is None or raw is None or t_ns is None:
         return None
     sigmas = None
-    if height.raw is not None and height.predicted is not None and height.predicted_sd:
-        sigmas = abs(height.raw - height.predicted) / height.predicted_sd
-    below, below_sd = height.height_agl if height.is_by_terrain else None, height.sd or HEIGHT_SD_UNKNOWN
-    offset = math.sqrt(max(0.0, (height.raw or 0.0) ** 2 - level**2))
-    return Comparable(t_ns, level, height.nearest_sd or HEIGHT_SD_UNKNOWN, below, below_sd, offset, sigmas)
+    if height.predicted is not None and height.predicted_sd:
+        sigmas = abs(raw - height.predicted) / height.predicted_sd
+    slant_range = limits.range_of(raw)
+    level = height.nearest + slant_range - raw
+    below, below_sd = height.height_agl if height.is_by_terrain else None, height.sd or RANGE_SD_UNKNOWN
+    offset = math.sqrt(max(0.0, slant_range**2 - level**2))
+    return Comparable(t_ns, level, height.nearest_sd or RANGE_SD_UNKNOWN, below, below_sd, offset, sigmas)
 
 
 class _Pair:
@@ -176,7 +178,7 @@ class AgreementCheck:
         return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
 
     def _take(self, height: HeightAboveGround, pairs: list[_Pair]) -> None:
-        found, kept = comparable(height), self._kept[height.sensor]
+        found, kept = comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
         if found is None:
             kept.clear()
             if not DECIDES.isdisjoint(height.reasons):

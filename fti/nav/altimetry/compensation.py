@@ -24,14 +24,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from fti.config import Device, Vector
 from fti.geodesy.rotations import down_row, mat_from_rpy
+from fti.nav.altimetry.sigmas import ATTITUDE_SD_UNKNOWN
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.predicted import Prediction
 
 Array = NDArray[np.float64]
-
-#: One sigma of roll and pitch when the attitude source does not say [rad]: a small MEMS unit, 0.5 deg.
-ATTITUDE_SD_UNKNOWN = math.radians(0.5)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,14 @@ from numpy.typing import NDArray
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
-from fti.nav.altimetry.compensation import ATTITUDE_SD_UNKNOWN
-from fti.nav.altimetry.heights import RANGE_SD_UNKNOWN
-from fti.nav.altimetry.nadir import POSITION_SD_UNKNOWN
 from fti.nav.altimetry.predicted import AT_EDGE
+from fti.nav.altimetry.sigmas import (
+    ATTITUDE_SD_UNKNOWN,
+    LARGEST_SD,
+    POSITION_SD_UNKNOWN,
+    RANGE_SD_UNKNOWN,
+    stated_sd,
+)
 from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -44,8 +48,6 @@ Array = NDArray[np.float64]
 HEADING_SD = math.radians(1.0)
 #: Nobody flies higher [m].
 HIGHEST = 1e5
-#: No sigma is larger: squares of larger ones are no numbers [m, rad].
-LARGEST_SD = 1e6
 #: So much farther than the altimeter may range is looked for what it should say: a share.
 BEYOND = 1.5
 #: Rings of rays of a nearest return: 217 rays.
@@ -218,12 +220,10 @@ class Expectation:
         if validity is not Validity.VALID:
             return REASONS[validity]
         model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
-        instrument = math.hypot(_sigma(range_sd, RANGE_SD_UNKNOWN), _sigma(model_sd, LARGEST_SD))
+        instrument = math.hypot(stated_sd(range_sd, RANGE_SD_UNKNOWN), stated_sd(model_sd, LARGEST_SD))
         ground_sd = self._ground.sd_at(float(at_l[0]), float(at_l[1]))
-        sds, stays = (
-            self._sds(position, attitude, instrument, ground_sd),
-            self._nearest and not self._seeing.is_at_edge(ray_s),
-        )
+        sds = self._sds(position, attitude, instrument, ground_sd)
+        stays = self._nearest and not self._seeing.is_at_edge(ray_s)
         told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
         return self._expected(found, spread, told)
 
@@ -243,15 +243,11 @@ class Expectation:
 
     def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
         """As ``at_once.told`` takes them."""
-        level = _sigma(position.horizontal_sd, POSITION_SD_UNKNOWN)
-        high = _sigma(position.vertical_sd, POSITION_SD_UNKNOWN)
-        tilt = max(_sigma(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
+        level = stated_sd(position.horizontal_sd, POSITION_SD_UNKNOWN)
+        high = stated_sd(position.vertical_sd, POSITION_SD_UNKNOWN)
+        tilt = max(stated_sd(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
         dem_length = ErrorModel.dem_length
         return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, ground_sd, dem_length])
-
-
-def _sigma(told: float | None, otherwise: float) -> float:
-    return otherwise if told is None or not math.isfinite(told) else min(abs(told), LARGEST_SD)
 
 
 def warm_up(device: Device, ground: Ground) -> None:

@@ -12,6 +12,7 @@ from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
+from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 #: How often an altimeter that says nothing is reported [ns].
 REPEAT_NS = 500_000_000
-#: One sigma of an altimeter for which neither device nor configuration states one [m].
-RANGE_SD_UNKNOWN = 1.0
 #: What lies beside the point straight below is looked for so far off the vertical at most [rad].
 STEEPEST = math.radians(60.0)
 #: The profile along the track does not tell how steep the ground is across it.
@@ -104,8 +103,8 @@ class AltimeterChannel:
             self._last = reading
         self._told_ns = None
         output = self._output(reading.t_ns, reading, nav, reading.t_ns - reading.t_valid_ns, is_sample=True)
-        if stands_alone(output) and output.nearest is not None:
-            self._relief.take(reading.t_valid_ns, output.nearest, nav)
+        if stands_alone(output) and output.nearest is not None and reading.value is not None:
+            self._relief.take(reading.t_valid_ns, reading.value, output.nearest, nav)
         return output
 
     def tick(self, t_ns: int, nav: NavState) -> list[HeightAboveGround]:
@@ -220,13 +219,8 @@ class AltimeterChannel:
         beside = min(max(tilt, 0.5 * self._mounting.half_beam), STEEPEST)
         relief = ACROSS * self._relief.sd(nearest.height_agl * math.tan(beside))
         sd = RANGE_SD_UNKNOWN if nearest.sd is None else nearest.sd
-        return Below(
-            nearest.height_agl + self._correction(reading.value), math.hypot(sd, relief), Compensation.ATTITUDE
-        )
-
-    def _correction(self, value: float) -> float:
-        """What bias and scale of the instrument, as configured, have added to a range, taken off [m]."""
-        return (value - self.limits.bias_m) / self.limits.scale - value
+        height = nearest.height_agl + self.limits.range_of(reading.value) - reading.value
+        return Below(height, math.hypot(sd, relief), Compensation.ATTITUDE)
 
 
 def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:

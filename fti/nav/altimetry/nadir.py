@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN, stated_sd
 from fti.nav.ground import Ground
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
@@ -17,8 +18,6 @@ Array = NDArray[np.float64]
 
 #: Directions around N.
 AROUND = 8
-#: One sigma of a position whose source states none, each axis [m].
-POSITION_SD_UNKNOWN = 5.0
 
 
 def ground_sd(terrain: Terrain, points_l: ArrayLike, horizontal_sd: float) -> Array:
@@ -49,8 +48,7 @@ def ground_below(terrain: Terrain, position: PositionState) -> tuple[float, floa
     ground = float(terrain.height(position.lat, position.lon))
     if not math.isfinite(ground):
         return None
-    told = position.horizontal_sd
-    level = POSITION_SD_UNKNOWN if told is None or not math.isfinite(told) else abs(told)
+    level = stated_sd(position.horizontal_sd, POSITION_SD_UNKNOWN)
     point_l = terrain.frame.to_local(position.lat, position.lon, ground)
     sd = float(ground_sd(terrain, point_l, level)[0])
     return (ground, sd) if math.isfinite(sd) else None
@@ -75,7 +73,7 @@ def over_ground(height: HeightAboveGround, ground: Ground | None, position: Posi
 
     Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
     """
-    known, sd = (height.height_agl, height.sd) if height.is_by_terrain else (height.nearest, height.nearest_sd)
+    known, sd = height.height_agl, height.sd if height.is_by_terrain else height.nearest_sd
     below = ground_below(ground.terrain, position) if ground and position else None
     if ground is None or position is None or below is None or known is None:
         return None

@@ -6,15 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from fti.nav.altimetry.sigmas import LARGEST_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.navigation import NavState
 
 if TYPE_CHECKING:
     from fti.nav.altimetry.expected import Expected
 
-#: One sigma of an altitude and of an altimeter without a stated one [m].
-ALTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN = 5.0, 1.0
-#: No sigma is larger: squares of larger ones are no numbers [m].
-LARGEST_SD = 1e6
 #: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
 #: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not, 0.6 finds 97 % and refuses none.
 CHANGING_SHARE = 0.5
@@ -50,7 +47,7 @@ def make_observation(
     range_sd : of the instrument [m], None where nobody states it; expected : None where the ground is unknown
     """
     position = nav.position
-    sd = RANGE_SD_UNKNOWN if range_sd is None or not math.isfinite(range_sd) else min(abs(range_sd), LARGEST_SD)
+    sd = stated_sd(range_sd, RANGE_SD_UNKNOWN)
     if expected is not None:
         sd = _short_term_sd(expected, sd, position.vertical_sd if position else None)
     return Observation(
@@ -73,8 +70,7 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
     """
     if not math.isfinite(expected.range_sd):
         return LARGEST_SD
-    told = ALTITUDE_SD_UNKNOWN if vertical_sd is None or not math.isfinite(vertical_sd) else vertical_sd
-    altitude = min(abs(told), LARGEST_SD) * expected.cosine
+    altitude = stated_sd(vertical_sd, POSITION_SD_UNKNOWN) * expected.cosine
     surface = max(expected.range_sd**2 - altitude**2 - instrument**2, 0.0)
     return math.hypot(instrument, CHANGING_SHARE * math.sqrt(surface))
 

@@ -7,8 +7,9 @@ configured (``relief_m``), or taken from the profile that this altimeter has see
     z_k = alt_k - nearest_k         D(L) = sqrt(mean (z(s + L) - z(s))^2),        L: how far beside it may look
 
 D is the structure function of the profile along the track, and the ground across it is taken to be alike.  Without an
-altitude the profile is -nearest_k less its straight line: a steady climb is no relief.  Without a speed D is sqrt(2)
-times the standard deviation of the profile, what it is for a large L.  Until the profile is 5 s long 10 m are assumed.
+altitude the profile is -nearest_k less its straight line: a steady climb is no relief.  A value that is stuck then
+looks like level ground, so repeated values are left out.  Without a speed D is sqrt(2) times the standard deviation of
+the profile, what it is for a large L.  Until the profile is 5 s long 10 m are assumed.
 Stated, not measured: span, step and the first value.
 """
 
@@ -44,10 +45,11 @@ class ReliefEstimator:
         self._profile: deque[float] = deque(maxlen=SPAN)
         self._newest_ns = 0
         self._has_altitude = False
+        self._value: float | None = None
         self._speed: float | None = None
 
-    def take(self, t_ns: int, nearest: float, nav: NavState) -> None:
-        """A height above what the beam sees [m], and where the aircraft was."""
+    def take(self, t_ns: int, value: float, nearest: float, nav: NavState) -> None:
+        """What the instrument said [m], its height above what the beam sees [m], and where the aircraft was."""
         position = nav.position
         alt = position.alt if position else None
         since = t_ns - self._newest_ns
@@ -55,6 +57,9 @@ class ReliefEstimator:
             return
         if not 0 <= since <= MAX_GAP_NS or (alt is None) == self._has_altitude:
             self._profile.clear()
+        if alt is None and value == self._value:
+            return
+        self._value = value
         self._newest_ns, self._has_altitude = t_ns, alt is not None
         self._profile.append((alt or 0.0) - nearest)
         known = position is not None and position.north is not None and position.east is not None

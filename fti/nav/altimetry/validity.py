@@ -16,9 +16,10 @@ Two sets of limits (``narrow``, ``wide``) for beams of these kinds, as the sourc
     incidence                75 deg                      60 deg: a quarter of the power comes back there (cos, cos^2)
 
 Measured minus predicted says whether the sensor measures what is there; in a bank over the edge of a wood it may, and
-yet be 20 m from the height straight below.  For that a sample which is used as it is, without compensation by the
-terrain, is held against the navigated height h(P) - h(N).  Where N lies is known as well as the place: where the ground
-around it is uneven the gate is narrower by as much as h(N) may be wrong (``fti.nav.altimetry.nadir.ground_sd``).
+yet be 20 m from the height straight below.  A height that is used as it is, without compensation by the terrain, is for
+that held against the navigated height h(P) - h(N), where ``max_nadir_deviation_m`` asks for it.  Where N lies is known
+as well as the place: where the ground around it is uneven the gate is narrower by as much as h(N) may be wrong
+(``fti.nav.altimetry.nadir.ground_sd``).
 
 A limit is kept by what is within it: nothing that is no number is.  Where the sigma of the prediction widens the gate a
 sample is valid with more than the table allows.  Where the gate lets even twice the limit pass, that is said with it
@@ -62,7 +63,7 @@ class Sample:
     dispersion   : standard deviation of the ranges across the predicted beam [m]
     incidence    : angle between the predicted ray and the normal of the ground [rad]
     navigated    : h(P) - h(N) [m]; ground_sd : one sigma of h(N) by the error of the place [m]
-    height       : what the sample is used for as height of P above the ground straight below [m]
+    height       : of P above what the beam sees, used as it is [m]
     """
 
     value: float | None = None
