@@ -450,7 +450,7 @@ class Reason(StrEnum):
     # what the changes of an altimeter and another altimeter say against it
     STUCK = "stuck"  # its value repeats exactly while the predicted one changes
     CHANGE_MISMATCH = "change_mismatch"  # it changes otherwise than predicted: drift, scale
-    ALTIMETERS_DISAGREE = "altimeters_disagree"  # with another one, and neither is known to be the wrong one
+    ALTIMETERS_DISAGREE = "altimeters_disagree"  # with another one: the one that the ground does not confirm, else both
     NO_PREDICTION = "no_prediction"  # the predicted beam finds no ground in range
     NO_TERRAIN = "no_terrain"  # none is configured, or it could not be loaded
     TERRAIN_LOADING = "terrain_loading"
@@ -528,7 +528,8 @@ class HeightAboveGround:
     raw        : what the device said, at its antenna and along its beam [m]
     height_agl : height of ``point`` above the ground straight below it [m]; sd : one sigma of its error [m]
     compensation : how it was made.  By the terrain between there and what the beam sees (range, beam) where the terrain
-                 is known; else (attitude) it is ``nearest``, and sd includes an assumed relief
+                 is known; else (attitude) it is ``nearest`` with the configured bias and scale taken off, and sd
+                 includes an assumed relief
     nearest, nearest_sd : compensated for attitude, mounting and lever arm alone, at ``point``: above what the beam sees
                  [m]; sigma as such, without any relief [m]
     predicted  : what the device should have said above the known terrain [m]

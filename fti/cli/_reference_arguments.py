@@ -21,8 +21,8 @@ The receiver is drawn: antenna pattern, beam width (10 % about the stated one), 
 the peak) and range bias, or first and last echo and pointing of a laser.  The spread is in the profile's sigma.
 
 The limits hold for what the file states as assumptions: sigmas of navigation, track and elevation, beam of the
-altimeter.  A navigation that states more in flight makes integrity unavailable (assumption).  Larger assumptions mean
-fewer alarms and later detection.
+altimeter.  A navigation that states more than 1.25 times as much in flight makes integrity unavailable (assumption).
+Larger assumptions mean fewer alarms and later detection.
 
 --fitted: the altimeter as fti reference fit has found it on flights, in place of the stated beam.
 

@@ -220,22 +220,22 @@ def _terrains(args: argparse.Namespace, path: ApproachPath, bars: _Bars) -> tupl
         vertical=args.vertical,
         progress=lambda share: bars.update("terrain", share),
     )
-    _remark_on_posts(terrain, path, args.s_max)
+    _remark_on_posts(terrain, path, args)
     return (terrain,)
 
 
-def _remark_on_posts(terrain: Terrain, path: ApproachPath, s_max: float) -> None:
+def _remark_on_posts(terrain: Terrain, path: ApproachPath, args: argparse.Namespace) -> None:
     """Say where the elevation is too coarse for its limits; before the minutes that they take."""
     import numpy as np
 
-    lat, lon = path.geodetic(np.linspace(0.0, s_max, 100), 0.0)
+    lat, lon = path.geodetic(np.linspace(0.0, args.s_max, 100), 0.0)
     place = terrain.frame.to_local(lat, lon, 0.0)
     cell = float(np.max(terrain.cell(place[..., 0], place[..., 1]), initial=0.0))
     if cell > COARSE_M:
         print_line(
-            f"fti: posts below the track are up to {cell:.0f} m apart; the limits count on elevation that is right "
-            "within a metre, so that whatever lies between posts may raise an ALERT. Try it on a recorded flight "
-            "(fti reprocess) before it is used",
+            f"fti: posts below the track are up to {cell:.0f} m apart; the limits assume an elevation error of "
+            f"{args.elevation_sd:g} m (--elevation-sd). Whatever lies between the posts may raise an ALERT. Try it on "
+            "a recorded flight (fti reprocess) before it is used",
             error=True,
         )
 

@@ -144,8 +144,8 @@ class Altimeter(StrictModel):
     relief_m : one sigma of unknown ground straight below against that which the beam sees; none : from the profile of
                the last 20 s
 
-    What it should measure is scale x range + bias_m; ``fti reference fit`` finds these, beam and threshold_db, which is
-    that of the leading edge against the peak, of the model "beam" (none : a quarter of the peak's power).
+    The altimeter states scale x range + bias_m.  threshold_db is the leading edge against the peak, for the model
+    "beam" (none : a quarter of the peak's power).  ``fti reference fit`` finds all of them and beam_deg.
     """
 
     kind: Literal["radar", "laser"]

@@ -1,6 +1,6 @@
 """What receivers see along an approach, traced once on lattices: thousands of approaches by looking it up.
 
-A lattice holds z = alt - range on the glide path over s (5 m), y (10 m), roll off the track's bank and pitch (3 deg);
+A lattice holds z = alt - range on the glide path over s (5 m), y (12.5 m), roll off the track's bank and pitch (3 deg);
 between its points it is linear, beyond it its edge counts: over 3 sigma of a nominal track, 2 to 3 of its attitude.
 There is one for each receiver of each terrain; the rays of a terrain are cast once for all its receivers.
 z hardly depends on the height flown, or on the crab of a round beam: these are left out.  A test says how far it is

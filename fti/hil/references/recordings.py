@@ -3,10 +3,10 @@
 Read from the outputs that navigation wrote beside the recording (``fti reprocess`` makes them again): heights above
 ground of one altimeter, moved to P and not compensated for terrain, and the navigated position at their times.  An
 approach is a way down the track that begins at the far end of the profile; one that was broken off counts as far as it
-went, and samples are used as the monitor uses them.  Mean and sigma at a place are over the approaches that have a
-height there (``profile.surface_of``).  Limits come from approaches that are drawn with this mean,
-this sigma and the correlation length of the recorded residuals; how often an aircraft beside the track is
-seen cannot be said, since nobody flew there.
+went.  Samples are those of the monitor, without the ones that are stuck or that another altimeter contradicts.  Mean
+and sigma at a place are over the approaches that have a height there (``profile.surface_of``).  Limits come from
+approaches that are drawn with this mean, this sigma and the correlation length of the recorded residuals; how often an
+aircraft beside the track is seen cannot be said, since nobody flew there.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ def check_sensor(folder: Path, name: str, altimeter: AltimeterModel) -> None:
 
 
 def _heights(output: dict[str, Any]) -> Iterator[tuple[float, ...]]:
-    """As the monitor takes them: what only the known ground speaks against is there, as a wood that has grown.
+    """What only the known ground speaks against is used, as by the monitor: a wood that has grown.
 
     Sessions of fti 0.1 have no ``nearest``: it was called ``height_agl``.
     """

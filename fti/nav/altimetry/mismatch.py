@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from fti.nav.altimetry.observation import Observation
 from fti.nav.series import SECOND_NS
 
-#: Means of the residual are taken over this time, and compared over these ages [ns].
 #: A longer hole in the samples begins a new mean [ns].
 MAX_HOLE_NS = 2 * SECOND_NS
+#: Means of the residual are taken over this time, and compared over these ages [ns].
 BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
 #: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
 BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0

@@ -33,7 +33,7 @@ from fti.nav.filter.kernels import EXTRAS
 Array = NDArray[np.float64]
 
 LIMIT, AGREED = 4.0, 2.0
-#: One that was refused last is believed again below this NIS, the 1 % quantile of chi-square with one degree of
+#: One that was refused last is believed again below this NIS, the 99 % quantile of chi-square with one degree of
 #: freedom: an altimeter that has become wrong by 4 sigma passes the gate itself every second time.
 BELIEVED_AGAIN = 6.635
 HOLD_NS, HOLD_COUNT = 5_000_000_000, 5
