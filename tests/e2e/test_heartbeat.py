@@ -1,0 +1,51 @@
+"""The hearts tell when a core stood still."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+from tests.e2e import heartbeat
+from tests.e2e.heartbeat import ATTEMPTS, DISTURBED_NS, Heartbeats, undisturbed
+
+pytestmark = pytest.mark.e2e
+STOPPED_S, BEFORE_S = 0.3, 1.0
+
+
+def test_a_heart_that_was_stopped_tells_when_and_for_how_long(heartbeats: Heartbeats) -> None:
+    time.sleep(BEFORE_S)  # until it beats
+    one = heartbeats._processes[0].pid
+    begin_ns = time.monotonic_ns()
+    os.kill(one, signal.SIGSTOP)
+    time.sleep(STOPPED_S)
+    os.kill(one, signal.SIGCONT)
+    end_ns = time.monotonic_ns()
+    time.sleep(0.1)
+    heartbeats.stop()
+    assert heartbeats.longest_pause_ns(begin_ns, end_ns) == pytest.approx(STOPPED_S * 1e9, rel=0.2)
+    assert heartbeats.longest_pause_ns(end_ns + 10**12, end_ns + 2 * 10**12) == 0
+
+
+@pytest.mark.parametrize(
+    ("pauses_ns", "attempts"),
+    [([0], 1), ([DISTURBED_NS + 1, DISTURBED_NS], 2), ([DISTURBED_NS + 1] * ATTEMPTS, ATTEMPTS)],
+)
+def test_a_run_is_made_again_while_a_core_stands_still(
+    monkeypatch: pytest.MonkeyPatch, pauses_ns: list[int], attempts: int
+) -> None:
+    left = iter(pauses_ns)
+
+    class Fake:
+        def stop(self) -> None:
+            """Nothing runs."""
+
+        def longest_pause_ns(self, begin_ns: int, end_ns: int) -> int:
+            assert begin_ns <= end_ns
+            return next(left)
+
+    monkeypatch.setattr(heartbeat, "Heartbeats", Fake)
+    assert undisturbed(lambda attempt: attempt) == attempts - 1
+    assert not list(left)
