@@ -30,11 +30,17 @@ def test_a_heart_that_was_stopped_tells_when_and_for_how_long(heartbeats: Heartb
 
 
 @pytest.mark.parametrize(
-    ("pauses_ns", "attempts"),
-    [([0], 1), ([DISTURBED_NS + 1, DISTURBED_NS], 2), ([DISTURBED_NS + 1] * ATTEMPTS, ATTEMPTS)],
+    ("pauses_ns", "holds_in", "attempts"),
+    [
+        ([0], None, 1),
+        ([DISTURBED_NS + 1, DISTURBED_NS], None, 2),
+        ([DISTURBED_NS + 1] * ATTEMPTS, None, ATTEMPTS),
+        ([DISTURBED_NS + 1], 0, 1),
+        ([DISTURBED_NS + 1] * 2, 1, 2),
+    ],
 )
-def test_a_run_is_made_again_while_a_core_stands_still(
-    monkeypatch: pytest.MonkeyPatch, pauses_ns: list[int], attempts: int
+def test_a_run_that_does_not_hold_is_made_again_while_a_core_stands_still(
+    monkeypatch: pytest.MonkeyPatch, pauses_ns: list[int], holds_in: int | None, attempts: int
 ) -> None:
     left = iter(pauses_ns)
 
@@ -47,5 +53,5 @@ def test_a_run_is_made_again_while_a_core_stands_still(
             return next(left)
 
     monkeypatch.setattr(heartbeat, "Heartbeats", Fake)
-    assert undisturbed(lambda attempt: attempt) == attempts - 1
+    assert undisturbed(lambda attempt: attempt, lambda attempt: attempt == holds_in) == attempts - 1
     assert not list(left)
