@@ -56,7 +56,7 @@ class Heartbeats:
     def longest_pause_ns(self, begin_ns: int, end_ns: int) -> int:
         """The longest pause of any core in a span [ns]."""
         each = [min(end, end_ns) - max(begin, begin_ns) for pauses in self.pauses for begin, end in pauses]
-        return max(0, *each) if each else 0
+        return max([0, *each])
 
     def paused_ns(self, begin_ns: int, end_ns: int) -> int:
         """How long of a span a core stood still [ns]; of the core that stood still longest."""

@@ -6,7 +6,7 @@ approach is a way down the track that begins at the far end of the profile; one 
 went.  Samples are those of the monitor, without the ones that are stuck or that another altimeter contradicts.  Mean
 and sigma at a place are over the approaches that have a height there (``profile.surface_of``).  Limits come from
 approaches that are drawn with this mean, this sigma and the correlation length of the recorded residuals; how often an
-aircraft beside the track is seen cannot be said, since nobody flew there.
+aircraft beside the track is seen is not known, because no recorded approach lies there.
 """
 
 from __future__ import annotations

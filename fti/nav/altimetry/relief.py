@@ -49,7 +49,7 @@ class ReliefEstimator:
         self._speed: float | None = None
 
     def take(self, t_ns: int, value: float, nearest: float, nav: NavState) -> None:
-        """What the instrument said [m], its height above what the beam sees [m], and where the aircraft was."""
+        """Range as the altimeter stated it [m], height of P above what the beam sees [m], and the navigation state."""
         position = nav.position
         alt = position.alt if position else None
         since = t_ns - self._newest_ns

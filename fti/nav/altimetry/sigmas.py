@@ -1,4 +1,4 @@
-"""One sigma where nobody states one, and what counts of one that is stated."""
+"""Default sigmas for inputs that state none, and limits of stated sigmas."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ RANGE_SD_UNKNOWN, POSITION_SD_UNKNOWN, ATTITUDE_SD_UNKNOWN = 1.0, 5.0, math.radi
 LARGEST_SD = 1e6
 
 
-def stated_sd(told: float | None, otherwise: float) -> float:
-    """The sigma that counts: as stated, without its sign and not beyond ``LARGEST_SD``; ``otherwise`` for no number."""
-    return otherwise if told is None or not math.isfinite(told) else min(abs(told), LARGEST_SD)
+def stated_sd(stated: float | None, default: float) -> float:
+    """Magnitude of a stated sigma, ``LARGEST_SD`` at most; the default where it is missing or not finite."""
+    return default if stated is None or not math.isfinite(stated) else min(abs(stated), LARGEST_SD)
