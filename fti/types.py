@@ -456,6 +456,7 @@ class Reason(StrEnum):
     TERRAIN_LOADING = "terrain_loading"
     TERRAIN_EDGE = "terrain_edge"  # beyond what the files cover
     TERRAIN_HOLE = "terrain_hole"  # the files do not know this ground
+    GROUND_CONTRADICTED = "ground_contradicted"  # a radar and a laser agree against it: altitude or terrain is wrong
     UNCERTAIN = "uncertain"  # place, attitude or terrain are so uncertain that a deviation of twice its limit passes
     # of the filters
     NO_IMU = "no_imu"

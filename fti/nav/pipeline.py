@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from fti.config import Config
 from fti.nav.altimetry.agreement import AgreementCheck
+from fti.nav.altimetry.ground_check import GroundCheck
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
@@ -49,7 +50,8 @@ class Pipeline:
         self._altimeters = {
             name: AltimeterChannel(devices[name], unchecked, roles.wheels_b) for name in roles.altimeters
         }
-        self._agreement = AgreementCheck({name: channel.limits for name, channel in self._altimeters.items()})
+        limits = {name: channel.limits for name, channel in self._altimeters.items()}
+        self._agreement, self._ground_check = AgreementCheck(limits), GroundCheck(limits)
         self._refusals = RefusalEvents()
         self._selector = HeightSelector(roles.altimeters)
         self._fallbacks = _fallbacks(config)
@@ -107,7 +109,9 @@ class Pipeline:
         height = channel.take(channel.read(m, t_valid_ns), nav)
         if against := self._agreement.update(height):
             height = replace(height, valid=False, reasons=(*height.reasons, *against))
-        events = self._refusals.update(height, channel.since_ns)
+        events = [*self._refusals.update(height, channel.since_ns), *self._ground_check.update(height)]
+        for name in self._altimeters:
+            self._altimeters[name].doubt_ground(name in self._ground_check.doubted)
         if self._fallbacks:
             self._fallbacks.take_height(height, nav)
         return [height, *events, *self._selector.take(height), *self._approach.take(height, nav)]

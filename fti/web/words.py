@@ -46,6 +46,7 @@ REASONS: dict[str, str] = {
     Reason.CHANGE_MISMATCH: "does not change as predicted",
     Reason.ALTIMETERS_DISAGREE: "altimeters disagree",
     Reason.NO_PREDICTION: "terrain predicts no return",
+    Reason.GROUND_CONTRADICTED: "altitude or terrain wrong",
     Reason.NO_TERRAIN: "no terrain",
     Reason.TERRAIN_LOADING: "terrain is being loaded",
     Reason.TERRAIN_EDGE: "beyond the terrain",

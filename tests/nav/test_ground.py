@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.altimetry.expected import Expectation, Expected
+from fti.nav.altimetry.expected import Expectation
+from fti.nav.altimetry.expected_sample import Expected
 from fti.nav.altimetry.nadir import over_ground
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -15,7 +16,7 @@ from fti.nav.sources import AttitudeState, PositionState
 from fti.terrain.layer import Layer
 from fti.terrain.resampling import ResamplingError
 from fti.terrain.terrain import Terrain
-from fti.types import Compensation, HeightAboveGround
+from fti.types import Compensation, HeightAboveGround, Reason
 
 SD_M, FINE_M, COARSE_M = 1.5, 0.5, 4.4
 ALTITUDE_M = 100.0
@@ -73,3 +74,11 @@ def test_without_a_prediction_a_height_stands_on_the_ground_with_its_bias_taken_
     found = over_ground(height, ground, at(ground, 50.0).position)
     assert found is not None
     assert (found.height_agl, found.height_sd) == (100.0, 0.1)
+
+
+def test_a_height_over_contradicted_ground_is_no_altitude(ground: Ground) -> None:
+    height = HeightAboveGround(
+        t_ns=0, t_valid_ns=0, sensor="laser", valid=True, reasons=(), raw=100.0, nearest=100.0, nearest_sd=0.1,
+        height_agl=100.0, sd=8.0, compensation=Compensation.ATTITUDE, unchecked=(Reason.GROUND_CONTRADICTED,),
+    )  # fmt: skip
+    assert over_ground(height, ground, at(ground, 50.0).position) is None

@@ -4,14 +4,14 @@
     radar, model "nearest"   the nearest return in its beam (217 rays)
     radar, model "beam"      antenna, radar equation and leading edge (2051 rays)
 
-Where the ground cannot be asked the reason is said; a height is then what it is without a ground.
+Where the ground cannot be asked the reason is said; a height is then what it is without a ground.  Where the beam meets
+no ground as far as it was cast, the range is at least that (``NoGround``).
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
+from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.predicted import AT_EDGE
 from fti.nav.altimetry.sigmas import (
     ATTITUDE_SD_UNKNOWN,
@@ -48,6 +49,8 @@ Array = NDArray[np.float64]
 HEADING_SD = math.radians(1.0)
 #: Nobody flies higher [m].
 HIGHEST = 1e5
+#: A beam that is tilted by more tells nothing where it meets no ground [cosine].
+MIN_COSINE = 0.5
 #: So much farther than the altimeter may range is looked for what it should say: a share.
 BEYOND = 1.5
 #: Rings of rays of a nearest return: 217 rays.
@@ -64,37 +67,8 @@ REASONS = {
     Validity.BURIED: Reason.HEIGHT_ERROR,
     Validity.UNKNOWN: Reason.NO_POSITION,
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Expected:
-    """What is expected of one sample.
-
-    slant_range, range_sd : what the altimeter should say [m], and one sigma of measured minus predicted [m]
-    height, height_sd     : of P over the ground straight below, by navigation alone; sigma of the compensated one [m]
-    ground_sd             : see ``nadir.ground_sd`` [m]
-    dispersion, incidence : of the ranges across the beam [m], of the ray on the ground [rad]
-    cosine                : of the angle between the ray and the plumb line
-    compensation          : how a range becomes a height
-    """
-
-    slant_range: float
-    range_sd: float
-    height: float
-    height_sd: float
-    ground_sd: float
-    dispersion: float
-    incidence: float
-    cosine: float
-    compensation: Compensation
-
-    def compensated(self, slant_range: float) -> tuple[float, float, Compensation] | None:
-        """Height of P over the ground straight below it [m], one sigma, and how; None where that ground is unknown.
-
-        h = h(P) - h(N) + (d_measured - d_predicted) cos(theta): eq. 3.33, corrected.
-        """
-        height = self.height + (slant_range - self.slant_range) * self.cosine
-        return (height, self.height_sd, self.compensation) if math.isfinite(height + self.height_sd) else None
+#: The ground lies farther away than the rays were cast.
+UNREACHED = frozenset({Validity.NO_RETURN, Validity.TOO_FAR})
 
 
 class Seeing(ABC):
@@ -173,9 +147,14 @@ class WholeBeam(Radar):
         return self._sensor.look(self._terrain, origin_l, mat_ls, vel_l)
 
 
+def farthest_of(altimeter: Altimeter) -> float:
+    """How far its rays are cast [m]; the whole beam has the bins of its range."""
+    return altimeter.range_m[1] * (1.0 if altimeter.kind == "radar" and altimeter.model == "beam" else BEYOND)
+
+
 def seeing_of(altimeter: Altimeter, terrain: Terrain) -> Seeing:
     """The instrument that a configuration describes."""
-    farthest, width = BEYOND * altimeter.range_m[1], math.radians(altimeter.beam_deg)
+    farthest, width = farthest_of(altimeter), math.radians(altimeter.beam_deg)
     if altimeter.kind == "laser":
         return Pencil(terrain.pyramid, farthest)
     if altimeter.model == "beam":
@@ -198,8 +177,9 @@ class Expectation:
         self._ground = ground
         self._nearest = device.altimeter.kind == "radar"
         self._bias, self._scale = device.altimeter.bias_m, device.altimeter.scale
+        self._farthest = farthest_of(device.altimeter)
 
-    def at(self, nav: NavState, range_sd: float | None) -> Expected | Reason:
+    def at(self, nav: NavState, range_sd: float | None) -> ExpectedOrReason:
         """What it should measure; or why that cannot be told.  range_sd : of the instrument [m]"""
         position, attitude = nav.position, nav.attitude
         if position is None or attitude is None:
@@ -217,15 +197,26 @@ class Expectation:
         vel_n = np.array([v or 0.0 for v in (position.north, position.east, position.down)])
         origin_l = at_l + mat_ln @ lever_n
         found, ray_s, spread, validity = self._seeing.look(origin_l, mat_ls, mat_ln @ vel_n)
-        if validity is not Validity.VALID:
-            return REASONS[validity]
-        model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
-        instrument = math.hypot(stated_sd(range_sd, RANGE_SD_UNKNOWN), stated_sd(model_sd, LARGEST_SD))
         ground_sd = self._ground.sd_at(float(at_l[0]), float(at_l[1]))
+        instrument = stated_sd(range_sd, RANGE_SD_UNKNOWN)
+        if validity is not Validity.VALID:
+            cosine = float(-mat_ls[2, 2])
+            if validity not in UNREACHED or cosine < MIN_COSINE:
+                return REASONS[validity]
+            return self._no_ground(cosine, self._sds(position, attitude, instrument, ground_sd))
+        model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
+        instrument = math.hypot(instrument, stated_sd(model_sd, LARGEST_SD))
         sds = self._sds(position, attitude, instrument, ground_sd)
         stays = self._nearest and not self._seeing.is_at_edge(ray_s)
         told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
         return self._expected(found, spread, told)
+
+    def _no_ground(self, cosine: float, sds: Array) -> NoGround:
+        """Sigma over level ground: of the altitude with 1 / cos, of the tilt with range tan.  sds : see ``_sds``"""
+        vertical, tilt, instrument, ground_sd = sds[[2, 3, 6, 7]].tolist()
+        by_tilt = self._farthest * tilt * math.sqrt(1.0 - min(1.0, cosine) ** 2) / cosine
+        sd = math.hypot(instrument, math.hypot(vertical, ground_sd) / cosine, by_tilt)
+        return NoGround(self._scale * self._farthest + self._bias, sd)
 
     def _expected(self, found: float, spread: float, told: Array) -> Expected:
         height, cosine, incidence, range_sd, height_sd, ground_sd = told.tolist()

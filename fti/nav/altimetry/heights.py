@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from fti.config import Altimeter, Device, Vector
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
+from fti.nav.altimetry.deviation import DeviationMemory
+from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN
@@ -19,7 +21,7 @@ from fti.nav.navigation import NavState
 from fti.types import Compensation, HeightAboveGround, RadioHeight, Range, Reason
 
 if TYPE_CHECKING:
-    from fti.nav.altimetry.expected import Expectation, Expected
+    from fti.nav.altimetry.expected import Expectation
 
 #: How often an altimeter that says nothing is reported [ns].
 REPEAT_NS = 500_000_000
@@ -83,6 +85,8 @@ class AltimeterChannel:
         self._last: Reading | None = None
         self._told_ns: int | None = None
         self._change = ChangeCheck()
+        self._deviation = DeviationMemory()
+        self._ground_is_doubted = False
 
     def give_ground(self, ground: Ground | None) -> None:
         """From now on samples are compared with this ground; None: with none."""
@@ -90,6 +94,12 @@ class AltimeterChannel:
 
         self._expectation = Expectation(self._device, ground) if ground else None
         self._unchecked = Reason.NO_TERRAIN
+
+    def doubt_ground(self, is_doubted: bool) -> None:
+        """Altitude or terrain is wrong (``ground_check``): from now on samples are not compared; or they are again."""
+        if is_doubted and not self._ground_is_doubted:
+            self._deviation.forget()
+        self._ground_is_doubted = is_doubted
 
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
         """What a measurement says; sigma from the configuration when the device states none."""
@@ -120,8 +130,11 @@ class AltimeterChannel:
 
     @property
     def since_ns(self) -> Mapping[Reason, int]:
-        """When the cause of each reason began that the memory has against this altimeter."""
-        return self._change.since_ns
+        """When the cause of each refusal began that is in force by the memory of this altimeter [ns]."""
+        since = dict(self._change.since_ns)
+        if self._deviation.since_ns is not None:
+            since[Reason.DEVIATION] = self._deviation.since_ns
+        return since
 
     @property
     def heard(self) -> bool:
@@ -137,7 +150,9 @@ class AltimeterChannel:
     ) -> HeightAboveGround:
         attitude = nav.attitude
         nearest = self._nearest(reading, nav)
-        expected = self._expected(reading, nav)
+        expected = told = self._expected(reading, nav)
+        if self._ground_is_doubted and isinstance(told, Expected | NoGround):
+            expected = Reason.GROUND_CONTRADICTED
         below = self._below(reading, nearest, expected, nav)
         sample = Sample(
             value=reading.value if reading else None,
@@ -152,7 +167,7 @@ class AltimeterChannel:
         )
         reasons = reasons_against(sample, self.limits)
         if is_sample and reading is not None:
-            reasons += self._reasons_by_change(reading, nav, expected, reasons)
+            reasons += self._reasons_by_memory(reading, nav, expected, reasons)
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
@@ -166,20 +181,27 @@ class AltimeterChannel:
             valid=not reasons,
             reasons=reasons,
             wheels=self._of_wheels(below, nav),
-            **_told(expected, sample.value, self.limits),
+            **_told(told, sample.value, self.limits, is_doubted=self._ground_is_doubted),
         )
 
-    def _reasons_by_change(
-        self, reading: Reading, nav: NavState, expected: Expected | Reason | None, against: tuple[Reason, ...]
+    def _reasons_by_memory(
+        self, reading: Reading, nav: NavState, expected: ExpectedOrReason | None, against: tuple[Reason, ...]
     ) -> tuple[Reason, ...]:
         """What the memory of this altimeter says against a sample; one that is no range does not change it."""
         if reading.value is None or not NO_RANGE.isdisjoint(against):
             return self._change.reasons
-        known = None if isinstance(expected, Reason) else expected
+        known = expected if isinstance(expected, Expected) else None
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
-        return self._change.update(seen)
+        by_change = self._change.update(seen)
+        deviates = True if Reason.DEVIATION in against else False if self._compares(expected) else None
+        stays = self._deviation.update(reading.t_valid_ns, deviates) and deviates is None
+        return (Reason.DEVIATION, *by_change) if stays else by_change
 
-    def _expected(self, reading: Reading | None, nav: NavState) -> Expected | Reason | None:
+    def _compares(self, expected: ExpectedOrReason | None) -> bool:
+        """Whether the ground would refuse a sample that deviates by twice its gate."""
+        return isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
+
+    def _expected(self, reading: Reading | None, nav: NavState) -> ExpectedOrReason | None:
         """What the sample should be, or why nobody knows; None where there is no sample."""
         if self._expectation is None:
             return self._unchecked
@@ -207,12 +229,12 @@ class AltimeterChannel:
         )
 
     def _below(
-        self, reading: Reading | None, nearest: Height | None, expected: Expected | Reason | None, nav: NavState
+        self, reading: Reading | None, nearest: Height | None, expected: ExpectedOrReason | None, nav: NavState
     ) -> Below | None:
         """Height of P above the ground straight below: by the terrain, else above what the beam sees."""
         if reading is None or reading.value is None or nearest is None or nav.attitude is None:
             return None
-        known = None if expected is None or isinstance(expected, Reason) else expected.compensated(reading.value)
+        known = expected.compensated(reading.value) if isinstance(expected, Expected) else None
         if known is not None:
             return Below(*known)
         tilt = tilt_of(self._mounting, nav.attitude.roll, nav.attitude.pitch)
@@ -223,9 +245,11 @@ class AltimeterChannel:
         return Below(height, math.hypot(sd, relief), Compensation.ATTITUDE)
 
 
-def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:
+def _by_ground(expected: ExpectedOrReason | None) -> dict[str, Any]:
     """What the ground says about a sample before it is judged; None where it cannot tell, as over a hole."""
-    if expected is None or isinstance(expected, Reason):
+    if isinstance(expected, NoGround):
+        return {"min_range": expected.min_range, "predicted_sd": expected.range_sd}
+    if not isinstance(expected, Expected):
         return {}
     return {
         "predicted": _number(expected.slant_range),
@@ -237,13 +261,17 @@ def _by_ground(expected: Expected | Reason | None) -> dict[str, Any]:
     }
 
 
-def _told(expected: Expected | Reason | None, value: float | None, limits: Altimeter) -> dict[str, Any]:
+def _told(
+    expected: ExpectedOrReason | None, value: float | None, limits: Altimeter, *, is_doubted: bool
+) -> dict[str, Any]:
     """What the ground adds to an output."""
     if expected is None:
         return {}
-    if isinstance(expected, Reason):
-        return {"unchecked": (expected,)}
+    if not isinstance(expected, Expected):
+        return {"unchecked": (expected if isinstance(expected, Reason) else Reason.NO_PREDICTION,)}
     found: dict[str, Any] = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
+    if is_doubted:
+        return {**found, "unchecked": (Reason.GROUND_CONTRADICTED,)}
     if value is None:
         return found
     if not compares(expected.range_sd, limits):

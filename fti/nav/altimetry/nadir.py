@@ -12,7 +12,7 @@ from fti.nav.altimetry.sigmas import POSITION_SD_UNKNOWN, stated_sd
 from fti.nav.ground import Ground
 from fti.nav.sources import PositionState
 from fti.terrain.terrain import Terrain
-from fti.types import HeightAboveGround
+from fti.types import HeightAboveGround, Reason
 
 Array = NDArray[np.float64]
 
@@ -69,13 +69,19 @@ class OverGround:
 
 
 def over_ground(height: HeightAboveGround, ground: Ground | None, position: PositionState | None) -> OverGround | None:
-    """A height of an altimeter and the ground that it stands on; None where one of them is not known.
+    """A height of an altimeter and the ground that it stands on; None where one of them is not known or is wrong.
 
     Straight down where the ground tells that height; without an altitude nothing is predicted: as over level ground.
     """
     known, sd = height.height_agl, height.sd if height.is_by_terrain else height.nearest_sd
     below = ground_below(ground.terrain, position) if ground and position else None
-    if ground is None or position is None or below is None or known is None:
+    if (
+        ground is None
+        or position is None
+        or below is None
+        or known is None
+        or Reason.GROUND_CONTRADICTED in height.unchecked
+    ):
         return None
     east, north, _ = ground.terrain.frame.to_local(position.lat, position.lon, below[0])
     return OverGround(known, sd, below[0], math.hypot(ground.sd_at(float(east), float(north)), below[1]))

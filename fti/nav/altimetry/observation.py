@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from fti.nav.altimetry.expected_sample import Expected
 from fti.nav.altimetry.sigmas import LARGEST_SD, POSITION_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.navigation import NavState
-
-if TYPE_CHECKING:
-    from fti.nav.altimetry.expected import Expected
 
 #: The part of the errors of surface and receiver that changes within seconds; the rest is an offset.  In 60 flights
 #: over hills 0.4 finds 98 % of stuck radars within 3 s and refuses one that is not, 0.6 finds 97 % and refuses none.

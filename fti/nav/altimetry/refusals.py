@@ -9,11 +9,13 @@ from fti.types import Event, HeightAboveGround, Reason
 
 DAY_S = 86_400
 BEGINS: Mapping[Reason, str] = {
+    Reason.DEVIATION: "it deviates from what the known ground predicts",
     Reason.STUCK: "its value is stuck",
     Reason.CHANGE_MISMATCH: "it does not change as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "it disagrees with another altimeter",
 }
 ENDS: Mapping[Reason, str] = {
+    Reason.DEVIATION: "the known ground does not refuse it",
     Reason.STUCK: "its value changes again",
     Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
@@ -27,11 +29,16 @@ class RefusalEvents:
         self._since: dict[tuple[str, Reason], int] = {}
 
     def update(self, height: HeightAboveGround, since_ns: Mapping[Reason, int]) -> list[Event]:
-        """Events of a new height.  since_ns : when the cause of a reason began, where that is known"""
+        """Events of a new height.
+
+        since_ns : when the cause of each refusal began that is in force by the memory of the altimeter; a single sample
+                   that deviates makes no event
+        """
         found, t_ns = list[Event](), height.t_valid_ns or height.t_ns
         for reason in BEGINS:
             key = height.sensor, reason
-            if (reason in height.reasons) == (key in self._since):
+            is_refused = reason in (since_ns if reason is Reason.DEVIATION else height.reasons)
+            if is_refused == (key in self._since):
                 continue
             if key in self._since:
                 text = _end_text(reason, t_ns - self._since.pop(key))

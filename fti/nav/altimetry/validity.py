@@ -60,6 +60,7 @@ class Sample:
     and from the terrain, each None where it was not asked or cannot tell (NaN is refused):
 
     predicted    : what the device should say [m]; predicted_sd : one sigma of value - predicted [m]
+    min_range    : instead of both where the predicted beam meets no ground: at least this [m], same sigma
     dispersion   : standard deviation of the ranges across the predicted beam [m]
     incidence    : angle between the predicted ray and the normal of the ground [rad]
     navigated    : h(P) - h(N) [m]; ground_sd : one sigma of h(N) by the error of the place [m]
@@ -75,6 +76,7 @@ class Sample:
     pitch: float | None = None
     predicted: float | None = None
     predicted_sd: float = 0.0
+    min_range: float | None = None
     dispersion: float | None = None
     incidence: float | None = None
     navigated: float | None = None
@@ -91,9 +93,17 @@ def _beyond(value: float | None, limit: float) -> bool:
 
 
 def _deviates(s: Sample, a: Altimeter) -> bool:
-    if s.value is None or s.predicted is None:
+    limit = deviation_gate(s.predicted_sd, a)
+    if s.value is None:
         return False
-    return _beyond(s.value - s.predicted, max(_deviation_limit(a), SIGMAS * s.predicted_sd))
+    if s.predicted is None:
+        return s.min_range is not None and not s.value >= s.min_range - limit
+    return _beyond(s.value - s.predicted, limit)
+
+
+def deviation_gate(predicted_sd: float, limits: Altimeter) -> float:
+    """Measured minus predicted range that is not refused [m].  predicted_sd : one sigma of it [m]"""
+    return max(_deviation_limit(limits), SIGMAS * predicted_sd)
 
 
 def _deviation_limit(a: Altimeter) -> float:

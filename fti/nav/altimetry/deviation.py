@@ -1,0 +1,58 @@
+"""Memory of refusals by the known ground: who deviates stays refused while the ground cannot be asked.
+
+A refusal is in force when samples deviate for 0.5 s, three or more of them.  While it is, samples that the ground
+cannot check (no position, no altitude, the edge of the terrain, a gate as wide as twice its limit) are refused, too.
+It ends after 1 s of checked samples that do not deviate, or when none could be checked for 10 minutes.
+Stated, not measured: all times.
+"""
+
+from __future__ import annotations
+
+from fti.nav.series import SECOND_NS
+
+BEGIN_NS, BEGIN_COUNT, END_NS = SECOND_NS // 2, 3, SECOND_NS
+#: Without a check a refusal ends after this time [ns].
+MAX_UNCHECKED_NS = 600 * SECOND_NS
+
+
+class DeviationMemory:
+    """Of one altimeter.  since_ns : first sample of the refusal that is in force [ns]; None : none is"""
+
+    def __init__(self) -> None:
+        self.since_ns: int | None = None
+        self._last_ns = self._checked_ns = 0
+        self._first_ns: int | None = None
+        self._count = 0
+        self._agrees_ns: int | None = None
+
+    def update(self, t_ns: int, deviates: bool | None) -> bool:
+        """Whether a refusal is in force.  deviates : None where the ground cannot be asked"""
+        if t_ns <= self._last_ns:
+            return self.since_ns is not None
+        self._last_ns = t_ns
+        if deviates is not None:
+            self._checked_ns = t_ns
+        if deviates:
+            self._count_deviation(t_ns)
+        elif deviates is None:
+            if t_ns - self._checked_ns > MAX_UNCHECKED_NS:
+                self.forget()
+        elif self._agrees_for(t_ns) >= END_NS:
+            self.forget()
+        return self.since_ns is not None
+
+    def forget(self) -> None:
+        """No refusal is in force."""
+        self.since_ns = self._first_ns = self._agrees_ns = None
+        self._count = 0
+
+    def _count_deviation(self, t_ns: int) -> None:
+        self._agrees_ns = None
+        self._first_ns = t_ns if self._first_ns is None else self._first_ns
+        self._count += 1
+        if self._count >= BEGIN_COUNT and t_ns - self._first_ns >= BEGIN_NS and self.since_ns is None:
+            self.since_ns = self._first_ns
+
+    def _agrees_for(self, t_ns: int) -> int:
+        self._agrees_ns = t_ns if self._agrees_ns is None else self._agrees_ns
+        return t_ns - self._agrees_ns

@@ -1,0 +1,54 @@
+"""What the known ground predicts for one sample of an altimeter (made by ``fti.nav.altimetry.expected``)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from fti.types import Compensation, Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What is expected of one sample.
+
+    slant_range, range_sd : what the altimeter should say [m], and one sigma of measured minus predicted [m]
+    height, height_sd     : of P over the ground straight below, by navigation alone; sigma of the compensated one [m]
+    ground_sd             : see ``nadir.ground_sd`` [m]
+    dispersion, incidence : of the ranges across the beam [m], of the ray on the ground [rad]
+    cosine                : of the angle between the ray and the plumb line
+    compensation          : how a range becomes a height
+    """
+
+    slant_range: float
+    range_sd: float
+    height: float
+    height_sd: float
+    ground_sd: float
+    dispersion: float
+    incidence: float
+    cosine: float
+    compensation: Compensation
+
+    def compensated(self, slant_range: float) -> tuple[float, float, Compensation] | None:
+        """Height of P over the ground straight below it [m], one sigma, and how; None where that ground is unknown.
+
+        h = h(P) - h(N) + (d_measured - d_predicted) cos(theta): eq. 3.33, corrected.
+        """
+        height = self.height + (slant_range - self.slant_range) * self.cosine
+        return (height, self.height_sd, self.compensation) if math.isfinite(height + self.height_sd) else None
+
+
+@dataclass(frozen=True, slots=True)
+class NoGround:
+    """The predicted beam meets no ground.
+
+    min_range, range_sd : the altimeter measures at least this, if anything [m]; one sigma of measured minus it [m]
+    """
+
+    min_range: float
+    range_sd: float
+
+
+#: What is predicted; or the reason why nothing is.
+ExpectedOrReason = Expected | NoGround | Reason

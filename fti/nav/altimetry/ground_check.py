@@ -1,0 +1,139 @@
+"""Two altimeters that agree with each other against the known ground: then altitude or terrain is wrong.
+
+A radar and a laser measure by different physics.  When both deviate from their predicted ranges, beyond their gates, to
+the same side, and by the same amount within the limits of two altimeters (``agreement``), for 2 s and five comparisons,
+the altitude or the elevation is wrong, not they.  From then on neither is compared with the ground (``unchecked`` has
+GROUND_CONTRADICTED): their heights are compensated for attitude, with an assumed relief, as over unknown ground.  They
+do not aid the filter.  That ends when they have not deviated alike for 2 s, or could not be compared for 60 s.
+
+Two altimeters of one kind may have one cause of their error in common (fog, a configured bias) and prove nothing.
+Source: section 1 of the specification of fault detection (second altimeter); times are stated.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+from fti.config import Altimeter
+from fti.nav.altimetry.agreement import LIMIT_M, LOW_M, SIGMAS
+from fti.nav.altimetry.validity import deviation_gate
+from fti.nav.series import SECOND_NS
+from fti.types import Event, HeightAboveGround, Reason
+
+#: Deviations alike for so long, and so often, before the ground is doubted; not alike for so long until it is not.
+BEGIN_NS, BEGIN_COUNT, END_NS = 2 * SECOND_NS, 5, 2 * SECOND_NS
+#: Samples of two altimeters are compared when they are no farther apart [ns].
+MAX_APART_NS = SECOND_NS // 2
+#: Without a comparison the doubt ends after this time [ns].
+MAX_UNCOMPARED_NS = 60 * SECOND_NS
+#: Reasons of an altimeter that measures, and that the ground contradicts.
+BY_RANGE = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION})
+
+
+@dataclass(frozen=True, slots=True)
+class _Deviation:
+    """Measured minus predicted range [m] of a sample at ``t_ns``; its sigma and the measured range [m].
+
+    is_beyond : the gate
+    """
+
+    t_ns: int
+    value: float
+    sd: float
+    measured: float
+    is_beyond: bool
+
+
+def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | None:
+    """Of a height that is a range and has a prediction; None of another."""
+    if not BY_RANGE.issuperset(height.reasons) or height.raw is None or height.t_valid_ns is None:
+        return None
+    if height.predicted is None or height.predicted_sd is None:
+        return None
+    value = height.raw - height.predicted
+    is_beyond = not abs(value) <= deviation_gate(height.predicted_sd, limits)
+    return _Deviation(height.t_valid_ns, value, height.nearest_sd or 0.0, height.raw, is_beyond)
+
+
+def _are_alike(first: _Deviation, second: _Deviation) -> bool:
+    """Both beyond their gates, to the same side, and by the same amount."""
+    if not (first.is_beyond and second.is_beyond and first.value * second.value > 0.0):
+        return False
+    height = min(first.measured, second.measured)
+    limit = LIMIT_M * max(1.0, height / LOW_M) + SIGMAS * math.hypot(first.sd, second.sd)
+    return abs(first.value - second.value) <= limit
+
+
+class _Pair:
+    """A radar and a laser.  is_doubted : the ground below both"""
+
+    def __init__(self, names: tuple[str, str]) -> None:
+        self.names = names
+        self.is_doubted = False
+        self._compared_ns = 0
+        self._since_ns: int | None = None
+        self._count = 0
+
+    def compare(self, first: _Deviation, second: _Deviation) -> None:
+        """Take two samples of about the same time."""
+        t_ns = max(first.t_ns, second.t_ns)
+        if abs(first.t_ns - second.t_ns) > MAX_APART_NS or t_ns <= self._compared_ns:
+            return
+        self._compared_ns = t_ns
+        if _are_alike(first, second) == self.is_doubted:  # as it was
+            self._since_ns, self._count = None, 0
+            return
+        self._since_ns = t_ns if self._since_ns is None else self._since_ns
+        self._count += 1
+        if t_ns - self._since_ns >= (END_NS if self.is_doubted else BEGIN_NS) and self._count >= BEGIN_COUNT:
+            self.is_doubted = not self.is_doubted
+            self._since_ns, self._count = None, 0
+
+    def expire(self, t_ns: int) -> None:
+        """Without a comparison for so long nothing is known any more."""
+        if t_ns - self._compared_ns > MAX_UNCOMPARED_NS:
+            self.is_doubted, self._since_ns, self._count = False, None, 0
+
+
+class GroundCheck:
+    """All pairs of a radar and a laser.  limits : of each altimeter by its name"""
+
+    def __init__(self, limits: Mapping[str, Altimeter]) -> None:
+        self._limits = limits
+        self._pairs = [_Pair(pair) for pair in combinations(limits, 2) if len({limits[n].kind for n in pair}) == 2]
+        self._latest: dict[str, _Deviation] = {}
+        self.doubted: frozenset[str] = frozenset()
+
+    def update(self, height: HeightAboveGround) -> list[Event]:
+        """Take a height.  Events where the doubt of the ground below an altimeter begins or ends."""
+        pairs = [pair for pair in self._pairs if height.sensor in pair.names]
+        if not pairs:
+            return []
+        found = _deviation(height, self._limits[height.sensor])
+        if found is not None:
+            self._latest[height.sensor] = found
+        for pair in pairs:
+            if found is not None and all(name in self._latest for name in pair.names):
+                pair.compare(self._latest[pair.names[0]], self._latest[pair.names[1]])
+            pair.expire(height.t_valid_ns or height.t_ns)
+        before, self.doubted = self.doubted, _names(pair for pair in self._pairs if pair.is_doubted)
+        return [
+            *(self._begin(height.t_ns, name) for name in sorted(self.doubted - before)),
+            *(_end(height.t_ns, name) for name in sorted(before - self.doubted)),
+        ]
+
+    def _begin(self, t_ns: int, name: str) -> Event:
+        off = self._latest[name].value
+        text = f"altitude or terrain is wrong: {off:+.0f} m against it and another altimeter that agree"
+        return Event(t_ns=t_ns, level="warning", source=name, text=f"{text}; it is not compared with the ground")
+
+
+def _end(t_ns: int, name: str) -> Event:
+    return Event(t_ns=t_ns, level="info", source=name, text="it is compared with the ground again")
+
+
+def _names(pairs: Iterable[_Pair]) -> frozenset[str]:
+    return frozenset(name for pair in pairs for name in pair.names)

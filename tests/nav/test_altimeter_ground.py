@@ -1,0 +1,189 @@
+"""Refusals by the known ground, through the pipeline: what becomes of them where the ground cannot be asked.
+
+The ground is level at 0 m, the aircraft flies north at a known height: every truth is a closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fti.config import parse
+from fti.nav.ground import Ground
+from fti.nav.pipeline import Pipeline
+from fti.terrain.terrain import Terrain
+from fti.types import (
+    Attitude,
+    Event,
+    HeightAboveGround,
+    HeightBelowAircraft,
+    Output,
+    Position,
+    RadioHeight,
+    Range,
+    Reason,
+    Stamp,
+    Velocity,
+)
+
+S = 1_000_000_000
+HZ, SPEED_MPS = 10, 40.0
+LIMITS = {"laser": {"kind": "laser", "range_m": [0.5, 500.0], "sd_m": 0.1}}
+LIMITS |= {name: {"kind": "radar", "range_m": [0.5, 760.0], "sd_m": 0.4} for name in ("radar", "second_radar")}
+#: Range [m] of an altimeter at a time [s].
+Ranges = Callable[[float], float]
+
+
+def terrain() -> Terrain:
+    """Level, 4 km x 4 km."""
+    latlon = {"lat0": math.radians(48.0), "lon0": math.radians(11.5)}
+    return Terrain.from_array(np.zeros((401, 401)), 10.0, **latlon, east0=-2000.0, north0=-2000.0)
+
+
+def pipeline(*names: str) -> Pipeline:
+    line = {"link": "line", "driver": "x"}
+    config = {
+        "session": {"name": "t"},
+        "link": [{"name": "line", "kind": "serial", "port": "/dev/null"}],
+        "device": [{"name": "ins", **line}, *({"name": name, "altimeter": LIMITS[name], **line} for name in names)],
+        "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": list(names)},
+    }
+    made = Pipeline(parse(config, "", Path("t.toml")), None)
+    made.give_ground(Ground(terrain(), 1.0, "level"))
+    return made
+
+
+def fly(
+    seconds: float, said: dict[str, Ranges], height_m: float, *, has_position: Callable[[float], bool] = lambda t: True,
+    altitude_error_m: float = 0.0, north_m: float = -1800.0,
+) -> Iterator[tuple[float, list[Output | Event]]]:  # fmt: skip
+    """Outputs of every sample; the altimeters have a noise of 0.1 m, the sequence is always the same."""
+    rng, made, frame = np.random.default_rng(7), pipeline(*said), terrain().frame
+    for k in range(round(seconds * HZ)):
+        t, now = k / HZ, S + k * S // HZ
+        made.feed("ins", Attitude(stamp=Stamp(now), roll=0.0, pitch=0.0, heading=0.0, roll_sd=0.003, pitch_sd=0.003))
+        if has_position(t):
+            place = frame.to_geodetic([0.0, north_m + SPEED_MPS * t, height_m + altitude_error_m])
+            lat, lon, alt = (float(x) for x in place)
+            made.feed("ins", Position(stamp=Stamp(now), lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=2.5))
+            made.feed("ins", Velocity(stamp=Stamp(now), north=SPEED_MPS, east=0.0, down=0.0, sd=0.1))
+        out = list[Output | Event]()
+        for name, ranges in said.items():
+            value = round(ranges(t) + rng.normal(0.0, 0.1), 2)
+            if LIMITS[name]["kind"] == "laser":
+                out += made.feed(name, Range(stamp=Stamp(now), slant_range=value))
+            else:
+                out += made.feed(name, RadioHeight(stamp=Stamp(now), height_agl=value))
+        yield t, out + made.tick(now)
+
+
+def heights(out: list[Output | Event], name: str) -> list[HeightAboveGround]:
+    return [o for o in out if isinstance(o, HeightAboveGround) and o.sensor == name]
+
+
+def events(out: list[Output | Event], name: str) -> list[str]:
+    return [o.text for o in out if isinstance(o, Event) and o.source == name]
+
+
+def valid_share(flight: list[tuple[float, list[Output | Event]]], name: str, from_s: float, to_s: float) -> float:
+    """Share of its samples in a time that are valid."""
+    valid = [height.valid for t, out in flight if from_s <= t < to_s for height in heights(out, name)]
+    assert valid
+    return sum(valid) / len(valid)
+
+
+@pytest.mark.parametrize("name", ["laser", "radar"])
+@pytest.mark.parametrize("height_m", [800.0, 1200.0, 2000.0])
+def test_a_short_range_is_refused_where_the_ground_lies_beyond_the_range(name: str, height_m: float) -> None:
+    """200 m from a cloud."""
+    flight = list(fly(5.0, {name: lambda t: 200.0}, height_m, north_m=0.0))
+    assert valid_share(flight, name, 0.0, 5.0) == 0.0
+    assert not any(o.valid for _, out in flight for o in out if isinstance(o, HeightBelowAircraft))
+
+
+def test_a_range_within_the_gate_of_the_bound_is_not_refused_by_it() -> None:
+    """The ground at 760 m lies just beyond 1.5 x 500 m, and the altitude may be wrong by 2.5 m."""
+    flight = list(fly(2.0, {"laser": lambda t: 745.0}, 760.0))
+    assert {height.reasons for _, out in flight for height in heights(out, "laser")} == {(Reason.ABOVE_RANGE,)}
+
+
+def short(t: float) -> float:
+    """Fog 70 m below an aircraft that is 150 m high."""
+    return 80.0 + 2.0 * math.sin(t / 2.0)
+
+
+def test_who_deviates_stays_refused_when_the_position_is_lost() -> None:
+    flight = list(fly(90.0, {"laser": short}, 150.0, has_position=lambda t: t < 30.0))
+    assert valid_share(flight, "laser", 0.0, 90.0) == 0.0
+    begins = [(t, text) for t, out in flight for text in events(out, "laser") if "deviates" in text]
+    assert len(begins) == 1
+    assert begins[0][0] <= 0.6
+    assert "since 00:00:01.0 UTC" in begins[0][1]
+
+
+def test_who_deviates_stays_refused_beyond_the_edge_of_the_terrain() -> None:
+    flight = list(fly(60.0, {"laser": short}, 150.0, north_m=800.0))
+    assert any(Reason.TERRAIN_EDGE in height.unchecked for _, out in flight for height in heights(out, "laser"))
+    assert valid_share(flight, "laser", 0.0, 60.0) == 0.0
+
+
+def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
+    """Fog for 5 s, then the ground again: 1 s of agreement ends the refusal; its change is checked for 4 s."""
+    said = {"laser": lambda t: 80.0 if 5.0 <= t < 10.0 else 150.0}
+    flight = list(fly(40.0, said, 150.0, has_position=lambda t: t < 15.0))
+    assert valid_share(flight, "laser", 5.0, 10.0) == 0.0
+    assert valid_share(flight, "laser", 14.0, 40.0) == 1.0
+    ends = [t for t, out in flight for text in events(out, "laser") if "the known ground does not refuse it" in text]
+    assert len(ends) == 1
+    assert 10.9 <= ends[0] <= 11.5
+
+
+def test_single_samples_that_deviate_leave_no_memory() -> None:
+    """One of 15, as at the edge of a wood."""
+    said = {"laser": lambda t: 120.0 if round(t * HZ) % 15 == 0 else 150.0}
+    flight = list(fly(40.0, said, 150.0, has_position=lambda t: t < 20.0))
+    assert not any(events(out, "laser") for _, out in flight)
+    assert valid_share(flight, "laser", 21.5, 40.0) == 1.0
+
+
+UNDULATION_M = 47.0
+
+
+def test_two_that_agree_against_the_ground_are_believed_with_the_relief_assumed() -> None:
+    """The altitude is wrong by the undulation: the altimeters are not refused for ever."""
+    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(60.0, said, 100.0, altitude_error_m=UNDULATION_M))
+    for name in said:
+        assert valid_share(flight, name, 0.0, 1.9) == 0.0
+        assert valid_share(flight, name, 3.0, 60.0) == 1.0
+        later = [height for t, out in flight if t >= 3.0 for height in heights(out, name)]
+        assert all(height.unchecked == (Reason.GROUND_CONTRADICTED,) for height in later)
+        assert all(abs((height.height_agl or 0.0) - 100.0) < 3.0 * (height.sd or 0.0) for height in later)
+        told = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong" in text]
+        assert len(told) == 1
+        assert "-47 m" in told[0]
+
+
+def test_the_ground_counts_again_when_the_altitude_is_right_again() -> None:
+    rng_error = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    made = list(fly(20.0, rng_error, 100.0, altitude_error_m=0.0))
+    assert all(height.is_by_terrain for _, out in made for height in heights(out, "radar"))
+    lies = {"radar": lambda t: 53.0 if t < 10.0 else 100.0, "laser": lambda t: 53.0 if t < 10.0 else 100.0}
+    flight = list(fly(20.0, lies, 100.0))
+    before = [height for t, out in flight if 5.0 <= t < 10.0 for height in heights(out, "radar")]
+    after = [height for t, out in flight if t >= 13.0 for height in heights(out, "radar")]
+    assert all(not height.is_by_terrain for height in before)
+    assert all(height.valid and height.is_by_terrain and not height.unchecked for height in after)
+
+
+@pytest.mark.parametrize("names", [("radar", "second_radar"), ("laser", "radar")])
+def test_two_that_do_not_prove_the_ground_wrong_stay_refused(names: tuple[str, str]) -> None:
+    """Two of one kind may have one cause of error in common; two that differ by 20 m prove nothing."""
+    second = 53.0 if names[1] == "second_radar" else 73.0
+    said: dict[str, Ranges] = {names[0]: lambda t: 53.0, names[1]: lambda t: second}
+    flight = list(fly(20.0, said, 100.0))
+    assert all(valid_share(flight, name, 0.0, 20.0) == 0.0 for name in names)
