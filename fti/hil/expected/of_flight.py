@@ -53,6 +53,7 @@ def _of_altimeter(name: str, craft: Aircraft, truth: Truth) -> Iterator[May]:
         yield May(f"{HEIGHT}/{name}", 0.0, truth.end_s + NAV_S, ("dispersion", "incidence"))
         for from_s, until_s in _runs(truth, _beside_edge(name, limits, truth)):
             yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.DEVIATION,))
+            yield May(f"/fti/event/{name}", from_s, until_s + NAV_S)
     for from_s, until_s in _runs(truth, craft.beyond_ground(truth)):
         yield May(f"{HEIGHT}/{name}", from_s, until_s + NAV_S, (Reason.TERRAIN_EDGE, *GROUND_WORDS))
     for from_s, until_s in _runs(truth, _beyond(truth, limits.max_roll_deg, limits.max_pitch_deg)):

@@ -1,8 +1,10 @@
 """Memory of refusals by the known ground: who deviates stays refused while the ground cannot be asked.
 
-A refusal is in force when samples deviate for 0.5 s, three or more of them.  While it is, samples that the ground
-cannot check (no position, no altitude, the edge of the terrain, a gate as wide as twice its limit) are refused, too.
-It ends after 1 s of checked samples that do not deviate, or when none could be checked for 10 minutes.
+A refusal is in force when samples deviate for 0.5 s, three or more of them, and agree for less than 0.3 s in between:
+the edges of woods follow each other less closely.  While it is, samples that the ground cannot check (no position, no
+altitude, the edge of the terrain, a gate as wide as twice its limit) are refused, too.  It ends after 1 s of checked
+samples that do not deviate, or when none could be checked for 10 minutes.  In a bank, and where the beam grazes the
+ground or meets ground that is uneven, a deviation proves nothing.
 Stated, not measured: all times.
 """
 
@@ -10,7 +12,8 @@ from __future__ import annotations
 
 from fti.nav.series import SECOND_NS
 
-BEGIN_NS, BEGIN_COUNT, END_NS = SECOND_NS // 2, 3, SECOND_NS
+#: A refusal begins after so long, and so many samples; agreement that begins the count anew; that ends a refusal [ns].
+BEGIN_NS, BEGIN_COUNT, RESET_NS, END_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10, SECOND_NS
 #: Without a check a refusal ends after this time [ns].
 MAX_UNCHECKED_NS = 600 * SECOND_NS
 
@@ -37,7 +40,7 @@ class DeviationMemory:
         elif deviates is None:
             if t_ns - self._checked_ns > MAX_UNCHECKED_NS:
                 self.forget()
-        elif self._agrees_for(t_ns) >= END_NS:
+        elif self._agrees_for(t_ns) >= (RESET_NS if self.since_ns is None else END_NS):
             self.forget()
         return self.since_ns is not None
 

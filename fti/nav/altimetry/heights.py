@@ -37,6 +37,10 @@ MONITORED = BY_GROUND | {Reason.STUCK, Reason.ALTIMETERS_DISAGREE}
 NO_RANGE = frozenset({Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE})
 
 
+#: With one of these a deviation from the prediction does not prove that the altimeter is wrong.
+DOUBTFUL = frozenset({Reason.ROLL, Reason.PITCH, Reason.DISPERSION, Reason.INCIDENCE})
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """A sample as the device gave it, at the time at which it was true."""
@@ -193,13 +197,18 @@ class AltimeterChannel:
         known = expected if isinstance(expected, Expected) else None
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         by_change = self._change.update(seen)
-        deviates = True if Reason.DEVIATION in against else False if self._compares(expected) else None
+        deviates = self._deviates(expected, against)
         stays = self._deviation.update(reading.t_valid_ns, deviates) and deviates is None
-        return (Reason.DEVIATION, *by_change) if stays else by_change
+        return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
 
-    def _compares(self, expected: ExpectedOrReason | None) -> bool:
-        """Whether the ground would refuse a sample that deviates by twice its gate."""
-        return isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
+    def _deviates(self, expected: ExpectedOrReason | None, against: tuple[Reason, ...]) -> bool | None:
+        """Whether the ground proves a sample wrong; None where it proves nothing."""
+        if not DOUBTFUL.isdisjoint(against):
+            return None
+        if Reason.DEVIATION in against:
+            return True
+        is_checked = isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
+        return False if is_checked else None
 
     def _expected(self, reading: Reading | None, nav: NavState) -> ExpectedOrReason | None:
         """What the sample should be, or why nobody knows; None where there is no sample."""
