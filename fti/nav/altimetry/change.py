@@ -3,9 +3,10 @@
     stuck            ``fti.nav.altimetry.stuck``: its value repeats exactly although the prediction changes
     change_mismatch  ``fti.nav.altimetry.mismatch``: it changes otherwise than the known ground predicts
 
-Over level ground in level flight nothing is predicted to change, and nothing is refused.  When no sample comes for 3 s
-the memory begins anew.  When the source of position or altitude changes, the step between both is no change: repeated
-values are remembered across it, and the test of changes begins anew.
+What scatters about the prediction by more than its sigma explains (``fti.nav.altimetry.scatter``) is not refused: its
+sigma contains the rest.  Over level ground in level flight nothing is predicted to change, and nothing is refused.
+When no sample comes for 3 s the memory begins anew.  When the source of position or altitude changes, the step between
+both is no change: repeated values are remembered across it, and the test of changes begins anew.
 Source: section 2 of the specification of fault detection (change measured against change predicted, over 2 to 10 s,
 with the resolution).
 """
@@ -18,6 +19,7 @@ from dataclasses import replace
 
 from fti.nav.altimetry.mismatch import MismatchTest
 from fti.nav.altimetry.observation import Observation, Resolution
+from fti.nav.altimetry.scatter import ResidualScatter
 from fti.nav.altimetry.stuck import StuckTest
 from fti.nav.series import SECOND_NS
 from fti.types import Reason
@@ -40,9 +42,15 @@ class ChangeCheck:
         begun = {Reason.STUCK: self._stuck.since_ns, Reason.CHANGE_MISMATCH: self._mismatch.since_ns}
         return {reason: begun[reason] for reason in self.reasons}
 
+    @property
+    def excess_sd(self) -> float:
+        """One sigma of the measured range that its stated sigma does not contain [m]."""
+        return self._scatter.excess_sd
+
     def _begin(self) -> None:
         self._stuck, self._mismatch = StuckTest(), MismatchTest()
         self._climbed = 0.0
+        self._scatter = ResidualScatter()
         self._resolution = Resolution()
 
     def update(self, o: Observation) -> tuple[Reason, ...]:
@@ -54,12 +62,13 @@ class ChangeCheck:
             self._begin()
         elif last is not None and o.source != last.source:
             self._stuck.join()
-            self._mismatch = MismatchTest()
+            self._mismatch, self._scatter = MismatchTest(), ResidualScatter()
         elif last is not None:
             self._climbed += _rise(o, last)
         self._last = o
         self._resolution.update(o.value)
         step = self._resolution.step
+        self._scatter.update(o, self._climbed)
         rounded = replace(o, sd=math.hypot(o.sd, (step or 0.0) / math.sqrt(12.0)))
         tests = (
             (Reason.STUCK, self._stuck.update(rounded, self._climbed, step)),

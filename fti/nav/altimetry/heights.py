@@ -178,7 +178,7 @@ class AltimeterChannel:
             sensor=self.name,
             raw=sample.value,
             height_agl=below.height_agl if below else None,
-            sd=below.sd if below else None,
+            sd=math.hypot(below.sd, self._change.excess_sd) if below else None,
             compensation=below.compensation if below else None,
             nearest=nearest.height_agl if nearest else None,
             nearest_sd=nearest.sd if nearest else None,

@@ -1,0 +1,68 @@
+"""Scatter of an altimeter about the predicted range, beyond what its sigma explains.
+
+An altimeter that is late, or repeats a value for a second, may stay within its gate over hills: its deviations are then
+many times its sigma, and none is refused.  Its sigma must contain them.  Over the last 10 s of known ground, at steps
+of 50 ms or more,
+
+    e = q80 |r - median r| / 1.2816,    r = measured - predicted        excess = sqrt(e^2 - s^2) if e > 2 s, else 0
+
+q80 : the 80 % quantile, which is 1.2816 sigma of a normal distribution; the edges of woods are beyond it.
+s   : one sigma of r without a constant error of the altitude (``observation``).
+Of r with the altitude of the position and with the integral of the climb rate the smaller e counts, as for a drift.
+A constant error is no scatter.  Window, steps, quantile and limit are stated: of a laser over hills that is 1 s late
+|z| < 2 in 95 % with them and in 25 % without (tests/nav/test_altimeter_scatter.py).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.altimetry.observation import Observation
+from fti.nav.series import SECOND_NS
+
+SPAN_NS, STEP_NS = 10 * SECOND_NS, SECOND_NS // 20
+#: It is computed so often [ns].
+PERIOD_NS = SECOND_NS // 2
+MIN_COUNT = 10
+#: A quantile of the absolute deviations, and what it is of a normal distribution [sigmas].
+QUANTILE, QUANTILE_SIGMAS = 0.8, 1.2816
+#: Scatter that its sigma explains [sigmas].
+EXPLAINED_SIGMAS = 2.0
+
+
+class ResidualScatter:
+    """Of one altimeter.  excess_sd : one sigma that its own does not contain [m]; 0 where it explains the scatter"""
+
+    def __init__(self) -> None:
+        self.excess_sd = 0.0
+        self._residuals: deque[tuple[int, float, float, float]] = deque()
+        self._computed_ns = 0
+
+    def update(self, o: Observation, climbed: float) -> None:
+        """Take a sample.  climbed : integral of the climb rate [m]"""
+        kept = self._residuals
+        while kept and o.t_ns - kept[0][0] > SPAN_NS:
+            kept.popleft()
+        is_due = not kept or o.t_ns - kept[-1][0] >= STEP_NS
+        if is_due and o.predicted is not None and o.alt is not None:
+            residual = o.value - o.predicted
+            kept.append((o.t_ns, residual, residual + o.alt - climbed, o.sd))
+            if o.t_ns - self._computed_ns >= PERIOD_NS:
+                self.excess_sd, self._computed_ns = self._excess(), o.t_ns
+
+    def _excess(self) -> float:
+        if len(self._residuals) < MIN_COUNT:
+            return 0.0
+        _, by_alt, by_climb, sds = np.array(self._residuals).T
+        scatter, sd = min(_robust_sd(by_alt), _robust_sd(by_climb)), float(np.median(sds))
+        return math.sqrt(scatter**2 - sd**2) if scatter > EXPLAINED_SIGMAS * sd else 0.0
+
+
+def _robust_sd(values: NDArray[np.float64]) -> float:
+    deviations = np.abs(values - np.median(values))
+    at = int(QUANTILE * (len(values) - 1))
+    return float(np.partition(deviations, at)[at]) / QUANTILE_SIGMAS
