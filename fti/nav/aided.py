@@ -208,6 +208,10 @@ class AidedNavigation:
 
     # --------------------------------------------------------------------------------------------------- telling
 
+    def is_excluded(self, altimeter: str) -> bool:
+        """Whether the filter excludes an altimeter from aiding."""
+        return self._exclusions.is_excluded(altimeter)
+
     def solution(self, t_ns: int) -> FilterSolution:
         """What the filter says; of one time it is asked several times, for place, attitude and output."""
         if self._told is None or self._told.t_ns != t_ns:

@@ -49,6 +49,10 @@ class Fallbacks:
             if part:
                 part.take_height(height, nav)
 
+    def is_excluded(self, altimeter: str) -> bool:
+        """Whether the filter excludes an altimeter from aiding."""
+        return self._aided is not None and self._aided.is_excluded(altimeter)
+
     def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
         """What is due at a tick.  nav : what is known then"""
         self._ticks += 1

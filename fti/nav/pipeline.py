@@ -28,7 +28,18 @@ from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
 from fti.nav.sources import Source
-from fti.types import Attitude, Event, Measurement, Output, Position, RadioHeight, Range, Reason, Velocity
+from fti.types import (
+    Attitude,
+    Event,
+    HeightAboveGround,
+    Measurement,
+    Output,
+    Position,
+    RadioHeight,
+    Range,
+    Reason,
+    Velocity,
+)
 
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
@@ -114,7 +125,18 @@ class Pipeline:
             self._altimeters[name].doubt_ground(name in self._ground_check.doubted)
         if self._fallbacks:
             self._fallbacks.take_height(height, nav)
+        if self._is_excluded(height):  # after the filter took it: its agreement ends the exclusion
+            height = replace(height, valid=False, reasons=(*height.reasons, Reason.EXCLUDED))
         return [height, *events, *self._selector.take(height), *self._approach.take(height, nav)]
+
+    def _is_excluded(self, height: HeightAboveGround) -> bool:
+        """Whether the filter excludes the altimeter; one that another altimeter confirms against the ground it may not.
+
+        Then the altitude is wrong, or the ground, by which the filter judges altimeters.
+        """
+        if self._fallbacks is None or Reason.GROUND_CONTRADICTED in height.unchecked:
+            return False
+        return self._fallbacks.is_excluded(height.sensor)
 
     def pass_gap(self) -> None:
         """Measurements are missing before the next one that are not the devices' silence."""

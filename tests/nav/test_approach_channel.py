@@ -70,6 +70,26 @@ def test_an_altitude_that_the_altimeter_holds_itself_judges_nothing(
     assert not slopes[-1].valid
 
 
+def test_an_altimeter_that_the_filter_excludes_is_judged_as_before(
+    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+) -> None:
+    """A wrong height is what the monitor is for: it alerts, and is not made silent by the filter."""
+    given = inputs(path, flight, lambda _: "ins")
+    sound, _ = judged(ApproachChannel(reference, settings, "radar"), given)
+    refused = [
+        (
+            dataclasses.replace(
+                height, valid=False, reasons=(Reason.EXCLUDED,), nearest=(height.nearest or 0.0) + 40.0
+            ),
+            nav,
+        )
+        for height, nav in given
+    ]
+    wrong, _ = judged(ApproachChannel(reference, settings, "radar"), refused)
+    assert {o.state for o in sound} & JUDGED
+    assert wrong[-1].state is IntegrityState.ALERT
+
+
 def test_a_place_of_which_navigation_is_not_sure_is_told(
     reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:

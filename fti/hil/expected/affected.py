@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.expected.aircraft import Aircraft, Truth
-from fti.hil.expected.duties import HEIGHT, INTEGRITY, doubted_s
+from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, doubted_s
 from fti.hil.expected.flags import told
 from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
 from fti.hil.faults.fitting import is_of
@@ -64,7 +64,8 @@ class Affected:
         found = list[Interval]()
         for fault, name in self._on(output.devices):
             if not isinstance(fault, HARMLESS) and self._counts(name, fault, output):
-                whole = (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
+                memory_s = max(self._memory_s(output), self._excluded_s(fault, name, output))
+                whole = (fault.from_s, self._back_s(fault, name) + memory_s)
                 found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
         return [*found, *self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
 
@@ -124,6 +125,12 @@ class Affected:
     def _memory_s(self, output: RequiredOutput) -> float:
         """How long the effect of a fault lasts in the output [s]."""
         return doubted_s(self._craft) if output.topic in (INTEGRITY, GLIDE) else output.memory_s
+
+    def _excluded_s(self, fault: OnDevices | BusOff | Babbling, name: str, output: RequiredOutput) -> float:
+        """How long after a wrong value the filter may exclude the altimeter, whose height is not valid then [s]."""
+        is_height = output.topic.startswith((HEIGHT, BELOW))
+        excludes = is_height and isinstance(fault, WRONG) and name in self._craft.filter_altimeters
+        return EXCLUDED_HEIGHT_S if excludes else 0.0
 
     def _on_ground(self, output: RequiredOutput) -> Iterator[Interval]:
         """Obstacles that the reference does not know, in what is compared with the known ground."""

@@ -12,7 +12,7 @@ from fti.hil.expected.duties import (
     CLOCK_SEEN_S,
     DISAGREE_WORDS,
     DOUBT_S,
-    EXCLUDED_S,
+    EXCLUDED_HEIGHT_S,
     HEALTH_S,
     HEIGHT,
     INTEGRITY,
@@ -273,7 +273,8 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
             yield May(f"{HEIGHT}/{other}", begin, end + age + MEMORY_S, DISAGREE_WORDS)
             yield May(f"/fti/event/{other}", begin, end + age + MEMORY_S)
     if name in craft.filter_altimeters:
-        yield May(NAV_EVENT, begin, end + age + EXCLUDED_S)
+        yield May(NAV_EVENT, begin, end + age + EXCLUDED_HEIGHT_S)
+        yield May(f"{HEIGHT}/{name}", begin, end + age + EXCLUDED_HEIGHT_S, ("excluded",))
     if name in craft.sources:
         yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, NAV_EVENT))
         yield May(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)

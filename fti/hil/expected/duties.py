@@ -33,6 +33,9 @@ SLOWEST_MPS, CONFIRM_S = 35.0, 2.0
 #: So long after a fault the filter may exclude an altimeter, or let it aid again [s]: until it is excluded because what
 #: had been found of its error is not true any more, twice (5 s), and until it has agreed for 30 s.
 EXCLUDED_S = 45.0
+#: Its height may be refused as excluded for so long after a fault [s]: the filter takes no height that is refused for
+#: its changes, and its agreement begins after them.
+EXCLUDED_HEIGHT_S = EXCLUDED_S + 14.0
 #: No relief that the reference leaves open is as high as this [m].
 OBSTACLE_M = 30.0
 #: What known ground says against a height; it tells so much of a value that stands still, too [m].

@@ -31,8 +31,9 @@ STEEPEST = math.radians(60.0)
 ACROSS = 1.25
 #: What the known ground says against a sample, and nothing else does.
 BY_GROUND = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.INCIDENCE, Reason.CHANGE_MISMATCH})
-#: The integrity monitor judges these heights: it finds what is new on the ground, and says itself what is stuck.
-MONITORED = BY_GROUND | {Reason.STUCK, Reason.ALTIMETERS_DISAGREE}
+#: The integrity monitor judges these heights: it finds what is new on the ground, and says itself what is stuck or has
+#: a bias.
+MONITORED = BY_GROUND | {Reason.STUCK, Reason.ALTIMETERS_DISAGREE, Reason.EXCLUDED}
 #: Samples with one of these are no ranges to the ground, or of an aircraft whose attitude nobody knows.
 NO_RANGE = frozenset({Reason.DEVICE_FLAG, Reason.NO_RETURN, Reason.BELOW_RANGE, Reason.ABOVE_RANGE, Reason.NO_ATTITUDE})
 
@@ -62,7 +63,9 @@ class Below:
 
 
 def stands_alone(height: HeightAboveGround) -> bool:
-    """Whether the integrity monitor judges it: nothing but the known ground and the tests with a memory refuse it."""
+    """Whether the integrity monitor judges it: nothing but the known ground, the tests with a memory and the
+    filter refuse it.
+    """
     return MONITORED.issuperset(height.reasons)
 
 

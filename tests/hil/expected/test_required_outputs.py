@@ -107,6 +107,17 @@ def test_a_fault_explains_nothing_before_it_nor_long_after() -> None:
     assert not inside(np.array([60.0]), effects.wrong(short)).any()
 
 
+def test_the_filter_may_exclude_an_altimeter_for_a_minute_after_a_wrong_value() -> None:
+    assert CONFIG.nav.filter is not None
+    aids = CONFIG.nav.filter.altimeters
+    later = np.array([90.0])
+    for name in CONFIG.nav.altimeters:
+        fault = {"kind": "stuck", "devices": (name,)}
+        height = promised()[f"/nav/height_above_ground/{name}"]
+        assert inside(later, affected(**fault).lost(height)).item() is (name in aids)
+        assert not inside(later, affected(**fault).wrong(height)).any()
+
+
 def test_a_second_source_counts_while_the_first_is_gone() -> None:
     """The place is that of the satellite receiver while the inertial system is cut off."""
     cut = {"kind": "cut", "devices": ("ins",), "from_s": 30.0, "to_s": 40.0}

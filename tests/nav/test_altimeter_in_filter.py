@@ -1,0 +1,157 @@
+"""Heights of an altimeter that aids the filter: while the filter excludes it, and while it holds the altitude alone.
+
+Level flight at 100 m over known level ground; a tactical inertial unit with noise, satellites five times a second,
+radar altimeters eight times a second.  Errors are measured against the height that is flown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fti.config import Config, parse
+from fti.geodesy.wgs84 import EARTH_RATE
+from fti.nav.ground import Ground
+from fti.nav.pipeline import Pipeline
+from fti.terrain.terrain import Terrain
+from fti.types import (
+    Attitude,
+    Event,
+    FilterSolution,
+    HeightAboveGround,
+    ImuSample,
+    Measurement,
+    Output,
+    Position,
+    RadioHeight,
+    Reason,
+    Stamp,
+    Velocity,
+)
+
+S, STEP_NS = 1_000_000_000, 40_000_000
+T0 = 1_000 * S
+LAT, LON, HEIGHT, SPEED, RADIUS = math.radians(48.0), math.radians(11.5), 100.0, 40.0, 6_370_000.0
+GRAVITY = 9.8089  # normal gravity at LAT and HEIGHT [m/s^2]
+#: What an altimeter says too much [m], at a time [s].
+Wrong = Callable[[float], float]
+
+
+def config(radars: tuple[str, ...]) -> Config:
+    """A unit, a receiver, and radar altimeters that all aid the filter."""
+    device = {"link": "l", "driver": "d"}
+    radar = {"altimeter": {"kind": "radar", "range_m": [0.5, 760.0], "sd_m": 0.4}, **device}
+    table: dict[str, Any] = {
+        "session": {"name": "t"},
+        "link": [{"name": "l", "kind": "serial", "port": "/dev/null"}],
+        "device": [{"name": "imu", **device}, {"name": "gnss", **device}, *({"name": n, **radar} for n in radars)],
+        "nav": {
+            "attitude": [],
+            "position": ["gnss"],
+            "altimeters": list(radars),
+            "filter": {"imu": "imu", "unit": "tactical", "gnss": ["gnss"], "altimeters": list(radars)},
+        },
+    }
+    return parse(table, "", Path("t.toml"))
+
+
+@pytest.fixture(scope="module")
+def ground() -> Ground:
+    """Level ground at 0 m."""
+    terrain = Terrain.from_array(np.zeros((800, 800)), 25.0, lat0=LAT, lon0=LON, east0=-10_000.0, north0=-10_000.0)
+    return Ground(terrain, 1.0, "level")
+
+
+@dataclass(eq=False)
+class Flown:
+    """Outputs with their time [s]."""
+
+    ground: Ground
+    heights: list[tuple[float, HeightAboveGround]] = field(default_factory=list)
+    filtered: list[tuple[float, FilterSolution]] = field(default_factory=list)
+    events: list[tuple[float, Event]] = field(default_factory=list)
+
+    def of(self, radar: str, begin: float, end: float) -> list[HeightAboveGround]:
+        """Heights of an altimeter within times [s]."""
+        return [height for t, height in self.heights if height.sensor == radar and begin <= t < end]
+
+    def altitude_error(self, begin: float, end: float) -> float:
+        """Largest error of the filter's altitude [m]."""
+        return max(abs(told.alt - self.truth(t)) for t, told in self.filtered if told.alt and begin <= t < end)
+
+    def truth(self, t: float) -> float:
+        """Altitude that is flown [m]: the terrain is a plane of the frame, the ellipsoid falls off beside it."""
+        return float(self.ground.terrain.frame.to_geodetic(np.array([[0.0, SPEED * t - 4000.0, HEIGHT]]))[2][0])
+
+
+def fly(ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: float = math.inf) -> Flown:
+    """A flight.  lost_s : no satellites from then on [s]"""
+    pipeline, found = Pipeline(config(tuple(wrong)), None), Flown(ground)
+    pipeline.give_ground(ground)
+    for device, m in _measured(ground, wrong, seconds, lost_s):
+        t = (m.stamp.t_rx_ns - T0) / S
+        _collect(found, t, pipeline.feed(device, m))
+        if isinstance(m, ImuSample):
+            _collect(found, t, pipeline.tick(m.stamp.t_rx_ns))
+    return found
+
+
+def _measured(
+    ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: float
+) -> Iterator[tuple[str, Measurement]]:
+    rng = np.random.default_rng(2)
+    for k in range(round(seconds * S / STEP_NS)):
+        t, stamp = k * STEP_NS / S, Stamp(T0 + k * STEP_NS)
+        accel, turn = rng.normal(0.0, 5e-3), rng.normal(0.0, 1e-4, 2)
+        if k % 5 == 0 and t < lost_s:
+            point = np.array([[0.0, SPEED * t - 4000.0, HEIGHT + rng.normal(0.0, 0.5)]])
+            lat, lon, alt = (float(v[0]) for v in ground.terrain.frame.to_geodetic(point))
+            yield "gnss", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=2.5)
+            yield "gnss", Velocity(stamp=stamp, north=SPEED, east=0.0, down=0.0, sd=0.1)
+        if t < 30.0:
+            yield "imu", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)
+        rates = EARTH_RATE * math.cos(LAT) + turn[0], -SPEED / RADIUS + turn[1], -EARTH_RATE * math.sin(LAT)
+        force = accel, 2.0 * EARTH_RATE * math.sin(LAT) * SPEED, -GRAVITY
+        yield "imu", ImuSample(stamp=stamp, accel_b=force, gyro_b=rates)
+        if k % 3 == 0:
+            for radar, fault in wrong.items():
+                yield radar, RadioHeight(stamp=stamp, height_agl=HEIGHT + rng.normal(0.0, 0.3) + fault(t))
+
+
+def _collect(found: Flown, t: float, out: list[Output | Event]) -> None:
+    for o in out:
+        if isinstance(o, HeightAboveGround):
+            found.heights.append((t, o))
+        elif isinstance(o, FilterSolution) and o.valid:
+            found.filtered.append((t, o))
+        elif isinstance(o, Event) and "clock" not in o.source:
+            found.events.append((t, o))
+
+
+def test_an_altimeter_that_the_filter_excludes_is_not_valid_until_it_agrees_again(ground: Ground) -> None:
+    """9.5 m too much from 20 s to 50 s: within the gate of a radar's deviation, and outside that of the filter."""
+    flown = fly(ground, {"radar": lambda t: 9.5 if 20.0 <= t < 50.0 else 0.0}, 120.0)
+    excluded = [t for t, height in flown.heights if Reason.EXCLUDED in height.reasons]
+    assert excluded[0] < 45.0
+    assert not any(height.valid for height in flown.of("radar", 45.0, 50.0)), "9.5 m at a sigma of half a metre"
+    assert flown.altitude_error(20.0, 120.0) < 1.5
+    assert excluded[-1] < 110.0
+    assert all(height.valid for height in flown.of("radar", 110.0, 120.0))
+
+
+def test_an_altimeter_that_the_filter_excludes_goes_on_telling_its_height(ground: Ground) -> None:
+    """What is refused is no less a measurement: the value and its sigma are there for who looks for the cause."""
+    flown = fly(ground, {"radar": lambda t: 9.5 if t >= 20.0 else 0.0}, 50.0)
+    told = flown.of("radar", 45.0, 50.0)
+    assert all(height.height_agl and height.height_agl > 105.0 and height.sd for height in told)
+
+
+def test_a_sound_altimeter_beside_satellites_is_never_refused(ground: Ground) -> None:
+    flown = fly(ground, {"radar": lambda t: 0.0}, 60.0)
+    assert {height.reasons for height in flown.of("radar", 1.0, 60.0)} == {()}
