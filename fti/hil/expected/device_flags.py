@@ -279,5 +279,8 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
         yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, NAV_EVENT))
         yield May(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
         yield from (May(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
+        for other in craft.filter_altimeters:  # a sound one contradicts a filter that has followed a wrong place
+            yield May(f"{HEIGHT}/{other}", begin, end + age + craft.FIX_S + EXCLUDED_HEIGHT_S, ("excluded",))
+            yield May(NAV_EVENT, begin, end + age + craft.FIX_S + EXCLUDED_HEIGHT_S)
     if name in craft.altimeters or name in craft.sources:
         yield May(INTEGRITY, begin, end + age + craft.FIX_S + doubted_s(craft))
