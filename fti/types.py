@@ -537,7 +537,8 @@ class HeightAboveGround:
     predicted_sd : one sigma of raw - predicted [m]
     wheels     : height of the wheels by ``height_agl``, as the aircraft lies [m]; None where nobody says where they are
     unchecked  : why the terrain could not be asked, or not nearly as closely as the limits ask; what it can tell
-                 against a height is then not told
+                 against a height is then not told.  NOT_INDEPENDENT: this altimeter holds the altitude that it is
+                 compared with, and a slow drift of it is not detected
     """
 
     t_ns: int

@@ -17,6 +17,7 @@ from typing import Any
 from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
 from fti.nav.altimetry.nadir import over_ground
+from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
@@ -36,7 +37,7 @@ from fti.nav.navigation import NavState
 from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
-from fti.nav.vertical.fallback import VerticalFallback, VerticalState
+from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
 from fti.types import (
     Attitude,
@@ -77,6 +78,7 @@ class AidedNavigation:
         self._navigator = Navigator(_model(settings))
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._vertical = VerticalFallback()
+        self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
         self._ground: Ground | None = None
         self._place: Place | None = None
         self._tilt: tuple[float, float] | None = None
@@ -102,6 +104,19 @@ class AidedNavigation:
         self._tilt = (nav.attitude.roll, nav.attitude.pitch) if nav.attitude else None
         if nav.position and _conceivable(nav.position):
             self._place = Place(nav.position.lat, nav.position.north or 0.0, nav.position.east or 0.0)
+        self._note_holds(nav.t_ns)
+
+    def _note_holds(self, t_ns: int) -> None:
+        """Who holds the altitudes of the filter and of the vertical channel at a tick."""
+        believed = self._navigator.believed_ns("vertical")
+        own = {altitude_name(sensor): sensor for sensor in self._settings.altimeters}
+        others = [then_ns for name, then_ns in believed.items() if name not in own]
+        holding = [own[name] for name, then_ns in believed.items() if name in own and t_ns - then_ns <= HOLD_NS]
+        self._filter_hold.update(t_ns, max(others, default=None), sorted(holding))
+        taken_ns = self._vertical.taken_ns(Aiding.ALTIMETER)
+        is_aided = taken_ns is not None and t_ns - taken_ns <= HOLD_NS
+        holding = [sensor for sensor, then_ns in self._used_ns.items() if is_aided and t_ns - then_ns <= HOLD_NS]
+        self._vertical_hold.update(t_ns, self._vertical.taken_ns(Aiding.SATELLITES), sorted(holding))
 
     def wants(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of this kind of a device say anything here."""
@@ -211,6 +226,16 @@ class AidedNavigation:
     def is_excluded(self, altimeter: str) -> bool:
         """Whether the filter excludes an altimeter from aiding."""
         return self._exclusions.is_excluded(altimeter)
+
+    @property
+    def filter_holders(self) -> tuple[str, ...]:
+        """Altimeters that hold the altitude of the filter alone."""
+        return self._filter_hold.altimeters
+
+    @property
+    def vertical_holders(self) -> tuple[str, ...]:
+        """Altimeters that hold the altitude of the vertical channel alone."""
+        return self._vertical_hold.altimeters
 
     def solution(self, t_ns: int) -> FilterSolution:
         """What the filter says; of one time it is asked several times, for place, attitude and output."""

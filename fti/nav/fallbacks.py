@@ -13,7 +13,7 @@ from typing import Any
 from fti.config import Config
 from fti.nav.aided import AidedNavigation
 from fti.nav.ground import Ground
-from fti.nav.navigation import FILTER, RADIO, NavState
+from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
 from fti.nav.vertical.fallback import VerticalState
@@ -82,3 +82,9 @@ class Fallbacks:
     def altitude(self, t_ns: int) -> VerticalState | None:
         """Of the vertical channel."""
         return self._aided.altitude(t_ns) if self._aided else None
+
+    def altitude_holders(self, source: str | None) -> tuple[str, ...]:
+        """Altimeters that alone hold the altitude of the filter, of the vertical channel or of the fix."""
+        if self._aided and source in {FILTER, VERTICAL}:
+            return self._aided.vertical_holders if source == VERTICAL else self._aided.filter_holders
+        return self._radio.altitude_holders if self._radio and source == RADIO else ()

@@ -20,7 +20,10 @@ FILTER, VERTICAL, RADIO = "filter", "vertical", "radio"
 
 @dataclass(frozen=True, slots=True)
 class NavState:
-    """Everything that is known at t_ns; None where nothing is."""
+    """Everything that is known at t_ns; None where nothing is.
+
+    altitude_holders : altimeters that hold the altitude without another source (``fti.nav.altitude_hold``)
+    """
 
     t_ns: int
     attitude: AttitudeState | None
@@ -28,6 +31,7 @@ class NavState:
     attitude_source: str | None
     position_source: str | None
     altitude_source: str | None = None
+    altitude_holders: tuple[str, ...] = ()
 
 
 class Fallback(Protocol):
@@ -41,6 +45,9 @@ class Fallback(Protocol):
 
     def altitude(self, t_ns: int) -> VerticalState | None:
         """Altitude alone."""
+
+    def altitude_holders(self, source: str | None) -> tuple[str, ...]:
+        """Altimeters that alone hold the altitude of a source."""
 
 
 class Navigation:
@@ -57,6 +64,7 @@ class Navigation:
         self._fallback = fallback
         self._told: dict[str, str | None] = {"attitude": None, "position": None}
         self._alone = False  # the altitude is that of the vertical channel
+        self._held_by: tuple[str, ...] = ()
         self._after_gap = False
         self._quiet_until_ns = 0
 
@@ -73,7 +81,8 @@ class Navigation:
             down = position.down if found.climb is None else -found.climb
             position = replace(position, alt=found.alt, vertical_sd=found.alt_sd, down=down)
             altitude_source = VERTICAL
-        return NavState(t_ns, attitude, position, attitude_source, position_source, altitude_source)
+        holders = self._fallback.altitude_holders(altitude_source) if self._fallback else ()
+        return NavState(t_ns, attitude, position, attitude_source, position_source, altitude_source, holders)
 
     def _find_attitude(self, t_ns: int) -> tuple[AttitudeState | None, str | None]:
         for source in self._attitude:
@@ -111,6 +120,9 @@ class Navigation:
         if alone != self._alone:
             events.append(_altitude_event(state.t_ns, alone))
             self._alone = alone
+        if state.altitude_holders != self._held_by:
+            events.append(_hold_event(state.t_ns, state.altitude_holders))
+            self._held_by = state.altitude_holders
         return events
 
 
@@ -125,6 +137,15 @@ def _event(t_ns: int, role: str, before: str | None, now: str | None) -> Event:
 def _altitude_event(t_ns: int, alone: bool) -> Event:
     text = "altitude: from the vertical channel" if alone else "altitude: not from the vertical channel any more"
     return Event(t_ns=t_ns, level="warning" if alone else "info", source="nav", text=text)
+
+
+def _hold_event(t_ns: int, altimeters: tuple[str, ...]) -> Event:
+    if not altimeters:
+        text = "altitude: not held by altimeters alone any more"
+        return Event(t_ns=t_ns, level="info", source="nav", text=text)
+    whose = "its heights" if len(altimeters) == 1 else "all of them"
+    text = f"altitude: held by {' and '.join(altimeters)} alone; a slow drift of {whose} is not detected"
+    return Event(t_ns=t_ns, level="warning", source="nav", text=text)
 
 
 def solution(state: NavState) -> NavSolution:

@@ -9,9 +9,11 @@ import numpy as np
 
 from fti.config import Device, Radio
 from fti.nav.altimetry.nadir import over_ground
+from fti.nav.altitude_hold import HoldMonitor
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
-from fti.nav.radio.live import RadioNavigation, RadioSettings, Station
+from fti.nav.radio.agreement import FIX
+from fti.nav.radio.live import HEIGHT, RadioNavigation, RadioSettings, RadioState, Station
 from fti.nav.sources import PositionState, ellipsoidal, level_velocity
 from fti.types import DmeRange, HeightAboveGround, Measurement, Position, PositionFix, Satellites, Velocity
 
@@ -31,6 +33,8 @@ class RadioPosition:
             for name, s in settings.station.items()
         }
         self._radio = RadioNavigation(stations, RadioSettings(dme_sd=settings.dme_sd_m))
+        self._hold = HoldMonitor()
+        self._other_ns: int | None = None
         self._ground: Ground | None = None
 
     def give_ground(self, ground: Ground | None) -> None:
@@ -77,9 +81,23 @@ class RadioPosition:
         if found := over_ground(height, self._ground, nav.position):
             self._radio.take_height(height.t_valid_ns, found.height_agl, found.height_sd, found.ground, found.ground_sd)
 
+    @property
+    def altitude_holders(self) -> tuple[str, ...]:
+        """The altimeter, where it alone holds the altitude of the fix."""
+        return self._hold.altimeters
+
+    def _note_hold(self, t_ns: int, found: RadioState) -> None:
+        """Satellites bound the altitude; ranges to stations only where the altimeter is left out."""
+        used = set(found.used) - set(found.refused)
+        if found.valid and (FIX in used or HEIGHT not in used):
+            self._other_ns = t_ns
+        altimeter = self._settings.altimeter
+        self._hold.update(t_ns, self._other_ns, (altimeter,) if altimeter and found.valid and HEIGHT in used else ())
+
     def solution(self, t_ns: int) -> PositionFix:
         """The fix at t_ns."""
         found = self._radio.at(t_ns)
+        self._note_hold(t_ns, found)
         return PositionFix(
             t_ns=t_ns,
             t_valid_ns=t_ns if found.lat is not None else None,

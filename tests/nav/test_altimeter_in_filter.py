@@ -41,6 +41,7 @@ LAT, LON, HEIGHT, SPEED, RADIUS = math.radians(48.0), math.radians(11.5), 100.0,
 GRAVITY = 9.8089  # normal gravity at LAT and HEIGHT [m/s^2]
 #: What an altimeter says too much [m], at a time [s].
 Wrong = Callable[[float], float]
+NEVER = (math.inf, math.inf)
 
 
 def config(radars: tuple[str, ...]) -> Config:
@@ -85,13 +86,22 @@ class Flown:
         """Largest error of the filter's altitude [m]."""
         return max(abs(told.alt - self.truth(t)) for t, told in self.filtered if told.alt and begin <= t < end)
 
+    def worst(self, radar: str, begin: float, end: float) -> float:
+        """Largest error of the valid heights of an altimeter, in their sigmas."""
+        valid = [height for height in self.of(radar, begin, end) if height.valid]
+        return max((abs((h.height_agl or 0.0) - HEIGHT) / h.sd for h in valid if h.sd), default=0.0)
+
+    def texts(self, begin: float) -> list[tuple[str, str]]:
+        """Level and text of the events of navigation about the altitude."""
+        return [(e.level, e.text) for t, e in self.events if t >= begin and e.text.startswith("altitude: ")]
+
     def truth(self, t: float) -> float:
         """Altitude that is flown [m]: the terrain is a plane of the frame, the ellipsoid falls off beside it."""
         return float(self.ground.terrain.frame.to_geodetic(np.array([[0.0, SPEED * t - 4000.0, HEIGHT]]))[2][0])
 
 
-def fly(ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: float = math.inf) -> Flown:
-    """A flight.  lost_s : no satellites from then on [s]"""
+def fly(ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: tuple[float, float] = NEVER) -> Flown:
+    """A flight.  lost_s : without satellites from then until then [s]"""
     pipeline, found = Pipeline(config(tuple(wrong)), None), Flown(ground)
     pipeline.give_ground(ground)
     for device, m in _measured(ground, wrong, seconds, lost_s):
@@ -103,13 +113,13 @@ def fly(ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: float =
 
 
 def _measured(
-    ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: float
+    ground: Ground, wrong: dict[str, Wrong], seconds: float, lost_s: tuple[float, float]
 ) -> Iterator[tuple[str, Measurement]]:
     rng = np.random.default_rng(2)
     for k in range(round(seconds * S / STEP_NS)):
         t, stamp = k * STEP_NS / S, Stamp(T0 + k * STEP_NS)
         accel, turn = rng.normal(0.0, 5e-3), rng.normal(0.0, 1e-4, 2)
-        if k % 5 == 0 and t < lost_s:
+        if k % 5 == 0 and not lost_s[0] <= t < lost_s[1]:
             point = np.array([[0.0, SPEED * t - 4000.0, HEIGHT + rng.normal(0.0, 0.5)]])
             lat, lon, alt = (float(v[0]) for v in ground.terrain.frame.to_geodetic(point))
             yield "gnss", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=2.5)
@@ -155,3 +165,63 @@ def test_an_altimeter_that_the_filter_excludes_goes_on_telling_its_height(ground
 def test_a_sound_altimeter_beside_satellites_is_never_refused(ground: Ground) -> None:
     flown = fly(ground, {"radar": lambda t: 0.0}, 60.0)
     assert {height.reasons for height in flown.of("radar", 1.0, 60.0)} == {()}
+
+
+def sound(t: float) -> float:
+    """An altimeter without an error."""
+    return 0.0
+
+
+def drifting(rate: float) -> Wrong:
+    """An altimeter that drifts from 45 s on [m/s]."""
+    return lambda t: rate * max(0.0, t - 45.0)
+
+
+LOST = (40.0, math.inf)
+HELD = ("warning", "altitude: held by radar alone; a slow drift of its heights is not detected")
+
+
+@pytest.mark.parametrize("rate", [0.5, -1.0])
+def test_a_height_that_is_compared_with_itself_says_so(ground: Ground, rate: float) -> None:
+    """Up to 1 m/s the altitude follows and nothing is refused: an event and each height say what is not checked."""
+    flown = fly(ground, {"radar": drifting(rate)}, 100.0, LOST)
+    assert flown.texts(0.0) == [HELD]
+    assert flown.altitude_error(90.0, 100.0) > 10.0, "it follows"
+    held = flown.of("radar", 46.0, 100.0)
+    assert all(Reason.NOT_INDEPENDENT in height.unchecked for height in held if height.predicted is not None)
+
+
+def test_a_sound_altimeter_that_holds_the_altitude_stays_valid(ground: Ground) -> None:
+    flown = fly(ground, {"radar": sound}, 100.0, LOST)
+    assert {height.reasons for height in flown.of("radar", 1.0, 100.0)} == {()}
+    assert flown.worst("radar", 1.0, 100.0) < 3.0
+    assert flown.altitude_error(5.0, 100.0) < 2.5
+    assert flown.texts(0.0) == [HELD]
+
+
+def test_a_loss_of_satellites_of_a_second_changes_nothing(ground: Ground) -> None:
+    flown = fly(ground, {"radar": sound}, 60.0, (40.0, 41.0))
+    assert flown.texts(0.0) == []
+    assert not any(Reason.NOT_INDEPENDENT in height.unchecked for height in flown.of("radar", 5.0, 60.0))
+
+
+def test_when_satellites_come_back_the_comparison_is_independent_again(ground: Ground) -> None:
+    again = fly(ground, {"radar": sound}, 80.0, (40.0, 60.0))
+    assert again.texts(0.0) == [HELD, ("info", "altitude: not held by altimeters alone any more")]
+    assert not any(height.unchecked for height in again.of("radar", 62.0, 80.0))
+
+
+def test_a_jump_of_the_altimeter_that_holds_the_altitude_is_refused(ground: Ground) -> None:
+    flown = fly(ground, {"radar": lambda t: 30.0 if t >= 90.0 else 0.0}, 94.0, LOST)
+    assert all(Reason.DEVIATION in height.reasons for height in flown.of("radar", 90.0, 94.0))
+
+
+def test_of_two_altimeters_that_hold_the_altitude_the_one_that_drifts_is_refused(ground: Ground) -> None:
+    """1 m/s is 10 m apart after 10 s: both are compared with the sigmas of the instruments and of the filter."""
+    flown = fly(ground, {"radar": drifting(1.0), "radar2": sound}, 80.0, LOST)
+    both = "altitude: held by radar and radar2 alone; a slow drift of all of them is not detected"
+    assert flown.texts(0.0) == [("warning", both), ("warning", HELD[1].replace("radar", "radar2"))]
+    assert any(Reason.ALTIMETERS_DISAGREE in height.reasons for height in flown.of("radar", 45.0, 60.0))
+    assert not any(height.valid for height in flown.of("radar", 60.0, 80.0))
+    assert all(height.valid for height in flown.of("radar2", 60.0, 80.0))
+    assert flown.altitude_error(60.0, 80.0) < 5.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from fti.config import Altimeter, Device, Vector
+from fti.config import Device, Vector
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
 from fti.nav.altimetry.deviation import DeviationMemory
@@ -188,7 +188,7 @@ class AltimeterChannel:
             valid=not reasons,
             reasons=reasons,
             wheels=self._of_wheels(below, nav),
-            **_told(told, sample.value, self.limits, is_doubted=self._ground_is_doubted),
+            **self._prediction(told, sample.value, nav),
         )
 
     def _reasons_by_memory(
@@ -212,6 +212,25 @@ class AltimeterChannel:
             return True
         is_checked = isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
         return False if is_checked else None
+
+    def _prediction(self, expected: ExpectedOrReason | None, value: float | None, nav: NavState) -> dict[str, Any]:
+        """What the ground adds to an output: the predicted range, and why that does not check the height."""
+        if expected is None:
+            return {}
+        if not isinstance(expected, Expected):
+            return {"unchecked": (expected if isinstance(expected, Reason) else Reason.NO_PREDICTION,)}
+        unchecked = (
+            (Reason.GROUND_CONTRADICTED, self._ground_is_doubted),
+            (Reason.NOT_INDEPENDENT, self.name in nav.altitude_holders),
+            (Reason.UNCERTAIN, value is not None and not compares(expected.range_sd, self.limits)),
+            # the beam meets known ground, and straight below is none
+            (Reason.TERRAIN_HOLE, value is not None and expected.compensated(value) is None),
+        )
+        return {
+            "predicted": expected.slant_range,
+            "predicted_sd": expected.range_sd,
+            "unchecked": tuple(reason for reason, holds in unchecked if holds),
+        }
 
     def _expected(self, reading: Reading | None, nav: NavState) -> ExpectedOrReason | None:
         """What the sample should be, or why nobody knows; None where there is no sample."""
@@ -271,26 +290,6 @@ def _by_ground(expected: ExpectedOrReason | None) -> dict[str, Any]:
         "predicted_sd": expected.range_sd,
         "ground_sd": expected.ground_sd,
     }
-
-
-def _told(
-    expected: ExpectedOrReason | None, value: float | None, limits: Altimeter, *, is_doubted: bool
-) -> dict[str, Any]:
-    """What the ground adds to an output."""
-    if expected is None:
-        return {}
-    if not isinstance(expected, Expected):
-        return {"unchecked": (expected if isinstance(expected, Reason) else Reason.NO_PREDICTION,)}
-    found: dict[str, Any] = {"predicted": expected.slant_range, "predicted_sd": expected.range_sd}
-    if is_doubted:
-        return {**found, "unchecked": (Reason.GROUND_CONTRADICTED,)}
-    if value is None:
-        return found
-    if not compares(expected.range_sd, limits):
-        found["unchecked"] = (Reason.UNCERTAIN,)
-    if expected.compensated(value) is None:  # the beam meets known ground, and straight below is none
-        found["unchecked"] = (*found.get("unchecked", ()), Reason.TERRAIN_HOLE)
-    return found
 
 
 def _number(value: float | None) -> float | None:

@@ -135,6 +135,11 @@ class Navigator:
         standings = self._timeline.newest.standings if self._timeline is not None else {}
         return {name: s.exclusion for name, s in standings.items() if s.exclusion.cause is not None}
 
+    def believed_ns(self, axis: str) -> dict[str, int]:
+        """When each source that bounds an axis was believed last, by name."""
+        standings = self._timeline.newest.standings if self._timeline is not None else {}
+        return {name: s.believed_ns for name, s in standings.items() if s.believed_ns is not None and axis in s.bounds}
+
     def reaches(self, t_ns: int) -> bool:
         """Whether there is an estimate at t_ns, without making it."""
         timeline = self._timeline

@@ -177,6 +177,10 @@ class VerticalFallback:
         """Whether the newest height of the altimeter was outside the confidence region."""
         return self._altimeter_refused
 
+    def taken_ns(self, aiding: Aiding) -> int | None:
+        """When a height of this aiding was taken last; None: never."""
+        return self._last_ns.get(f"taken {aiding}")
+
     def at(self, t_ns: int) -> VerticalState:
         """Height and climb at t_ns."""
         if self._channel is None or self._filter is None:
@@ -211,7 +215,7 @@ class VerticalFallback:
 
     def _aiding(self, t_ns: int) -> Aiding:
         for aiding in (Aiding.SATELLITES, Aiding.ALTIMETER):
-            last = self._last_ns.get(f"taken {aiding}")
+            last = self.taken_ns(aiding)
             if last is not None and t_ns - last <= NAMED_S * SECOND_NS:
                 return aiding
         return Aiding.NONE
