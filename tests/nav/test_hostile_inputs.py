@@ -8,11 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from fti.config import Approach, Config, parse
+from fti.config import Approach, Config, Device, parse
+from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.integrity.approach import ApproachPath
 from fti.nav.integrity.monitor import ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference
+from fti.nav.navigation import NavState
 from fti.nav.pipeline import Pipeline
+from fti.nav.sources import AttitudeState, PositionState
 from fti.types import (
     Attitude,
     ClearanceIntegrity,
@@ -177,6 +180,39 @@ def test_an_altimeter_at_the_end_of_its_scale_is_refused(fly: Callable[..., Outp
     outputs = fly(change, end=1500.0)
     assert {o.state for o in integrity(outputs, BROKEN + 240 * MS)} == {IntegrityState.UNAVAILABLE}
     assert not valid_needles(outputs, BROKEN + 240 * MS)
+
+
+def after_level_flight(value: float, *, sd: float | None = 0.1, tilt_sd: float | None = 0.003) -> HeightAboveGround:
+    """What a laser over unknown ground gives for one sample after 10 s at 300 m and 50 m/s with a roll of 0.2 rad."""
+    altimeter = {"kind": "laser", "range_m": (0.5, 500.0)}
+    of = AltimeterChannel(Device.model_validate({"name": "laser", "link": "l", "driver": "d", "altimeter": altimeter}))
+
+    def take(k: int, roll_sd: float | None, m: RadioHeight) -> HeightAboveGround:
+        position = PositionState(0.8, 0.2, 500.0, 1.0, 1.0, 50.0, 0.0, 0.0, k)
+        attitude = AttitudeState(0.2, 0.0, 0.0, roll_sd, roll_sd)
+        return of.take(of.read(m, m.stamp.t_rx_ns), NavState(k, attitude, position, "ins", "ins", "ins"))
+
+    for k in range(100):
+        take(k * S // 10, 0.003, RadioHeight(stamp=Stamp(k * S // 10), height_agl=300.0 + 0.01 * (k % 7), sd=0.1))
+    return take(10 * S, tilt_sd, RadioHeight(stamp=Stamp(10 * S), height_agl=value, sd=sd))
+
+
+@pytest.mark.parametrize("value", [1.1e6, 1e12, 1e301, 1e308, -1e308])
+def test_a_range_that_no_altimeter_has_is_no_return(value: float) -> None:
+    found = after_level_flight(value)
+    assert found.reasons == (Reason.NO_RETURN,)
+    assert (found.raw, found.height_agl, found.nearest) == (None, None, None)
+
+
+@pytest.mark.parametrize("sd", [None, 0.0, -3.0, 1e200, 1e308, *NOT_NUMBERS])
+@pytest.mark.parametrize("is_of_tilt", [False, True])
+def test_a_valid_height_has_a_finite_sigma_whatever_is_stated(sd: float | None, is_of_tilt: bool) -> None:
+    found = after_level_flight(300.0, tilt_sd=sd) if is_of_tilt else after_level_flight(300.0, sd=sd)
+    assert found.valid
+    for value in (found.sd, found.nearest_sd):
+        assert value is not None
+        assert math.isfinite(value)
+        assert value >= (0.09 if is_of_tilt else 0.0)
 
 
 def test_a_stuck_altimeter_takes_the_needle_away_within_5_s(fly: Callable[..., Outputs]) -> None:

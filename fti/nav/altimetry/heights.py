@@ -14,7 +14,7 @@ from fti.nav.altimetry.deviation import DeviationMemory
 from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
-from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN
+from fti.nav.altimetry.sigmas import ATTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 REPEAT_NS = 500_000_000
 #: What lies beside the point straight below is looked for so far off the vertical at most [rad].
 STEEPEST = math.radians(60.0)
+#: No altimeter has a longer range [m]: a value beyond is no number, and its square has to be one.
+MAX_RANGE_M = 1e6
 #: The profile along the track does not tell how steep the ground is across it.
 ACROSS = 1.25
 #: What the known ground says against a sample, and nothing else does.
@@ -111,6 +113,7 @@ class AltimeterChannel:
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
         """What a measurement says; sigma from the configuration when the device states none."""
         value = _number(m.height_agl if isinstance(m, RadioHeight) else m.slant_range)
+        value = None if value is not None and abs(value) > MAX_RANGE_M else value
         sd = _number(m.sd)
         return Reading(m.stamp.t_rx_ns, t_valid_ns, value, self.limits.sd_m if sd is None else sd, not m.valid)
 
@@ -254,9 +257,9 @@ class AltimeterChannel:
             attitude.roll,
             attitude.pitch,
             self._mounting,
-            range_sd=reading.sd,
-            roll_sd=attitude.roll_sd,
-            pitch_sd=attitude.pitch_sd,
+            range_sd=stated_sd(reading.sd, RANGE_SD_UNKNOWN),
+            roll_sd=stated_sd(attitude.roll_sd, ATTITUDE_SD_UNKNOWN),
+            pitch_sd=stated_sd(attitude.pitch_sd, ATTITUDE_SD_UNKNOWN),
         )
 
     def _below(

@@ -76,7 +76,8 @@ class ReliefEstimator:
             profile = _without_trend(profile)
         if self._speed is None or self._speed < MIN_SPEED:
             return math.sqrt(2.0) * float(np.std(profile))
-        lag = min(max(round(beside / self._speed * SECOND_NS / STEP_NS), 1), len(profile) // 2)
+        steps = min(beside / self._speed * SECOND_NS / STEP_NS, SPAN)  # of any height: before it is rounded
+        lag = min(max(round(steps), 1), len(profile) // 2)
         return float(np.sqrt(np.mean(np.square(profile[lag:] - profile[:-lag]))))
 
 
