@@ -6,10 +6,12 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.observation import Observation, Resolution
+from fti.ranging.radar.quantise import quantise_ft
 from fti.types import Reason
 
 S = 1_000_000_000
@@ -156,3 +158,193 @@ def test_values_that_never_repeat_have_no_known_resolution() -> None:
     for k in range(100):
         found.update(100.0 + 0.37 * k)
     assert found.step is None
+
+
+def nowhere(o: Observation) -> Observation:
+    return replace(o, source=(None, None), alt=None, climb=None, predicted=None)
+
+
+def without_position(seen: Iterable[Observation], period_s: float, lasts_s: float) -> list[Observation]:
+    """The position is missing for a while once in every period; then nobody knows the altitude and the ground."""
+    return [nowhere(o) if (o.t_ns - S) / S % period_s >= period_s - lasts_s else o for o in seen]
+
+
+@pytest.mark.parametrize(("period_s", "lasts_s"), [(3.0, 0.04), (1.0, 0.06), (5.0, 1.0)])
+def test_a_drift_is_found_although_the_position_is_missing_for_moments(period_s: float, lasts_s: float) -> None:
+    wrong: Profile = lambda t: hills(t) + 2.0 * max(0.0, t - 20.0)  # noqa: E731
+    seen = without_position(samples(40.0, wrong, predicted=hills), period_s, lasts_s)
+    found = refused(seen, Reason.CHANGE_MISMATCH)
+    assert found is not None
+    assert 22.0 <= found[0] <= 28.0
+
+
+@pytest.mark.parametrize("climb", [0.0, 4.0, -4.0])
+def test_a_sound_altimeter_is_believed_although_the_position_is_missing_for_moments(climb: float) -> None:
+    """The integral of the climb rate goes on while the position is missing."""
+    true: Profile = lambda t: hills(t) + climb * t + 400.0  # noqa: E731
+    alt: Profile = lambda t: 900.0 + climb * t  # noqa: E731
+    seen = without_position(samples(60.0, true, predicted=true, alt=alt), 5.0, 1.5)
+    assert {found for _, found in reasons(seen)} == {()}
+
+
+def test_a_drift_in_a_climb_is_found_although_the_position_is_missing_for_moments() -> None:
+    """Without the climb while the position is missing both altitudes would contradict each other by 6 m."""
+    true: Profile = lambda t: hills(t) + 4.0 * t  # noqa: E731
+    wrong: Profile = lambda t: true(t) - 2.0 * max(0.0, t - 20.0)  # noqa: E731
+    seen = samples(40.0, wrong, predicted=true, alt=lambda t: 500.0 + 4.0 * t)
+    found = refused(without_position(seen, 5.0, 1.5), Reason.CHANGE_MISMATCH)
+    assert found is not None
+    assert 22.0 <= found[0] <= 28.0
+
+
+def test_another_source_after_a_moment_without_position_begins_anew() -> None:
+    predicted: Profile = lambda t: hills(t) + (20.0 if t >= 30.0 else 0.0)  # noqa: E731
+    seen = list(samples(60.0, hills, predicted=predicted))
+    seen = [o if o.t_ns < 31 * S else replace(o, source=("gnss", "gnss")) for o in seen]
+    between = [nowhere(o) if 29.8 <= (o.t_ns - S) / S < 30.0 else o for o in seen]
+    assert {found for _, found in reasons(between)} == {()}
+
+
+def without_samples(seen: Iterable[Observation], from_s: float, to_s: float) -> list[Observation]:
+    return [o for o in seen if not from_s <= (o.t_ns - S) / S < to_s]
+
+
+def of_another_source(seen: Iterable[Observation], from_s: float, step: float, name: str = "gnss") -> list[Observation]:
+    """Position and altitude of another source from then on, whose altitude is higher by a step [m]."""
+    return [
+        o
+        if (o.t_ns - S) / S < from_s or o.predicted is None or o.alt is None
+        else replace(o, source=(name, name), alt=o.alt + step, predicted=o.predicted + step)
+        for o in seen
+    ]
+
+
+def over_unknown_ground(seen: Iterable[Observation], from_s: float, to_s: float) -> list[Observation]:
+    return [replace(o, predicted=None) if from_s <= (o.t_ns - S) / S < to_s else o for o in seen]
+
+
+def noisy(profile: Profile, sd: float = 0.1, step: float = 0.01) -> Profile:
+    """Of a laser: noise that its resolution shows."""
+    rng = np.random.default_rng(7)
+    return lambda t: step * round((profile(t) + rng.normal(0.0, sd)) / step)
+
+
+@pytest.mark.parametrize("jump_m", [270.0, -150.0, 30.0])
+def test_one_that_jumps_and_is_stuck_then_is_refused_within_5_s_of_climb(jump_m: float) -> None:
+    """2 m/s over unknown ground: the jump is no resolution of a laser that states centimetres."""
+    climb: Profile = lambda t: 230.0 + 2.0 * t  # noqa: E731
+    true = noisy(climb)
+    wrong: Profile = lambda t: true(t) if t < 30.0 else climb(30.0) + jump_m  # noqa: E731
+    found = refused(samples(90.0, wrong, predicted=None, alt=climb, sd=0.1), Reason.STUCK)
+    assert found is not None
+    assert found[0] <= 35.0
+    assert found[1] == pytest.approx(90.0, abs=0.1)
+
+
+@pytest.mark.parametrize("rate", [0.3, -0.3, 1.0, 3.0, -3.0])
+@pytest.mark.parametrize("known", [False, True])
+def test_steps_that_grow_with_the_height_make_no_radar_stuck(rate: float, known: bool) -> None:
+    """An RA-4500 has steps of 1 ft to 119 ft, 2 to 199, 5 to 499, 20 to 999; here with 0.2 m of noise."""
+    seconds = 240.0 / abs(rate) if abs(rate) >= 1.0 else 200.0
+    rng = np.random.default_rng(5)
+    for begin in (20.0, 140.0) if abs(rate) < 1.0 else (10.0,):
+        low: Profile = lambda t, begin=begin: begin + abs(rate) * (t if rate > 0.0 else seconds - t)  # type: ignore[misc]  # noqa: E731
+        said: Profile = lambda t, low=low: 0.3048 * quantise_ft((low(t) + rng.normal(0.0, 0.2)) / 0.3048)  # type: ignore[misc]  # noqa: E731
+        seen = samples(seconds, said, predicted=low if known else None, alt=low, sd=0.4)
+        assert {found for _, found in reasons(seen)} == {()}
+
+
+@pytest.mark.parametrize("gap_s", [3.5, 20.0])
+def test_a_gap_does_not_end_the_refusal_of_a_stuck_one(gap_s: float) -> None:
+    seen = without_samples(samples(80.0, held(hills, 21.0, 70.0), predicted=hills), 40.0, 40.0 + gap_s)
+    found = reasons(seen)
+    stuck = [Reason.STUCK in r for t, r in found if 25.0 <= t < 70.0]
+    assert all(stuck)
+    assert not any(Reason.STUCK in r for t, r in found if t >= 72.5), "2 s after it moves"
+
+
+def test_after_a_gap_a_stuck_one_that_moves_is_believed_after_2_s_and_not_before() -> None:
+    seen = without_samples(samples(60.0, held(hills, 21.0, 41.0), predicted=hills), 38.0, 42.0)
+    found = [t for t, r in reasons(seen) if Reason.STUCK in r]
+    assert found[-1] == pytest.approx(44.0, abs=0.1)
+
+
+OFF_AT_20_S: Profile = lambda t: hills(t) + min(2.0 * max(0.0, t - 20.0), 20.0)  # noqa: E731
+
+
+def test_a_gap_or_another_source_does_not_end_a_mismatch() -> None:
+    """A drift to 20 m, refused from 26 s on; level ground then proves nothing."""
+    level_then: Profile = lambda t: hills(min(t, 30.0))  # noqa: E731
+    off: Profile = lambda t: level_then(t) + min(2.0 * max(0.0, t - 20.0), 20.0)  # noqa: E731
+    flown = list(samples(90.0, off, predicted=level_then))
+    for seen in (
+        without_samples(flown, 40.0, 45.0),
+        without_samples(flown, 40.0, 62.0),
+        of_another_source(flown, 40.0, 6.0),
+        of_another_source(of_another_source(flown, 40.0, -15.0), 43.0, -5.0, "filter"),
+        of_another_source(flown, 40.0, 10.0, "ins"),
+        without_position(flown, 90.0, 45.0),
+    ):
+        assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(seen) if t >= 27.0)
+
+
+@pytest.mark.parametrize("step", [0.0, 8.0])
+def test_after_a_gap_and_another_source_a_mismatch_ends_when_the_altimeter_is_right_again(step: float) -> None:
+    off: Profile = lambda t: hills(t) + (min(4.0 * (t - 20.0), 20.0) if 20.0 <= t < 50.0 else 0.0)  # noqa: E731
+    seen = list(samples(90.0, off, predicted=hills))
+    check, found = ChangeCheck(), []
+    seen = without_samples(seen, 27.0, 31.0) if step == 0.0 else of_another_source(seen, 29.0, step)
+    found = [((o.t_ns - S) / S, check.update(o)) for o in seen]
+    assert all(Reason.CHANGE_MISMATCH in r for t, r in found if 26.0 <= t < 36.0)
+    assert not any(r for t, r in found if t >= 55.0)
+    assert check.unexplained_sd == 0.0
+
+
+@pytest.mark.parametrize("unknown_s", [15.0, 55.0])
+def test_a_mismatch_outlives_unknown_ground(unknown_s: float) -> None:
+    drift: Profile = lambda t: hills(t) + 1.5 * max(0.0, t - 20.0)  # noqa: E731
+    seen = over_unknown_ground(samples(110.0, drift, predicted=hills), 40.0, 40.0 + unknown_s)
+    assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(seen) if t >= 28.0)
+
+
+def test_after_60_s_of_unknown_ground_a_mismatch_ends_and_its_last_offset_is_a_sigma() -> None:
+    check = ChangeCheck()
+    seen = over_unknown_ground(samples(140.0, OFF_AT_20_S, predicted=hills), 33.0, 140.0)
+    found = [((o.t_ns - S) / S, check.update(o)) for o in seen]
+    refused_at = [t for t, r in found if r]
+    assert refused_at[-1] == pytest.approx(93.0, abs=0.2)
+    assert check.unexplained_sd == pytest.approx(20.0, abs=1.5)
+
+
+def test_an_offset_that_remains_after_a_mismatch_is_a_sigma_until_it_is_gone() -> None:
+    off: Profile = lambda t: OFF_AT_20_S(t) if t < 80.0 else hills(t)  # noqa: E731
+    check = ChangeCheck()
+    found = [((o.t_ns - S) / S, check.update(o), check.unexplained_sd) for o in samples(100.0, off, predicted=hills)]
+    assert not any(r for t, r, _ in found if t >= 45.0), "10 s over hills are a proof"
+    for t, r, offset in found:
+        if 45.0 <= t < 80.0:
+            assert offset == pytest.approx(20.0, abs=1.5)
+        if t < 20.0 or t >= 91.0:  # the window of scatter is 10 s long
+            assert (r, offset) == ((), 0.0)
+
+
+def test_an_offset_is_kept_for_10_minutes() -> None:
+    check = ChangeCheck()
+    offsets = {round((o.t_ns - S) / S, 2): (check.update(o), check.unexplained_sd)[1] for o in of_10_hz(700.0)}
+    assert offsets[600.0] == pytest.approx(20.0, abs=1.5)
+    assert offsets[660.0] == 0.0
+
+
+def of_10_hz(seconds: float) -> Iterable[Observation]:
+    for k in range(round(seconds * 10)):
+        t = k / 10
+        yield Observation(S + round(t * S), OFF_AT_20_S(t), hills(t), 0.5, 500.0, 0.0, INS)
+
+
+def test_two_moments_that_agree_across_a_hole_of_the_ground_prove_nothing() -> None:
+    """Known ground for 1 s in 9: an altimeter that is off by 20 m is not proved by two means that agree."""
+    seen = list(samples(100.0, OFF_AT_20_S, predicted=hills))
+    sparse = [
+        o if (o.t_ns - S) / S < 30.0 or (o.t_ns - S) / S % 9.0 < 1.2 else replace(o, predicted=None) for o in seen
+    ]
+    assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(sparse) if t >= 27.0)

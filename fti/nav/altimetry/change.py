@@ -5,8 +5,10 @@
 
 What scatters about the prediction by more than its sigma explains (``fti.nav.altimetry.scatter``) is not refused: its
 sigma contains the rest.  Over level ground in level flight nothing is predicted to change, and nothing is refused.
-When no sample comes for 3 s the memory begins anew.  When the source of position or altitude changes, the step between
-both is no change: repeated values are remembered across it, and the test of changes begins anew.
+When no sample comes for 3 s, or when the source of position or altitude changes, the test of changes begins anew, and
+the step between both sources is no change.  A refusal in force stays: it ends by agreement alone, as each test has it.
+Without a refusal, repeated values are forgotten after 3 s without a sample, and remembered across a change of the
+source.  A moment without position is no change of the source: the one before and the one after it are compared.
 Source: section 2 of the specification of fault detection (change measured against change predicted, over 2 to 10 s,
 with the resolution).
 """
@@ -24,16 +26,23 @@ from fti.nav.altimetry.stuck import StuckTest
 from fti.nav.series import SECOND_NS
 from fti.types import Reason
 
-#: Without a sample for longer the memory begins anew [ns].
+#: Without a sample for longer there is a gap [ns].
 MAX_GAP_NS = 3 * SECOND_NS
+
+#: Of position and altitude.
+Source = tuple[str | None, str | None]
 
 
 class ChangeCheck:
     """Both tests of one altimeter.  Samples come in the order of their times; others are left out."""
 
     def __init__(self) -> None:
-        self._begin()
-        self._last: Observation | None = None
+        self._stuck, self._mismatch, self._scatter = StuckTest(), MismatchTest(), ResidualScatter()
+        self._resolution = Resolution()
+        self._climbed = 0.0
+        self._last_ns: int | None = None
+        self._flown: Observation | None = None  # the last with an altitude or a climb rate
+        self._source: Source = (None, None)
         self.reasons: tuple[Reason, ...] = ()
 
     @property
@@ -43,29 +52,16 @@ class ChangeCheck:
         return {reason: begun[reason] for reason in self.reasons}
 
     @property
-    def excess_sd(self) -> float:
-        """One sigma of the measured range that its stated sigma does not contain [m]."""
-        return self._scatter.excess_sd
-
-    def _begin(self) -> None:
-        self._stuck, self._mismatch = StuckTest(), MismatchTest()
-        self._climbed = 0.0
-        self._scatter = ResidualScatter()
-        self._resolution = Resolution()
+    def unexplained_sd(self) -> float:
+        """One sigma of the range that its stated one does not contain [m]: scatter, and an offset after a refusal."""
+        return math.hypot(self._scatter.excess_sd, self._mismatch.offset_sd)
 
     def update(self, o: Observation) -> tuple[Reason, ...]:
         """The reasons against this altimeter from this sample on."""
-        last = self._last
-        if last is not None and o.t_ns <= last.t_ns:
+        if self._last_ns is not None and o.t_ns <= self._last_ns:
             return self.reasons
-        if last is not None and o.t_ns - last.t_ns > MAX_GAP_NS:
-            self._begin()
-        elif last is not None and o.source != last.source:
-            self._stuck.join()
-            self._mismatch, self._scatter = MismatchTest(), ResidualScatter()
-        elif last is not None:
-            self._climbed += _rise(o, last)
-        self._last = o
+        self._join(o, has_gap=self._last_ns is not None and o.t_ns - self._last_ns > MAX_GAP_NS)
+        self._last_ns = o.t_ns
         self._resolution.update(o.value)
         step = self._resolution.step
         self._scatter.update(o, self._climbed)
@@ -77,9 +73,28 @@ class ChangeCheck:
         self.reasons = tuple(reason for reason, refused in tests if refused)
         return self.reasons
 
+    def _join(self, o: Observation, *, has_gap: bool) -> None:
+        """What lies between this sample and the one before: a climb, a gap, a change of the source."""
+        pairs = list(zip(o.source, self._source, strict=True))
+        self._source = pairs[0][0] or pairs[0][1], pairs[1][0] or pairs[1][1]
+        is_source_new = any(now and before and now != before for now, before in pairs)
+        if has_gap:
+            self._stuck.pass_gap(o.t_ns)
+        if is_source_new:
+            self._stuck.join()
+        if has_gap or is_source_new:
+            self._mismatch.begin_anew(is_source_new=is_source_new)
+            self._scatter = ResidualScatter()
+        if o.alt is None and o.climb is None:
+            return
+        if self._flown is not None and not is_source_new:
+            self._climbed += _rise(o, self._flown, has_gap=has_gap)
+        self._flown = o
 
-def _rise(o: Observation, last: Observation) -> float:
-    """Change of the height by the climb rate [m]; without one the altitude alone has to do."""
-    if o.climb is not None:
-        return o.climb * (o.t_ns - last.t_ns) / SECOND_NS
-    return o.alt - last.alt if o.alt is not None and last.alt is not None else 0.0
+
+def _rise(o: Observation, last: Observation, *, has_gap: bool) -> float:
+    """Change of the height by the climb rate [m]; without one, and across a gap, the altitude alone has to do."""
+    if o.climb is None or (has_gap and o.alt is not None and last.alt is not None):
+        return o.alt - last.alt if o.alt is not None and last.alt is not None else 0.0
+    climb = o.climb if last.climb is None else 0.5 * (o.climb + last.climb)
+    return climb * (o.t_ns - last.t_ns) / SECOND_NS

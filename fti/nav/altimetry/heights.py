@@ -178,16 +178,17 @@ class AltimeterChannel:
         reasons = reasons_against(sample, self.limits)
         if is_sample and reading is not None:
             reasons += self._reasons_by_memory(reading, nav, expected, reasons)
+        unexplained_sd = self._change.unexplained_sd
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
             sensor=self.name,
             raw=sample.value,
             height_agl=below.height_agl if below else None,
-            sd=math.hypot(below.sd, self._change.excess_sd) if below else None,
+            sd=math.hypot(below.sd, unexplained_sd) if below else None,
             compensation=below.compensation if below else None,
             nearest=nearest.height_agl if nearest else None,
-            nearest_sd=nearest.sd if nearest else None,
+            nearest_sd=math.hypot(nearest.sd, unexplained_sd) if nearest and nearest.sd is not None else None,
             valid=not reasons,
             reasons=reasons,
             wheels=self._of_wheels(below, nav),

@@ -3,12 +3,18 @@
 The mean of measured minus predicted over 0.5 s is compared with such means of 2 to 10 s before.  A constant error of
 place, height or elevation cancels.  A refusal begins when four means running differ each from five of before by more
 than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.
-It ends when the means of 2 s are again within 3 sigma of what they were before; or when over 10 s, in which the
-predicted range changes by 9 sigma or more, nothing contradicts (an offset that remains is a bias, not a drift); or when
-the ground was unknown for 10 s.
+It ends
+- when the means of 2 s are again within 3 sigma of what they were before (the reference);
+- when over 10 s, in which the predicted range changes by 9 sigma or more, nothing contradicts.  An offset from the
+  reference that remains is a bias, not a drift: it is a sigma of the height (``offset_sd``) until the means of 2 s are
+  within 3 sigma of the reference, for 10 minutes at most;
+- when the ground was unknown for 60 s; the last offset remains in the same way.
+Neither a gap in the samples nor another source of the position ends it.  After another source the reference is moved by
+the step between the means before and after it.
 
 Sigma of a difference: ``observation``, at both ends, and 0.15 m/s of vertical velocity.  Of the changes with the
-altitude of the position and with the integral of the climb rate the smaller counts.
+altitude of the position and with the integral of the climb rate the smaller counts; after more than 10 s the altitude
+alone, for the integral drifts.
 Without known ground a slope of the ground and a drift look alike: nothing is judged.
 Limits by measurement: docs/decisions/0033-altimeters-by-their-change.md.
 """
@@ -17,7 +23,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from fti.nav.altimetry.observation import Observation
 from fti.nav.series import SECOND_NS
@@ -34,6 +41,8 @@ PROOF_SIGMAS = 9.0
 BEGIN_BLOCKS, BEFORE_BLOCKS, END_BLOCKS = 4, 5, 4
 #: One sigma of the vertical velocity [m/s].
 CLIMB_SD = 0.15
+#: Without known ground for longer a refusal ends; an offset that remains is kept for longer at most [ns].  Stated.
+MAX_UNKNOWN_NS, MAX_OFFSET_NS = 60 * SECOND_NS, 600 * SECOND_NS
 
 
 @dataclass(slots=True)
@@ -45,53 +54,88 @@ class _Block:
     predicted: float
     sd: float
 
-    def differs(self, other: _Block) -> float:
-        """Change of the residual since another block, in sigmas; the smaller of both altitudes."""
-        changes = [mine - theirs for mine, theirs in zip(self.residuals, other.residuals, strict=True)]
-        if changes[0] * changes[1] <= 0.0:
+    def change(self, other: _Block) -> float:
+        """Change of the residual since another block [m]; the smaller of both altitudes."""
+        by_alt, by_climb = (mine - theirs for mine, theirs in zip(self.residuals, other.residuals, strict=True))
+        if self.t_ns - other.t_ns > MAX_AGE_NS:
+            return by_alt
+        if by_alt * by_climb <= 0.0:
             return 0.0
-        age_s = (self.t_ns - other.t_ns) / SECOND_NS
-        return min(abs(c) for c in changes) / math.hypot(self.sd, other.sd, CLIMB_SD * age_s)
+        return min(by_alt, by_climb, key=abs)
+
+    def differs(self, other: _Block) -> float:
+        """Size of the change in sigmas."""
+        age_s = min(self.t_ns - other.t_ns, MAX_AGE_NS) / SECOND_NS
+        return abs(self.change(other)) / math.hypot(self.sd, other.sd, CLIMB_SD * age_s)
+
+    def moved(self, before: _Block, after: _Block) -> _Block:
+        """This block with the step of the residuals between two others."""
+        steps = (b - a for a, b in zip(before.residuals, after.residuals, strict=True))
+        by_alt, by_climb = (mine + step for mine, step in zip(self.residuals, steps, strict=True))
+        return replace(self, residuals=(by_alt, by_climb))
 
 
 class MismatchTest:
     """Measured against predicted change where the ground is known.
 
-    since_ns : middle of the first of the blocks that contradicted
+    since_ns  : middle of the first of the blocks that contradicted
+    offset_sd : offset that remains after a refusal [m]; 0 without one
     """
 
     def __init__(self) -> None:
         self.since_ns = 0
+        self.offset_sd = 0.0
+        self._is_refused = False
         self._samples: list[tuple[Observation, float]] = []
         self._blocks: deque[_Block] = deque()
         self._contradictions = self._agreements = 0
-        self._reference: _Block | None = None
-        self._known_ns = 0
+        self._reference: _Block | None = None  # before what contradicted; kept as long as an offset from it remains
+        self._newest: _Block | None = None
+        self._joins = False
+        self._known_ns = self._offset_ns = 0
+
+    def begin_anew(self, *, is_source_new: bool) -> None:
+        """After a gap or with another source of the position: nothing is compared with before but the reference."""
+        self._samples.clear()
+        self._blocks.clear()
+        self._contradictions = self._agreements = 0
+        self._joins = self._joins or is_source_new
 
     def update(self, o: Observation, climbed: float) -> bool:
         """Whether the altimeter is refused because its changes do not match."""
         if self._samples and o.t_ns - self._samples[-1][0].t_ns > MAX_HOLE_NS:
             self._samples.clear()
+        if self._reference is not None and not self._is_refused and o.t_ns - self._offset_ns > MAX_OFFSET_NS:
+            self._agree()
         if o.predicted is None or o.alt is None:
-            if o.t_ns - self._known_ns > MAX_AGE_NS:
-                self._blocks.clear()
-                self._reference = None
-            return self._reference is not None
+            self._miss_ground(o.t_ns)
+            return self._is_refused
         self._known_ns = o.t_ns
         if self._samples and o.t_ns - self._samples[0][0].t_ns >= BLOCK_NS:
             self._close(_mean(self._samples))
             self._samples.clear()
         self._samples.append((o, climbed))
-        return self._reference is not None
+        return self._is_refused
+
+    def _miss_ground(self, t_ns: int) -> None:
+        if t_ns - self._known_ns > MAX_AGE_NS:
+            self._blocks.clear()
+        if self._is_refused and t_ns - self._known_ns > MAX_UNKNOWN_NS:
+            assert self._newest is not None
+            self._leave_offset(t_ns, [self._newest])
 
     def _close(self, block: _Block) -> None:
         while self._blocks and block.t_ns - self._blocks[0].t_ns > MAX_AGE_NS:
             self._blocks.popleft()
-        if self._reference is None:
-            self._begin(block)
-        else:
+        if self._joins and self._reference is not None and self._newest is not None:
+            self._reference = self._reference.moved(self._newest, block)
+        self._joins = False
+        if self._reference is not None:
             self._end(block, self._reference)
+        if not self._is_refused:
+            self._begin(block)
         self._blocks.append(block)
+        self._newest = block
 
     def _begin(self, block: _Block) -> None:
         found = [(block.differs(b), k) for k, b in enumerate(self._blocks) if block.t_ns - b.t_ns >= MIN_AGE_NS]
@@ -99,24 +143,44 @@ class MismatchTest:
         contradicts = len(found) == BEFORE_BLOCKS and found[-1][0] > BEGIN_SIGMAS
         self._contradictions = self._contradictions + 1 if contradicts else 0
         if self._contradictions >= BEGIN_BLOCKS:
-            self._reference, self._agreements = self._blocks[found[-1][1]], 0
+            self._is_refused, self._agreements, self.offset_sd = True, 0, 0.0
+            self._reference = self._reference or self._blocks[found[-1][1]]
             self.since_ns = self._blocks[1 - BEGIN_BLOCKS].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
         agrees = block.differs(reference) <= END_SIGMAS
         self._agreements = self._agreements + 1 if agrees else 0
-        if self._agreements >= END_BLOCKS or self._is_proved(block):
-            self._reference, self._contradictions = None, 0
-            while len(self._blocks) >= END_BLOCKS:  # what contradicted is forgotten
-                self._blocks.popleft()
+        if self._agreements >= END_BLOCKS:
+            self._agree()
+        elif self._is_refused and self._is_proved(block):
+            self._leave_offset(block.t_ns, [*self._blocks, block])
+        else:
+            return
+        while len(self._blocks) >= END_BLOCKS:  # what contradicted is forgotten
+            self._blocks.popleft()
+
+    def _agree(self) -> None:
+        """Nothing is left of a refusal."""
+        self._is_refused, self._reference, self._contradictions, self.offset_sd = False, None, 0, 0.0
+
+    def _leave_offset(self, t_ns: int, blocks: list[_Block]) -> None:
+        """The refusal ends; the mean offset of these blocks from the reference remains."""
+        assert self._reference is not None
+        offsets = [b.change(self._reference) for b in blocks]
+        self._is_refused, self._contradictions, self._offset_ns = False, 0, t_ns
+        self.offset_sd = abs(sum(offsets)) / len(offsets)
 
     def _is_proved(self, block: _Block) -> bool:
-        """Whether a whole window agrees in which the prediction changes enough to tell."""
+        """Whether a whole window without a hole agrees in which the prediction changes enough to tell."""
         blocks = [*self._blocks, block]
         if block.t_ns - blocks[0].t_ns < MAX_AGE_NS - BLOCK_NS:
             return False
-        predicted, sd = [b.predicted for b in blocks], max(b.sd for b in blocks)
-        if max(predicted) - min(predicted) < PROOF_SIGMAS * sd:
+        if any(later.t_ns - b.t_ns > MAX_HOLE_NS for b, later in pairwise(blocks)):
+            return False
+        by_alt = [b.predicted for b in blocks]
+        by_climb = [b.predicted + b.residuals[0] - b.residuals[1] for b in blocks]
+        change = min(max(by_alt) - min(by_alt), max(by_climb) - min(by_climb))
+        if change < PROOF_SIGMAS * max(b.sd for b in blocks):
             return False
         return all(later.differs(b) <= END_SIGMAS for k, later in enumerate(blocks) for b in blocks[:k])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 from fti.nav.altimetry.expected_sample import Expected
@@ -14,6 +15,8 @@ from fti.nav.navigation import NavState
 CHANGING_SHARE = 0.5
 #: No altimeter has larger steps: a share of its value and an offset [m]; an RA-4500 has 5 %.
 MAX_STEP_SHARE, MAX_STEP_M = 0.05, 0.3
+#: The steps of an RA-4500 grow by 2 to 4 from one range of heights to the next; so many changes are compared.
+MAX_GROWTH, CHANGES = 5.0, 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +78,14 @@ def _short_term_sd(expected: Expected, instrument: float, vertical_sd: float | N
 class Resolution:
     """The step in which an altimeter states its values, by its repeated values: the last change into or out of one.
 
-    step : [m]; None while no value has repeated.  An RA-4500 has other steps at other heights, so the last counts.
+    step : [m]; None while no value has repeated.  An RA-4500 has other steps at other heights, so the last counts; a
+    jump is no step, so it counts at most ``MAX_GROWTH`` times the smallest of the last changes.
     """
 
     def __init__(self) -> None:
         self.step: float | None = None
         self._value: float | None = None
-        self._change = 0.0
+        self._changes: deque[float] = deque(maxlen=CHANGES)
         self._has_repeated = False
 
     def update(self, value: float) -> None:
@@ -89,17 +93,16 @@ class Resolution:
         if value == self._value:
             self._has_repeated = True
         elif self._value is not None:
-            self._change = abs(value - self._value)
+            self._changes.append(abs(value - self._value))
             if self._has_repeated:
-                self.step = self._limited(self._change, value)
+                self.step = self._limited(value)
             self._has_repeated = False
         self._value = value
-        if self._has_repeated and self._change > 0.0:
-            self.step = self._limited(self._change, value)
+        if self._has_repeated and self._changes:
+            self.step = self._limited(value)
 
-    @staticmethod
-    def _limited(change: float, value: float) -> float:
-        return min(change, largest_step(value))
+    def _limited(self, value: float) -> float:
+        return min(self._changes[-1], MAX_GROWTH * min(self._changes), largest_step(value))
 
 
 def largest_step(value: float) -> float:

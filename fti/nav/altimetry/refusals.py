@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from fti.nav.altimetry.mismatch import MAX_UNKNOWN_NS
 from fti.nav.series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
@@ -20,6 +21,8 @@ ENDS: Mapping[Reason, str] = {
     Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
 }
+#: The end of CHANGE_MISMATCH where no ground is known any more.
+WITHOUT_GROUND = f"the known ground has been missing for {MAX_UNKNOWN_NS // SECOND_NS} s"
 
 
 class RefusalEvents:
@@ -41,7 +44,7 @@ class RefusalEvents:
             if is_refused == (key in self._since):
                 continue
             if key in self._since:
-                text = _end_text(reason, t_ns - self._since.pop(key))
+                text = _end_text(reason, t_ns - self._since.pop(key), is_predicted=height.predicted is not None)
                 found.append(Event(t_ns=height.t_ns, level="info", source=height.sensor, text=text))
             else:
                 since = self._since[key] = since_ns.get(reason, t_ns)
@@ -55,8 +58,9 @@ def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
     return f"altimeter refused: since {_clock(since_ns)} UTC {BEGINS[reason]}{value}"
 
 
-def _end_text(reason: Reason, lasted_ns: int) -> str:
-    return f"altimeter not refused any more: after {lasted_ns / SECOND_NS:.1f} s {ENDS[reason]}"
+def _end_text(reason: Reason, lasted_ns: int, *, is_predicted: bool) -> str:
+    cause = WITHOUT_GROUND if reason is Reason.CHANGE_MISMATCH and not is_predicted else ENDS[reason]
+    return f"altimeter not refused any more: after {lasted_ns / SECOND_NS:.1f} s {cause}"
 
 
 def _clock(t_ns: int) -> str:

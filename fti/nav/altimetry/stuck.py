@@ -2,7 +2,8 @@
 
 A value is stuck when it repeats for 2 s or more while the predicted range changes by more than max(4 steps of its
 resolution, 1.5 sigma of a difference); over unknown ground, while the altitude does: ground would have to rise parallel
-to the climb within half a step.  It is refused until the value has changed and nothing has contradicted it for 2 s.
+to the climb within half a step.  It is refused until the value has changed and nothing has contradicted it for 2 s;
+a gap in the samples does not count.
 
 The altitude changes by what the position and by what the vertical velocity say; the smaller change counts, so that
 neither noise of a satellite height nor a jump of the navigation looks like a stuck altimeter.
@@ -101,6 +102,15 @@ class StuckTest:
         self.since_ns = 0
         self._run: _Run | None = None
         self._contradicted_ns: int | None = None
+        self._resumed_ns = 0
+
+    def pass_gap(self, t_ns: int) -> None:
+        """No sample came for long until t_ns: equal values of before are forgotten, a refusal is not."""
+        self._resumed_ns = t_ns
+        if self._contradicted_ns is None:
+            self._run = None
+        else:
+            self.join()
 
     def join(self) -> None:
         """Position or altitude come from another source from now on."""
@@ -122,7 +132,6 @@ class StuckTest:
             self._contradicted_ns = None
         return self._contradicted_ns is not None
 
-    @staticmethod
-    def _agrees_since(contradicted_ns: int, run: _Run, t_ns: int) -> bool:
+    def _agrees_since(self, contradicted_ns: int, run: _Run, t_ns: int) -> bool:
         """Whether the value has changed since the last contradiction, and the window of agreement is over."""
-        return run.begin_ns > contradicted_ns and t_ns - contradicted_ns >= STUCK_END_NS
+        return run.begin_ns > contradicted_ns and t_ns - max(contradicted_ns, self._resumed_ns) >= STUCK_END_NS
