@@ -151,3 +151,36 @@ def test_after_60_s_without_known_ground_the_end_of_a_mismatch_says_why() -> Non
         assert h.height_agl is not None
         assert h.sd is not None
         assert abs(h.height_agl - 200.0) <= 3.0 * h.sd
+
+
+def test_a_laser_stuck_in_level_flight_over_unknown_hills_has_a_sigma_that_covers_its_error() -> None:
+    noise, held = rounded_noise(1), [0.0]
+
+    def measured(t: float, north: float) -> float:
+        held[0] = noise(200.0 - hills(north)) if t < 25.0 else held[0]
+        return held[0]
+
+    flight = Flight(seconds=75.0, hz=10, attitude_hz=10, measured=measured)
+    for t, north, out in flight.fly():
+        for h in heights(out):
+            assert h.valid
+            assert h.height_agl is not None
+            assert h.sd is not None
+            if not 25.0 <= t < 27.3:
+                assert abs(h.height_agl - 200.0 + hills(north)) <= 3.0 * h.sd
+            if 5.5 < t < 25.0:
+                assert h.sd < 5.0, "of a sound one as before"
+
+
+def test_a_laser_that_hovers_beside_a_slope_has_a_sigma_that_covers_its_error() -> None:
+    """It looks 8 deg towards a slope of 0.3 that rises: 4 m short of the 100 m straight below."""
+    noise, tilt = rounded_noise(2), math.radians(8.0)
+    said = 100.0 / (math.cos(tilt) + 0.3 * math.sin(tilt))
+    flight = Flight(
+        seconds=30.0, hz=10, attitude_hz=10, speed=0.1, roll=level(tilt), measured=lambda t, north: noise(said)
+    )
+    for _, _, out in flight.fly():
+        for h in heights(out):
+            assert h.height_agl is not None
+            assert h.sd is not None
+            assert abs(h.height_agl - 100.0) <= 3.0 * h.sd

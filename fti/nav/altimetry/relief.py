@@ -7,9 +7,15 @@ configured (``relief_m``), or taken from the profile that this altimeter has see
     z_k = alt_k - nearest_k         D(L) = sqrt(mean (z(s + L) - z(s))^2),        L: how far beside it may look
 
 D is the structure function of the profile along the track, and the ground across it is taken to be alike.  Without an
-altitude the profile is -nearest_k less its straight line: a steady climb is no relief.  A value that is stuck then
-looks like level ground, so repeated values are left out.  Without a speed D is sqrt(2) times the standard deviation of
-the profile, what it is for a large L.  Until the profile is 5 s long 10 m are assumed.
+altitude the profile is -nearest_k less its straight line: a steady climb is no relief.
+
+Far from what was seen, D is sqrt(2) times the standard deviation of the profile.  So much, and 10 m at least, is
+assumed
+- below 5 m/s and without a speed: a hover says nothing of what lies beside;
+- while a value repeats exactly for 2 s or more and for five samples: it may be stuck, and would look like level ground
+  in level flight.  An altimeter of coarse steps over level ground repeats, too; its sigma is larger for that;
+- after both, until a new profile is 5 s long.
+Before there is any profile 10 m are assumed.
 Stated, not measured: span, step and the first value.
 """
 
@@ -21,6 +27,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.nav.altimetry.stuck import MIN_RUN_NS, MIN_RUN_SAMPLES
 from fti.nav.navigation import NavState
 from fti.nav.series import SECOND_NS
 
@@ -42,43 +49,70 @@ class ReliefEstimator:
 
     def __init__(self, assumed: float | None) -> None:
         self._assumed = assumed
-        self._profile: deque[float] = deque(maxlen=SPAN)
+        self._profile: deque[tuple[int, float]] = deque(maxlen=SPAN)  # time [ns], height [m]
         self._newest_ns = 0
         self._has_altitude = False
+        self._far = RELIEF_UNKNOWN_M  # assumed as long as there is no profile
         self._value: float | None = None
+        self._value_ns, self._samples = 0, 0  # since when it repeats, and how often it came
         self._speed: float | None = None
 
     def take(self, t_ns: int, value: float, nearest: float, nav: NavState) -> None:
         """Range as the altimeter stated it [m], height of P above what the beam sees [m], and the navigation state."""
         position = nav.position
         alt = position.alt if position else None
+        is_new = value != self._value
+        if is_new:
+            self._value, self._value_ns, self._samples = value, t_ns, 0
+        self._samples += 1
         since = t_ns - self._newest_ns
         if 0 <= since < STEP_NS:
             return
         if not 0 <= since <= MAX_GAP_NS or (alt is None) == self._has_altitude:
             self._profile.clear()
-        if alt is None and value == self._value:
-            return
-        self._value = value
+            self._far = RELIEF_UNKNOWN_M
         self._newest_ns, self._has_altitude = t_ns, alt is not None
-        self._profile.append((alt or 0.0) - nearest)
-        known = position is not None and position.north is not None and position.east is not None
-        self._speed = math.hypot(position.north or 0.0, position.east or 0.0) if known and position else None
+        self._follow_speed(nav)
+        if self._samples >= MIN_RUN_SAMPLES and t_ns - self._value_ns >= MIN_RUN_NS:
+            self._begin_anew(self._value_ns)
+        elif alt is not None or is_new:
+            self._profile.append((t_ns, (alt or 0.0) - nearest))
 
     def sd(self, beside: float) -> float:
         """One sigma [m] of the ground straight below against that which is seen.  beside : how far beside [m]"""
         if self._assumed is not None:
             return self._assumed
         if len(self._profile) < MIN_COUNT:
-            return RELIEF_UNKNOWN_M
-        profile = np.array(self._profile)
-        if not self._has_altitude:
-            profile = _without_trend(profile)
+            return self._far
         if self._speed is None or self._speed < MIN_SPEED:
-            return math.sqrt(2.0) * float(np.std(profile))
+            return self._far_sd()
+        profile = self._heights()
         steps = min(beside / self._speed * SECOND_NS / STEP_NS, SPAN)  # of any height: before it is rounded
         lag = min(max(round(steps), 1), len(profile) // 2)
         return float(np.sqrt(np.mean(np.square(profile[lag:] - profile[:-lag]))))
+
+    def _follow_speed(self, nav: NavState) -> None:
+        """After a hover a new profile begins."""
+        position, before = nav.position, self._speed
+        known = position is not None and position.north is not None and position.east is not None
+        self._speed = math.hypot(position.north or 0.0, position.east or 0.0) if known and position else None
+        if before is not None and before < MIN_SPEED and (self._speed is None or self._speed >= MIN_SPEED):
+            self._begin_anew(self._newest_ns)
+
+    def _begin_anew(self, end_ns: int) -> None:
+        """Begin a new profile; until it is long enough, what the one of before shows up to end_ns counts."""
+        while self._profile and self._profile[-1][0] > end_ns:
+            self._profile.pop()
+        if len(self._profile) >= MIN_COUNT:
+            self._far = self._far_sd()
+        self._profile.clear()
+
+    def _far_sd(self) -> float:
+        return max(RELIEF_UNKNOWN_M, math.sqrt(2.0) * float(np.std(self._heights())))
+
+    def _heights(self) -> Array:
+        heights = np.array([height for _, height in self._profile])
+        return heights if self._has_altitude else _without_trend(heights)
 
 
 def _without_trend(profile: Array) -> Array:
