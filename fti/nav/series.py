@@ -16,11 +16,15 @@ Entry = tuple[float | None, float | None]
 
 
 class Value(NamedTuple):
-    """A value at the time asked for, the sigma of the entry it was made from, and that entry's distance in time."""
+    """A value at the time asked for, the sigma of the entry it was made from, and that entry's distance in time.
+
+    between_ns : time between the two entries that it was interpolated from; None where it was moved from one
+    """
 
     value: float
     sd: float | None
     age_ns: int
+    between_ns: int | None = None
 
 
 def wrap(angle: float) -> float:
@@ -101,7 +105,7 @@ class Series:
         past, ahead = t_ns - self._times[i - 1], self._times[i] - t_ns
         share = past / (past + ahead)
         value = before + share * self._difference(before, after)
-        return Value(value, before_sd if share < 0.5 else after_sd, min(past, ahead))
+        return Value(value, before_sd if share < 0.5 else after_sd, min(past, ahead), past + ahead)
 
     def _moved(self, i: int, t_ns: int, max_age_ns: int, rate: float) -> Value | None:
         """Entry i, moved on, or back."""

@@ -3,8 +3,8 @@
 One place, by ``t_valid_ns``.  A device may send roll, pitch and heading, or latitude and longitude, in messages of
 their own (ARINC 429 does); each part has its own history.  Between two entries a part is interpolated; beyond the
 newest, a position is moved on with the velocity of the same device (60 m/s and 10 Hz would otherwise be 6 m), and an
-attitude is held.  Without a velocity the rate of the last second of positions is taken.  The age that counts is the
-device's ``max_age_ms``.
+attitude is held, with a sigma that grows with its age.  Without a velocity the rate of the last second of positions is
+taken.  The age that counts is the device's ``max_age_ms``.
 """
 
 from __future__ import annotations
@@ -35,11 +35,18 @@ LARGEST = {
 }
 #: One sigma of an extrapolating velocity when the source states none [m/s].
 VELOCITY_SD_UNKNOWN = 1.0
+#: One sigma of a rate of roll and pitch that nobody states [rad/s]: 30 deg/s are three.  Stated.
+RATE_SD = math.radians(10.0)
+#: One interval of 50 Hz: an attitude that is held for no longer, or lies between two entries that are no farther apart
+#: than MAX_BETWEEN_NS, is as good as stated.  Between those 60 deg/s^2 make 0.08 deg, a_max T^2 / 8 [ns].
+MAX_HELD_NS, MAX_BETWEEN_NS = SECOND_NS // 50, SECOND_NS // 10
+#: One sigma of a roll or pitch when the source states none [rad], as a small MEMS unit has it.
+ATTITUDE_SD_UNKNOWN = math.radians(0.5)
 
 
 @dataclass(frozen=True, slots=True)
 class AttitudeState:
-    """Attitude at one time [rad]; heading may be unknown."""
+    """Attitude at one time [rad]; heading may be unknown.  roll_sd, pitch_sd : one sigma, grown by the age"""
 
     roll: float
     pitch: float
@@ -123,7 +130,7 @@ class Source:
         heading = self._at("heading", t_ns)
         turned = heading.value % (2 * math.pi) if heading else None
         level = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries beside 180 deg
-        return AttitudeState(level, pitch.value, turned, roll.sd, pitch.sd)
+        return AttitudeState(level, pitch.value, turned, _held_sd(roll), _held_sd(pitch))
 
     def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
         """Position of P at t_ns; None unless latitude and longitude are both known."""
@@ -190,6 +197,14 @@ class Source:
         if value.sd is None:
             return None
         return math.hypot(value.sd, self._velocity_sd * value.age_ns / SECOND_NS)
+
+
+def _held_sd(angle: Value) -> float | None:
+    """Sigma of a roll or pitch [rad]: the aircraft may have turned since."""
+    is_near = angle.age_ns <= MAX_HELD_NS if angle.between_ns is None else angle.between_ns <= MAX_BETWEEN_NS
+    if is_near:
+        return angle.sd
+    return math.hypot(ATTITUDE_SD_UNKNOWN if angle.sd is None else angle.sd, RATE_SD * angle.age_ns / SECOND_NS)
 
 
 def ellipsoidal(m: Position) -> float | None:

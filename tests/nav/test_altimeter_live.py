@@ -184,3 +184,41 @@ def test_a_laser_that_hovers_beside_a_slope_has_a_sigma_that_covers_its_error() 
             assert h.height_agl is not None
             assert h.sd is not None
             assert abs(h.height_agl - 100.0) <= 3.0 * h.sd
+
+
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("bank_deg", [0.0, 5.0, 10.0])
+def test_a_roll_while_the_attitude_is_missing_is_in_the_sigma(bank_deg: float, known: bool) -> None:
+    """30 deg/s from 10 s on, and no attitude after it: the laser is 46 m too long after 1 s, and 5 m after 0.35 s."""
+    noise = rounded_noise(3)
+    roll: Profile = lambda t: math.radians(bank_deg + 30.0 * min(max(0.0, t - 10.0), 1.0))  # noqa: E731
+    flight = Flight(
+        seconds=12.0,
+        roll=roll,
+        attitude_until_s=10.0,
+        measured=lambda t, north: noise(200.0 / math.cos(roll(t))),
+    )
+    found = [(t, h) for t, _, out in flight.fly((lambda north: 0.0) if known else None) for h in heights(out)]
+    assert not any(h.valid for t, h in found if t > 11.1)
+    for _, h in found:
+        if h.valid:
+            assert h.height_agl is not None
+            assert h.sd is not None
+            assert abs(h.height_agl - 200.0) <= 3.0 * h.sd + 0.3, "the noise of the laser besides"
+
+
+@pytest.mark.parametrize("attitude_hz", [20, 10])
+def test_an_attitude_that_comes_in_time_leaves_the_sigma_as_it_is(attitude_hz: int) -> None:
+    """A bank of 20 deg, 0.1 m and 0.17 deg of tilt; at 10 Hz half of the samples have an attitude that is 50 ms old."""
+    noise = rounded_noise(5)
+    roll = math.radians(20.0)
+    flight = Flight(
+        seconds=6.0, roll=level(roll), attitude_hz=attitude_hz, measured=lambda t, north: noise(200.0 / math.cos(roll))
+    )
+    for _, _, out in flight.fly():
+        for h in heights(out):
+            assert h.valid
+            assert h.nearest_sd is not None
+            expected = math.hypot(0.1 * math.cos(roll), 200.0 * math.tan(roll) * 0.003)
+            fresh = h.nearest_sd == pytest.approx(expected, rel=0.05)
+            assert fresh or attitude_hz == 10

@@ -99,3 +99,24 @@ def test_who_moves_on_over_a_pole_comes_down_on_the_other_side(side: float) -> N
     assert found is not None
     assert abs(found.lat) == pytest.approx(math.pi / 2 - 25.0 / 6.4e6, abs=1e-8)
     assert found.lon == pytest.approx(1.0 - math.pi)
+
+
+def roll_sd_deg(times_ms: list[int], at_ms: int, sd: float | None = math.radians(0.2)) -> float | None:
+    """Sigma of the roll of a device that states its attitude at some times."""
+    of = source()
+    for ms in times_ms:
+        of.push_attitude(Attitude(stamp=Stamp(NOW), roll=0.1, pitch=0.0, roll_sd=sd), NOW + ms * MS)
+    found = of.attitude(NOW + at_ms * MS)
+    assert found is not None
+    return None if found.roll_sd is None else math.degrees(found.roll_sd)
+
+
+def test_an_attitude_that_is_held_is_less_certain_with_its_age() -> None:
+    """The aircraft may roll at 30 deg/s, three sigma; an attitude of 50 Hz or between two of 10 Hz is as stated."""
+    assert roll_sd_deg([0], 0) == pytest.approx(0.2)
+    assert roll_sd_deg([0], 20) == pytest.approx(0.2)
+    assert roll_sd_deg([0], 500) == pytest.approx(5.0, rel=0.01)
+    assert roll_sd_deg([0], 500, sd=None) == pytest.approx(5.0, rel=0.01)
+    assert roll_sd_deg([0, 100], 50) == pytest.approx(0.2)
+    assert roll_sd_deg([0, 800], 400) == pytest.approx(4.0, rel=0.01)
+    assert roll_sd_deg([0], 10, sd=None) is None

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from fti.config import Altimeter, Device
 from fti.geodesy.rotations import mat_from_rpy
 from fti.nav.altimetry import at_once
+from fti.nav.altimetry.compensation import beyond_linear_sd, mounting_of, tilt_of
 from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.predicted import AT_EDGE
 from fti.nav.altimetry.sigmas import (
-    ATTITUDE_SD_UNKNOWN,
     LARGEST_SD,
     POSITION_SD_UNKNOWN,
     RANGE_SD_UNKNOWN,
@@ -31,7 +31,7 @@ from fti.nav.altimetry.sigmas import (
 from fti.nav.altimetry.variance import ErrorModel
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
-from fti.nav.sources import AttitudeState, PositionState
+from fti.nav.sources import ATTITUDE_SD_UNKNOWN, AttitudeState, PositionState
 from fti.ranging.nearest import directions, ring_angles
 from fti.ranging.radar.altimeter import RadarAltimeter
 from fti.ranging.radar.antenna import cosine_antenna
@@ -175,6 +175,7 @@ class Expectation:
         self._lever_b = np.array(device.lever_arm_b, dtype=np.float64)
         self._mat_bs = mat_from_rpy(*(math.radians(a) for a in device.rpy_bs_deg))
         self._ground = ground
+        self._mounting = mounting_of(device)
         self._nearest = device.altimeter.kind == "radar"
         self._bias, self._scale = device.altimeter.bias_m, device.altimeter.scale
         self._farthest = farthest_of(device.altimeter)
@@ -205,7 +206,7 @@ class Expectation:
                 return REASONS[validity]
             return self._no_ground(cosine, self._sds(position, attitude, instrument, ground_sd))
         model_sd = self._seeing.model_sd(origin_l, mat_ls, found)
-        instrument = math.hypot(instrument, stated_sd(model_sd, LARGEST_SD))
+        instrument = math.hypot(instrument, stated_sd(model_sd, LARGEST_SD), self._turn_sd(found, attitude))
         sds = self._sds(position, attitude, instrument, ground_sd)
         stays = self._nearest and not self._seeing.is_at_edge(ray_s)
         told = at_once.told(self._pyramid, at_l, mat_ln, lever_n, found, mat_ls @ ray_s, sds, stays)
@@ -232,13 +233,22 @@ class Expectation:
             compensation=Compensation.BEAM if self._nearest else Compensation.RANGE,
         )
 
+    def _turn_sd(self, found: float, attitude: AttitudeState) -> float:
+        """One sigma of the predicted range by what the tilt's error is not linear in [m]."""
+        tilt = tilt_of(self._mounting, attitude.roll, attitude.pitch)
+        return beyond_linear_sd(found, tilt, self._mounting.half_beam, _tilt_sd(attitude))
+
     def _sds(self, position: PositionState, attitude: AttitudeState, instrument: float, ground_sd: float) -> Array:
         """As ``at_once.told`` takes them."""
         level = stated_sd(position.horizontal_sd, POSITION_SD_UNKNOWN)
         high = stated_sd(position.vertical_sd, POSITION_SD_UNKNOWN)
-        tilt = max(stated_sd(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
+        tilt = _tilt_sd(attitude)
         dem_length = ErrorModel.dem_length
         return np.array([level, level, high, tilt, tilt, HEADING_SD, instrument, ground_sd, dem_length])
+
+
+def _tilt_sd(attitude: AttitudeState) -> float:
+    return max(stated_sd(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
 
 
 def warm_up(device: Device, ground: Ground) -> None:

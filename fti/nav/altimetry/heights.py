@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from fti.config import Device, Vector
 from fti.nav.altimetry.change import ChangeCheck
-from fti.nav.altimetry.compensation import Height, height_at_p, lower, mounting_of, tilt_of
+from fti.nav.altimetry.compensation import Height, beyond_linear_sd, height_at_p, lower, mounting_of, tilt_of
 from fti.nav.altimetry.deviation import DeviationMemory
 from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
-from fti.nav.altimetry.sigmas import ATTITUDE_SD_UNKNOWN, RANGE_SD_UNKNOWN, stated_sd
+from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
 from fti.nav.altimetry.validity import Sample, compares, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
+from fti.nav.sources import ATTITUDE_SD_UNKNOWN
 from fti.types import Compensation, HeightAboveGround, RadioHeight, Range, Reason
 
 if TYPE_CHECKING:
@@ -253,14 +254,18 @@ class AltimeterChannel:
         attitude = nav.attitude
         if reading is None or reading.value is None or reading.value < 0.0 or attitude is None:
             return None
+        roll_sd, pitch_sd = (stated_sd(sd, ATTITUDE_SD_UNKNOWN) for sd in (attitude.roll_sd, attitude.pitch_sd))
+        tilt = tilt_of(self._mounting, attitude.roll, attitude.pitch)
+        beyond = beyond_linear_sd(reading.value, tilt, self._mounting.half_beam, max(roll_sd, pitch_sd))
+        range_sd = math.hypot(stated_sd(reading.sd, RANGE_SD_UNKNOWN), beyond)
         return height_at_p(
             reading.value,
             attitude.roll,
             attitude.pitch,
             self._mounting,
-            range_sd=stated_sd(reading.sd, RANGE_SD_UNKNOWN),
-            roll_sd=stated_sd(attitude.roll_sd, ATTITUDE_SD_UNKNOWN),
-            pitch_sd=stated_sd(attitude.pitch_sd, ATTITUDE_SD_UNKNOWN),
+            range_sd=range_sd,
+            roll_sd=roll_sd,
+            pitch_sd=pitch_sd,
         )
 
     def _below(

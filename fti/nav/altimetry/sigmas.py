@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-#: Of an altimeter [m], of a position in each axis [m] and of a tilt [rad] for which neither source nor configuration
-#: states one; of a tilt as a small MEMS unit has it.
-RANGE_SD_UNKNOWN, POSITION_SD_UNKNOWN, ATTITUDE_SD_UNKNOWN = 1.0, 5.0, math.radians(0.5)
+#: Of an altimeter [m] and of a position in each axis [m] for which neither source nor configuration states one.
+RANGE_SD_UNKNOWN, POSITION_SD_UNKNOWN = 1.0, 5.0
 #: No sigma is larger: squares of larger ones are no numbers [m, rad].
 LARGEST_SD = 1e6
 
