@@ -118,7 +118,9 @@ class Pipeline:
     ) -> list[Output | Event]:
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
-        if against := self._agreement.update(height):
+        against = self._agreement.update(height)
+        height = channel.widen(height)
+        if against:
             height = replace(height, valid=False, reasons=(*height.reasons, *against))
         events = [*self._refusals.update(height, channel.since_ns), *self._ground_check.update(height)]
         for name in self._altimeters:

@@ -179,7 +179,8 @@ def outputs(flight: Flight, sensor: str, *, known: bool, fault: Fault | None = N
     of = channel(sensor, flight, known)
     values = flight.measured[sensor] if fault is None else fault(flight.t, flight.measured[sensor])
     for nav, value in zip(navigation(flight), values.tolist(), strict=True):
-        yield of.take(Reading(nav.t_ns, nav.t_ns, None if math.isnan(value) else value, SD_M[sensor], False), nav)
+        reading = Reading(nav.t_ns, nav.t_ns, None if math.isnan(value) else value, SD_M[sensor], False)
+        yield of.widen(of.take(reading, nav))
 
 
 def stuck(from_s: float, to_s: float) -> Fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from fti.config import Device, Vector
@@ -128,6 +128,16 @@ class AltimeterChannel:
             self._relief.take(reading.t_valid_ns, reading.value, output.nearest, nav)
         return output
 
+    def widen(self, height: HeightAboveGround) -> HeightAboveGround:
+        """A height of this altimeter with what its memory adds to the sigmas (``ChangeCheck.unexplained_sd``).
+
+        Other altimeters are compared with the sigmas of before: an altimeter that errs may not differ by more for that.
+        """
+        added = self._change.unexplained_sd
+        if added == 0.0 or height.sd is None or height.nearest_sd is None:
+            return height
+        return replace(height, sd=math.hypot(height.sd, added), nearest_sd=math.hypot(height.nearest_sd, added))
+
     def tick(self, t_ns: int, nav: NavState) -> list[HeightAboveGround]:
         """Nothing while samples come; when they stop, an invalid output at once and then twice a second."""
         self._started_ns = t_ns if self._started_ns is None else self._started_ns
@@ -179,17 +189,16 @@ class AltimeterChannel:
         reasons = reasons_against(sample, self.limits)
         if is_sample and reading is not None:
             reasons += self._reasons_by_memory(reading, nav, expected, reasons)
-        unexplained_sd = self._change.unexplained_sd
         return HeightAboveGround(
             t_ns=t_ns,
             t_valid_ns=reading.t_valid_ns if reading else None,
             sensor=self.name,
             raw=sample.value,
             height_agl=below.height_agl if below else None,
-            sd=math.hypot(below.sd, unexplained_sd) if below else None,
+            sd=below.sd if below else None,
             compensation=below.compensation if below else None,
             nearest=nearest.height_agl if nearest else None,
-            nearest_sd=math.hypot(nearest.sd, unexplained_sd) if nearest and nearest.sd is not None else None,
+            nearest_sd=nearest.sd if nearest else None,
             valid=not reasons,
             reasons=reasons,
             wheels=self._of_wheels(below, nav),
