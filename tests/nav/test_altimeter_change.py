@@ -348,3 +348,17 @@ def test_two_moments_that_agree_across_a_hole_of_the_ground_prove_nothing() -> N
         o if (o.t_ns - S) / S < 30.0 or (o.t_ns - S) / S % 9.0 < 1.2 else replace(o, predicted=None) for o in seen
     ]
     assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(sparse) if t >= 27.0)
+
+
+@pytest.mark.parametrize(("off_m", "ends"), [(3.0, True), (6.0, False)])
+def test_over_level_ground_a_mismatch_ends_when_the_prediction_itself_confirms_the_altimeter(
+    off_m: float, ends: bool
+) -> None:
+    """20 m too much until 20 s, and then off by so much: wrong before, within 2 sigma of 2 m now, or not."""
+    value: Profile = lambda t: 120.0 if t < 20.0 else 100.0 + off_m  # noqa: E731
+    check = ChangeCheck()
+    seen = [replace(o, absolute_sd=2.0) for o in samples(60.0, value, predicted=level(100.0))]
+    found = [((o.t_ns - S) / S, check.update(o), check.unexplained_sd) for o in seen]
+    assert all(r == (Reason.CHANGE_MISMATCH,) for t, r, _ in found if 26.0 <= t < 29.0)
+    assert all(bool(r) is not ends for t, r, _ in found if t >= 36.0)
+    assert not ends or found[-1][2] == pytest.approx(3.0, abs=0.1)

@@ -5,10 +5,12 @@ place, height or elevation cancels.  A refusal begins when four means running di
 than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.
 It ends
 - when the means of 2 s are again within 3 sigma of what they were before (the reference);
-- when over 10 s, in which the predicted range changes by 9 sigma or more, nothing contradicts.  An offset from the
-  reference that remains is a bias, not a drift: it is a sigma of the height (``offset_sd``) until the means of 2 s are
-  within 3 sigma of the reference, for 10 minutes at most;
-- when the ground was unknown for 60 s; the last offset remains in the same way.
+- when over 10 s, in which the predicted range changes by 9 sigma or more, nothing contradicts;
+- when the means of 10 s are within 2 sigma, of 5 m at most, of the predicted range itself: it may have been wrong
+  before and not now;
+- when the ground was unknown for 60 s.
+But for the first, an offset remains, from the reference or from the prediction, whichever is smaller: it is a sigma of
+the height (``offset_sd``) until the means of 2 s are within 3 sigma of the reference, for 10 minutes at most.
 Neither a gap in the samples nor another source of the position ends it.  After another source the reference is moved by
 the step between the means before and after it.
 
@@ -39,6 +41,9 @@ BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
 PROOF_SIGMAS = 9.0
 #: Blocks running that contradict before a refusal begins, each so many of before; and that agree before it ends.
 BEGIN_BLOCKS, BEFORE_BLOCKS, END_BLOCKS = 4, 5, 4
+#: Agreement with the predicted range itself that ends a refusal [sigmas], in so many blocks running; a larger sigma of
+#: it confirms nothing [m].  Stated.
+CONFIRM_SIGMAS, CONFIRM_BLOCKS, MAX_CONFIRM_SD = 2.0, 20, 5.0
 #: One sigma of the vertical velocity [m/s].
 CLIMB_SD = 0.15
 #: Without known ground for longer a refusal ends; an offset that remains is kept for longer at most [ns].  Stated.
@@ -47,12 +52,16 @@ MAX_UNKNOWN_NS, MAX_OFFSET_NS = 60 * SECOND_NS, 600 * SECOND_NS
 
 @dataclass(slots=True)
 class _Block:
-    """Means over a block of samples: time [ns], residuals by altitude and by climb [m], prediction [m], sigma [m]."""
+    """Means over a block of samples: time [ns], residuals by altitude and by climb [m], prediction [m], sigmas [m].
+
+    sd, absolute_sd : of a change of the residuals, and of the one by altitude itself
+    """
 
     t_ns: int
     residuals: tuple[float, float]
     predicted: float
     sd: float
+    absolute_sd: float
 
     def change(self, other: _Block) -> float:
         """Change of the residual since another block [m]; the smaller of both altitudes."""
@@ -62,6 +71,12 @@ class _Block:
         if by_alt * by_climb <= 0.0:
             return 0.0
         return min(by_alt, by_climb, key=abs)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the residual agrees with the prediction itself."""
+        sd = self.absolute_sd
+        return sd <= MAX_CONFIRM_SD and abs(self.residuals[0]) <= CONFIRM_SIGMAS * sd
 
     def differs(self, other: _Block) -> float:
         """Size of the change in sigmas."""
@@ -88,7 +103,7 @@ class MismatchTest:
         self._is_refused = False
         self._samples: list[tuple[Observation, float]] = []
         self._blocks: deque[_Block] = deque()
-        self._contradictions = self._agreements = 0
+        self._contradictions = self._agreements = self._confirmations = 0
         self._reference: _Block | None = None  # before what contradicted; kept as long as an offset from it remains
         self._newest: _Block | None = None
         self._joins = False
@@ -98,7 +113,7 @@ class MismatchTest:
         """After a gap or with another source of the position: nothing is compared with before but the reference."""
         self._samples.clear()
         self._blocks.clear()
-        self._contradictions = self._agreements = 0
+        self._contradictions = self._agreements = self._confirmations = 0
         self._joins = self._joins or is_source_new
 
     def update(self, o: Observation, climbed: float) -> bool:
@@ -143,16 +158,17 @@ class MismatchTest:
         contradicts = len(found) == BEFORE_BLOCKS and found[-1][0] > BEGIN_SIGMAS
         self._contradictions = self._contradictions + 1 if contradicts else 0
         if self._contradictions >= BEGIN_BLOCKS:
-            self._is_refused, self._agreements, self.offset_sd = True, 0, 0.0
+            self._is_refused, self._agreements, self._confirmations, self.offset_sd = True, 0, 0, 0.0
             self._reference = self._reference or self._blocks[found[-1][1]]
             self.since_ns = self._blocks[1 - BEGIN_BLOCKS].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
         agrees = block.differs(reference) <= END_SIGMAS
         self._agreements = self._agreements + 1 if agrees else 0
+        self._confirmations = self._confirmations + 1 if block.is_confirmed else 0
         if self._agreements >= END_BLOCKS:
             self._agree()
-        elif self._is_refused and self._is_proved(block):
+        elif self._is_refused and (self._is_proved(block) or self._confirmations >= CONFIRM_BLOCKS):
             self._leave_offset(block.t_ns, [*self._blocks, block])
         else:
             return
@@ -164,11 +180,11 @@ class MismatchTest:
         self._is_refused, self._reference, self._contradictions, self.offset_sd = False, None, 0, 0.0
 
     def _leave_offset(self, t_ns: int, blocks: list[_Block]) -> None:
-        """The refusal ends; the mean offset of these blocks from the reference remains."""
+        """The refusal ends; the mean offset of these blocks from the reference, or from the prediction, remains."""
         assert self._reference is not None
-        offsets = [b.change(self._reference) for b in blocks]
+        offsets = [b.change(self._reference) for b in blocks], [b.residuals[0] for b in blocks]
         self._is_refused, self._contradictions, self._offset_ns = False, 0, t_ns
-        self.offset_sd = abs(sum(offsets)) / len(offsets)
+        self.offset_sd = min(abs(sum(each)) for each in offsets) / len(blocks)
 
     def _is_proved(self, block: _Block) -> bool:
         """Whether a whole window without a hole agrees in which the prediction changes enough to tell."""
@@ -195,4 +211,5 @@ def _mean(samples: list[tuple[Observation, float]]) -> _Block:
         by_climb += (o.value - o.predicted + o.alt - climbed) / n
         predicted += o.predicted / n
     t_ns = (samples[0][0].t_ns + samples[-1][0].t_ns) // 2
-    return _Block(t_ns, (by_alt, by_climb), predicted, max(o.sd for o, _ in samples))
+    sd, absolute_sd = max(o.sd for o, _ in samples), max(o.absolute_sd for o, _ in samples)
+    return _Block(t_ns, (by_alt, by_climb), predicted, sd, absolute_sd)

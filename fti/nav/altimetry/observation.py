@@ -28,6 +28,7 @@ class Observation:
     sd           : one sigma of value - predicted without the error of the altitude [m]
     alt, climb   : altitude [m] and climb rate [m/s] of P; None where unknown
     source       : of position and altitude
+    absolute_sd  : one sigma of value - predicted with the error of the altitude [m]; infinite where it is unknown
     """
 
     t_ns: int
@@ -37,6 +38,7 @@ class Observation:
     alt: float | None
     climb: float | None
     source: tuple[str | None, str | None]
+    absolute_sd: float = math.inf
 
 
 def make_observation(
@@ -58,6 +60,7 @@ def make_observation(
         alt=position.alt if position else None,
         climb=-position.down if position and position.down is not None else None,
         source=(nav.position_source, nav.altitude_source),
+        absolute_sd=stated_sd(expected.range_sd, math.inf) if expected else math.inf,
     )
 
 
