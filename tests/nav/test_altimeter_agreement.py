@@ -183,3 +183,20 @@ def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_say_sinc
         ("radar", "info"),
     ]
     assert "since 12:30:05.3 UTC its value is stuck at 125.00 m" in events[0].text
+
+
+@pytest.mark.parametrize("rate_hz", [20, 100, 400, 1000])
+@pytest.mark.parametrize("late_s", [0.1, 0.9])
+def test_a_fast_altimeter_is_compared_with_a_late_one(rate_hz: int, late_s: float) -> None:
+    """A laser that says 40 m of 100 m; the radar's samples arrive so late."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    arrivals = [(k / rate_hz, "laser", k / rate_hz, 40.0) for k in range(4 * rate_hz)]
+    arrivals += [(k / 20 + late_s, "radar", k / 20, 100.0) for k in range(80)]
+    refused = list[float]()
+    for at, sensor, t, value in sorted(arrivals):
+        sample = height(sensor, 0, value, t_ns=T0 + round(t * S))
+        if check.update(sample) == DISAGREE and sensor == "laser":
+            refused.append(at)
+    assert refused[0] < 0.6 + late_s + 0.1
+    wanted = sum(refused[0] <= at < 4.0 for at, sensor, _, _ in arrivals if sensor == "laser")
+    assert sum(at < 4.0 for at in refused) == wanted, "from then on"

@@ -13,8 +13,8 @@ allowed to either side.
 A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
 within 0.8 of the limit, or without a comparison for 2 s.  Samples with any other reason against them are not compared.
 Of two that disagree, the wrong one is one that is stuck, that changes otherwise than predicted, or that the ground
-refuses; or the one farther than three sigmas from what the ground predicts while the other
-is within two; else both are refused.
+refuses, until it agrees again; or the one farther than three sigmas from what the ground predicts while the other is
+within two (once it is: farther than two, the other within three); else both are refused.
 Source: section 1 and 2 of the specification of fault detection (second altimeter); the share is 15 ft of 200 ft; trees
 to 25 m as in ``fti.terrain.synthetic.forest``.
 """
@@ -44,8 +44,8 @@ END_SHARE = 0.8
 MAX_GAP_NS, EXPIRE_NS = 1_000_000_000, 2_000_000_000
 #: Reasons against one altimeter that decide which of two is the wrong one.
 DECIDES = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
-#: Samples kept of each altimeter.
-KEPT = 32
+#: Samples kept of each altimeter: three of them are never closer than this [ns], so they last for 1.6 s or longer.
+KEPT, SPACING_NS = 64, 50_000_000
 #: Deviation from the prediction of a wrong altimeter, and of a good one [sigmas].
 WRONG_SIGMAS, GOOD_SIGMAS = 3.0, 2.0
 
@@ -74,7 +74,8 @@ def comparable(height: HeightAboveGround, limits: Altimeter) -> Comparable | Non
     if height.reasons or height.nearest is None or raw is None or t_ns is None:
         return None
     sigmas = None
-    if height.predicted is not None and height.predicted_sd:
+    is_checked = Reason.GROUND_CONTRADICTED not in height.unchecked
+    if is_checked and height.predicted is not None and height.predicted_sd:
         sigmas = abs(raw - height.predicted) / height.predicted_sd
     slant_range = limits.range_of(raw)
     level = height.nearest + slant_range - raw
@@ -116,21 +117,23 @@ class _Pair:
     def expire(self, t_ns: int) -> None:
         """Without a comparison for so long nothing is known any more."""
         if t_ns - self._last_ns > EXPIRE_NS:
-            self.forget()
+            self.wrong, self._since_ns, self._count = frozenset(), None, 0
 
-    def forget(self) -> None:
-        """Begin anew."""
-        self.wrong, self._since_ns, self._count = frozenset(), None, 0
+    def accuse(self, t_ns: int, name: str) -> None:
+        """One of two that disagree is refused for another reason, which decides: it is the wrong one."""
+        if self.wrong:
+            self.wrong = frozenset({name})
+            self._last_ns = max(self._last_ns, t_ns)
+            self._since_ns, self._count = None, 0
 
     def _decide(self, first: Comparable, second: Comparable) -> frozenset[str]:
-        sigmas = first.deviation, second.deviation
-        if sigmas[0] is not None and sigmas[1] is not None:
-            for k in (0, 1):
-                mine, other = sigmas[k], sigmas[1 - k]
-                assert mine is not None
-                assert other is not None
-                if mine > WRONG_SIGMAS and other < GOOD_SIGMAS:
-                    return frozenset({self.names[k]})
+        if first.deviation is None or second.deviation is None:
+            return frozenset(self.names)
+        pairs = (first.deviation, second.deviation), (second.deviation, first.deviation)
+        for name, (mine, other) in zip(self.names, pairs, strict=True):
+            limits = (GOOD_SIGMAS, WRONG_SIGMAS) if self.wrong == {name} else (WRONG_SIGMAS, GOOD_SIGMAS)
+            if mine > limits[0] and other < limits[1]:
+                return frozenset({name})
         return frozenset(self.names)
 
 
@@ -183,9 +186,11 @@ class AgreementCheck:
             kept.clear()
             if not DECIDES.isdisjoint(height.reasons):
                 for pair in pairs:
-                    pair.forget()
+                    pair.accuse(height.t_valid_ns or height.t_ns, height.sensor)
         elif not kept or found.t_ns > kept[-1].t_ns:
             kept.append(found)
+            if len(kept) > 2 and kept[-1].t_ns - kept[-3].t_ns < SPACING_NS:
+                del kept[-2]
 
     def _compare(self, pair: _Pair) -> None:
         """At the newest time of which both tell."""
