@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -194,9 +195,22 @@ def test_a_fast_altimeter_is_compared_with_a_late_one(rate_hz: int, late_s: floa
     arrivals += [(k / 20 + late_s, "radar", k / 20, 100.0) for k in range(80)]
     refused = list[float]()
     for at, sensor, t, value in sorted(arrivals):
-        sample = height(sensor, 0, value, t_ns=T0 + round(t * S))
+        sample = replace(height(sensor, 0, value, t_ns=T0 + round(at * S)), t_valid_ns=T0 + round(t * S))
         if check.update(sample) == DISAGREE and sensor == "laser":
             refused.append(at)
     assert refused[0] < 0.6 + late_s + 0.1
     wanted = sum(refused[0] <= at < 4.0 for at, sensor, _, _ in arrivals if sensor == "laser")
     assert sum(at < 4.0 for at in refused) == wanted, "from then on"
+
+
+def test_altimeters_at_1_hz_that_come_late_or_without_a_return_stay_compared() -> None:
+    """A radar at 1 Hz that comes 1.5 s late; the laser has no return every half second."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    arrivals = [(k / 10, "laser", k / 10, 40.0) for k in range(200)]
+    arrivals += [(k + 1.5, "radar", float(k), 100.0) for k in range(18)]
+    refused = list[tuple[float, bool]]()
+    for k, (at, sensor, t, value) in enumerate(sorted(arrivals)):
+        reasons = (Reason.NO_RETURN,) if sensor == "laser" and k % 5 == 0 else ()
+        sample = height(sensor, 0, value, t_ns=T0 + round(at * S), reasons=reasons)
+        refused.append((at, check.update(replace(sample, t_valid_ns=T0 + round(t * S))) == DISAGREE))
+    assert all(now for at, now in refused if 6.0 <= at < 18.0)

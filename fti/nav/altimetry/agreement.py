@@ -90,15 +90,17 @@ class _Pair:
     def __init__(self, first: str, second: str) -> None:
         self.names = first, second
         self.wrong: frozenset[str] = frozenset()
-        self._last_ns = 0
+        self._last_ns = self._compared_ns = 0
         self._since_ns: int | None = None
         self._count = 0
 
-    def compare(self, t_ns: int, first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter]) -> None:
-        """Take what both say at one time."""
+    def compare(
+        self, t_ns: int, first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter], now_ns: int
+    ) -> None:
+        """Take what both say at one time.  now_ns : when the later one of both came"""
         if t_ns <= self._last_ns:
             return
-        self._last_ns = t_ns
+        self._last_ns, self._compared_ns = t_ns, now_ns
         low, high = bounds(first, second, limits)
         share = END_SHARE if self.wrong else 1.0
         differs = not share * low <= _difference(first, second) <= share * high
@@ -114,16 +116,16 @@ class _Pair:
             self.wrong = frozenset() if self.wrong else self._decide(first, second)
             self._since_ns, self._count = None, 0
 
-    def expire(self, t_ns: int) -> None:
-        """Without a comparison for so long nothing is known any more."""
-        if t_ns - self._last_ns > EXPIRE_NS:
+    def expire(self, now_ns: int) -> None:
+        """Without a comparison for so long nothing is known any more; how late the samples come does not matter."""
+        if now_ns - self._compared_ns > EXPIRE_NS:
             self.wrong, self._since_ns, self._count = frozenset(), None, 0
 
-    def accuse(self, t_ns: int, name: str) -> None:
+    def accuse(self, now_ns: int, name: str) -> None:
         """One of two that disagree is refused for another reason, which decides: it is the wrong one."""
         if self.wrong:
             self.wrong = frozenset({name})
-            self._last_ns = max(self._last_ns, t_ns)
+            self._compared_ns = now_ns
             self._since_ns, self._count = None, 0
 
     def _decide(self, first: Comparable, second: Comparable) -> frozenset[str]:
@@ -176,23 +178,22 @@ class AgreementCheck:
             return ()
         self._take(height, pairs)
         for pair in pairs:
-            self._compare(pair)
-            pair.expire(height.t_valid_ns or height.t_ns)
+            self._compare(pair, height.t_ns)
+            pair.expire(height.t_ns)
         return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
 
     def _take(self, height: HeightAboveGround, pairs: list[_Pair]) -> None:
         found, kept = comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
         if found is None:
-            kept.clear()
             if not DECIDES.isdisjoint(height.reasons):
                 for pair in pairs:
-                    pair.accuse(height.t_valid_ns or height.t_ns, height.sensor)
+                    pair.accuse(height.t_ns, height.sensor)
         elif not kept or found.t_ns > kept[-1].t_ns:
             kept.append(found)
             if len(kept) > 2 and kept[-1].t_ns - kept[-3].t_ns < SPACING_NS:
                 del kept[-2]
 
-    def _compare(self, pair: _Pair) -> None:
+    def _compare(self, pair: _Pair, now_ns: int) -> None:
         """At the newest time of which both tell."""
         kept = [self._kept[name] for name in pair.names]
         if not all(kept):
@@ -201,7 +202,7 @@ class AgreementCheck:
         first, second = (_at(one, t_ns) for one in kept)
         if first is not None and second is not None:
             limits = self._limits[pair.names[0]], self._limits[pair.names[1]]
-            pair.compare(t_ns, first, second, limits)
+            pair.compare(t_ns, first, second, limits, now_ns)
 
 
 def _at(kept: deque[Comparable], t_ns: int) -> Comparable | None:
