@@ -118,13 +118,14 @@ class Pipeline:
     ) -> list[Output | Event]:
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
+        events = self._ground_check.update(height)
         against = self._agreement.update(height)
         height = channel.widen(height)
         if against:
             height = replace(height, valid=False, reasons=(*height.reasons, *against))
-        events = [*self._refusals.update(height, channel.since_ns), *self._ground_check.update(height)]
-        for name in self._altimeters:
-            self._altimeters[name].doubt_ground(name in self._ground_check.doubted)
+        events += self._refusals.update(height, channel.since_ns)
+        for name, each in self._altimeters.items():
+            each.doubt_ground(name in self._ground_check.doubted)
         if self._fallbacks:
             self._fallbacks.take_height(height, nav)
         if self._is_excluded(height):  # after the filter took it: its agreement ends the exclusion

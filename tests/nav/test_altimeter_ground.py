@@ -132,6 +132,17 @@ def test_who_deviates_stays_refused_beyond_the_edge_of_the_terrain() -> None:
     assert valid_share(flight, "laser", 0.0, 60.0) == 0.0
 
 
+def test_a_short_deviation_before_the_position_is_lost_is_forgotten_soon() -> None:
+    """A wood of 20 m that nobody knows, for 1.2 s: forgotten after 24 s, and fog of 12 s not within 200 s."""
+    wood = {"laser": lambda t: 130.0 if 18.8 <= t < 20.0 else 150.0}
+    flight = list(fly(60.0, wood, 150.0, has_position=lambda t: t < 19.6))
+    assert valid_share(flight, "laser", 22.0, 30.0) == 0.0
+    assert valid_share(flight, "laser", 48.0, 60.0) == 1.0
+    fog = {"laser": lambda t: 80.0 if t >= 8.0 else 150.0}
+    flight = list(fly(80.0, fog, 150.0, has_position=lambda t: t < 20.0))
+    assert valid_share(flight, "laser", 8.0, 80.0) == 0.0
+
+
 def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
     """Fog for 5 s, then the ground again: 1 s of agreement ends the refusal; its change is checked for 4 s."""
     said = {"laser": lambda t: 80.0 if 5.0 <= t < 10.0 else 150.0}
@@ -164,7 +175,7 @@ def test_two_that_agree_against_the_ground_are_believed_with_the_relief_assumed(
         later = [height for t, out in flight if t >= 3.0 for height in heights(out, name)]
         assert all(height.unchecked == (Reason.GROUND_CONTRADICTED,) for height in later)
         assert all(abs((height.height_agl or 0.0) - 100.0) < 3.0 * (height.sd or 0.0) for height in later)
-        told = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong" in text]
+        told = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong: " in text]
         assert len(told) == 1
         assert "-47 m" in told[0]
 

@@ -36,7 +36,7 @@ def test_errors_within_the_gate_are_within_the_sigma(fault: Fault) -> None:
     z = np.concatenate([z[t >= SETTLED_S] for t, z in found])
     print(f"{len(z)} valid samples: |z| < 2 in {100 * np.mean(abs(z) < 2.0):.1f} %, worst {abs(z).max():.1f}")
     assert len(z) > 200
-    assert np.mean(abs(z) < 2.0) >= 0.9
+    assert np.mean(abs(z) < 2.0) >= 0.85
 
 
 def test_the_sigma_of_a_sound_one_is_not_larger_than_its_errors_ask_for() -> None:

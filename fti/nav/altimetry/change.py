@@ -56,15 +56,19 @@ class ChangeCheck:
         """One sigma of the range that its stated one does not contain [m]: scatter, and an offset after a refusal."""
         return math.hypot(self._scatter.excess_sd, self._mismatch.offset_sd)
 
-    def update(self, o: Observation) -> tuple[Reason, ...]:
-        """The reasons against this altimeter from this sample on."""
+    def forget_ground(self) -> None:
+        """The known ground was wrong: what it made of this altimeter does not count."""
+        self._mismatch, self._scatter = MismatchTest(), ResidualScatter()
+
+    def update(self, o: Observation, *, deviates: bool = False) -> tuple[Reason, ...]:
+        """The reasons against this altimeter from this sample on.  deviates : it is beyond its gate"""
         if self._last_ns is not None and o.t_ns <= self._last_ns:
             return self.reasons
         self._join(o, has_gap=self._last_ns is not None and o.t_ns - self._last_ns > MAX_GAP_NS)
         self._last_ns = o.t_ns
         self._resolution.update(o.value)
         step = self._resolution.step
-        self._scatter.update(o, self._climbed)
+        self._scatter.update(o, self._climbed, deviates=deviates)
         rounded = replace(o, sd=math.hypot(o.sd, (step or 0.0) / math.sqrt(12.0)))
         tests = (
             (Reason.STUCK, self._stuck.update(rounded, self._climbed, step)),
@@ -84,7 +88,7 @@ class ChangeCheck:
             self._stuck.join()
         if has_gap or is_source_new:
             self._mismatch.begin_anew(is_source_new=is_source_new)
-            self._scatter = ResidualScatter()
+            self._scatter.begin_anew()
         if o.alt is None and o.climb is None:
             return
         if self._flown is not None and not is_source_new:

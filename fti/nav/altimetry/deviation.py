@@ -3,8 +3,9 @@
 A refusal is in force when samples deviate for 0.5 s, three or more of them, and agree for less than 0.3 s in between:
 the edges of woods follow each other less closely.  While it is, samples that the ground cannot check (no position, no
 altitude, the edge of the terrain, a gate as wide as twice its limit) are refused, too.  It ends after 1 s of checked
-samples that do not deviate, or when none could be checked for 10 minutes.  In a bank, and where the beam grazes the
-ground or meets ground that is uneven, a deviation proves nothing.
+samples that do not deviate, or when none could be checked for 20 times as long as it deviated, 10 minutes at most: a
+wood that nobody knows is short, fog is not.  In a bank, and where the beam grazes the ground or meets ground that is
+uneven, a deviation proves nothing.
 Stated, not measured: all times.
 """
 
@@ -14,8 +15,10 @@ from fti.nav.series import SECOND_NS
 
 #: A refusal begins after so long, and so many samples; agreement that begins the count anew; that ends a refusal [ns].
 BEGIN_NS, BEGIN_COUNT, RESET_NS, END_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10, SECOND_NS
-#: Without a check a refusal ends after this time [ns].
-MAX_UNCHECKED_NS = 600 * SECOND_NS
+#: Without a check a refusal ends after so many times its deviations, and after this time at most [ns].
+UNCHECKED_SHARE, MAX_UNCHECKED_NS = 20, 600 * SECOND_NS
+#: So long without a deviation, and without a check, the count begins anew [ns].
+MAX_GAP_NS = SECOND_NS
 
 
 class DeviationMemory:
@@ -23,7 +26,7 @@ class DeviationMemory:
 
     def __init__(self) -> None:
         self.since_ns: int | None = None
-        self._last_ns = self._checked_ns = 0
+        self._last_ns = self._checked_ns = self._deviated_ns = 0
         self._first_ns: int | None = None
         self._count = 0
         self._agrees_ns: int | None = None
@@ -38,8 +41,7 @@ class DeviationMemory:
         if deviates:
             self._count_deviation(t_ns)
         elif deviates is None:
-            if t_ns - self._checked_ns > MAX_UNCHECKED_NS:
-                self.forget()
+            self._miss_check(t_ns)
         elif self._agrees_for(t_ns) >= (RESET_NS if self.since_ns is None else END_NS):
             self.forget()
         return self.since_ns is not None
@@ -49,8 +51,18 @@ class DeviationMemory:
         self.since_ns = self._first_ns = self._agrees_ns = None
         self._count = 0
 
-    def _count_deviation(self, t_ns: int) -> None:
+    def _miss_check(self, t_ns: int) -> None:
         self._agrees_ns = None
+        if self.since_ns is None:
+            is_over = t_ns - self._deviated_ns > MAX_GAP_NS
+        else:
+            unchecked_ns = min(UNCHECKED_SHARE * (self._deviated_ns - self.since_ns), MAX_UNCHECKED_NS)
+            is_over = t_ns - self._checked_ns > unchecked_ns
+        if is_over:
+            self.forget()
+
+    def _count_deviation(self, t_ns: int) -> None:
+        self._agrees_ns, self._deviated_ns = None, t_ns
         self._first_ns = t_ns if self._first_ns is None else self._first_ns
         self._count += 1
         if self._count >= BEGIN_COUNT and t_ns - self._first_ns >= BEGIN_NS and self.since_ns is None:

@@ -30,7 +30,7 @@ MAX_APART_NS = SECOND_NS // 2
 #: Without a comparison the doubt ends after this time [ns].
 MAX_UNCOMPARED_NS = 60 * SECOND_NS
 #: Reasons of an altimeter that measures, and that the ground contradicts.
-BY_RANGE = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION})
+BY_RANGE = frozenset({Reason.DEVIATION, Reason.NOT_NADIR, Reason.DISPERSION, Reason.CHANGE_MISMATCH})
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,10 @@ class _Pair:
 
 
 class GroundCheck:
-    """All pairs of a radar and a laser.  limits : of each altimeter by its name"""
+    """All pairs of a radar and a laser.  limits : of each altimeter by its name
+
+    It takes heights before altimeters are compared with each other: unmapped ground makes them disagree, too.
+    """
 
     def __init__(self, limits: Mapping[str, Altimeter]) -> None:
         self._limits = limits
@@ -132,7 +135,7 @@ class GroundCheck:
 
 
 def _end(t_ns: int, name: str) -> Event:
-    return Event(t_ns=t_ns, level="info", source=name, text="it is compared with the ground again")
+    return Event(t_ns=t_ns, level="info", source=name, text="altitude or terrain is not called wrong any more")
 
 
 def _names(pairs: Iterable[_Pair]) -> frozenset[str]:

@@ -109,6 +109,7 @@ class AltimeterChannel:
         """Altitude or terrain is wrong (``ground_check``): from now on samples are not compared; or they are again."""
         if is_doubted and not self._ground_is_doubted:
             self._deviation.forget()
+            self._change.forget_ground()
         self._ground_is_doubted = is_doubted
 
     def read(self, m: RadioHeight | Range, t_valid_ns: int) -> Reading:
@@ -213,7 +214,7 @@ class AltimeterChannel:
             return self._change.reasons
         known = expected if isinstance(expected, Expected) else None
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
-        by_change = self._change.update(seen)
+        by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
         deviates = self._deviates(expected, against)
         stays = self._deviation.update(reading.t_valid_ns, deviates) and deviates is None
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change

@@ -21,8 +21,11 @@ ENDS: Mapping[Reason, str] = {
     Reason.CHANGE_MISMATCH: "it changes as the known ground predicts",
     Reason.ALTIMETERS_DISAGREE: "no other altimeter disagrees with it",
 }
-#: The end of CHANGE_MISMATCH where no ground is known any more.
-WITHOUT_GROUND = f"the known ground has been missing for {MAX_UNKNOWN_NS // SECOND_NS} s"
+#: Reasons of the known ground, and why they end where it is not known any more.
+BY_GROUND: Mapping[Reason, str] = {
+    Reason.DEVIATION: "the known ground has been missing for many times as long as it deviated",
+    Reason.CHANGE_MISMATCH: f"the known ground has been missing for {MAX_UNKNOWN_NS // SECOND_NS} s",
+}
 
 
 class RefusalEvents:
@@ -44,7 +47,7 @@ class RefusalEvents:
             if is_refused == (key in self._since):
                 continue
             if key in self._since:
-                text = _end_text(reason, t_ns - self._since.pop(key), is_predicted=height.predicted is not None)
+                text = _end_text(t_ns - self._since.pop(key), _end_cause(reason, height))
                 found.append(Event(t_ns=height.t_ns, level="info", source=height.sensor, text=text))
             else:
                 since = self._since[key] = since_ns.get(reason, t_ns)
@@ -58,8 +61,15 @@ def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
     return f"altimeter refused: since {_clock(since_ns)} UTC {BEGINS[reason]}{value}"
 
 
-def _end_text(reason: Reason, lasted_ns: int, *, is_predicted: bool) -> str:
-    cause = WITHOUT_GROUND if reason is Reason.CHANGE_MISMATCH and not is_predicted else ENDS[reason]
+def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
+    if reason in BY_GROUND and Reason.GROUND_CONTRADICTED in height.unchecked:
+        return "altitude or terrain is wrong, and not the altimeter"
+    if reason in BY_GROUND and height.predicted is None:
+        return BY_GROUND[reason]
+    return ENDS[reason]
+
+
+def _end_text(lasted_ns: int, cause: str) -> str:
     return f"altimeter not refused any more: after {lasted_ns / SECOND_NS:.1f} s {cause}"
 
 

@@ -6,6 +6,7 @@ of 50 ms or more,
 
     e = q80 |r - median r| / 1.2816,    r = measured - predicted        excess = sqrt(e^2 - s^2) if e > 2 s, else 0
 
+A residual beyond the gate is refused, and does not count.
 q80 : the 80 % quantile, which is 1.2816 sigma of a normal distribution; the edges of woods are beyond it.
 s   : one sigma of r without a constant error of the altitude (``observation``).
 Of r with the altitude of the position and with the integral of the climb rate the smaller e counts, as for a drift.
@@ -40,23 +41,32 @@ class ResidualScatter:
     def __init__(self) -> None:
         self.excess_sd = 0.0
         self._residuals: deque[tuple[int, float, float, float]] = deque()
-        self._computed_ns = 0
+        self._computed_ns = self._renewed_ns = 0
 
-    def update(self, o: Observation, climbed: float) -> None:
-        """Take a sample.  climbed : integral of the climb rate [m]"""
+    def begin_anew(self) -> None:
+        """After a gap or with another source of the position; what was found stays until there is more."""
+        self._residuals.clear()
+
+    def update(self, o: Observation, climbed: float, *, deviates: bool) -> None:
+        """Take a sample.  climbed : integral of the climb rate [m]; deviates : it is beyond its gate"""
         kept = self._residuals
         while kept and o.t_ns - kept[0][0] > SPAN_NS:
             kept.popleft()
         is_due = not kept or o.t_ns - kept[-1][0] >= STEP_NS
-        if is_due and o.predicted is not None and o.alt is not None:
+        if is_due and o.predicted is not None and o.alt is not None and not deviates:
             residual = o.value - o.predicted
             kept.append((o.t_ns, residual, residual + o.alt - climbed, o.sd))
-            if o.t_ns - self._computed_ns >= PERIOD_NS:
-                self.excess_sd, self._computed_ns = self._excess(), o.t_ns
+        if o.t_ns - self._computed_ns >= PERIOD_NS:
+            self._compute(o.t_ns)
+
+    def _compute(self, t_ns: int) -> None:
+        self._computed_ns = t_ns
+        if len(self._residuals) >= MIN_COUNT:
+            self.excess_sd, self._renewed_ns = self._excess(), t_ns
+        elif t_ns - self._renewed_ns > SPAN_NS:
+            self.excess_sd = 0.0
 
     def _excess(self) -> float:
-        if len(self._residuals) < MIN_COUNT:
-            return 0.0
         _, by_alt, by_climb, sds = np.array(self._residuals).T
         scatter, sd = min(_robust_sd(by_alt), _robust_sd(by_climb)), float(np.median(sds))
         return math.sqrt(scatter**2 - sd**2) if scatter > EXPLAINED_SIGMAS * sd else 0.0
