@@ -3,8 +3,8 @@
     python -m tests.e2e.heartbeat CORE
 
 A pause of the heart is time that the host, and no program of ours, had: the process sleeps, has the priority of the
-recorder, and needs nothing but the core.  It runs until its standard input ends, and then prints its pauses as a JSON
-list of [begin, end] (monotonic clock, ns).
+recorder, and needs nothing but the core.  It prints a line when it begins, runs until its standard input ends, and then
+prints its pauses as a JSON list of [begin, end] (monotonic clock, ns).
 """
 
 from __future__ import annotations
@@ -45,6 +45,9 @@ class Heartbeats:
             )
             for core in sorted(os.sched_getaffinity(0))
         ]
+        for process in self._processes:
+            assert process.stdout is not None
+            process.stdout.readline()  # until it beats
 
     def stop(self) -> None:
         """End them."""
@@ -86,6 +89,7 @@ def undisturbed(run: Callable[[int], T], holds: Callable[[T], bool]) -> T:
 def _beat(core: int) -> list[tuple[int, int]]:
     os.sched_setaffinity(0, {core})
     os.set_blocking(0, False)
+    print("begins", flush=True)
     pauses, before = [], time.monotonic_ns()
     while said() is None:
         time.sleep(PERIOD_NS / 1e9)

@@ -60,7 +60,7 @@ def pipeline(*names: str) -> Pipeline:
 
 def fly(
     seconds: float, said: dict[str, Ranges], height_m: float, *, has_position: Callable[[float], bool] = lambda t: True,
-    altitude_error_m: float = 0.0, north_m: float = -1800.0,
+    altitude_error_m: float = 0.0, altitude_sd_m: float = 2.5, north_m: float = -1800.0,
 ) -> Iterator[tuple[float, list[Output | Event]]]:  # fmt: skip
     """Outputs of every sample; the altimeters have a noise of 0.1 m, the sequence is always the same."""
     rng, made, frame = np.random.default_rng(7), pipeline(*said), terrain().frame
@@ -70,7 +70,10 @@ def fly(
         if has_position(t):
             place = frame.to_geodetic([0.0, north_m + SPEED_MPS * t, height_m + altitude_error_m])
             lat, lon, alt = (float(x) for x in place)
-            made.feed("ins", Position(stamp=Stamp(now), lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=2.5))
+            made.feed(
+                "ins",
+                Position(stamp=Stamp(now), lat=lat, lon=lon, alt=alt, horizontal_sd=1.5, vertical_sd=altitude_sd_m),
+            )
             made.feed("ins", Velocity(stamp=Stamp(now), north=SPEED_MPS, east=0.0, down=0.0, sd=0.1))
         out = list[Output | Event]()
         for name, ranges in said.items():
@@ -152,6 +155,22 @@ def test_who_agreed_before_the_position_was_lost_is_valid() -> None:
     ends = [t for t, out in flight for text in events(out, "laser") if "the known ground does not refuse it" in text]
     assert len(ends) == 1
     assert 10.9 <= ends[0] <= 11.5
+
+
+def test_who_agrees_again_is_valid_where_the_gate_is_twice_as_wide_as_its_limit() -> None:
+    """An obstacle for 1.2 s, and a sigma of the altitude of 5 m: the limit is 5 m, the gate 15 m."""
+    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
+    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    assert valid_share(flight, "laser", 5.0, 6.2) == 0.0
+    assert valid_share(flight, "laser", 7.5, 20.0) == 1.0
+    assert all(Reason.UNCERTAIN in height.unchecked for _, out in flight for height in heights(out, "laser"))
+
+
+def test_who_is_beyond_its_limit_stays_refused_where_the_gate_is_twice_as_wide() -> None:
+    """A deviation of 12 m proves nothing where the gate is 15 m, neither against the altimeter nor for it."""
+    said = {"laser": lambda t: 70.0 if t < 6.0 else 138.0}
+    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    assert valid_share(flight, "laser", 0.0, 20.0) == 0.0
 
 
 def test_single_samples_that_deviate_leave_no_memory() -> None:

@@ -416,8 +416,8 @@ def test_nobody_takes_over_from_one_that_has_ended(make: Callable[..., Rig], mon
     rig.feed(10)
     rig.settle()
     rig.end_tending()
-    last = rig.writer.file
     rig.writer.stop()
+    last = rig.writer.file
     monkeypatch.setattr(rig.writer._machine, "opened", lambda now, place: True)
     Stint(rig.writer, Attempt(1, strict=False)).run()  # that was slow to open its file, and is wanted
     assert rig.writer.file == last

@@ -2,10 +2,11 @@
 
 A refusal is in force when samples deviate for 0.5 s, three or more of them, and agree for less than 0.3 s in between:
 the edges of woods follow each other less closely.  While it is, samples that the ground cannot check (no position, no
-altitude, the edge of the terrain, a gate as wide as twice its limit) are refused, too.  It ends after 1 s of checked
-samples that do not deviate, or when none could be checked for 20 times as long as it deviated, 10 minutes at most: a
-wood that nobody knows is short, fog is not.  In a bank, and where the beam grazes the ground or meets ground that is
-uneven, a deviation proves nothing.
+altitude, the edge of the terrain) are refused, too.  It ends after 1 s of checked samples that do not deviate, or when
+none could be checked for 20 times as long as it deviated, 10 minutes at most: a wood that nobody knows is short, fog is
+not.  Where the gate is as wide as twice its limit, a sample within the limit itself does not deviate; one beyond it,
+within the gate, is not checked.  In a bank, and where the beam grazes the ground or meets ground that is uneven, a
+deviation proves nothing.
 Stated, not measured: all times.
 """
 

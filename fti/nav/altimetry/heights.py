@@ -15,7 +15,7 @@ from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGrou
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
 from fti.nav.altimetry.sigmas import RANGE_SD_UNKNOWN, stated_sd
-from fti.nav.altimetry.validity import Sample, compares, reasons_against
+from fti.nav.altimetry.validity import Sample, compares, is_within_limit, reasons_against
 from fti.nav.ground import Ground
 from fti.nav.navigation import NavState
 from fti.nav.sources import ATTITUDE_SD_UNKNOWN
@@ -215,18 +215,20 @@ class AltimeterChannel:
         known = expected if isinstance(expected, Expected) else None
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
-        deviates = self._deviates(expected, against)
+        deviates = self._deviates(reading.value, expected, against)
         stays = self._deviation.update(reading.t_valid_ns, deviates) and deviates is None
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
 
-    def _deviates(self, expected: ExpectedOrReason | None, against: tuple[Reason, ...]) -> bool | None:
+    def _deviates(self, value: float, expected: ExpectedOrReason | None, against: tuple[Reason, ...]) -> bool | None:
         """Whether the ground proves a sample wrong; None where it proves nothing."""
         if not DOUBTFUL.isdisjoint(against):
             return None
         if Reason.DEVIATION in against:
             return True
-        is_checked = isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
-        return False if is_checked else None
+        if not isinstance(expected, Expected | NoGround):
+            return None
+        is_confirmed = isinstance(expected, Expected) and is_within_limit(value - expected.slant_range, self.limits)
+        return False if is_confirmed or compares(expected.range_sd, self.limits) else None
 
     def _prediction(self, expected: ExpectedOrReason | None, value: float | None, nav: NavState) -> dict[str, Any]:
         """What the ground adds to an output: the predicted range, and why that does not check the height."""

@@ -118,6 +118,11 @@ def compares(predicted_sd: float, limits: Altimeter) -> bool:
     return SIGMAS * predicted_sd <= COMPARED * _deviation_limit(limits)
 
 
+def is_within_limit(deviation: float, limits: Altimeter) -> bool:
+    """Whether a deviation [m] is within its limit, which no uncertainty of the prediction widens."""
+    return abs(deviation) <= _deviation_limit(limits)
+
+
 def _not_nadir(s: Sample, a: Altimeter) -> bool:
     if s.height is None or s.navigated is None or a.max_nadir_deviation_m is None:
         return False
