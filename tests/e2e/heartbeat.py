@@ -90,9 +90,10 @@ def _beat(core: int) -> list[tuple[int, int]]:
     os.sched_setaffinity(0, {core})
     os.set_blocking(0, False)
     print("begins", flush=True)
-    pauses, before = [], time.monotonic_ns()
-    while said() is None:
+    pauses, before, is_over = [], time.monotonic_ns(), False
+    while not is_over:
         time.sleep(PERIOD_NS / 1e9)
+        is_over = said() is not None
         now = time.monotonic_ns()
         if now - before > PERIOD_NS + PAUSE_NS:
             pauses.append((before + PERIOD_NS, now))
