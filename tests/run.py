@@ -7,11 +7,15 @@ Behind them the flights and a replay, minutes of real time and less than a core,
 quick tests ptys and media stood still for a second now and then, which no score can tell from a device. Then come the
 end-to-end tests that wait most of the time, three at a time, file by file; then those that judge moments or need both
 cores, one after another.  Only the files that have a marker are collected for it.
+
+A few quick tests that fail beside others are run again alone: a machine that stands still for a second is no defect.
+Their names are printed; one that fails beside others often has a race, in the test or in the product.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
@@ -19,7 +23,7 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -38,6 +42,8 @@ from fti.terrain import warm
 warm.warm_up(), strapdown.warm_up(), compile_first(config.load("configs/demo.toml"))
 """
 INTERRUPTED = 130
+#: Exit code of pytest when tests have failed; so many of them are run again at most.
+FAILED, MAX_AGAIN = 1, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +65,26 @@ class Part:
         code = process.wait()
         print(f"== {self.title}: {time.monotonic() - begin:.0f} s, exit code {code}", flush=True)
         return code
+
+
+def run_quick(part: Part) -> int:
+    """Run it; a few tests that fail are run again alone, and what they come to is the exit code."""
+    with tempfile.TemporaryDirectory() as folder:
+        part = replace(part, arguments=(*part.arguments, "-o", f"cache_dir={folder}"))
+        code, names = part.run(), last_failed(Path(folder))
+        if code != FAILED or not 0 < len(names) <= MAX_AGAIN:
+            return code
+        alone = (*part.arguments, "-n", "0", "--last-failed")
+        again = replace(part, title=f"{part.title} that failed, alone", arguments=alone).run()
+    if again == 0:
+        print(f"== {part.title}: these failed beside others and passed alone: {', '.join(names)}", flush=True)
+    return again
+
+
+def last_failed(cache: Path) -> list[str]:
+    """The tests that a run of pytest with this cache noted as failed."""
+    file = cache / "v/cache/lastfailed"
+    return sorted(json.loads(file.read_text())) if file.exists() else []
 
 
 def marked(marker: str) -> list[str]:
@@ -93,7 +119,7 @@ def main() -> int:
     others = "e2e and not flight and not replay and not alone"
     together = Part("end to end", (*WAITING, "-m", others, *marked("e2e")))
     moments = Part("one after another", ("-m", "alone", *marked("alone")))
-    codes = [quick.run()]
+    codes = [run_quick(quick)]
     if not interrupts:
         codes += beside(flights, replays)
     codes += [part.run() for part in (together, moments) if not interrupts]

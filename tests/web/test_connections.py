@@ -76,8 +76,10 @@ async def test_more_connections_than_a_browser_has_are_refused() -> None:
     server = PageServer(Feed(0), lambda: 0, CommandGate("key", lambda _: True, lambda: 0), lambda peer, here: "")
     port = await server.start(0)
     request = f"GET /nothing HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n".encode()
-    opened = [await asyncio.open_connection("127.0.0.1", port) for _ in range(connections.MAX_SERVED)]
-    for reader, writer in opened:
+    opened = []
+    for _ in range(connections.MAX_SERVED):  # each with its request: more than 64 without one are not held
+        opened.append(await asyncio.open_connection("127.0.0.1", port))
+        reader, writer = opened[-1]
         writer.write(request)
         assert b"404" in await reader.readline()
     assert await _get(port) == 503
