@@ -23,6 +23,12 @@ TEST = """
 """
 
 
+@pytest.fixture(autouse=True)
+def _no_options_of_this_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the project are unknown to tests in another folder."""
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+
+
 @pytest.mark.parametrize(
     ("fails", "code"),
     [
