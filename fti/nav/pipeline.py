@@ -119,7 +119,7 @@ class Pipeline:
         nav = self._navigation.at(t_valid_ns)
         height = channel.take(channel.read(m, t_valid_ns), nav)
         events = self._ground_check.update(height)
-        against = self._agreement.update(height)
+        against = self._agreement.update(height, channel.since_ns)
         height = channel.widen(height)
         if against:
             height = replace(height, valid=False, reasons=(*height.reasons, *against))

@@ -119,18 +119,53 @@ def test_who_is_refused_for_another_reason_takes_the_doubt_with_it() -> None:
     for k in range(20):
         check.update(height("laser", k, 50.0))
         assert check.update(height("radar", k, 60.0)) == (DISAGREE if k > 4 else ())
-    check.update(height("radar", 20, 60.0, reasons=(Reason.STUCK,)))
+    check.update(height("radar", 20, 60.0, reasons=(Reason.STUCK,)), {Reason.STUCK})
     assert check.update(height("laser", 21, 50.0)) == ()
 
 
-def test_an_altimeter_that_falls_silent_leaves_the_other_alone_after_2_s() -> None:
+def test_a_single_sample_that_deviates_does_not_decide_which_of_two_is_wrong() -> None:
     check = AgreementCheck({"radar": RADAR, "laser": LASER})
     for k in range(20):
         check.update(height("laser", k, 50.0))
         check.update(height("radar", k, 60.0))
-    found = [check.update(height("laser", k, 50.0)) for k in range(20, 60)]
-    assert found[0] == DISAGREE
-    assert set(found[22:]) == {()}
+    check.update(height("laser", 20, 50.0, reasons=(Reason.DEVIATION,)))
+    assert check.update(height("radar", 21, 60.0)) == DISAGREE
+    check.update(height("laser", 22, 50.0, reasons=(Reason.DEVIATION,)), {Reason.DEVIATION})
+    assert check.update(height("radar", 23, 60.0)) == ()
+
+
+def test_an_altimeter_that_falls_silent_leaves_the_other_alone_after_20_times_as_long_as_they_disagreed() -> None:
+    """They disagree from 0.5 s to 2 s: for 30 s more."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(20):
+        check.update(height("laser", k, 50.0))
+        check.update(height("radar", k, 60.0))
+    found = [check.update(height("laser", k, 50.0)) for k in range(20, 400)]
+    assert set(found[:250]) == {DISAGREE}
+    assert set(found[310:]) == {()}
+
+
+@pytest.mark.parametrize(("said", "believed"), [(51.0, True), (57.0, False)])
+def test_who_is_left_alone_is_not_the_wrong_one_where_the_ground_confirms_it(said: float, believed: bool) -> None:
+    """50 m predicted, sigma 2 m, once the laser is gone; before, the ground is unknown."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(40):
+        check.update(height("laser", k, said - 10.0))
+        check.update(height("radar", k, said))
+    found = [check.update(height("radar", k, said, known=True)) for k in range(40, 90)]
+    assert set(found[:20]) == {DISAGREE}
+    assert set(found[32:]) == {() if believed else DISAGREE}
+
+
+def test_two_that_agree_in_moments_seconds_apart_are_still_refused() -> None:
+    """For 0.1 s in 3: no second of agreement."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    for k in range(120):
+        said = 50.0 if k > 20 and k % 30 < 2 else 60.0
+        if k <= 20 or k % 30 < 2:
+            check.update(height("radar", k, said))
+        found = check.update(height("laser", k, 50.0))
+    assert found == DISAGREE
 
 
 def test_samples_are_compared_at_one_time() -> None:

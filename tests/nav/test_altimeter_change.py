@@ -83,6 +83,23 @@ def test_over_unknown_ground_the_climb_tells() -> None:
     assert found[0] == pytest.approx(20.0 + 4 * 5.3 / 5.0, abs=0.3)
 
 
+def test_a_stuck_one_is_refused_although_its_sigma_was_large_at_first() -> None:
+    """Stuck at 20 s; for a second of it nobody knows the place."""
+    flown = samples(45.0, held(stepped(hills, 1.524), 20.0, 40.0), predicted=hills)
+    seen = [replace(o, sd=30.0) if 21.0 <= o.t_ns / S < 22.0 else o for o in flown]
+    found = refused(seen, Reason.STUCK)
+    assert found is not None
+    assert 22.0 <= found[0] <= 28.0
+
+
+def test_known_ground_that_rises_as_the_aircraft_does_makes_no_altimeter_stuck() -> None:
+    """The height above it stays the same; now and then a sample has no prediction."""
+    climb: Profile = lambda t: 500.0 + 2.0 * t  # noqa: E731
+    flown = samples(30.0, level(100.0), predicted=level(100.0), alt=climb)
+    seen = [replace(o, predicted=None) if k % 200 == 199 else o for k, o in enumerate(flown)]
+    assert {found for _, found in reasons(seen)} == {()}
+
+
 def test_hills_under_a_level_flight_without_a_terrain_are_no_reason() -> None:
     assert {found for _, found in reasons(samples(60.0, stepped(hills, 1.524), predicted=None))} == {()}
 
@@ -348,6 +365,21 @@ def test_two_moments_that_agree_across_a_hole_of_the_ground_prove_nothing() -> N
         o if (o.t_ns - S) / S < 30.0 or (o.t_ns - S) / S % 9.0 < 1.2 else replace(o, predicted=None) for o in seen
     ]
     assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(sparse) if t >= 27.0)
+
+
+def test_means_that_agree_seconds_apart_do_not_end_a_mismatch() -> None:
+    """Known ground for 1 s in 4, and only there the altimeter, else 20 m off, says what is predicted."""
+
+    def is_seen(t: float) -> bool:
+        return t < 30.0 or t % 4.0 < 1.2
+
+    def value(t: float) -> float:
+        return OFF_AT_20_S(t) if t < 30.0 or not is_seen(t) else hills(t)
+
+    seen = [
+        o if is_seen((o.t_ns - S) / S) else replace(o, predicted=None) for o in samples(60.0, value, predicted=hills)
+    ]
+    assert all(Reason.CHANGE_MISMATCH in r for t, r in reasons(seen) if t >= 27.0)
 
 
 @pytest.mark.parametrize(("off_m", "ends"), [(3.0, True), (6.0, False)])

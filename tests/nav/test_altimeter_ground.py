@@ -6,7 +6,7 @@ The ground is level at 0 m, the aircraft flies north at a known height: every tr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from fti.config import parse
+from fti.nav.altimetry.deviation import DeviationMemory
 from fti.nav.ground import Ground
 from fti.nav.pipeline import Pipeline
 from fti.terrain.terrain import Terrain
@@ -45,12 +46,24 @@ def terrain() -> Terrain:
     return Terrain.from_array(np.zeros((401, 401)), 10.0, **latlon, east0=-2000.0, north0=-2000.0)
 
 
-def pipeline(*names: str) -> Pipeline:
-    line = {"link": "line", "driver": "x"}
+def pipeline(*names: str, late_s: Mapping[str, float] | None = None) -> Pipeline:
+    line, late_s = {"link": "line", "driver": "x"}, late_s or {}
     config = {
         "session": {"name": "t"},
         "link": [{"name": "line", "kind": "serial", "port": "/dev/null"}],
-        "device": [{"name": "ins", **line}, *({"name": name, "altimeter": LIMITS[name], **line} for name in names)],
+        "device": [
+            {"name": "ins", **line},
+            *(
+                {
+                    "name": name,
+                    "altimeter": LIMITS[name],
+                    "latency_ms": 1e3 * late_s.get(name, 0.0),
+                    "max_age_ms": 2000.0,
+                    **line,
+                }
+                for name in names
+            ),
+        ],
         "nav": {"attitude": ["ins"], "position": ["ins"], "altimeters": list(names)},
     }
     made = Pipeline(parse(config, "", Path("t.toml")), None)
@@ -61,9 +74,10 @@ def pipeline(*names: str) -> Pipeline:
 def fly(
     seconds: float, said: dict[str, Ranges], height_m: float, *, has_position: Callable[[float], bool] = lambda t: True,
     altitude_error_m: float = 0.0, altitude_sd_m: float = 2.5, north_m: float = -1800.0,
+    late_s: Mapping[str, float] | None = None,
 ) -> Iterator[tuple[float, list[Output | Event]]]:  # fmt: skip
     """Outputs of every sample; the altimeters have a noise of 0.1 m, the sequence is always the same."""
-    rng, made, frame = np.random.default_rng(7), pipeline(*said), terrain().frame
+    rng, made, frame = np.random.default_rng(7), pipeline(*said, late_s=late_s), terrain().frame
     for k in range(round(seconds * HZ)):
         t, now = k / HZ, S + k * S // HZ
         made.feed("ins", Attitude(stamp=Stamp(now), roll=0.0, pitch=0.0, heading=0.0, roll_sd=0.003, pitch_sd=0.003))
@@ -173,6 +187,38 @@ def test_who_is_beyond_its_limit_stays_refused_where_the_gate_is_twice_as_wide()
     assert valid_share(flight, "laser", 0.0, 20.0) == 0.0
 
 
+def test_two_returns_a_second_apart_are_no_second_of_agreement() -> None:
+    """Fog, in which one return in a second passes; then the position is lost, and the fog is all there is."""
+    memory = DeviationMemory()
+    for k in range(50):
+        memory.update(S + k * S // 10, deviates=True)
+    assert memory.update(8 * S, deviates=False)
+    assert memory.update(10 * S, deviates=False)
+    assert memory.update(10 * S + S // 10, deviates=None)
+
+
+def test_an_altimeter_that_measures_once_a_second_is_refused_and_valid_again() -> None:
+    """Fog for 10 s; two samples that agree are no proof, three are."""
+    memory = DeviationMemory()
+    found = [memory.update(round(1.02 * k * S), deviates=10 <= k < 20) for k in range(1, 30)]
+    assert found == [False] * 11 + [True] * 10 + [False] * 8
+
+
+def test_two_deviations_minutes_apart_are_no_refusal() -> None:
+    memory = DeviationMemory()
+    found = [memory.update(t_ns, deviates=True) for t_ns in (S, S + S // 10, 100 * S, 100 * S + S // 10)]
+    assert found == [False] * 4
+
+
+def test_a_residual_about_the_limit_ends_a_refusal_and_does_not_flap() -> None:
+    """The limit is 5 m and the gate 15 m: half of the samples 5.0 +- 0.1 m off agree, and the others say nothing."""
+    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 145.0}
+    flight = list(fly(20.0, said, 150.0, altitude_sd_m=5.0))
+    valid = [height.valid for t, out in flight if t >= 6.2 for height in heights(out, "laser")]
+    assert sum(before != now for before, now in pairwise(valid)) == 1
+    assert valid_share(flight, "laser", 8.5, 20.0) == 1.0
+
+
 def test_single_samples_that_deviate_leave_no_memory() -> None:
     """One of 15, as at the edge of a wood."""
     said = {"laser": lambda t: 120.0 if round(t * HZ) % 15 == 0 else 150.0}
@@ -197,6 +243,30 @@ def test_two_that_agree_against_the_ground_are_believed_with_the_relief_assumed(
         told = [text for _, out in flight for text in events(out, name) if "altitude or terrain is wrong: " in text]
         assert len(told) == 1
         assert "-47 m" in told[0]
+
+
+def test_two_that_agree_against_the_ground_are_believed_although_one_of_them_comes_later() -> None:
+    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(20.0, said, 100.0, altitude_error_m=UNDULATION_M, late_s={"laser": 0.8}))
+    for name in said:
+        assert valid_share(flight, name, 4.0, 20.0) == 1.0
+
+
+def test_a_wrong_ground_is_wrong_where_nothing_is_predicted_too() -> None:
+    """The edge of the terrain is 30 s ahead; heights beyond it say for a minute that the ground was called wrong."""
+    said = {"radar": lambda t: 100.0, "laser": lambda t: 100.0}
+    flight = list(fly(60.0, said, 100.0, altitude_error_m=UNDULATION_M, north_m=800.0))
+    beyond = [height for t, out in flight if t >= 3.0 for name in said for height in heights(out, name)]
+    assert any(Reason.TERRAIN_EDGE in height.unchecked for height in beyond)
+    assert all(Reason.GROUND_CONTRADICTED in height.unchecked for height in beyond)
+
+
+def test_deviations_alike_in_moments_far_apart_do_not_make_the_ground_wrong() -> None:
+    """A radar and a laser that have returns at 5 s, and at 40 s."""
+    returns: Ranges = lambda t: 53.0 if 5.0 <= t < 5.25 or 40.0 <= t < 40.35 else math.nan  # noqa: E731
+    flight = list(fly(45.0, {"radar": returns, "laser": returns}, 100.0))
+    assert valid_share(flight, "radar", 0.0, 45.0) == 0.0
+    assert not any("altitude or terrain is wrong" in text for _, out in flight for text in events(out, "radar"))
 
 
 def test_the_ground_counts_again_when_the_altitude_is_right_again() -> None:

@@ -189,7 +189,9 @@ def test_a_height_that_is_compared_with_itself_says_so(ground: Ground, rate: flo
     assert flown.texts(0.0) == [HELD]
     assert flown.altitude_error(90.0, 100.0) > 10.0, "it follows"
     held = flown.of("radar", 46.0, 100.0)
-    assert all(Reason.NOT_INDEPENDENT in height.unchecked for height in held if height.predicted is not None)
+    compared = [height for height in held if height.predicted is not None]
+    assert len(compared) > 0.9 * len(held)
+    assert all(Reason.NOT_INDEPENDENT in height.unchecked for height in compared)
 
 
 def test_a_sound_altimeter_that_holds_the_altitude_stays_valid(ground: Ground) -> None:

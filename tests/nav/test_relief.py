@@ -69,6 +69,16 @@ def test_a_silence_begins_a_new_profile() -> None:
     assert found.sd(50.0) == RELIEF_UNKNOWN_M
 
 
+@pytest.mark.parametrize(("silent_s", "alt"), [(3.0, 500.0), (0.1, None)])
+def test_after_a_silence_or_without_an_altitude_the_hills_of_before_are_assumed(
+    silent_s: float, alt: float | None
+) -> None:
+    found, _ = over_hills(20.0, 40.0)
+    at_ns = 40 * SECOND + round(silent_s * SECOND)
+    found.take(at_ns, 290.0, 290.0, nav(alt))
+    assert found.sd(1.0) == pytest.approx(math.sqrt(2.0) * 20.0, rel=0.15)
+
+
 def over_hills(relief_sd: float, seconds: float, stuck_s: float = math.inf) -> tuple[ReliefEstimator, float]:
     """In level flight at 60 m/s, with the height above the ground now less the one stated [m]."""
     found, held = ReliefEstimator(None), 0.0

@@ -11,10 +11,12 @@ kind see the same.  In a bank both see places beside the nadir, and ``SLOPE`` ti
 allowed to either side.
 
 A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
-within 0.8 of the limit, or without a comparison for 2 s.  Samples with any other reason against them are not compared.
+within 0.8 of the limit, or without a comparison for 20 times as long as it lasted, 10 minutes at most.  Samples with
+any other reason against them are not compared.
 Of two that disagree, the wrong one is one that is stuck, that changes otherwise than predicted, or that the ground
 refuses, until it agrees again; or the one farther than three sigmas from what the ground predicts while the other is
-within two (once it is: farther than two, the other within three); else both are refused.
+within two (once it is: farther than two, the other within three); else both are refused.  One that has no other to be
+compared with for 2 s, and is within two sigmas of what the ground predicts for 1 s, is not the wrong one.
 Source: section 1 and 2 of the specification of fault detection (second altimeter); the share is 15 ft of 200 ft; trees
 to 25 m as in ``fti.terrain.synthetic.forest``.
 """
@@ -23,7 +25,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -40,8 +42,10 @@ GROWTH_M, SLOPE = 25.0, 0.3
 BEGIN_NS, BEGIN_COUNT, END_NS = 500_000_000, 3, 1_000_000_000
 #: Agreement ends a refusal within this share of the limit.
 END_SHARE = 0.8
-#: Between two samples that are farther apart nothing is interpolated; without a comparison a refusal ends [ns].
-MAX_GAP_NS, EXPIRE_NS = 1_000_000_000, 2_000_000_000
+#: Between two samples farther apart nothing is interpolated; comparisons farther apart do not follow each other [ns].
+MAX_GAP_NS = 1_000_000_000
+#: Without a comparison a refusal ends after so many times the time that it lasted, within these limits [ns].
+UNCOMPARED_SHARE, MIN_UNCOMPARED_NS, MAX_UNCOMPARED_NS = 20, 2_000_000_000, 600_000_000_000
 #: Reasons against one altimeter that decide which of two is the wrong one.
 DECIDES = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
 #: Samples kept of each altimeter: three of them are never closer than this [ns], so they last for 1.6 s or longer.
@@ -90,9 +94,10 @@ class _Pair:
     def __init__(self, first: str, second: str) -> None:
         self.names = first, second
         self.wrong: frozenset[str] = frozenset()
-        self._last_ns = self._compared_ns = 0
+        self._last_ns = self._compared_ns = self._begun_ns = 0
         self._since_ns: int | None = None
         self._count = 0
+        self._confirmed: tuple[str, int, int] | None = None  # who, since when, until when
 
     def compare(
         self, t_ns: int, first: Comparable, second: Comparable, limits: tuple[Altimeter, Altimeter], now_ns: int
@@ -100,6 +105,8 @@ class _Pair:
         """Take what both say at one time.  now_ns : when the later one of both came"""
         if t_ns <= self._last_ns:
             return
+        if t_ns - self._last_ns > MAX_GAP_NS:
+            self._since_ns, self._count = None, 0
         self._last_ns, self._compared_ns = t_ns, now_ns
         low, high = bounds(first, second, limits)
         share = END_SHARE if self.wrong else 1.0
@@ -114,12 +121,27 @@ class _Pair:
         needed_ns, needed = (END_NS, 1) if self.wrong else (BEGIN_NS, BEGIN_COUNT)
         if t_ns - self._since_ns >= needed_ns and self._count >= needed:
             self.wrong = frozenset() if self.wrong else self._decide(first, second)
-            self._since_ns, self._count = None, 0
+            self._since_ns, self._count, self._begun_ns = None, 0, now_ns
 
     def expire(self, now_ns: int) -> None:
         """Without a comparison for so long nothing is known any more; how late the samples come does not matter."""
-        if now_ns - self._compared_ns > EXPIRE_NS:
-            self.wrong, self._since_ns, self._count = frozenset(), None, 0
+        unknown_ns = UNCOMPARED_SHARE * (self._compared_ns - self._begun_ns)
+        if now_ns - self._compared_ns > min(max(MIN_UNCOMPARED_NS, unknown_ns), MAX_UNCOMPARED_NS):
+            self.wrong = frozenset()
+
+    def confirm(self, now_ns: int, name: str, deviation: float | None) -> None:
+        """One of two has no other to be compared with.  deviation : of it from the ground's prediction [sigmas]"""
+        if name not in self.wrong or now_ns - self._compared_ns <= MIN_UNCOMPARED_NS:
+            return
+        if deviation is None or deviation > GOOD_SIGMAS:
+            self._confirmed = None
+            return
+        who, since_ns, last_ns = self._confirmed or (name, now_ns, now_ns)
+        if who != name or now_ns - last_ns > MAX_GAP_NS:
+            since_ns = now_ns
+        self._confirmed = name, since_ns, now_ns
+        if now_ns - since_ns >= END_NS:
+            self.wrong -= {name}
 
     def accuse(self, now_ns: int, name: str) -> None:
         """One of two that disagree is refused for another reason, which decides: it is the wrong one."""
@@ -171,27 +193,32 @@ class AgreementCheck:
         self._pairs = [_Pair(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
         self._kept: dict[str, deque[Comparable]] = {name: deque(maxlen=KEPT) for name in names}
 
-    def update(self, height: HeightAboveGround) -> tuple[Reason, ...]:
-        """Take a height; the reasons against its altimeter from the others."""
+    def update(self, height: HeightAboveGround, refusals: Collection[Reason] = ()) -> tuple[Reason, ...]:
+        """Take a height; the reasons against its altimeter from the others.
+
+        refusals : in force by the memory of the altimeter; a single sample that deviates does not decide
+        """
         pairs = [pair for pair in self._pairs if height.sensor in pair.names]
         if not pairs:
             return ()
-        self._take(height, pairs)
+        self._take(height, pairs, refusals)
         for pair in pairs:
             self._compare(pair, height.t_ns)
             pair.expire(height.t_ns)
         return (Reason.ALTIMETERS_DISAGREE,) if any(height.sensor in pair.wrong for pair in pairs) else ()
 
-    def _take(self, height: HeightAboveGround, pairs: list[_Pair]) -> None:
+    def _take(self, height: HeightAboveGround, pairs: list[_Pair], refusals: Collection[Reason]) -> None:
         found, kept = comparable(height, self._limits[height.sensor]), self._kept[height.sensor]
         if found is None:
-            if not DECIDES.isdisjoint(height.reasons):
+            if not DECIDES.isdisjoint(refusals):
                 for pair in pairs:
                     pair.accuse(height.t_ns, height.sensor)
         elif not kept or found.t_ns > kept[-1].t_ns:
             kept.append(found)
             if len(kept) > 2 and kept[-1].t_ns - kept[-3].t_ns < SPACING_NS:
                 del kept[-2]
+            for pair in pairs:
+                pair.confirm(height.t_ns, height.sensor, found.deviation)
 
     def _compare(self, pair: _Pair, now_ns: int) -> None:
         """At the newest time of which both tell."""

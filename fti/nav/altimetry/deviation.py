@@ -2,11 +2,11 @@
 
 A refusal is in force when samples deviate for 0.5 s, three or more of them, and agree for less than 0.3 s in between:
 the edges of woods follow each other less closely.  While it is, samples that the ground cannot check (no position, no
-altitude, the edge of the terrain) are refused, too.  It ends after 1 s of checked samples that do not deviate, or when
-none could be checked for 20 times as long as it deviated, 10 minutes at most: a wood that nobody knows is short, fog is
-not.  Where the gate is as wide as twice its limit, a sample within the limit itself does not deviate; one beyond it,
-within the gate, is not checked.  In a bank, and where the beam grazes the ground or meets ground that is uneven, a
-deviation proves nothing.
+altitude, the edge of the terrain) are refused, too.  It ends after 1 s of checked samples that do not deviate, three or
+more, or when none could be checked for 20 times as long as it deviated, 10 minutes at most: a wood that nobody knows is
+short, fog is not.  Where the gate is as wide as twice its limit, a sample within the limit itself does not deviate; one
+beyond it, within the gate, is not checked.  In a bank, and where the beam grazes the ground or meets ground that is
+uneven, a deviation proves nothing.
 Stated, not measured: all times.
 """
 
@@ -14,12 +14,15 @@ from __future__ import annotations
 
 from fti.nav.series import SECOND_NS
 
-#: A refusal begins after so long, and so many samples; agreement that begins the count anew; that ends a refusal [ns].
-BEGIN_NS, BEGIN_COUNT, RESET_NS, END_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10, SECOND_NS
+#: A refusal begins after so long [ns], and so many samples; agreement that begins the count anew [ns].
+BEGIN_NS, BEGIN_COUNT, RESET_NS = SECOND_NS // 2, 3, 3 * SECOND_NS // 10
+#: Agreement that ends a refusal [ns], and so many samples.
+END_NS, END_COUNT = SECOND_NS, 3
 #: Without a check a refusal ends after so many times its deviations, and after this time at most [ns].
 UNCHECKED_SHARE, MAX_UNCHECKED_NS = 20, 600 * SECOND_NS
-#: So long without a deviation, and without a check, the count begins anew [ns].
-MAX_GAP_NS = SECOND_NS
+#: After so long without a deviation, or without a sample that agrees, the count of these begins anew: more than two
+#: samples of an altimeter that measures once a second [ns].
+MAX_GAP_NS = 5 * SECOND_NS // 2
 
 
 class DeviationMemory:
@@ -31,6 +34,7 @@ class DeviationMemory:
         self._first_ns: int | None = None
         self._count = 0
         self._agrees_ns: int | None = None
+        self._agreed_ns = self._agreements = 0
 
     def update(self, t_ns: int, deviates: bool | None) -> bool:
         """Whether a refusal is in force.  deviates : None where the ground cannot be asked"""
@@ -43,8 +47,8 @@ class DeviationMemory:
             self._count_deviation(t_ns)
         elif deviates is None:
             self._miss_check(t_ns)
-        elif self._agrees_for(t_ns) >= (RESET_NS if self.since_ns is None else END_NS):
-            self.forget()
+        else:
+            self._count_agreement(t_ns)
         return self.since_ns is not None
 
     def forget(self) -> None:
@@ -53,22 +57,25 @@ class DeviationMemory:
         self._count = 0
 
     def _miss_check(self, t_ns: int) -> None:
-        self._agrees_ns = None
         if self.since_ns is None:
-            is_over = t_ns - self._deviated_ns > MAX_GAP_NS
-        else:
-            unchecked_ns = min(UNCHECKED_SHARE * (self._deviated_ns - self.since_ns), MAX_UNCHECKED_NS)
-            is_over = t_ns - self._checked_ns > unchecked_ns
-        if is_over:
+            return
+        unchecked_ns = min(UNCHECKED_SHARE * (self._deviated_ns - self.since_ns), MAX_UNCHECKED_NS)
+        if t_ns - self._checked_ns > unchecked_ns:
             self.forget()
 
     def _count_deviation(self, t_ns: int) -> None:
+        if self.since_ns is None and t_ns - self._deviated_ns > MAX_GAP_NS:
+            self.forget()
         self._agrees_ns, self._deviated_ns = None, t_ns
         self._first_ns = t_ns if self._first_ns is None else self._first_ns
         self._count += 1
         if self._count >= BEGIN_COUNT and t_ns - self._first_ns >= BEGIN_NS and self.since_ns is None:
             self.since_ns = self._first_ns
 
-    def _agrees_for(self, t_ns: int) -> int:
-        self._agrees_ns = t_ns if self._agrees_ns is None else self._agrees_ns
-        return t_ns - self._agrees_ns
+    def _count_agreement(self, t_ns: int) -> None:
+        if self._agrees_ns is None or t_ns - self._agreed_ns > MAX_GAP_NS:
+            self._agrees_ns, self._agreements = t_ns, 0
+        self._agreed_ns, self._agreements = t_ns, self._agreements + 1
+        lasted_ns = t_ns - self._agrees_ns
+        if (lasted_ns >= END_NS and self._agreements >= END_COUNT) or (self.since_ns is None and lasted_ns >= RESET_NS):
+            self.forget()

@@ -13,6 +13,7 @@ Source: section 1 of the specification of fault detection (second altimeter); ti
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -27,6 +28,10 @@ from fti.types import Event, HeightAboveGround, Reason
 BEGIN_NS, BEGIN_COUNT, END_NS = 2 * SECOND_NS, 5, 2 * SECOND_NS
 #: Samples of two altimeters are compared when they are no farther apart [ns].
 MAX_APART_NS = SECOND_NS // 2
+#: Samples are kept for so long: those of an altimeter with a greater latency come later [ns].
+KEPT_NS = 2 * SECOND_NS
+#: Comparisons that are farther apart do not follow each other [ns].
+MAX_GAP_NS = 5 * SECOND_NS // 2
 #: Without a comparison the doubt ends after this time [ns].
 MAX_UNCOMPARED_NS = 60 * SECOND_NS
 #: Reasons of an altimeter that measures, and that the ground contradicts.
@@ -58,6 +63,25 @@ def _deviation(height: HeightAboveGround, limits: Altimeter) -> _Deviation | Non
     return _Deviation(height.t_valid_ns, value, height.nearest_sd or 0.0, height.raw, is_beyond)
 
 
+def _keep(kept: deque[_Deviation], found: _Deviation) -> None:
+    """Append the newest; forget what is older than ``KEPT_NS``."""
+    if kept and found.t_ns <= kept[-1].t_ns:
+        return
+    kept.append(found)
+    while found.t_ns - kept[0].t_ns > KEPT_NS:
+        kept.popleft()
+
+
+def _nearest(kept: deque[_Deviation], t_ns: int) -> _Deviation:
+    """Of samples in the order of their times the nearest to ``t_ns``; looked for from the newest on."""
+    nearest = kept[-1]
+    for one in reversed(kept):
+        if abs(one.t_ns - t_ns) > abs(nearest.t_ns - t_ns):
+            break
+        nearest = one
+    return nearest
+
+
 def _are_alike(first: _Deviation, second: _Deviation) -> bool:
     """Both beyond their gates, to the same side, and by the same amount."""
     if not (first.is_beyond and second.is_beyond and first.value * second.value > 0.0):
@@ -82,6 +106,8 @@ class _Pair:
         t_ns = max(first.t_ns, second.t_ns)
         if abs(first.t_ns - second.t_ns) > MAX_APART_NS or t_ns <= self._compared_ns:
             return
+        if t_ns - self._compared_ns > MAX_GAP_NS:
+            self._since_ns, self._count = None, 0
         self._compared_ns = t_ns
         if _are_alike(first, second) == self.is_doubted:  # as it was
             self._since_ns, self._count = None, 0
@@ -107,7 +133,7 @@ class GroundCheck:
     def __init__(self, limits: Mapping[str, Altimeter]) -> None:
         self._limits = limits
         self._pairs = [_Pair(pair) for pair in combinations(limits, 2) if len({limits[n].kind for n in pair}) == 2]
-        self._latest: dict[str, _Deviation] = {}
+        self._kept: dict[str, deque[_Deviation]] = {name: deque() for name in limits}
         self.doubted: frozenset[str] = frozenset()
 
     def update(self, height: HeightAboveGround) -> list[Event]:
@@ -117,10 +143,11 @@ class GroundCheck:
             return []
         found = _deviation(height, self._limits[height.sensor])
         if found is not None:
-            self._latest[height.sensor] = found
+            _keep(self._kept[height.sensor], found)
         for pair in pairs:
-            if found is not None and all(name in self._latest for name in pair.names):
-                pair.compare(self._latest[pair.names[0]], self._latest[pair.names[1]])
+            kept = [self._kept[name] for name in pair.names]
+            if found is not None and all(kept):
+                pair.compare(*(_nearest(each, found.t_ns) for each in kept))
             pair.expire(height.t_valid_ns or height.t_ns)
         before, self.doubted = self.doubted, _names(pair for pair in self._pairs if pair.is_doubted)
         return [
@@ -129,7 +156,7 @@ class GroundCheck:
         ]
 
     def _begin(self, t_ns: int, name: str) -> Event:
-        off = self._latest[name].value
+        off = self._kept[name][-1].value
         text = f"altitude or terrain is wrong: {off:+.0f} m against it and another altimeter that agree"
         return Event(t_ns=t_ns, level="warning", source=name, text=f"{text}; it is not compared with the ground")
 

@@ -216,7 +216,7 @@ class AltimeterChannel:
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
         deviates = self._deviates(reading.value, expected, against)
-        stays = self._deviation.update(reading.t_valid_ns, deviates) and deviates is None
+        stays = self._deviation.update(reading.t_valid_ns, deviates)
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
 
     def _deviates(self, value: float, expected: ExpectedOrReason | None, against: tuple[Reason, ...]) -> bool | None:
@@ -235,7 +235,9 @@ class AltimeterChannel:
         if expected is None:
             return {}
         if not isinstance(expected, Expected):
-            return {"unchecked": (expected if isinstance(expected, Reason) else Reason.NO_PREDICTION,)}
+            missing = expected if isinstance(expected, Reason) else Reason.NO_PREDICTION
+            doubt = (Reason.GROUND_CONTRADICTED,) if self._ground_is_doubted else ()
+            return {"unchecked": (*doubt, missing)}
         unchecked = (
             (Reason.GROUND_CONTRADICTED, self._ground_is_doubted),
             (Reason.NOT_INDEPENDENT, self.name in nav.altitude_holders),
@@ -304,7 +306,7 @@ def _by_ground(expected: ExpectedOrReason | None) -> dict[str, Any]:
     if not isinstance(expected, Expected):
         return {}
     return {
-        "predicted": _number(expected.slant_range),
+        "predicted": expected.slant_range,
         "dispersion": _number(expected.dispersion),
         "incidence": _number(expected.incidence),
         "navigated": _number(expected.height),
@@ -314,5 +316,5 @@ def _by_ground(expected: ExpectedOrReason | None) -> dict[str, Any]:
 
 
 def _number(value: float | None) -> float | None:
-    """The value; None where it is no number, for nan passes every limit."""
+    """The value; None where it is no number: the device found no return, or the terrain has a hole there."""
     return value if value is not None and math.isfinite(value) else None

@@ -145,6 +145,8 @@ class MismatchTest:
         if self._joins and self._reference is not None and self._newest is not None:
             self._reference = self._reference.moved(self._newest, block)
         self._joins = False
+        if self._newest is not None and block.t_ns - self._newest.t_ns > MAX_HOLE_NS:
+            self._agreements = self._confirmations = 0
         if self._reference is not None:
             self._end(block, self._reference)
         if not self._is_refused:

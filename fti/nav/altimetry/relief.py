@@ -66,11 +66,10 @@ class ReliefEstimator:
             self._value, self._value_ns, self._samples = value, t_ns, 0
         self._samples += 1
         since = t_ns - self._newest_ns
-        if 0 <= since < STEP_NS:
+        if since < STEP_NS:
             return
-        if not 0 <= since <= MAX_GAP_NS or (alt is None) == self._has_altitude:
-            self._profile.clear()
-            self._far = RELIEF_UNKNOWN_M
+        if since > MAX_GAP_NS or (alt is None) == self._has_altitude:
+            self._begin_anew(t_ns)
         self._newest_ns, self._has_altitude = t_ns, alt is not None
         self._follow_speed(nav)
         if self._samples >= MIN_RUN_SAMPLES and t_ns - self._value_ns >= MIN_RUN_NS:

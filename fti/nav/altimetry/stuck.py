@@ -22,6 +22,8 @@ from fti.nav.series import SECOND_NS
 MIN_RUN_NS, MIN_RUN_SAMPLES = 2 * SECOND_NS, 5
 #: Change of prediction that a repeated value contradicts, in steps of the resolution, and in sigmas.
 STUCK_STEPS, STUCK_SIGMAS = 4.0, 1.5
+#: A sigma has become smaller when it has been for so long [ns].
+SETTLE_NS = 2 * SECOND_NS
 #: Time over which the prediction is smoothed [ns].
 SMOOTHING_NS = SECOND_NS // 10
 #: Agreement after a run of equal values until a stuck altimeter is valid again [ns].
@@ -61,35 +63,60 @@ class _Span:
 
 
 @dataclass(slots=True)
+class _Change:
+    """Change of the prediction, or of the altitude, while a value repeats.  sd : largest sigma of its samples [m]
+
+    A sigma that has been less than half of the largest one for ``SETTLE_NS`` begins the change anew: the extremes of
+    before may be errors as large as the sigma of then.
+    """
+
+    sd: float = 0.0
+    spans: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
+    _large_ns: int = 0
+
+    def add(self, t_ns: int, values: tuple[float, float], sd: float) -> None:
+        if sd >= 0.5 * self.sd:
+            self._large_ns = t_ns
+        elif t_ns - self._large_ns > SETTLE_NS:
+            self.sd, self.spans, self._large_ns = sd, (_Span(), _Span()), t_ns
+        self.sd = max(self.sd, sd)
+        for span, value in zip(self.spans, values, strict=True):
+            span.add(t_ns, value)
+
+    def exceeds(self, step: float) -> bool:
+        """Whether it is more than a repeated value allows.  step : of the resolution [m]"""
+        limit = max(STUCK_STEPS * step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
+        return min(span.size for span in self.spans) > limit
+
+
+@dataclass(slots=True)
 class _Run:
-    """Equal values in succession.  sd : the largest sigma of a sample in it [m]"""
+    """Equal values in succession.
+
+    predicted : where the ground is known; altitude : since it has not been
+    """
 
     value: float
     begin_ns: int
     samples: int = 0
-    sd: float = 0.0
-    predicted: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
-    altitude: tuple[_Span, _Span] = field(default_factory=lambda: (_Span(), _Span()))
+    predicted: _Change = field(default_factory=_Change)
+    altitude: _Change = field(default_factory=_Change)
 
     def add(self, o: Observation, climbed: float) -> None:
         """A sample with this value; climbed : the integral of the climb rate [m]."""
         self.samples += 1
-        self.sd = max(self.sd, o.sd)
         if o.alt is None:
             return
-        self.altitude[0].add(o.t_ns, o.alt)
-        self.altitude[1].add(o.t_ns, climbed)
-        if o.predicted is not None:
-            self.predicted[0].add(o.t_ns, o.predicted)
-            self.predicted[1].add(o.t_ns, o.predicted - o.alt + climbed)
+        if o.predicted is None:
+            self.altitude.add(o.t_ns, (o.alt, climbed), o.sd)
+        else:
+            self.predicted.add(o.t_ns, (o.predicted, o.predicted - o.alt + climbed), o.sd)
+            self.altitude = _Change()
 
-    def is_contradicted(self, t_ns: int, step: float, *, known: bool) -> bool:
-        """Whether the prediction changed although the value did not.  step : of the resolution [m]"""
-        spans = self.predicted if known else self.altitude
-        change = min(span.size for span in spans)
-        limit = max(STUCK_STEPS * step, STUCK_SIGMAS * math.sqrt(2.0) * self.sd)
+    def is_contradicted(self, t_ns: int, step: float) -> bool:
+        """Whether prediction or altitude changed although the value did not.  step : of the resolution [m]"""
         long_enough = t_ns - self.begin_ns >= MIN_RUN_NS and self.samples >= MIN_RUN_SAMPLES
-        return long_enough and change > limit
+        return long_enough and (self.predicted.exceeds(step) or self.altitude.exceeds(step))
 
 
 class StuckTest:
@@ -115,7 +142,7 @@ class StuckTest:
     def join(self) -> None:
         """Position or altitude come from another source from now on."""
         if self._run is not None:
-            for span in (*self._run.predicted, *self._run.altitude):
+            for span in (*self._run.predicted.spans, *self._run.altitude.spans):
                 span.join()
 
     def update(self, o: Observation, climbed: float, resolution: float | None) -> bool:
@@ -125,7 +152,7 @@ class StuckTest:
             run = self._run = _Run(o.value, o.t_ns)
         run.add(o, climbed)
         step = largest_step(o.value) if resolution is None else resolution
-        if run.is_contradicted(o.t_ns, step, known=o.predicted is not None):
+        if run.is_contradicted(o.t_ns, step):
             self.since_ns = run.begin_ns if self._contradicted_ns is None else self.since_ns
             self._contradicted_ns = o.t_ns
         elif self._contradicted_ns is not None and self._agrees_since(self._contradicted_ns, run, o.t_ns):
