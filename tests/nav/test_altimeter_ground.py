@@ -180,6 +180,14 @@ def test_who_agrees_again_is_valid_where_the_gate_is_twice_as_wide_as_its_limit(
     assert all(Reason.UNCERTAIN in height.unchecked for _, out in flight for height in heights(out, "laser"))
 
 
+def test_where_the_gate_is_narrow_the_first_sample_that_agrees_is_valid() -> None:
+    """After an obstacle of 1.2 s; the refusal itself ends a second later, where the ground cannot be asked."""
+    said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
+    flight = list(fly(12.0, said, 150.0))
+    assert valid_share(flight, "laser", 5.0, 6.2) == 0.0
+    assert valid_share(flight, "laser", 6.2, 6.35) == 1.0
+
+
 def test_who_is_beyond_its_limit_stays_refused_where_the_gate_is_twice_as_wide() -> None:
     """A deviation of 12 m proves nothing where the gate is 15 m, neither against the altimeter nor for it."""
     said = {"laser": lambda t: 70.0 if t < 6.0 else 138.0}

@@ -216,8 +216,13 @@ class AltimeterChannel:
         seen = make_observation(reading.t_valid_ns, reading.value, reading.sd, nav, expected=known)
         by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
         deviates = self._deviates(reading.value, expected, against)
-        stays = self._deviation.update(reading.t_valid_ns, deviates)
+        in_force = self._deviation.update(reading.t_valid_ns, deviates)
+        stays = in_force and not (deviates is False and self._is_compared(expected))
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
+
+    def _is_compared(self, expected: ExpectedOrReason | None) -> bool:
+        """Whether a sample within its gate agrees; in one as wide as twice its limit it may err by more than that."""
+        return isinstance(expected, Expected | NoGround) and compares(expected.range_sd, self.limits)
 
     def _deviates(self, value: float, expected: ExpectedOrReason | None, against: tuple[Reason, ...]) -> bool | None:
         """Whether the ground proves a sample wrong; None where it proves nothing."""
@@ -228,7 +233,7 @@ class AltimeterChannel:
         if not isinstance(expected, Expected | NoGround):
             return None
         is_confirmed = isinstance(expected, Expected) and is_within_limit(value - expected.slant_range, self.limits)
-        return False if is_confirmed or compares(expected.range_sd, self.limits) else None
+        return False if is_confirmed or self._is_compared(expected) else None
 
     def _prediction(self, expected: ExpectedOrReason | None, value: float | None, nav: NavState) -> dict[str, Any]:
         """What the ground adds to an output: the predicted range, and why that does not check the height."""
