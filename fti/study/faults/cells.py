@@ -1,0 +1,152 @@
+"""The table of cells: fault, magnitude, grade, receivers, and whether legs or turns are flown.
+
+Source: the faults that receivers, barometers and inertial units are known for.  Ramps of position from 0.1 to 3 m/s,
+with and without the velocity that belongs to them, sharp or growing with 0.02, 0.1 or 0.3 m/s^2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import product
+
+GRADES = ("navigation", "tactical", "industrial", "mems")
+PATTERNS = ("legs", "turns")
+SHARP = math.inf
+ONSETS_M_S2 = (SHARP, 0.02, 0.1, 0.3)
+
+
+class Kind(StrEnum):
+    """What is wrong; receivers first, then barometer and inertial unit."""
+
+    NONE = "none"
+    FROZEN = "frozen"  # position and velocity repeat with fresh time
+    FROZEN_POSITION = "frozen-position"  # the velocity lives
+    JUMP = "jump"  # of the position, horizontal, at once
+    SWAPPED = "swapped"  # latitude and longitude
+    RAMP = "ramp"  # of the position, horizontal
+    SIGMA = "sigma"  # the stated sigma is so many times too small: errors of 10 s are added
+    UNDULATION_ZERO = "undulation-zero"  # undulation 0, ellipsoidal height equal to that above mean sea level
+    MSL_HEIGHT = "msl-height"  # height above mean sea level for that above the ellipsoid
+    HEIGHT = "height"  # constant error
+    TIME_STEP = "time-step"  # values of a moment earlier
+    BARO_STEP = "baro-step"
+    BARO_RAMP = "baro-ramp"
+    QNH = "qnh"  # wrong pressure setting
+    ACCEL_STEP = "accel-step"  # bias of one axis
+    GYRO_STEP = "gyro-step"
+    ACCEL_STUCK = "accel-stuck"  # one axis repeats
+    GYRO_STUCK = "gyro-stuck"
+    ACCEL_SATURATED = "accel-saturated"  # all axes at so much
+    GYRO_SATURATED = "gyro-saturated"
+
+
+BARO_KINDS = frozenset({Kind.BARO_STEP, Kind.BARO_RAMP, Kind.QNH})
+INERTIAL_KINDS = frozenset(
+    {Kind.ACCEL_STEP, Kind.GYRO_STEP, Kind.ACCEL_STUCK, Kind.GYRO_STUCK, Kind.ACCEL_SATURATED, Kind.GYRO_SATURATED}
+)
+UNITS = {
+    Kind.JUMP: "m", Kind.RAMP: "m/s", Kind.SIGMA: "times", Kind.HEIGHT: "m", Kind.TIME_STEP: "s", Kind.BARO_STEP: "m",
+    Kind.BARO_RAMP: "m/s", Kind.QNH: "hPa", Kind.ACCEL_STEP: "m/s^2", Kind.GYRO_STEP: "deg/s",
+    Kind.ACCEL_SATURATED: "m/s^2", Kind.GYRO_SATURATED: "deg/s",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell.  ``magnitude`` in ``unit``; the other fields of a fault count for ramps alone.
+
+    onset_m_s2 : acceleration with which a ramp grows, infinite when sharp;  with_velocity : the velocity follows it
+    receivers  : in the aircraft;  liars : receivers that the fault strikes, all alike
+    pattern    : legs or turns while the fault lasts
+    """
+
+    grade: str
+    kind: Kind
+    magnitude: float = 0.0
+    onset_m_s2: float = SHARP
+    with_velocity: bool = False
+    receivers: int = 1
+    liars: int = 1
+    pattern: str = "legs"
+
+    @property
+    def unit(self) -> str:
+        """Of the magnitude; empty where there is none."""
+        return UNITS.get(self.kind, "")
+
+    @property
+    def name(self) -> str:
+        """Stable and unique, such as ``tactical/ramp-velocity-1-onset-0.1/1-of-1/legs``."""
+        kind = self.kind + ("-velocity" if self.with_velocity else "")
+        size = f"-{self.magnitude:g}" if self.unit else ""
+        onset = "" if math.isinf(self.onset_m_s2) else f"-onset-{self.onset_m_s2:g}"
+        return f"{self.grade}/{kind}{size}{onset}/{self.liars}-of-{self.receivers}/{self.pattern}"
+
+
+#: Faults other than ramps: kind and magnitudes.
+SIZES: tuple[tuple[Kind, tuple[float, ...]], ...] = (
+    (Kind.FROZEN, (0.0,)),
+    (Kind.FROZEN_POSITION, (0.0,)),
+    (Kind.JUMP, (30.0, 100.0, 1000.0)),
+    (Kind.SWAPPED, (0.0,)),
+    (Kind.SIGMA, (3.0, 10.0)),
+    (Kind.UNDULATION_ZERO, (0.0,)),
+    (Kind.MSL_HEIGHT, (0.0,)),
+    (Kind.HEIGHT, (47.0, 83.0)),
+    (Kind.TIME_STEP, (0.2, 1.0, 5.0)),
+    (Kind.BARO_STEP, (30.0, 100.0)),
+    (Kind.BARO_RAMP, (0.1, 1.0)),
+    (Kind.QNH, (5.0, 10.0)),
+    (Kind.ACCEL_STEP, (0.05, 0.5)),
+    (Kind.GYRO_STEP, (0.01, 0.1, 1.0)),
+    (Kind.ACCEL_STUCK, (0.0,)),
+    (Kind.GYRO_STUCK, (0.0,)),
+    (Kind.ACCEL_SATURATED, (10.0,)),
+    (Kind.GYRO_SATURATED, (3.0,)),
+)
+RATES_M_S = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0)
+#: What two receivers are tried with; every kind is one of a receiver.
+PAIR_SIZES: tuple[tuple[Kind, tuple[float, ...]], ...] = (
+    (Kind.FROZEN, (0.0,)),
+    (Kind.JUMP, (100.0,)),
+    (Kind.HEIGHT, (47.0,)),
+)
+PAIR_RAMPS = tuple(product((0.3, 1.0, 3.0), (SHARP, 0.1)))
+
+
+def _single(grade: str) -> Iterator[Cell]:
+    yield Cell(grade, Kind.NONE)
+    for kind, sizes in SIZES:
+        for size in sizes:
+            yield Cell(grade, kind, size)
+    for rate in RATES_M_S:
+        yield Cell(grade, Kind.RAMP, rate)
+        for onset in ONSETS_M_S2:
+            yield Cell(grade, Kind.RAMP, rate, onset, with_velocity=True)
+
+
+def _pairs(grade: str) -> Iterator[Cell]:
+    yield Cell(grade, Kind.NONE, receivers=2)
+    for liars in (1, 2):
+        for kind, sizes in PAIR_SIZES:
+            for size in sizes:
+                yield Cell(grade, kind, size, receivers=2, liars=liars)
+        for rate, onset in PAIR_RAMPS:
+            yield Cell(grade, Kind.RAMP, rate, onset, with_velocity=True, receivers=2, liars=liars)
+
+
+def _with_patterns(cells: Iterator[Cell]) -> Iterator[Cell]:
+    for cell in cells:
+        for pattern in PATTERNS:
+            yield Cell(
+                cell.grade, cell.kind, cell.magnitude, cell.onset_m_s2, cell.with_velocity, cell.receivers, cell.liars,
+                pattern,
+            )  # fmt: skip
+
+
+CELLS: tuple[Cell, ...] = tuple(
+    cell for grade in GRADES for make in (_single, _pairs) for cell in _with_patterns(make(grade))
+)

@@ -1,0 +1,298 @@
+"""One flight of a cell: truth, what every device measures, and the fault.
+
+Devices: ``imu`` (25 Hz), ``gnss_a`` and with two receivers ``gnss_b`` (5 or 10 Hz, velocity after position), ``baro``
+(5 Hz), ``ahrs`` (attitude, 5 Hz), ``radar`` (2 Hz, below 1500 m and 30 deg of bank).  All lie at the reference point.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from operator import itemgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.study.faults.cells import BARO_KINDS, INERTIAL_KINDS, Cell, Kind
+from fti.study.faults.course import draw_course
+from fti.study.faults.earth import radii
+from fti.study.faults.inertial_unit import RATE_HZ, UNITS, Samples, measured
+from fti.study.faults.noise import gauss_markov, gauss_markov_n
+from fti.study.faults.receiver import Fixes, draw_satellites, faulty, fixes, rows
+from fti.study.faults.shapes import Mask, Window, frozen
+from fti.study.faults.terrain import RELIEF_SD_M, Terrain, terrain
+from fti.study.faults.trajectory import Motion, Trajectory
+from fti.types import Attitude, ImuSample, Measurement, Position, PressureAltitude, RadioHeight, Stamp, Velocity
+
+Array = NDArray[np.float64]
+Rng = np.random.Generator
+Timed = tuple[int, str, Measurement]
+
+SECOND_NS = 1_000_000_000
+#: Time of the first instant of every flight [ns].
+START_NS = 10 * SECOND_NS
+ONSET_S = (300.0, 3600.0)
+FAULT_S, SLOW_FAULT_S, AFTER_S = 300.0, 900.0, 120.0
+#: Ramps of this rate and below last ``SLOW_FAULT_S`` [m/s].
+SLOW_M_S = 0.5
+#: Turns begin so long before the fault.
+TURNS_BEFORE_S = 60.0
+#: Height above the highest ground.
+CLEARANCE_M = (120.0, 1300.0)
+BARO_HZ, AHRS_HZ, RADAR_HZ = 5.0, 5.0, 2.0
+#: Barometer: setting [m], temperature [share of height changes], weather over 30 min [m], white [m].
+SETTING_SD_M, TEMPERATURE_SD, WEATHER_SD_M, WEATHER_S, BARO_WHITE_M = 5.0, 0.02, 5.0, 1800.0, 0.5
+M_PER_HPA = 8.3
+TILT_SD, HEADING_SD, AHRS_TAU_S = np.deg2rad(0.15), np.deg2rad(0.6), 300.0
+RADAR_LIMIT_M, RADAR_BANK, RADAR_SD_M, RADAR_SCALE_SD = 1500.0, np.deg2rad(30.0), 0.5, 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What goes wrong, when, and on which devices; without a fault there are no devices and both times are the end."""
+
+    kind: Kind
+    onset_ns: int
+    end_ns: int
+    devices: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Iterate it for (t_ns, device, measurement) in order of time; again for the same once more."""
+
+    cell: Cell
+    fault: Fault
+    trajectory: Trajectory
+    terrain: Terrain
+    undulation: float
+    duration_s: float
+    inertial: Samples
+    fixes: dict[str, Fixes]
+    baro: tuple[Array, Array]
+    attitude: tuple[Array, Array]
+    radar: tuple[Array, Array]
+
+    def __iter__(self) -> Iterator[Timed]:
+        receivers = [_receiver(name, found) for name, found in self.fixes.items()]
+        return heapq.merge(
+            _imu(self.inertial), _ahrs(*self.attitude), *receivers, _baro(*self.baro), _radar(*self.radar),
+            key=itemgetter(0),
+        )  # fmt: skip
+
+    def truth(self, t_ns: int | NDArray[np.int64]) -> Motion:
+        """True state at times [ns]."""
+        return self.trajectory.at((np.atleast_1d(t_ns) - START_NS) / SECOND_NS)
+
+    def error(self, t_ns: int, lat: float, lon: float, alt: float) -> tuple[float, float, float]:
+        """Solution minus truth at one time: north, east, down [m], for differences small against the Earth.
+
+        The difference of longitude is the shorter way round.
+        """
+        m = self.truth(t_ns)
+        meridian, normal = radii(m.lat)
+        turned = (lon - m.lon[0] + np.pi) % (2.0 * np.pi) - np.pi
+        north = (lat - m.lat[0]) * (meridian[0] + m.alt[0])
+        return float(north), float(turned * (normal[0] + m.alt[0]) * np.cos(m.lat[0])), float(m.alt[0] - alt)
+
+    def is_faulty(self, t_ns: int) -> bool:
+        """Whether the fault acts at a time."""
+        return self.fault.onset_ns <= t_ns < self.fault.end_ns
+
+
+@dataclass(frozen=True, eq=False)
+class _Scenario:
+    """What is decided before any device measures; ``window`` is that of the fault."""
+
+    cell: Cell
+    fault: Fault
+    window: Window
+    duration_s: float
+    trajectory: Trajectory
+    terrain: Terrain
+    undulation: float
+
+
+def draw(cell: Cell, seed: int) -> Flight:
+    """One flight of a cell; the same seed draws the same flight, other cells of the same seed other flights."""
+    rng = np.random.default_rng([seed, *cell.name.encode()])
+    s = _draw_scenario(cell, seed, rng)
+    return Flight(
+        cell, s.fault, s.trajectory, s.terrain, s.undulation, s.duration_s,
+        inertial=_inertial(s, rng), fixes=_receivers(s, rng), baro=_pressure_altitudes(s, rng),
+        attitude=_attitudes(s, rng), radar=_heights(s, rng),
+    )  # fmt: skip
+
+
+def _draw_scenario(cell: Cell, seed: int, rng: Rng) -> _Scenario:
+    onset_s = rng.uniform(*ONSET_S)
+    is_slow = cell.kind is Kind.RAMP and cell.magnitude <= SLOW_M_S
+    window = Window(onset_s, onset_s + (SLOW_FAULT_S if is_slow else FAULT_S))
+    duration_s = window.end_s + AFTER_S
+    ground = terrain(seed % len(RELIEF_SD_M), _place(cell, rng), rng.uniform(0.0, 800.0))
+    heights = (ground.peak + CLEARANCE_M[0], ground.peak + CLEARANCE_M[1])
+    turns_s = onset_s - TURNS_BEFORE_S if cell.pattern == "turns" else duration_s
+    truth = Trajectory(draw_course(rng, ground.origin, heights, (turns_s, duration_s)), duration_s)
+    undulation = float(rng.choice((-1.0, 1.0)) * rng.uniform(20.0, 60.0))
+    return _Scenario(cell, _fault(cell, window, duration_s), window, duration_s, truth, ground, undulation)
+
+
+def _place(cell: Cell, rng: Rng) -> tuple[float, float]:
+    """Where it begins; swapping latitude and longitude moves it by 5000 km and more."""
+    if cell.kind is Kind.SWAPPED:
+        return float(np.deg2rad(rng.uniform(45.0, 55.0))), float(np.deg2rad(rng.uniform(3.0, 12.0)))
+    return float(np.deg2rad(rng.uniform(-60.0, 60.0))), float(np.deg2rad(rng.uniform(-150.0, 150.0)))
+
+
+def _fault(cell: Cell, window: Window, duration_s: float) -> Fault:
+    if cell.kind is Kind.NONE:
+        return Fault(cell.kind, nanoseconds(duration_s), nanoseconds(duration_s), ())
+    if cell.kind in INERTIAL_KINDS:
+        devices: tuple[str, ...] = ("imu",)
+    elif cell.kind in BARO_KINDS:
+        devices = ("baro",)
+    else:
+        devices = _names(cell.receivers)[-cell.liars :]
+    return Fault(cell.kind, nanoseconds(window.begin_s), nanoseconds(window.end_s), devices)
+
+
+def _names(receivers: int) -> tuple[str, ...]:
+    return ("gnss_a", "gnss_b")[:receivers]
+
+
+def nanoseconds(t: float) -> int:
+    """Time of a moment of the flight [s]."""
+    return START_NS + round(t * SECOND_NS)
+
+
+# ------------------------------------------------------------------------------------------------------- devices
+
+
+def _inertial(s: _Scenario, rng: Rng) -> Samples:
+    cell, t = s.cell, np.arange(int(s.duration_s * RATE_HZ)) / RATE_HZ
+    found = measured(s.trajectory.at(t), UNITS[cell.grade], rng)
+    axis, sign, active = int(rng.integers(3)), float(rng.choice((-1.0, 1.0))), s.window.covers(t)
+    if cell.kind not in INERTIAL_KINDS:
+        return found
+    if cell.kind in {Kind.ACCEL_STEP, Kind.ACCEL_STUCK, Kind.ACCEL_SATURATED}:
+        return replace(found, accel_b=_faulty_triad(found.accel_b, cell.kind, sign * cell.magnitude, axis, active))
+    size = sign * float(np.deg2rad(cell.magnitude))
+    return replace(found, gyro_b=_faulty_triad(found.gyro_b, cell.kind, size, axis, active))
+
+
+def _faulty_triad(true_b: Array, kind: Kind, size: float, axis: int, active: Mask) -> Array:
+    changed = true_b.copy()
+    if kind in {Kind.ACCEL_STUCK, Kind.GYRO_STUCK}:
+        changed[:, axis] = true_b[frozen(active), axis]
+    elif kind in {Kind.ACCEL_SATURATED, Kind.GYRO_SATURATED}:
+        changed[active] = np.clip(true_b[active], -abs(size), abs(size))
+    else:
+        changed[active, axis] += size
+    return changed
+
+
+def _receivers(s: _Scenario, rng: Rng) -> dict[str, Fixes]:
+    sky, azimuth, found = draw_satellites(s.duration_s, rng), rng.uniform(-np.pi, np.pi), dict[str, Fixes]()
+    for name in _names(s.cell.receivers):
+        lies = name in s.fault.devices
+        is_late = lies and s.cell.kind is Kind.TIME_STEP
+        delay_s = np.where(s.window.covers(sky.t) & is_late, s.cell.magnitude, 0.0)
+        nominal = fixes(sky, s.trajectory, s.undulation, delay_s, rng)
+        found[name] = faulty(nominal, s.cell, s.window, azimuth, rng) if lies else nominal
+    return found
+
+
+def _epochs(rate_hz: float, end_s: float, rng: Rng) -> Array:
+    return np.asarray(rng.uniform(0.0, 1.0 / rate_hz) + np.arange(int(end_s * rate_hz) - 1) / rate_hz)
+
+
+def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
+    t = _epochs(BARO_HZ, s.duration_s, rng)
+    above_sea = s.trajectory.at(t).alt - s.undulation
+    warm = rng.normal(0.0, TEMPERATURE_SD) * (above_sea - above_sea[0])
+    weather = gauss_markov(len(t), 1.0 / BARO_HZ, WEATHER_S, WEATHER_SD_M, rng)
+    said = above_sea + warm + weather + rng.normal(0.0, SETTING_SD_M) + rng.normal(0.0, BARO_WHITE_M, len(t))
+    sign = float(rng.choice((-1.0, 1.0)))
+    return t, said + sign * _baro_error(s.cell, t - s.window.begin_s) * s.window.covers(t)
+
+
+def _baro_error(cell: Cell, elapsed: Array) -> Array:
+    """What a fault of the barometer adds [m] at times since its onset [s]."""
+    match cell.kind:
+        case Kind.BARO_STEP:
+            return np.full(len(elapsed), cell.magnitude)
+        case Kind.QNH:
+            return np.full(len(elapsed), M_PER_HPA * cell.magnitude)
+        case Kind.BARO_RAMP:
+            return cell.magnitude * elapsed
+        case _:
+            return np.zeros(len(elapsed))
+
+
+def _attitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
+    t = _epochs(AHRS_HZ, s.duration_s, rng)
+    sds = (float(TILT_SD), float(TILT_SD), float(HEADING_SD))
+    return t, s.trajectory.at(t).rpy + gauss_markov_n(len(t), 1.0 / AHRS_HZ, AHRS_TAU_S, sds, rng)
+
+
+def _heights(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
+    """Heights straight above the ground, only where the altimeter reaches it."""
+    t = _epochs(RADAR_HZ, s.duration_s, rng)
+    m = s.trajectory.at(t)
+    height = m.alt - s.terrain.elevation(m.lat, m.lon)
+    reaches = (height < RADAR_LIMIT_M) & (np.abs(m.rpy[:, 0]) < RADAR_BANK)
+    said = height * (1.0 + rng.normal(0.0, RADAR_SCALE_SD)) + rng.normal(0.0, RADAR_SD_M, len(t))
+    return t[reaches], said[reaches]
+
+
+# -------------------------------------------------------------------------------------------------- measurements
+
+
+def _stamps(t: Array) -> Iterator[tuple[int, Stamp]]:
+    for t_ns in (START_NS + np.rint(t * SECOND_NS).astype(np.int64)).tolist():
+        yield t_ns, Stamp(t_rx_ns=t_ns, t_valid_ns=t_ns)
+
+
+def _imu(found: Samples) -> Iterator[Timed]:
+    values = np.concatenate((found.accel_b, found.gyro_b), axis=1).tolist()
+    for (t_ns, stamp), (fx, fy, fz, wx, wy, wz) in zip(_stamps(found.t), values, strict=True):
+        yield t_ns, "imu", ImuSample(stamp=stamp, accel_b=(fx, fy, fz), gyro_b=(wx, wy, wz))
+
+
+def _receiver(name: str, found: Fixes) -> Iterator[Timed]:
+    for (t_ns, stamp), (lat, lon, alt, msl, undulation, north, east, down) in zip(
+        _stamps(found.t), rows(found), strict=True
+    ):
+        yield (
+            t_ns,
+            name,
+            Position(
+                stamp=stamp, lat=lat, lon=lon, alt=alt, alt_msl=msl, undulation=undulation,
+                horizontal_sd=found.horizontal_sd, vertical_sd=found.vertical_sd,
+            ),
+        )  # fmt: skip
+        yield t_ns, name, Velocity(stamp=stamp, north=north, east=east, down=down, sd=found.velocity_sd)
+
+
+def _ahrs(t: Array, rpy: Array) -> Iterator[Timed]:
+    tilt, turn = float(TILT_SD), float(HEADING_SD)
+    for (t_ns, stamp), (roll, pitch, heading) in zip(_stamps(t), rpy.tolist(), strict=True):
+        yield (
+            t_ns,
+            "ahrs",
+            Attitude(
+                stamp=stamp, roll=roll, pitch=pitch, heading=heading % (2.0 * np.pi),
+                roll_sd=tilt, pitch_sd=tilt, heading_sd=turn,
+            ),
+        )  # fmt: skip
+
+
+def _baro(t: Array, alt: Array) -> Iterator[Timed]:
+    for (t_ns, stamp), said in zip(_stamps(t), alt.tolist(), strict=True):
+        yield t_ns, "baro", PressureAltitude(stamp=stamp, alt_press=said)
+
+
+def _radar(t: Array, height: Array) -> Iterator[Timed]:
+    for (t_ns, stamp), said in zip(_stamps(t), height.tolist(), strict=True):
+        yield t_ns, "radar", RadioHeight(stamp=stamp, height_agl=said, sd=float(RADAR_SD_M))

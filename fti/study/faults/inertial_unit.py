@@ -1,0 +1,101 @@
+"""Errors of inertial units by grade.
+
+Source: Groves, 2nd edition (2013), section 4.4 and tables 4.1, 4.2 for the classes (biases; in-run variation about a
+tenth of the constant part); IEEE Std 952 for angle random walk.  Where a class is a range, the values lie inside it
+and are those that the specification of the study states (navigation 0.01 deg/h, 0.002 deg/sqrt(h), 50 ug; tactical
+1 deg/h, 0.1 deg/sqrt(h), 1 mg; industrial 7 deg/h, 2 mg; MEMS 100 deg/h).  Random walks of industrial and MEMS units,
+velocity random walks, scale factors and misalignments are chosen here as typical of each class.
+Deflection and anomaly of gravity: 2e-4 m/s^2 (20 mGal, about 4 arc seconds) over 40 km, of the size that Jordan,
+Self-consistent statistical models for the gravity anomaly (1972), and Groves, section 2.4.7, give for gentle country.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.study.faults.earth import STANDARD_GRAVITY
+from fti.study.faults.noise import gauss_markov_n
+from fti.study.faults.trajectory import Motion, angular_rate_b, specific_force_b
+
+Array = NDArray[np.float64]
+
+RATE_HZ = 25
+IN_RUN_SHARE = 0.1
+IN_RUN_TAU_S = (100.0, 1000.0)
+GRAVITY_SD, GRAVITY_LENGTH_M = 2e-4, 40_000.0
+_MG, _UG, _PPM = 1e-3 * STANDARD_GRAVITY, 1e-6 * STANDARD_GRAVITY, 1e-6
+_DEG_H = float(np.deg2rad(1.0)) / 3600.0
+_DEG_ROOT_H = float(np.deg2rad(1.0)) / 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Triad:
+    """Three sensors, one sigma each.
+
+    bias : constant part [unit];  walk : white noise density [unit / sqrt(Hz)];  scale : scale factor and
+    cross-coupling [1].  The unit is m/s^2 or rad/s.
+    """
+
+    bias: float
+    walk: float
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class InertialUnit:
+    """Accelerometers and gyroscopes of one grade."""
+
+    accel: Triad
+    gyro: Triad
+
+
+UNITS = {
+    "navigation": InertialUnit(
+        Triad(0.05 * _MG, 20.0 * _UG, 50.0 * _PPM), Triad(0.01 * _DEG_H, 0.002 * _DEG_ROOT_H, 5.0 * _PPM)
+    ),
+    "tactical": InertialUnit(
+        Triad(1.0 * _MG, 100.0 * _UG, 300.0 * _PPM), Triad(1.0 * _DEG_H, 0.1 * _DEG_ROOT_H, 150.0 * _PPM)
+    ),
+    "industrial": InertialUnit(
+        Triad(2.0 * _MG, 150.0 * _UG, 1000.0 * _PPM), Triad(7.0 * _DEG_H, 0.3 * _DEG_ROOT_H, 1000.0 * _PPM)
+    ),
+    "mems": InertialUnit(
+        Triad(5.0 * _MG, 300.0 * _UG, 3000.0 * _PPM), Triad(100.0 * _DEG_H, 0.6 * _DEG_ROOT_H, 3000.0 * _PPM)
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples at t (n,) [s]: accel_b (n, 3) [m/s^2] and gyro_b (n, 3) [rad/s]."""
+
+    t: Array
+    accel_b: Array
+    gyro_b: Array
+
+
+def ideal(m: Motion) -> Samples:
+    """Without any error, in normal gravity."""
+    return Samples(m.t, specific_force_b(m), angular_rate_b(m))
+
+
+def measured(m: Motion, unit: InertialUnit, rng: np.random.Generator) -> Samples:
+    """What a unit drawn from its grade measures at the times of a motion, ``RATE_HZ`` apart."""
+    speed = float(np.mean(np.linalg.norm(m.vel_n, axis=1)))
+    sds = (GRAVITY_SD,) * 3
+    disturbance_n = gauss_markov_n(len(m.t), 1.0 / RATE_HZ, GRAVITY_LENGTH_M / speed, sds, rng)
+    true = replace(ideal(m), accel_b=specific_force_b(m, disturbance_n))
+    return Samples(m.t, triad_output(true.accel_b, unit.accel, rng), triad_output(true.gyro_b, unit.gyro, rng))
+
+
+def triad_output(true_b: Array, triad: Triad, rng: np.random.Generator) -> Array:
+    """(I + M) x + constant bias + in-run bias + white noise of density walk over one sample."""
+    matrix = np.eye(3) + rng.normal(0.0, triad.scale, (3, 3))
+    constant = rng.normal(0.0, triad.bias, 3)
+    tau_s = rng.uniform(*IN_RUN_TAU_S)
+    in_run = gauss_markov_n(len(true_b), 1.0 / RATE_HZ, tau_s, (IN_RUN_SHARE * triad.bias,) * 3, rng)
+    white = rng.normal(0.0, triad.walk * np.sqrt(RATE_HZ), true_b.shape)
+    return true_b @ matrix.T + constant + in_run + white
