@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -250,3 +251,42 @@ def test_altimeters_at_1_hz_that_come_late_or_without_a_return_stay_compared() -
         sample = height(sensor, 0, value, t_ns=T0 + round(at * S), reasons=reasons)
         refused.append((at, check.update(replace(sample, t_valid_ns=T0 + round(t * S))) == DISAGREE))
     assert all(now for at, now in refused if 6.0 <= at < 18.0)
+
+
+def seldom(period_s: float, radar_m: Callable[[float], float], seconds: float) -> dict[str, list[tuple[float, bool]]]:
+    """A laser of 10 Hz at 50 m beside a radar with a sample in each period: times [s] and whether each is refused."""
+    check = AgreementCheck({"radar": RADAR, "laser": LASER})
+    samples = [(k / HZ, "laser", 50.0) for k in range(round(seconds * HZ))]
+    radar_t = [0.003 + k * period_s for k in range(round(seconds / period_s))]
+    found: dict[str, list[tuple[float, bool]]] = {"radar": [], "laser": []}
+    for t, sensor, value in sorted(samples + [(t, "radar", radar_m(t)) for t in radar_t]):
+        told = check.update(height(sensor, 0, value, t_ns=T0 + round(t * S)))
+        found[sensor].append((t, bool(told)))
+    return found
+
+
+@pytest.mark.parametrize("period_s", [1.0, 1.02, 1.5, 1.9])
+def test_one_that_measures_seldom_is_compared(period_s: float) -> None:
+    """40 m apart: with a sample in 1.001 s they were never compared three times."""
+    found = seldom(period_s, lambda t: 90.0, 60.0)
+    assert all(refused for each in found.values() for t, refused in each if t > 4 * period_s)
+
+
+@pytest.mark.parametrize("period_s", [1.02, 1.9])
+def test_two_that_agree_again_are_not_refused_for_ever_although_one_measures_seldom(period_s: float) -> None:
+    """40 m apart for 10 s, and then alike: with a sample in 1.02 s both were refused to the end."""
+    found = seldom(period_s, lambda t: 90.0 if t < 10.0 else 50.0, 60.0)
+    assert any(refused for _, refused in found["laser"])
+    assert not any(refused for t, refused in found["laser"] if t > 16.0)
+
+
+def test_a_prediction_that_proves_nothing_neither_decides_nor_confirms() -> None:
+    """An altimeter that holds the altitude itself agrees with its own prediction; one in a wide gate with anything."""
+    for unproven in (Reason.NOT_INDEPENDENT, Reason.UNCERTAIN, Reason.GROUND_CONTRADICTED):
+        check, told = AgreementCheck({"radar": RADAR, "laser": LASER}), dict[str, tuple[Reason, ...]]()
+        for k in range(10 * HZ):
+            told["laser"] = check.update(height("laser", k, 50.0, known=True, unchecked=(unproven,)))
+            told["radar"] = check.update(height("radar", k, 62.0, known=True))
+        assert told == {"laser": DISAGREE, "radar": DISAGREE}
+        alone = [check.update(height("laser", k, 50.0, known=True, unchecked=(unproven,))) for k in range(100, 160)]
+        assert set(alone) == {DISAGREE}

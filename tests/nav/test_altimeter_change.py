@@ -394,3 +394,26 @@ def test_over_level_ground_a_mismatch_ends_when_the_prediction_itself_confirms_t
     assert all(r == (Reason.CHANGE_MISMATCH,) for t, r, _ in found if 26.0 <= t < 29.0)
     assert all(bool(r) is not ends for t, r, _ in found if t >= 36.0)
     assert not ends or found[-1][2] == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize("sd", [3.0, 6.0])
+def test_a_drift_that_stays_is_not_forgotten_while_sigma_is_large(sd: float) -> None:
+    """12 m off from 16 s on; for 3 s the sigma is 6 m, and 12 m are no 3 sigma of a difference then."""
+    drifting = samples(120.0, lambda t: 100.0 + min(12.0, 2.0 * max(0.0, t - 10.0)), predicted=level(100.0))
+    seen = []
+    for k, o in enumerate(drifting):
+        large = 40 * HZ <= k < 43 * HZ
+        value, wide = o.value + 0.01 * (k % 7 - 3), sd if large else 0.5
+        seen.append(replace(o, value=value, sd=wide, absolute_sd=6.0))
+    told = reasons(seen)
+    assert (Reason.CHANGE_MISMATCH,) in [found for _, found in told]
+    assert [found for t, found in told if t > 20.0 and not found] == []
+
+
+def test_two_obstacles_across_unknown_ground_are_no_drift() -> None:
+    """1.7 s and, 4 s later, 0.8 s; each alone proves nothing."""
+    seen = []
+    for k, o in enumerate(samples(60.0, lambda t: 80.0 if 20.0 <= t < 21.7 or 26.0 <= t < 26.8 else 100.0, predicted=level(100.0))):  # fmt: skip  # noqa: E501
+        known = None if 21.7 * HZ <= k < 25.7 * HZ else o.predicted
+        seen.append(replace(o, predicted=known, value=o.value + 0.01 * (k % 7 - 3)))
+    assert {found for _, found in reasons(seen)} == {()}

@@ -180,12 +180,45 @@ def test_who_agrees_again_is_valid_where_the_gate_is_twice_as_wide_as_its_limit(
     assert all(Reason.UNCERTAIN in height.unchecked for _, out in flight for height in heights(out, "laser"))
 
 
-def test_where_the_gate_is_narrow_the_first_sample_that_agrees_is_valid() -> None:
+def test_where_the_gate_is_narrow_three_samples_that_agree_are_enough() -> None:
     """After an obstacle of 1.2 s; the refusal itself ends a second later, where the ground cannot be asked."""
     said = {"laser": lambda t: 70.0 if 5.0 <= t < 6.2 else 150.0}
     flight = list(fly(12.0, said, 150.0))
     assert valid_share(flight, "laser", 5.0, 6.2) == 0.0
-    assert valid_share(flight, "laser", 6.2, 6.35) == 1.0
+    assert valid_share(flight, "laser", 6.5, 12.0) == 1.0
+
+
+def test_who_scatters_about_its_gate_is_not_valid_sample_by_sample() -> None:
+    """A laser in mist, 15 m short with 8 m of scatter: every sixth sample is within the gate of 7.5 m."""
+    rng = np.random.default_rng(3)
+    flight = list(fly(60.0, {"laser": lambda t: 135.0 + rng.normal(0.0, 8.0)}, 150.0))
+    assert valid_share(flight, "laser", 3.0, 60.0) <= 0.02
+
+
+def test_a_wood_below_a_sound_laser_does_not_free_a_wrong_radar() -> None:
+    """400 m up; the radar 30 m short all the time, the laser 10 m short over a wood: not by the same amount."""
+    said: dict[str, Ranges] = {"radar": lambda t: 370.0, "laser": lambda t: 390.0 if 10.0 <= t < 25.0 else 400.0}
+    flight = list(fly(40.0, said, 400.0))
+    assert valid_share(flight, "radar", 0.0, 40.0) == 0.0
+    assert valid_share(flight, "laser", 0.0, 10.0) == 1.0
+
+
+def test_time_without_a_check_does_not_count_as_deviation() -> None:
+    """1.2 s of wood, 19.9 s unchecked, one tree: refused for 20 times what it deviated, not 20 times 22 s."""
+    memory, now = DeviationMemory(), S
+
+    def take(samples: int, deviates: bool | None) -> int:
+        nonlocal now
+        refused = 0
+        for _ in range(samples):
+            now += S // 10
+            refused += memory.update(now, deviates)
+        return refused
+
+    take(12, True)
+    assert take(199, None) == 199
+    take(1, True)
+    assert 20 * 1.2 <= take(2000, None) / 10 <= 20 * (1.2 + 2.5)
 
 
 def test_who_is_beyond_its_limit_stays_refused_where_the_gate_is_twice_as_wide() -> None:

@@ -128,3 +128,17 @@ def test_who_flies_on_after_a_hover_has_no_profile_yet() -> None:
     for k in range(200, 240):
         found.take(k * SECOND // HZ, 400.0 + 0.01 * k, 400.0, nav(500.0))
     assert found.sd(30.0) == RELIEF_UNKNOWN_M
+
+
+def test_mountains_that_are_seen_in_short_pieces_are_not_forgotten() -> None:
+    """100 m up and down in 20 s, 4.8 s of samples, 2.4 s of silence: 10 m had been assumed all the time."""
+    relief, t_ns, found = ReliefEstimator(None), SECOND, []
+    for piece in range(20):
+        for k in range(24):
+            ground = 100.0 * math.sin(2.0 * math.pi * t_ns / SECOND / 20.0)
+            relief.take(t_ns, 400.0 - ground + 0.01 * k, 400.0 - ground, nav(500.0))
+            t_ns += SECOND // 5
+            if piece >= 4:
+                found.append(relief.sd(40.0))
+        t_ns += 22 * SECOND // 10
+    assert min(found) >= 40.0

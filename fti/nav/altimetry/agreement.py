@@ -11,7 +11,7 @@ kind see the same.  In a bank both see places beside the nadir, and ``SLOPE`` ti
 allowed to either side.
 
 A disagreement lasts for three comparisons and 0.5 s before it is a refusal, and a refusal ends after 1 s of agreement
-within 0.8 of the limit, or without a comparison for 20 times as long as it lasted, 10 minutes at most.  Samples with
+within 0.8 of the limit, or without a disagreement for 20 times as long as it lasted, 10 minutes at most.  Samples with
 any other reason against them are not compared.
 Of two that disagree, the wrong one is one that is stuck, that changes otherwise than predicted, or that the ground
 refuses, until it agrees again; or the one farther than three sigmas from what the ground predicts while the other is
@@ -42,10 +42,13 @@ GROWTH_M, SLOPE = 25.0, 0.3
 BEGIN_NS, BEGIN_COUNT, END_NS = 500_000_000, 3, 1_000_000_000
 #: Agreement ends a refusal within this share of the limit.
 END_SHARE = 0.8
-#: Between two samples farther apart nothing is interpolated; comparisons farther apart do not follow each other [ns].
-MAX_GAP_NS = 1_000_000_000
-#: Without a comparison a refusal ends after so many times the time that it lasted, within these limits [ns].
+#: Between two samples farther apart nothing is interpolated; comparisons farther apart do not follow each other: more
+#: than two of an altimeter that measures once a second [ns].
+MAX_GAP_NS, MAX_PAUSE_NS = 1_000_000_000, 2_500_000_000
+#: Without a disagreement a refusal ends after so many times the time that it lasted, within these limits [ns].
 UNCOMPARED_SHARE, MIN_UNCOMPARED_NS, MAX_UNCOMPARED_NS = 20, 2_000_000_000, 600_000_000_000
+#: Predictions that prove nothing of an altimeter: wrong ground, a gate of twice its limit, its own altitude.
+UNPROVEN = frozenset({Reason.GROUND_CONTRADICTED, Reason.UNCERTAIN, Reason.NOT_INDEPENDENT})
 #: Reasons against one altimeter that decide which of two is the wrong one.
 DECIDES = frozenset({Reason.STUCK, Reason.CHANGE_MISMATCH, Reason.DEVIATION})
 #: Samples kept of each altimeter: three of them are never closer than this [ns], so they last for 1.6 s or longer.
@@ -78,8 +81,7 @@ def comparable(height: HeightAboveGround, limits: Altimeter) -> Comparable | Non
     if height.reasons or height.nearest is None or raw is None or t_ns is None:
         return None
     sigmas = None
-    is_checked = Reason.GROUND_CONTRADICTED not in height.unchecked
-    if is_checked and height.predicted is not None and height.predicted_sd:
+    if UNPROVEN.isdisjoint(height.unchecked) and height.predicted is not None and height.predicted_sd:
         sigmas = abs(raw - height.predicted) / height.predicted_sd
     slant_range = limits.range_of(raw)
     level = height.nearest + slant_range - raw
@@ -94,7 +96,7 @@ class _Pair:
     def __init__(self, first: str, second: str) -> None:
         self.names = first, second
         self.wrong: frozenset[str] = frozenset()
-        self._last_ns = self._compared_ns = self._begun_ns = 0
+        self._last_ns = self._compared_ns = self._differed_ns = self._begun_ns = 0
         self._since_ns: int | None = None
         self._count = 0
         self._confirmed: tuple[str, int, int] | None = None  # who, since when, until when
@@ -105,12 +107,14 @@ class _Pair:
         """Take what both say at one time.  now_ns : when the later one of both came"""
         if t_ns <= self._last_ns:
             return
-        if t_ns - self._last_ns > MAX_GAP_NS:
+        if t_ns - self._last_ns > MAX_PAUSE_NS:
             self._since_ns, self._count = None, 0
         self._last_ns, self._compared_ns = t_ns, now_ns
         low, high = bounds(first, second, limits)
         share = END_SHARE if self.wrong else 1.0
         differs = not share * low <= _difference(first, second) <= share * high
+        if differs:
+            self._differed_ns = now_ns
         if differs == bool(self.wrong):  # as it was
             self._since_ns, self._count = None, 0
             if differs:
@@ -124,9 +128,9 @@ class _Pair:
             self._since_ns, self._count, self._begun_ns = None, 0, now_ns
 
     def expire(self, now_ns: int) -> None:
-        """Without a comparison for so long nothing is known any more; how late the samples come does not matter."""
-        unknown_ns = UNCOMPARED_SHARE * (self._compared_ns - self._begun_ns)
-        if now_ns - self._compared_ns > min(max(MIN_UNCOMPARED_NS, unknown_ns), MAX_UNCOMPARED_NS):
+        """Without a disagreement for so long nothing is known any more; how late the samples come does not matter."""
+        unknown_ns = UNCOMPARED_SHARE * (self._differed_ns - self._begun_ns)
+        if now_ns - self._differed_ns > min(max(MIN_UNCOMPARED_NS, unknown_ns), MAX_UNCOMPARED_NS):
             self.wrong = frozenset()
 
     def confirm(self, now_ns: int, name: str, deviation: float | None) -> None:
@@ -137,7 +141,7 @@ class _Pair:
             self._confirmed = None
             return
         who, since_ns, last_ns = self._confirmed or (name, now_ns, now_ns)
-        if who != name or now_ns - last_ns > MAX_GAP_NS:
+        if who != name or now_ns - last_ns > MAX_PAUSE_NS:
             since_ns = now_ns
         self._confirmed = name, since_ns, now_ns
         if now_ns - since_ns >= END_NS:
@@ -147,7 +151,7 @@ class _Pair:
         """One of two that disagree is refused for another reason, which decides: it is the wrong one."""
         if self.wrong:
             self.wrong = frozenset({name})
-            self._compared_ns = now_ns
+            self._compared_ns = self._differed_ns = now_ns
             self._since_ns, self._count = None, 0
 
     def _decide(self, first: Comparable, second: Comparable) -> frozenset[str]:

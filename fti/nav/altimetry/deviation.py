@@ -31,6 +31,7 @@ class DeviationMemory:
     def __init__(self) -> None:
         self.since_ns: int | None = None
         self._last_ns = self._checked_ns = self._deviated_ns = 0
+        self._lasted_ns = 0  # that it deviated, without the time in which nothing was checked
         self._first_ns: int | None = None
         self._count = 0
         self._agrees_ns: int | None = None
@@ -54,18 +55,25 @@ class DeviationMemory:
     def forget(self) -> None:
         """No refusal is in force."""
         self.since_ns = self._first_ns = self._agrees_ns = None
-        self._count = 0
+        self._count = self._lasted_ns = 0
+
+    @property
+    def agreements(self) -> int:
+        """Samples running that agreed, of those that the ground checked."""
+        return 0 if self._agrees_ns is None else self._agreements
 
     def _miss_check(self, t_ns: int) -> None:
         if self.since_ns is None:
             return
-        unchecked_ns = min(UNCHECKED_SHARE * (self._deviated_ns - self.since_ns), MAX_UNCHECKED_NS)
+        unchecked_ns = min(UNCHECKED_SHARE * self._lasted_ns, MAX_UNCHECKED_NS)
         if t_ns - self._checked_ns > unchecked_ns:
             self.forget()
 
     def _count_deviation(self, t_ns: int) -> None:
         if self.since_ns is None and t_ns - self._deviated_ns > MAX_GAP_NS:
             self.forget()
+        if self._first_ns is not None:
+            self._lasted_ns += min(t_ns - self._deviated_ns, MAX_GAP_NS)
         self._agrees_ns, self._deviated_ns = None, t_ns
         self._first_ns = t_ns if self._first_ns is None else self._first_ns
         self._count += 1

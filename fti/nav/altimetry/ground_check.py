@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from fti.config import Altimeter
-from fti.nav.altimetry.agreement import LIMIT_M, LOW_M, SIGMAS
+from fti.nav.altimetry.agreement import LIMIT_M, SIGMAS
 from fti.nav.altimetry.validity import deviation_gate
 from fti.nav.series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
@@ -86,8 +86,7 @@ def _are_alike(first: _Deviation, second: _Deviation) -> bool:
     """Both beyond their gates, to the same side, and by the same amount."""
     if not (first.is_beyond and second.is_beyond and first.value * second.value > 0.0):
         return False
-    height = min(first.measured, second.measured)
-    limit = LIMIT_M * max(1.0, height / LOW_M) + SIGMAS * math.hypot(first.sd, second.sd)
+    limit = LIMIT_M + SIGMAS * math.hypot(first.sd, second.sd)
     return abs(first.value - second.value) <= limit
 
 

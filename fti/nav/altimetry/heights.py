@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from fti.config import Device, Vector
 from fti.nav.altimetry.change import ChangeCheck
 from fti.nav.altimetry.compensation import Height, beyond_linear_sd, height_at_p, lower, mounting_of, tilt_of
-from fti.nav.altimetry.deviation import DeviationMemory
+from fti.nav.altimetry.deviation import BEGIN_COUNT, DeviationMemory
 from fti.nav.altimetry.expected_sample import Expected, ExpectedOrReason, NoGround
 from fti.nav.altimetry.observation import make_observation
 from fti.nav.altimetry.relief import ReliefEstimator
@@ -217,7 +217,8 @@ class AltimeterChannel:
         by_change = self._change.update(seen, deviates=Reason.DEVIATION in against)
         deviates = self._deviates(reading.value, expected, against)
         in_force = self._deviation.update(reading.t_valid_ns, deviates)
-        stays = in_force and not (deviates is False and self._is_compared(expected))
+        has_agreed = self._deviation.agreements >= BEGIN_COUNT and self._is_compared(expected)
+        stays = in_force and not has_agreed
         return (Reason.DEVIATION, *by_change) if stays and Reason.DEVIATION not in against else by_change
 
     def _is_compared(self, expected: ExpectedOrReason | None) -> bool:

@@ -4,7 +4,8 @@ The mean of measured minus predicted over 0.5 s is compared with such means of 2
 place, height or elevation cancels.  A refusal begins when four means running differ each from five of before by more
 than 5 sigma, so that a place which is not as it is known proves nothing: neither an obstacle of 1.5 s nor a wood of 2.
 It ends
-- when the means of 2 s are again within 3 sigma of what they were before (the reference);
+- when the means of 2 s are again within 3 sigma of what they were before (the reference), with a sigma of no more than
+  twice that of then;
 - when over 10 s, in which the predicted range changes by 9 sigma or more, nothing contradicts;
 - when the means of 10 s are within 2 sigma, of 5 m at most, of the predicted range itself: it may have been wrong
   before and not now;
@@ -37,6 +38,8 @@ MAX_HOLE_NS = 2 * SECOND_NS
 BLOCK_NS, MIN_AGE_NS, MAX_AGE_NS = SECOND_NS // 2, 2 * SECOND_NS, 10 * SECOND_NS
 #: Limits of a mismatch in sigmas: to begin, and to be within the value of before.
 BEGIN_SIGMAS, END_SIGMAS = 5.0, 3.0
+#: Means whose sigma has grown by more agree with nothing of before.  Stated.
+MAX_SD_GROWTH = 2.0
 #: Predicted change over the window, in sigmas, that proves an altimeter which follows it.
 PROOF_SIGMAS = 9.0
 #: Blocks running that contradict before a refusal begins, each so many of before; and that agree before it ends.
@@ -146,7 +149,7 @@ class MismatchTest:
             self._reference = self._reference.moved(self._newest, block)
         self._joins = False
         if self._newest is not None and block.t_ns - self._newest.t_ns > MAX_HOLE_NS:
-            self._agreements = self._confirmations = 0
+            self._contradictions = self._agreements = self._confirmations = 0
         if self._reference is not None:
             self._end(block, self._reference)
         if not self._is_refused:
@@ -165,7 +168,8 @@ class MismatchTest:
             self.since_ns = self._blocks[1 - BEGIN_BLOCKS].t_ns
 
     def _end(self, block: _Block, reference: _Block) -> None:
-        agrees = block.differs(reference) <= END_SIGMAS
+        is_known = block.sd <= MAX_SD_GROWTH * reference.sd  # with a larger one anything agrees
+        agrees = is_known and block.differs(reference) <= END_SIGMAS
         self._agreements = self._agreements + 1 if agrees else 0
         self._confirmations = self._confirmations + 1 if block.is_confirmed else 0
         if self._agreements >= END_BLOCKS:

@@ -64,7 +64,8 @@ def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
 def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
     if reason in BY_GROUND and Reason.GROUND_CONTRADICTED in height.unchecked:
         return "altitude or terrain is wrong, and not the altimeter"
-    if reason in BY_GROUND and height.predicted is None:
+    is_bounded = Reason.NO_PREDICTION in height.unchecked  # it was compared with the way to the nearest ground
+    if reason in BY_GROUND and height.predicted is None and not is_bounded:
         return BY_GROUND[reason]
     return ENDS[reason]
 

@@ -99,11 +99,14 @@ class ReliefEstimator:
             self._begin_anew(self._newest_ns)
 
     def _begin_anew(self, end_ns: int) -> None:
-        """Begin a new profile; until it is long enough, what the one of before shows up to end_ns counts."""
+        """Begin a new profile; until it is long enough, what those of before show up to end_ns counts.
+
+        One that is too short itself may raise that, and does not lower it.
+        """
         while self._profile and self._profile[-1][0] > end_ns:
             self._profile.pop()
-        if len(self._profile) >= MIN_COUNT:
-            self._far = self._far_sd()
+        if len(self._profile) > 1:
+            self._far = max(self._far_sd(), self._far if len(self._profile) < MIN_COUNT else 0.0)
         self._profile.clear()
 
     def _far_sd(self) -> float:
