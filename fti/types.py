@@ -472,6 +472,18 @@ class Reason(StrEnum):
     NO_SATELLITES = "no_satellites"
     NO_DME = "no_dme"
     GEOMETRY = "geometry"  # satellites and stations do not fix a position
+    # of the tests of one source
+    REPEATED = "repeated"  # the same digits although its velocity moves it
+    IMPOSSIBLE = "impossible"  # beyond what the aircraft can fly
+    JUMP = "jump"  # a step that its velocity does not make
+    DRIFT = "drift"  # position and integral of velocity part
+    SCATTER = "scatter"  # it scatters more than its stated sigma
+    UNDULATION = "undulation"  # the stated one is not that of EGM96
+    DEVICE_TIME = "device_time"  # its time steps, stands still or goes back
+    ATTITUDES_DISAGREE = "attitudes_disagree"  # with the other attitude sources
+    HEADING_TRACK = "heading_track"  # farther from the track than any wind makes it
+    UNCONFIRMED = "unconfirmed"  # its tests pass again, and a contradiction that has not ended stands against it
+    UNCHECKED = "unchecked"  # nothing to compare with
 
 
 class Compensation(StrEnum):
@@ -746,6 +758,29 @@ class PositionFix:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SourceValidity:
+    """What the tests of one source say of a device that gives position, altitude or attitude.
+
+    valid, reasons : of all that it gives; a device whose ``reasons`` are UNCHECKED alone is valid
+    position_valid, altitude_valid, attitude_valid, heading_valid : None while it has not given it
+    onset_ns   : when the oldest contradiction began that still counts [ns]
+    readmission : what would make it valid again; "" while it is
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    source: str
+    valid: bool
+    reasons: tuple[Reason, ...]
+    position_valid: bool | None = None
+    altitude_valid: bool | None = None
+    attitude_valid: bool | None = None
+    heading_valid: bool | None = None
+    onset_ns: int | None = None
+    readmission: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that a person should know: a source changed, a device came back, a mark was set."""
 
@@ -764,4 +799,5 @@ Output = (
     | FilterSolution
     | VerticalSolution
     | PositionFix
+    | SourceValidity
 )

@@ -30,6 +30,7 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "### `[nav.radio.station.NAME]`": (tables.Station, ()),
     "### `[nav.approach]`": (tables.Approach, ()),
     "### `[nav.unstated_sd]`": (tables.UnstatedSd, ()),
+    "### `[nav.limits]`": (tables.SourceLimits, ()),
     "| key of `[display]`": (tables.Display, ()),
     "| key of `[bus]`": (tables.Bus, ()),
     "## `[recorder]`": (tables.RecorderTuning, ()),

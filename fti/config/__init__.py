@@ -26,11 +26,13 @@ from fti.config.tables import (
     SerialLink,
     Session,
     Snapshot,
+    SourceLimits,
     StrictModel,
     TerrainFiles,
     UdpLink,
     UnstatedSd,
     Vector,
+    position_sources,
 )
 
 __all__ = [
@@ -52,6 +54,7 @@ __all__ = [
     "SerialLink",
     "Session",
     "Snapshot",
+    "SourceLimits",
     "StrictModel",
     "TerrainFiles",
     "UdpLink",
@@ -62,6 +65,7 @@ __all__ = [
     "load",
     "parse",
     "parse_toml",
+    "position_sources",
     "read_toml",
     "with_links",
     "with_session",

@@ -275,6 +275,22 @@ class UnstatedSd(StrictModel):
     inertial: tuple[Positive, Positive] = (5.0, 10.0)
 
 
+class SourceLimits(StrictModel):
+    """``[nav.limits]``: what the aircraft can do; a source of position that goes beyond is refused.
+
+    speed_mps, climb_mps : largest speed over ground and vertical speed
+    acceleration_mps2    : largest acceleration without gravity: 30 is a level turn of 3.2 g
+    wind_mps             : strongest wind, which turns the heading from the track
+    undulation_m         : largest difference between a stated undulation of the geoid and EGM96
+    """
+
+    speed_mps: Positive = 400.0
+    climb_mps: Positive = 150.0
+    acceleration_mps2: Positive = 30.0
+    wind_mps: Positive = 40.0
+    undulation_m: Positive = 5.0
+
+
 class Nav(StrictModel):
     """``[nav]``: roles, each a list of devices in order of preference.
 
@@ -290,6 +306,14 @@ class Nav(StrictModel):
     radio: Radio | None = None
     approach: Approach | None = None
     unstated_sd: UnstatedSd = UnstatedSd()
+    limits: SourceLimits = SourceLimits()
+
+
+def position_sources(nav: Nav) -> tuple[str, ...]:
+    """Devices whose positions are used: for the role, by the filter, by the fix of satellites and DME."""
+    receiver = nav.radio.receiver if nav.radio else None
+    aiding = (*(nav.filter.gnss if nav.filter else ()), *((receiver,) if receiver else ()))
+    return tuple(dict.fromkeys((*nav.position, *aiding)))
 
 
 class Display(StrictModel):

@@ -27,6 +27,7 @@ from fti.types import (
     NavSolution,
     Output,
     Reading,
+    SourceValidity,
     SurfaceDeflection,
 )
 
@@ -68,6 +69,8 @@ def snake_case(name: str) -> str:
 def output_topic(output: Output) -> str:
     """``/nav/<class>``, with the sensor behind it where there are several; the bus uses it too."""
     topic = f"/nav/{snake_case(type(output).__name__)}"
+    if isinstance(output, SourceValidity):
+        return f"{topic}/{output.source}"
     return f"{topic}/{output.sensor}" if isinstance(output, HeightAboveGround) else topic
 
 

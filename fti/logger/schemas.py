@@ -151,11 +151,13 @@ _NOTES: dict[str, tuple[str, Json]] = {
         "fti.Terrain",
         {"t_ns": _INTEGER, "after_seq": _INTEGER, "name": _STRING, "sha256": _STRING, "fault": _STRING},
     ),
+    "/fti/readmission": ("fti.Readmission", {"t_ns": _INTEGER, "after_seq": _INTEGER, "source": _STRING}),
     "/fti/gap": ("fti.Gap", {"t_ns": _INTEGER, "text": _STRING}),
 }
 EVENT_TOPIC = "/fti/event"
 DEVICE_CLOCK_TOPIC = "/fti/device_clock"
 TERRAIN_TOPIC = "/fti/terrain"
+READMISSION_TOPIC = "/fti/readmission"
 
 
 @cache

@@ -27,6 +27,7 @@ from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
+from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.sources import Source
 from fti.types import (
     Attitude,
@@ -71,6 +72,7 @@ class Pipeline:
             [self._sources[name] for name in roles.position],
             self._fallbacks,
         )
+        self._plausibility = PlausibilityMonitor(config)
         self._approach = make_channel(config, reference)
         self._ticks = 0
         self._takers: dict[tuple[str, type[Measurement]], tuple[Taker, ...]] = {}
@@ -97,6 +99,10 @@ class Pipeline:
             out += take(m, t_valid_ns) or ()
         return out
 
+    def readmit(self, device: str, t_ns: int) -> list[Event]:
+        """The operator has confirmed a source of position whose tests had found a contradiction.  Raises KeyError."""
+        return self._plausibility.readmit(device, t_ns)
+
     def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
         """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
         if issubclass(kind, (RadioHeight, Range)):
@@ -111,7 +117,19 @@ class Pipeline:
             takers.append(source.push_position)
         elif source and issubclass(kind, Velocity):
             takers.append(source.push_velocity)
+        if takers and self._plausibility.wants(device, kind):
+            return (partial(self._feed_tested, device, tuple(takers)),)
         return tuple(takers)
+
+    def _feed_tested(
+        self, device: str, takers: tuple[Taker, ...], m: Measurement, t_valid_ns: int
+    ) -> list[Output | Event]:
+        """What the tests of one source leave of a measurement goes to all who want it."""
+        out: list[Output | Event] = []
+        for admitted in self._plausibility.check(device, m, t_valid_ns):
+            for take in takers:
+                out += take(admitted, t_valid_ns) or ()
+        return [*out, *self._plausibility.take_events()]
 
     def _feed_altimeter(
         self, channel: AltimeterChannel, m: RadioHeight | Range, t_valid_ns: int
@@ -147,8 +165,9 @@ class Pipeline:
 
     def tick(self, t_ns: int) -> list[Output | Event]:
         """Let time pass: what became stale is said, the solution is given, what has been quiet is repeated."""
+        tested = self._plausibility.tick(t_ns)
         nav = self._navigation.at(t_ns)
-        out: list[Output | Event] = [*self._navigation.changes(nav)]
+        out: list[Output | Event] = [*tested, *self._navigation.changes(nav)]
         for channel in self._altimeters.values():
             for height in channel.tick(t_ns, nav):
                 out += [height, *self._selector.take(height), *self._approach.take(height, nav)]

@@ -11,6 +11,7 @@ import gc
 import itertools
 import math
 from bisect import bisect_left
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from fti import config as configuration
-from fti.config import Config
+from fti.config import Config, position_sources
 from fti.errors import MissingError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.reading.json_message import parse_table, using_message, whole_number
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import TERRAIN_TOPIC
+from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
@@ -50,10 +51,20 @@ class GroundNote:
 
 
 @dataclass(frozen=True, slots=True)
+class Readmission:
+    """Behind frame ``after_seq`` the operator has confirmed a source."""
+
+    after_seq: int
+    t_ns: int
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
 class Setup:
     """A configuration with all that it names.
 
     grounds  : when the ground was there in flight
+    readmissions : what the operator readmitted in flight, in order
     recorded : the configuration is that of the recording, and names elevation files only as ``fti.terrain`` lets it
     """
 
@@ -63,6 +74,7 @@ class Setup:
     reference: Reference | None
     grounds: tuple[GroundNote, ...] = ()
     recorded: bool = False
+    readmissions: tuple[Readmission, ...] = ()
 
     def make_chain(self) -> Chain:
         """A fresh chain."""
@@ -76,6 +88,12 @@ class Setup:
             return GroundNote(segment.first - 1, 0)
         last = math.inf if segment.last is None else segment.last
         return next((note for note in self.grounds if segment.first - 1 <= note.after_seq <= last), None)
+
+    def readmissions_in(self, segment: Segment) -> list[Readmission]:
+        """Those of sources that this configuration has, of one navigation process."""
+        sources = position_sources(self.config.nav)
+        last = math.inf if segment.last is None else segment.last
+        return [r for r in self.readmissions if segment.first - 1 <= r.after_seq <= last and r.source in sources]
 
     def load_ground(self) -> Ground | None:
         """The ground, if it was there at all.
@@ -127,7 +145,17 @@ def recorded_setup(recording: Recording, file: Path) -> Setup:
             files += map(_text, note.get("files", ()))
             grounds.append(_ground_note(note))
     config = _with_files(setup.config, tuple(files))
-    return replace(setup, config=config, grounds=tuple(grounds), recorded=True)
+    return replace(
+        setup, config=config, grounds=tuple(grounds), recorded=True, readmissions=tuple(_readmissions(recording))
+    )
+
+
+def _readmissions(recording: Recording) -> Iterator[Readmission]:
+    for topic, t_ns, _, _, data in recording.messages(READMISSION_TOPIC, kind="derived"):
+        with using_message(topic, t_ns):
+            note = parse_table(data)
+            found = Readmission(whole_number(note["after_seq"]), whole_number(note["t_ns"]), _text(note["source"]))
+        yield found
 
 
 def attached_config(attachments: Mapping[str, bytes], file: Path) -> tuple[Config, dict[str, str]]:
@@ -221,7 +249,8 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
-            chain = _Grounded(setup.make_chain(), ground, setup.ground_in(segment))
+            given = _Readmitting(setup.make_chain(), setup.readmissions_in(segment))
+            chain = _Grounded(given, ground, setup.ground_in(segment))
             for frame in _feed(frames, segment, chain, log):
                 done += 1
                 if done % FLUSH_FRAMES == 0:
@@ -243,10 +272,26 @@ def seldom_searched() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+class _Readmitting:
+    """A chain that is told of each readmission in front of the frame in front of which it was told in flight."""
+
+    def __init__(self, chain: Chain, readmissions: list[Readmission]) -> None:
+        self._chain, self._waiting = chain, deque(readmissions)
+        self.pass_gap, self.give_ground = chain.pass_gap, chain.give_ground
+
+    def feed(self, frame: RawFrame) -> list[Products]:
+        """What follows from readmissions and from the frame."""
+        out: list[Products] = []
+        while self._waiting and frame.seq > self._waiting[0].after_seq:
+            told = self._waiting.popleft()
+            out.append(self._chain.readmit(told.source, told.after_seq, told.t_ns))
+        return [*out, self._chain.feed(frame)]
+
+
 class _Grounded:
     """A chain that gets its ground in front of the frame in front of which it got it in flight."""
 
-    def __init__(self, chain: Chain, ground: Ground | None, note: GroundNote | None) -> None:
+    def __init__(self, chain: _Readmitting, ground: Ground | None, note: GroundNote | None) -> None:
         self._chain, self._ground, self._note = chain, ground, note
         self.pass_gap = chain.pass_gap
 
@@ -254,11 +299,11 @@ class _Grounded:
         """What follows from the frame, and before it from the ground."""
         note = self._note
         if note is None or frame.seq <= note.after_seq:
-            return [self._chain.feed(frame)]
+            return self._chain.feed(frame)
         self._note = None
         ground = None if note.fault else self._ground
         given = self._chain.give_ground(ground, note.fault, note.after_seq, note.t_ns or frame.t_rx_ns)
-        return [given, self._chain.feed(frame)]
+        return [given, *self._chain.feed(frame)]
 
 
 def _feed(frames: Iterator[RawFrame], segment: Segment, chain: _Grounded, log: DerivedLog) -> Iterator[RawFrame]:

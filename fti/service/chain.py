@@ -11,7 +11,7 @@ from typing import Any
 
 from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
-from fti.logger.schemas import DEVICE_CLOCK_TOPIC, TERRAIN_TOPIC
+from fti.logger.schemas import DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.nav.mounted import Mountings
@@ -83,6 +83,14 @@ class Chain:
         products.notes.append((TERRAIN_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, **about}))
         level, text = ("info", ground.name) if ground else ("error", f"there is none: {fault}")
         products.outputs.append(Event(t_ns=t_ns, level=level, source="terrain", text=text))
+        return products
+
+    def readmit(self, source: str, after_seq: int, t_ns: int) -> Products:
+        """Behind frame ``after_seq`` at t_ns the operator has confirmed a source.  Raises KeyError for no source."""
+        events = self._pipeline.readmit(source, t_ns)
+        products = Products()
+        products.outputs += events
+        products.notes.append((READMISSION_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, "source": source}))
         return products
 
     def feed(self, frame: RawFrame) -> Products:

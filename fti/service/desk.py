@@ -1,4 +1,4 @@
-"""What people ask of the daemon, at the control socket and on the page: marks, snapshots, commands to devices."""
+"""What people ask of the daemon: marks, snapshots, commands to devices, readmission of sources."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fti.clock import Clock
-from fti.config import Config
+from fti.config import Config, position_sources
 from fti.service.bulletin import Bulletin
 from fti.service.commands import Commander
 from fti.service.control import Message
@@ -15,7 +15,11 @@ from fti.service.keeping import RecorderMail
 
 
 class Desk:
-    """Answers people.  show : hands a message to the display process, which may not be there"""
+    """Answers people.
+
+    show     : hands a message to the display process, which may not be there
+    navigate : hands a message to the navigation process; False when it is not there
+    """
 
     def __init__(
         self,
@@ -26,9 +30,11 @@ class Desk:
         mail: RecorderMail,
         bulletin: Bulletin,
         show: Callable[[Message], None],
+        navigate: Callable[[Message], bool],
     ) -> None:
         self._config, self._clock = config, clock
         self._commander, self._mail, self._bulletin, self._show = commander, mail, bulletin, show
+        self._navigate = navigate
 
     async def obey(self, command: dict[str, Any], who: str) -> Answer:
         """Do what came over the control socket, and say what became of it."""
@@ -36,6 +42,8 @@ class Desk:
             return await self._commander.obey(command["send"], who)
         if "commands" in command:
             return {"devices": self._commander.catalogue.describe()}
+        if "readmit" in command:
+            return self._readmit(command["readmit"], who)
         return self._mark(command, who)
 
     def hear_page(self, message: Message) -> None:
@@ -49,6 +57,17 @@ class Desk:
             self._bulletin.event("warning", "mark", fault)
         if "send" in message:
             self._commander.begin(message["send"], who)
+
+    def _readmit(self, source: Any, who: str) -> Answer:
+        """Have navigation readmit a source of position; recorded with who has said so."""
+        sources = position_sources(self._config.nav)
+        if source not in sources:
+            return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}
+        if not self._navigate({"readmit": source}):
+            return {"fault": "navigation is being started again, and has forgotten what it had refused"}
+        now = self._clock.now_ns()
+        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": "readmit", "text": str(source)}, who)
+        return {"t_ns": now}
 
     def _mark(self, command: dict[str, Any], who: str) -> Answer:
         text, now = command.get("mark"), self._clock.now_ns()

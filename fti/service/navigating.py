@@ -189,6 +189,8 @@ class Navigator:
     def _listen(self) -> None:
         for message in self._channel.receive():
             self._hurry = self._hurry or "hurry" in message
+            if "readmit" in message:
+                self._deliver(self._chain.readmit(message["readmit"], self._last_seq, self._last_ns))
 
     def _tell_skips(self, news: Event | None) -> None:
         if news:

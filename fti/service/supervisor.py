@@ -92,7 +92,13 @@ class Supervisor:
         self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
         self._commander = self._make_commander()
         self._desk = Desk(
-            config, self._clock, commander=self._commander, mail=self._mail, bulletin=self._bulletin, show=self._show
+            config,
+            self._clock,
+            commander=self._commander,
+            mail=self._mail,
+            bulletin=self._bulletin,
+            show=self._show,
+            navigate=self._navigate,
         )
         self._keeper = Keeper(
             self._children, hear=self._hear, started=self._on_started, died=self._on_died, report=self._bulletin.report
@@ -259,6 +265,10 @@ class Supervisor:
         display = self._child(DISPLAY)
         if display and display.channel:
             display.channel.send(message)
+
+    def _navigate(self, message: Message) -> bool:
+        navigation = self._child(NAVIGATION)
+        return bool(navigation and navigation.channel and navigation.channel.send(message))
 
     def _on_ready(self, child: Child, fault: str | None) -> None:
         child.state = ProcessState.RUNNING

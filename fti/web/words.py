@@ -65,6 +65,17 @@ REASONS: dict[str, str] = {
     Reason.NO_SATELLITES: "no satellites",
     Reason.NO_DME: "no DME ranges",
     Reason.GEOMETRY: "geometry gives no position",
+    Reason.REPEATED: "same values in motion",
+    Reason.IMPOSSIBLE: "motion beyond the aircraft's limits",
+    Reason.JUMP: "position jumped",
+    Reason.DRIFT: "position drifts from its velocity",
+    Reason.SCATTER: "scatter above the stated sigma",
+    Reason.UNDULATION: "geoid undulation wrong",
+    Reason.DEVICE_TIME: "device time wrong",
+    Reason.ATTITUDES_DISAGREE: "attitude sources disagree",
+    Reason.HEADING_TRACK: "heading off the track",
+    Reason.UNCONFIRMED: "not confirmed after a fault",
+    Reason.UNCHECKED: "nothing to compare with",
 }
 
 STATES: dict[str, str] = {

@@ -201,10 +201,11 @@ def test_a_stuck_radar_beside_a_laser_is_refused_alone_with_events_that_say_sinc
     for k in range(40 * HZ):
         t, stamp = k / HZ, Stamp(T0 + k * S // HZ)
         up = 100.0 + 5.0 * t
+        lat = 0.8 + 60.0 * t / 6.38e6
         shown = 100.0 + 5.0 * 5.0 if 5.0 <= t < 20.0 else round(up / 1.5) * 1.5
         for device, m in (
             ("ins", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0)),
-            ("ins", Position(stamp=stamp, lat=0.8, lon=0.2, alt=500.0 + 5.0 * t, vertical_sd=2.0, horizontal_sd=2.0)),
+            ("ins", Position(stamp=stamp, lat=lat, lon=0.2, alt=500.0 + 5.0 * t, vertical_sd=2.0, horizontal_sd=2.0)),
             ("ins", Velocity(stamp=stamp, north=60.0, east=0.0, down=-5.0, sd=0.1)),
             ("radar", RadioHeight(stamp=stamp, height_agl=shown, sd=0.5)),
             ("laser", Range(stamp=stamp, slant_range=up + 0.01 * (k % 7))),

@@ -155,8 +155,8 @@ def test_a_place_that_is_not_on_earth_is_no_position(fly: Callable[..., Outputs]
     assert {o.reasons for o in outputs if isinstance(o, NavSolution)} == {(Reason.NO_POSITION,)}
 
 
-def test_a_position_that_stands_still_is_stale_and_not_valid_for_ever(fly: Callable[..., Outputs]) -> None:
-    """Frozen navigation with fresh times: s moves no 10 m any more, so no window is judged any more."""
+def test_a_position_that_stands_still_is_refused_and_not_valid_for_ever(fly: Callable[..., Outputs]) -> None:
+    """Frozen navigation with fresh times: the tests of its source refuse it, and there is no other one."""
     held: dict[type, Measurement] = {}
 
     def change(t: int, m: Measurement) -> Measurement:
@@ -167,7 +167,7 @@ def test_a_position_that_stands_still_is_stale_and_not_valid_for_ever(fly: Calla
     outputs = fly(change)
     assert valid_needles(outputs, BROKEN - S)
     found = integrity(outputs, BROKEN + 2700 * MS)
-    assert {(o.state, o.reasons) for o in found} == {(IntegrityState.UNAVAILABLE, (Reason.STALE,))}
+    assert {(o.state, o.reasons) for o in found} == {(IntegrityState.UNAVAILABLE, (Reason.NO_POSITION,))}
     assert not valid_needles(outputs, BROKEN + 2700 * MS)
     assert max(b.t_ns - a.t_ns for a, b in pairwise(found)) <= 560 * MS
 

@@ -17,7 +17,7 @@ from fti.errors import ConfigError, RecordingError
 from fti.logger.derived_log import DerivedLog
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
-from fti.logger.schemas import TERRAIN_TOPIC
+from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import SessionFolder
 from fti.post.reprocess import Segment, flown_segments, other_setup, recorded_setup, reprocess
 from fti.service.ground import load_ground
@@ -139,6 +139,22 @@ def test_another_terrain_than_that_of_the_flight_is_refused(tmp_path: Path) -> N
     _note_terrain(session, {"t_ns": START_NS, "after_seq": 99, "name": "scene demo", "sha256": "0" * 64})
     with pytest.raises(RecordingError, match="is not the terrain of the flight"):
         _again(session, tmp_path / "again")
+
+
+@pytest.mark.parametrize("as_flown", [False, True])
+def test_a_readmission_is_repeated_behind_the_frame_behind_which_it_came(tmp_path: Path, as_flown: bool) -> None:
+    config = CONFIG.replace("[nav]\n", '[nav]\nposition = ["altimeter"]\n')
+    session = _record(tmp_path, {"config.toml": config})
+    frames = {frame.seq: frame.t_rx_ns for frame in Recording.open(session.path).frames()}
+    log = DerivedLog(session, split_s=60, split_mb=10)
+    log.note(READMISSION_TOPIC, START_NS, {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"})
+    log.close()
+    again = Recording.open(_again(session, tmp_path / "again", as_flown=as_flown))
+    (note,) = [json.loads(data) for *_, data in again.messages(READMISSION_TOPIC, kind="derived")]
+    assert note == {"t_ns": frames[99] + 7, "after_seq": 99, "source": "altimeter"}
+    events = [(t_ns, json.loads(data)) for _, t_ns, _, _, data in again.messages("/fti/event", kind="derived")]
+    (told,) = [t_ns for t_ns, event in events if "nothing to readmit" in event["message"]]
+    assert told == frames[99] + 7
 
 
 def _note_terrain(session: SessionFolder, note: dict[str, Any]) -> None:

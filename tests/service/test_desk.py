@@ -13,7 +13,7 @@ from typing import Any, cast
 import pytest
 
 from fti.clock import FakeClock
-from fti.config import Config, Session
+from fti.config import Config, Nav, Session
 from fti.service import rundir
 from fti.service.bulletin import Bulletin
 from fti.service.children import Child
@@ -30,9 +30,11 @@ class Rig:
         self.bench = Bench()
         self.shown: list[dict[str, Any]] = []
         self.events: list[dict[str, Any]] = []
+        self.navigation: list[dict[str, Any]] = []
+        self.navigation_runs = True
         clock = FakeClock(7)
         self.desk = Desk(
-            Config(session=Session(name="s"), path="a.toml"),
+            Config(session=Session(name="s"), nav=Nav(position=("ins", "gnss")), path="a.toml"),
             clock,
             commander=self.bench.commander,
             mail=RecorderMail(Child("recorder")),
@@ -43,7 +45,12 @@ class Rig:
                 lambda topic, t_ns, event: self.events.append(event),
             ),
             show=self.shown.append,
+            navigate=self.navigate,
         )
+
+    def navigate(self, message: dict[str, Any]) -> bool:
+        self.navigation.append(message)
+        return self.navigation_runs
 
 
 @pytest.fixture
@@ -72,6 +79,22 @@ async def test_a_mark_is_an_event_and_a_trigger_needs_a_table(rig: Rig) -> None:
     assert await rig.desk.obey({"halt": True}, "root") == {"fault": "there is no such command"}
     assert await rig.desk.obey({"send": 7}, "root") == {"fault": "there is no such command"}
     assert len((await rig.desk.obey({"commands": True}, "root"))["devices"]) == 4
+
+
+async def test_a_source_is_readmitted_by_navigation_and_the_event_names_who(rig: Rig) -> None:
+    assert await rig.desk.obey({"readmit": "gnss"}, "alice") == {"t_ns": 7}
+    assert rig.navigation == [{"readmit": "gnss"}]
+    (event,) = rig.events
+    assert (event["source"], event["text"], event["who"]) == ("readmit", "gnss", "alice")
+
+
+async def test_what_is_not_a_source_or_has_no_navigation_is_not_readmitted(rig: Rig) -> None:
+    for wrong in ("radar", 7, {"a": 1}, None):
+        fault = (await rig.desk.obey({"readmit": wrong}, "alice"))["fault"]
+        assert "is not a source of position; there are ins, gnss" in fault
+    rig.navigation_runs = False
+    assert "navigation is being started again" in (await rig.desk.obey({"readmit": "gnss"}, "alice"))["fault"]
+    assert rig.events == []
 
 
 async def test_the_control_socket_names_who_asks_and_answers_in_order(rig: Rig, tmp_path: Path) -> None:

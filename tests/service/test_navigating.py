@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
 from fti.drivers import freeflight_ra4500
+from fti.logger.reading.recording import Recording
 from fti.service.chain import Chain
 from tests.service.slow_navigation import (
     LAT_0,
@@ -102,6 +104,26 @@ def test_without_a_fresh_start_of_decoders_a_wrong_height_would_be_valid(tmp_pat
     world.finish()
     with pytest.raises(AssertionError, match="comparison failed"):
         _assert_nothing_wrong_is_valid(world)
+
+
+def test_a_readmission_by_the_operator_is_recorded_and_repeated(tmp_path: Path) -> None:
+    commands = [b'{"readmit":"ins"}\n']
+
+    def cost(now: float) -> float:
+        if now > 2.0 and commands:
+            world._far.sendall(commands.pop())
+        return FAST
+
+    world = World(tmp_path, 5.0, cost)
+    world.run()
+    world.finish()
+    (note,) = world.rows("/fti/readmission")
+    assert note["source"] == "ins"
+    assert 450 <= note["after_seq"] < 600
+    again = reprocessed(world, tmp_path / "again")
+    assert outputs(again) == outputs(world.session.path)
+    (repeated,) = [json.loads(data) for *_, data in Recording.open(again).messages("/fti/readmission", kind="derived")]
+    assert repeated == note
 
 
 def _missed(world: World) -> list[int]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fti.nav.altimetry.mismatch import MAX_UNKNOWN_NS
+from fti.nav.plausibility.events import clock_text
 from fti.nav.series import SECOND_NS
 from fti.types import Event, HeightAboveGround, Reason
 
-DAY_S = 86_400
 BEGINS: Mapping[Reason, str] = {
     Reason.DEVIATION: "it deviates from what the known ground predicts",
     Reason.STUCK: "its value is stuck",
@@ -58,7 +58,7 @@ class RefusalEvents:
 
 def _begin_text(reason: Reason, since_ns: int, raw: float | None) -> str:
     value = f" at {raw:.2f} m" if reason is Reason.STUCK and raw is not None else ""
-    return f"altimeter refused: since {_clock(since_ns)} UTC {BEGINS[reason]}{value}"
+    return f"altimeter refused: since {clock_text(since_ns)} UTC {BEGINS[reason]}{value}"
 
 
 def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
@@ -72,10 +72,3 @@ def _end_cause(reason: Reason, height: HeightAboveGround) -> str:
 
 def _end_text(lasted_ns: int, cause: str) -> str:
     return f"altimeter not refused any more: after {lasted_ns / SECOND_NS:.1f} s {cause}"
-
-
-def _clock(t_ns: int) -> str:
-    """Time of day, to a tenth of a second."""
-    seconds, rest = divmod(t_ns, SECOND_NS)
-    hours, below = divmod(seconds % DAY_S, 3600)
-    return f"{hours:02d}:{below // 60:02d}:{below % 60:02d}.{rest // 100_000_000}"

@@ -1,0 +1,44 @@
+"""Undulation of the geoid EGM96 from a coarse grid that is part of the package, for who only checks another one.
+
+Heights are converted with ``fti.geodesy.geoid``, which needs a grid of the system.  This one has posts every 30 arc
+minutes, rounded to 0.1 m: every second post of ``egm96_15.gtx`` (PROJ, package proj-data), which was made from the grid
+of 15 arc minutes of NGA and NASA.  Between the posts it is bilinear.  At the posts between, that were left out, it is
+up to 3.9 m off (trenches and island arcs), below 1.3 m at 99.9 %, 0.13 m RMS.
+
+Source: Lemoine et al. 1998, NASA/TP-1998-206861; a work of the US government, in the public domain.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+FILE = Path(__file__).with_name("egm96_30min.npz")
+#: Posts per degree; rows from the south pole, columns from 180 degrees west.
+PER_DEGREE = 2
+
+
+@functools.cache
+def _posts() -> NDArray[np.int16]:
+    """shape (361, 720) [dm]; the file holds each row as differences."""
+    with np.load(FILE) as file:
+        posts: NDArray[np.int16] = np.cumsum(file["decimetres"], axis=1, dtype=np.int16)
+    return posts
+
+
+def undulation(lat: float, lon: float) -> float:
+    """Height of the geoid above the ellipsoid [m] at lat, lon [rad].  Raises ValueError for a place off the Earth."""
+    if not abs(lat) <= math.pi / 2 or not math.isfinite(lon):
+        raise ValueError(f"there is no place at {lat} rad north, {lon} rad east")
+    posts = _posts()
+    row = (math.degrees(lat) + 90.0) * PER_DEGREE
+    column = ((math.degrees(lon) + 180.0) % 360.0) * PER_DEGREE
+    i, j = min(int(row), len(posts) - 2), int(column) % posts.shape[1]
+    v, u, east = row - i, column - int(column), (j + 1) % posts.shape[1]
+    low = posts[i, j] * (1.0 - u) + posts[i, east] * u
+    high = posts[i + 1, j] * (1.0 - u) + posts[i + 1, east] * u
+    return float(low * (1.0 - v) + high * v) / 10.0

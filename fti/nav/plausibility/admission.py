@@ -1,0 +1,106 @@
+"""Refusal and readmission of what one source gives (position, altitude or attitude).
+
+A finding refuses it.  It comes back after PASS_S and PASS_FIXES in which every test passes.  While a contradiction
+stands (``jump``, ``drift``) it does not come back: it is unconfirmed until a step back cancels the contradiction, or
+until the operator readmits it.
+
+Until ESTABLISH_S and ESTABLISH_FIXES have passed after the start nothing is established that a step could contradict:
+a receiver that settles may step.  Such a contradiction refuses, and does not stand.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from fti.nav.plausibility.finding import Finding
+from fti.nav.series import SECOND_NS
+from fti.types import Reason
+
+PASS_S = 30
+PASS_FIXES = 30
+ESTABLISH_S, ESTABLISH_FIXES = 10, 10
+#: Fixes that are farther apart do not follow each other [ns].
+MAX_GAP_NS = 3 * SECOND_NS
+PASSES = f"{PASS_S} s and {PASS_FIXES} fixes in which all tests pass"
+
+
+class Change(StrEnum):
+    """What an update has changed."""
+
+    REFUSED = "refused"
+    STANDING = "standing"  # refused before; the contradiction stands now
+    CLOSED = "closed"  # a step back has ended the contradiction
+    VALID = "valid"
+
+
+class Admission:
+    """finding : the first one of the refusal in force, None while valid.  is_standing : see the module"""
+
+    def __init__(self) -> None:
+        self.finding: Finding | None = None
+        self.reasons: tuple[Reason, ...] = ()
+        self.is_standing = False
+        self.was_heard = False
+        self._passed_since_ns: int | None = None
+        self._passed = 0
+        self._newest_ns = 0
+        self._established_ns: int | None = None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it may be used."""
+        return self.finding is None
+
+    @property
+    def needs(self) -> str:
+        """What would make it valid again."""
+        if self.is_valid:
+            return ""
+        return f"a step back that cancels it, or fti readmit; then {PASSES}" if self.is_standing else PASSES
+
+    def fail(self, finding: Finding) -> Change | None:
+        """A test does not pass."""
+        self._passed_since_ns, self._passed = None, 0
+        stands = finding.is_standing and self._established_ns is not None and finding.onset_ns >= self._established_ns
+        began_to_stand = stands and not self.is_standing
+        self.is_standing = self.is_standing or stands
+        if finding.reason not in self.reasons:
+            self.reasons = (*self.reasons, finding.reason)
+        if self.finding is None:
+            self.finding = finding
+            return Change.REFUSED
+        return Change.STANDING if began_to_stand else None
+
+    def close(self) -> Change | None:
+        """The contradiction has ended: the operator says so, or a step of the source has cancelled it."""
+        if not self.is_standing:
+            return None
+        self.is_standing = False
+        return Change.CLOSED
+
+    def passes(self, t_ns: int) -> Change | None:
+        """All tests of one fix pass."""
+        self.was_heard = True
+        if self.finding is None and self._established_ns is not None:
+            return None
+        is_joined = self._passed_since_ns is not None and 0 <= t_ns - self._newest_ns <= MAX_GAP_NS
+        if self._passed_since_ns is None or not is_joined:
+            self._passed_since_ns, self._passed = t_ns, 0
+        self._newest_ns = t_ns
+        self._passed += 1
+        lasted_ns = t_ns - self._passed_since_ns
+        if self._established_ns is None and lasted_ns >= ESTABLISH_S * SECOND_NS and self._passed >= ESTABLISH_FIXES:
+            self._established_ns = t_ns
+        if self.is_standing or lasted_ns < PASS_S * SECOND_NS or self._passed < PASS_FIXES:
+            return None
+        was_refused, self.finding, self.reasons = self.finding is not None, None, ()
+        return Change.VALID if was_refused else None
+
+    def begin_anew(self) -> None:
+        """What has passed does not count: fixes are missing behind it, or a step came."""
+        self._passed_since_ns, self._passed = None, 0
+
+    @property
+    def all_reasons(self) -> tuple[Reason, ...]:
+        """Reasons of the refusal in force, with UNCONFIRMED while a contradiction stands."""
+        return (*self.reasons, Reason.UNCONFIRMED) if self.is_standing else self.reasons

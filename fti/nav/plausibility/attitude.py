@@ -1,0 +1,125 @@
+"""Test of attitude sources against each other: roll, pitch, heading of three or more, five times a second.
+
+    |a - b| > 5.5 sqrt(sd_a^2 + sd_b^2 + (rate s_t)^2) + limit      for 2 s
+
+Limit: 1 deg of roll and pitch (mounting), 5 deg of heading (a magnetic heading is one without declination only where it
+is known).  A source that contradicts two others that agree with each other is refused.  Two alone cannot be told apart:
+an event says that they disagree, and neither is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+from fti.nav.plausibility.budget import K_FALSE
+from fti.nav.plausibility.finding import Finding
+from fti.nav.series import SECOND_NS, Series, wrap
+from fti.nav.sources import ATTITUDE_SD_UNKNOWN, LARGEST
+from fti.types import Attitude, Reason
+
+LIMITS = {"roll": math.radians(1.0), "pitch": math.radians(1.0), "heading": math.radians(5.0)}
+#: Sigma of a heading that states none [rad].
+HEADING_SD_UNKNOWN = math.radians(2.0)
+#: Between the times of two sources [s].
+TIME_SD_S = 0.03
+STEP_NS, LASTING_NS = SECOND_NS // 5, 2 * SECOND_NS
+MAX_AGE_NS = SECOND_NS // 2
+Pair = tuple[str, str]
+
+
+@dataclass(slots=True)
+class _Dispute:
+    """Two sources that disagree.  since_ns : begin; last_ns : newest comparison beyond; agreed_ns : first one within"""
+
+    since_ns: int
+    text: str
+    is_lasting: bool = False
+    agreed_ns: int | None = None
+
+
+class AttitudeComparison:
+    """Attitudes of several sources, by name."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, dict[str, Series]] = {}
+        self._disputes: dict[Pair, _Dispute] = {}
+        self._due_ns: int | None = None
+
+    def take(self, source: str, m: Attitude, t_ns: int) -> None:
+        """Take an attitude that was true at t_ns."""
+        parts = self._parts.setdefault(source, {name: Series(angle=True) for name in LIMITS})
+        for name in LIMITS:
+            value, sd = getattr(m, name), getattr(m, f"{name}_sd")
+            if value is not None and abs(value) <= LARGEST[name]:
+                told = sd is not None and 0.0 < sd < math.inf
+                parts[name].push(t_ns, value if m.valid else None, sd if told else None)
+
+    def compare(self, t_ns: int) -> list[tuple[Pair, str, bool]] | None:
+        """Disputes that began (True) or ended (False) at a tick; None when no comparison was due."""
+        if self._due_ns is not None and 0 <= self._due_ns - t_ns <= STEP_NS:
+            return None
+        self._due_ns = t_ns + STEP_NS
+        changes = [self._update(pair, t_ns) for pair in combinations(sorted(self._parts), 2)]
+        return [change for change in changes if change]
+
+    def _update(self, pair: Pair, t_ns: int) -> tuple[Pair, str, bool] | None:
+        text, dispute = self._difference(pair, t_ns), self._disputes.get(pair)
+        if text is None:
+            return None
+        if dispute is None:
+            if text:
+                self._disputes[pair] = _Dispute(t_ns, text)
+            return None
+        if not text:
+            return self._agree(pair, dispute, t_ns)
+        dispute.text, dispute.agreed_ns = text, None
+        if dispute.is_lasting or t_ns - dispute.since_ns < LASTING_NS:
+            return None
+        dispute.is_lasting = True
+        return pair, text, True
+
+    def _agree(self, pair: Pair, dispute: _Dispute, t_ns: int) -> tuple[Pair, str, bool] | None:
+        if dispute.is_lasting and dispute.agreed_ns is None:
+            dispute.agreed_ns = t_ns
+        if dispute.is_lasting and t_ns - (dispute.agreed_ns or t_ns) < LASTING_NS:
+            return None
+        del self._disputes[pair]
+        return (pair, "", False) if dispute.is_lasting else None
+
+    def _difference(self, pair: Pair, t_ns: int) -> str | None:
+        """What two sources differ in beyond its limit, in words; "" for nothing; None when they cannot be compared."""
+        compared = False
+        for name, limit in LIMITS.items():
+            series = [self._parts[source][name] for source in pair]
+            at_ns = min(one.newest_ns or 0 for one in series)
+            first, second = (one.at(at_ns, MAX_AGE_NS) for one in series)
+            if first is None or second is None or t_ns - at_ns > 2 * MAX_AGE_NS:
+                continue
+            compared = True
+            unknown = HEADING_SD_UNKNOWN if name == "heading" else ATTITUDE_SD_UNKNOWN
+            rate = max(abs(one.slope(at_ns, SECOND_NS // 2, SECOND_NS // 10) or 0.0) for one in series)
+            sd = math.hypot(first.sd or unknown, second.sd or unknown, rate * TIME_SD_S)
+            if abs(wrap(first.value - second.value)) > K_FALSE * sd + limit:
+                degrees = math.degrees(wrap(first.value - second.value))
+                return f"{name} of {pair[0]} and {pair[1]} differ by {degrees:+.1f} deg"
+        return "" if compared else None
+
+    def finding(self, source: str) -> Finding | None:
+        """Against a source: it contradicts two others that do not contradict each other."""
+        against = [pair for pair, dispute in self._disputes.items() if dispute.is_lasting and source in pair]
+        others = [name for pair in against for name in pair if name != source]
+        if not any(tuple(sorted(two)) not in self._disputes for two in combinations(others, 2)):
+            return None
+        first = min((self._disputes[pair] for pair in against), key=lambda dispute: dispute.since_ns)
+        return Finding(Reason.ATTITUDES_DISAGREE, first.since_ns, first.text)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """All that have given an attitude."""
+        return tuple(self._parts)
+
+    def disputes_of(self, source: str) -> bool:
+        """Whether it disagrees with another one at present."""
+        return any(dispute.is_lasting and source in pair for pair, dispute in self._disputes.items())

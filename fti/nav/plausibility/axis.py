@@ -1,0 +1,369 @@
+"""Tests of one axis of the position of a source: ``repeated``, ``impossible``, ``jump``, ``drift``, ``scatter``.
+
+    c_k = c_(k-1) + (x_k - x_(k-1)) - (V(t_k) - V(t_(k-1)))
+
+x: position along the axis [m]; V: integral of the velocity that the same device states.  c of a sound source changes by
+its errors alone.  ``jump`` compares c_k - c_(k-1), ``drift`` the difference over 10 to 120 s, ``scatter`` the variance
+over a minute.  While the digits repeat suspiciously the fix waits: it is judged with the first different one, over the
+whole time between them, or by ``repeated``.
+
+A step and a ramp leave a standing contradiction D: c - c(onset).  It ends by a step back ("closure"): the source steps,
+and D is cancelled within 4.2 sigma of what has accumulated since the onset, which must be below half of D.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+from fti.config import SourceLimits
+from fti.nav.plausibility import scatter
+from fti.nav.plausibility.budget import K_CLOSURE, K_FALSE, K_JUMP
+from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.repetition import UNKNOWN_STEP_M, RepetitionTest
+from fti.nav.plausibility.resolution import ResolutionEstimator
+from fti.nav.plausibility.sigmas import VELOCITY_TAU_S, WHITE_SHARE, FixSigma, Span, difference_variance
+from fti.nav.plausibility.velocity_integral import Integral, VelocityIntegral
+from fti.nav.series import SECOND_NS, wrap
+from fti.types import Reason
+
+#: Fixes that come more often are not all tested [ns].
+MIN_STEP_NS = 80_000_000
+#: Windows of the test of drift [s], and how often it is made.
+WINDOWS_S = (10, 20, 40, 60, 120)
+HISTORY_NS = SECOND_NS
+KEPT = 122
+#: Newest entries of the test of scatter: a minute.
+SCATTER_ENTRIES = 60
+SCATTER_EVERY = 10
+#: Positions that are farther apart are not joined by the limits of speed [s].
+MAX_BRIDGE_S = 60.0
+#: A velocity may be continued for so long before a fix waits for the next one [s].
+MAX_AGE_S = 0.3
+#: A stated sigma that has changed by more than this factor is that of another kind of fix.
+CHANGED_SIGMA = 1.5
+#: The variance of what is drawn anew is a mean over so many fixes; of few, its own error would widen the tails.
+WHITE_FIXES = 200.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """One position along the axis.
+
+    value : as the device states it [rad, m]; metres : per unit of value; kind : only values of one are compared
+    """
+
+    t_ns: int
+    value: float
+    metres: float
+    sigma: FixSigma
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Past:
+    """State behind one fix.  path, speed : integral of the velocity, None without one; segment : of the velocities"""
+
+    t_ns: int
+    c: float
+    path: float
+    speed: float
+    sigma: float
+    segment: int
+
+
+class _Then(NamedTuple):
+    """An earlier fix: so long ago; its speed along the axis [m/s]; path since [m]; its sigma [m]."""
+
+    seconds: float
+    speed: float
+    path: float
+    sigma: float
+
+
+@dataclass(slots=True)
+class Standing:
+    """A contradiction that has not ended.  offset : D [m], None once it cannot be followed any more"""
+
+    onset_ns: int
+    offset: float | None
+    path: float
+
+
+class AxisTests:
+    """One axis of one source.  name : "north", "east", "up"; max_speed : along the axis [m/s]"""
+
+    def __init__(self, name: str, limits: SourceLimits, max_speed: float, *, is_angle: bool) -> None:
+        self.name = name
+        self.velocity = VelocityIntegral()
+        self.standing: Standing | None = None
+        self.is_closed = False
+        self._acceleration = limits.acceleration_mps2
+        self._max_speed = max_speed
+        self._is_angle = is_angle
+        self._resolution = ResolutionEstimator()
+        self._repetition = RepetitionTest()
+        self._last: Fix | None = None
+        self._last_at: Integral | None = None
+        self._pending: Fix | None = None
+        self._seen: Integral | None = None
+        self._c = 0.0
+        self._white: float | None = None
+        self._history: deque[_Past] = deque(maxlen=KEPT)
+        self._turns = 0
+
+    # ------------------------------------------------------------------------------------------------------ taking
+
+    def take_velocity(self, t_ns: int, speed: float) -> list[Finding] | None:
+        """Take a velocity along the axis [m/s]; a fix that has waited for it is judged.  None: nothing was judged"""
+        self.velocity.take(t_ns, speed)
+        pending = self._pending
+        if pending is None or (self.velocity.newest_ns or 0) < pending.t_ns:
+            return None
+        self._pending = None
+        return self._judge(pending)
+
+    def take_fix(self, fix: Fix) -> list[Finding] | None:
+        """Take a fix.  None: nothing was judged"""
+        found: list[Finding] = []
+        if self._pending:
+            pending, self._pending = self._pending, None
+            found += self._judge(pending) or ()
+        last = self._last
+        if last and fix.t_ns - last.t_ns < MIN_STEP_NS and fix.kind == last.kind:
+            return found or None
+        at = self.velocity.at(fix.t_ns)
+        if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):
+            self._pending = fix
+            return found or None
+        judged = self._judge(fix)
+        return found or None if judged is None else found + judged
+
+    def _is_gross(self, fix: Fix, at: Integral) -> bool:
+        """Whether it is a step even with any acceleration since the newest velocity, so that it need not wait."""
+        if self._last is None or self._last_at is None or self._last.kind != fix.kind:
+            return False
+        return abs(self._residual(fix, at)) > self._jump_limit(fix, at)
+
+    def readmit(self) -> None:
+        """The operator takes the source as it is now."""
+        self.standing = None
+        self._restart()
+
+    # ----------------------------------------------------------------------------------------------------- judging
+
+    def _judge(self, fix: Fix) -> list[Finding] | None:
+        """Findings of a fix; None while it waits for a different one."""
+        last, at, last_at = self._last, self.velocity.at(fix.t_ns), self._last_at
+        self.is_closed = False
+        step = self._resolution.step
+        step_m = UNKNOWN_STEP_M if step is None else step * fix.metres
+        fix.sigma.step = step_m
+        if last is None or last.kind != fix.kind:
+            self._follow(fix, at)
+            self._lose_standing()
+            return []
+        joined = at is not None and last_at is not None and at.segment == last_at.segment
+        moved = self._moved_by_velocity(at)
+        self._repetition.update(fix.t_ns, fix.value, moved, step_m, math.sqrt(self._white_of(fix)))
+        if self._repetition.is_repeated:
+            return [self._repeated(fix)]
+        if self._repetition.is_suspicious:
+            return None
+        self._resolution.update(fix.value)
+        found = self._compare(fix, at) if joined and at else self._bridge(fix, at)
+        self._follow(fix, at)
+        return found
+
+    def _moved_by_velocity(self, at: Integral | None) -> float:
+        """By the stated velocity since the last fix that was looked at [m]."""
+        before = self._seen
+        self._seen = at
+        return at.path - before.path if at and before and at.segment == before.segment else 0.0
+
+    def _repeated(self, fix: Fix) -> Finding:
+        run = self._repetition
+        run_s = (fix.t_ns - run.since_ns) / SECOND_NS
+        text = f"{self.name}: the same value for {run_s:.1f} s, in which its velocity makes {abs(run.moved):.1f} m"
+        self._last_at = (
+            None  # the next different value is joined with the first of the run by the limits of speed alone
+        )
+        self._restart()
+        self._lose_standing()
+        return Finding(Reason.REPEATED, run.since_ns, text)
+
+    def _restart(self) -> None:
+        self._history.clear()
+        self._c = 0.0
+
+    def _follow(self, fix: Fix, at: Integral | None) -> None:
+        self._last, self._last_at = fix, at
+        if at is None:
+            self._restart()
+
+    def _lose_standing(self) -> None:
+        """The contradiction cannot be followed over a break: no step can be known to end it."""
+        if self.standing:
+            self.standing.offset = None
+
+    def _displacement(self, fix: Fix) -> float:
+        assert self._last is not None
+        difference = fix.value - self._last.value
+        return (wrap(difference) if self._is_angle else difference) * fix.metres
+
+    def _residual(self, fix: Fix, at: Integral) -> float:
+        assert self._last_at is not None
+        return self._displacement(fix) - (at.path - self._last_at.path)
+
+    # ----------------------------------------------------------------------------------------------- impossible, gap
+
+    def _bridge(self, fix: Fix, at: Integral | None) -> list[Finding]:
+        """Between fixes that no velocity joins: what the aircraft cannot fly."""
+        assert self._last is not None
+        self._restart()
+        self._lose_standing()
+        seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
+        if seconds > MAX_BRIDGE_S:
+            return []
+        flown, sd = abs(self._displacement(fix)), math.hypot(fix.sigma.position, fix.sigma.step)
+        limit = self._max_speed * seconds + K_FALSE * math.sqrt(2.0) * sd
+        if flown <= limit:
+            return []
+        text = f"{self.name}: {flown:.0f} m in {seconds:.1f} s, at most {limit:.0f} m are possible"
+        return [self._stand(Finding(Reason.IMPOSSIBLE, fix.t_ns, text, is_standing=True), None, fix.t_ns, 0.0)]
+
+    # -------------------------------------------------------------------------------------------------- jump, drift
+
+    def _variance(self, fix: Fix, at: Integral, then: _Then) -> float:
+        """Variance of c(fix) - c(then) [m^2].
+
+        Where the stated sigma has become another, as of a receiver that finds its corrections, so has the slow error.
+        """
+        span = Span(then.seconds, max(abs(at.speed), abs(then.speed)), at.speed - then.speed, then.path)
+        larger, smaller = max(fix.sigma.position, then.sigma), min(fix.sigma.position, then.sigma)
+        white = larger**2 if larger > CHANGED_SIGMA * smaller else self._white_of(fix)
+        return difference_variance(replace(fix.sigma, position=larger), white, span)
+
+    def _white_of(self, fix: Fix) -> float:
+        full = fix.sigma.position**2
+        return full if self._white is None else min(max(self._white, WHITE_SHARE * full), full)
+
+    def _jump_limit(self, fix: Fix, at: Integral) -> float:
+        assert self._last is not None
+        assert self._last_at is not None
+        seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS
+        path = abs(at.path - self._last_at.path)
+        then = _Then(seconds, self._last_at.speed, path, self._last.sigma.position)
+        sd = math.sqrt(self._variance(fix, at, then))
+        between = min(seconds, self.velocity.interval_s)
+        return K_JUMP * sd + self._acceleration * (between**2 / 8.0 + at.age_s**2 / 2.0)
+
+    def _compare(self, fix: Fix, at: Integral) -> list[Finding]:
+        residual, limit = self._residual(fix, at), self._jump_limit(fix, at)
+        seconds = (fix.t_ns - self._last.t_ns) / SECOND_NS if self._last else 0.0
+        if abs(residual) > limit:
+            return self._step(fix, at, residual, limit)
+        self._c += residual
+        if self.standing and self.standing.offset is not None:
+            self.standing.offset += residual
+        self._learn_white(fix, residual, seconds)
+        return self._look_back(fix, at)
+
+    def _learn_white(self, fix: Fix, residual: float, seconds: float) -> None:
+        if seconds > 2.0:
+            return
+        new = min(0.5 * residual**2, 4.0 * fix.sigma.position**2)
+        before = fix.sigma.position**2 if self._white is None else self._white
+        self._white = before + (new - before) / WHITE_FIXES
+
+    def _step(self, fix: Fix, at: Integral, residual: float, limit: float) -> list[Finding]:
+        standing = self.standing
+        if standing and standing.offset is not None:
+            before = standing.offset
+            standing.offset += residual
+            if self._is_cancelled(fix, at, standing, before):
+                self.standing, self.is_closed = None, True
+                self._restart()
+                return []
+        elif standing is None:
+            standing = Standing(fix.t_ns, residual, at.path)
+        self._restart()
+        text = f"{self.name}: {residual:+.1f} m beside the path of its velocity, limit {limit:.1f} m"
+        finding = Finding(Reason.JUMP, fix.t_ns, text, is_standing=True)
+        self.standing = standing
+        return [finding]
+
+    def _is_cancelled(self, fix: Fix, at: Integral, standing: Standing, before: float) -> bool:
+        seconds = (fix.t_ns - standing.onset_ns) / SECOND_NS
+        path = abs(at.path - standing.path)
+        then = _Then(seconds, at.speed, path, fix.sigma.position)
+        within = K_CLOSURE * math.sqrt(self._variance(fix, at, then))
+        return standing.offset is not None and abs(standing.offset) <= within < abs(before) / 2.0
+
+    def _stand(self, finding: Finding, offset: float | None, onset_ns: int, path: float) -> Finding:
+        if self.standing is None:
+            self.standing = Standing(onset_ns, offset, path)
+        return finding
+
+    def _look_back(self, fix: Fix, at: Integral) -> list[Finding]:
+        """Drift and scatter, once a second."""
+        history = self._history
+        if history and fix.t_ns - history[-1].t_ns < HISTORY_NS:
+            return []
+        if history and history[-1].segment != at.segment:
+            history.clear()
+        history.append(_Past(fix.t_ns, self._c, at.path, at.speed, fix.sigma.position, at.segment))
+        self._turns += 1
+        found = self._find_drift(fix, at)
+        if not found and self._turns % SCATTER_EVERY == 0:
+            found = self._find_scatter(fix)
+        if found:
+            history.clear()
+        return found
+
+    def _find_drift(self, fix: Fix, at: Integral) -> list[Finding]:
+        for window in WINDOWS_S:
+            past = self._past(fix.t_ns - window * SECOND_NS)
+            if past is None:
+                break
+            seconds, drift = (fix.t_ns - past.t_ns) / SECOND_NS, self._c - past.c
+            then = _Then(seconds, past.speed, abs(at.path - past.path), past.sigma)
+            sd = math.sqrt(self._variance(fix, at, then))
+            allowance = self._acceleration_since(past) * self.velocity.interval_s**2 / 6.0
+            if abs(drift) > K_FALSE * sd + allowance:
+                text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s beside the path of its velocity, "
+                text += f"limit {K_FALSE * sd + allowance:.1f} m"
+                finding = Finding(Reason.DRIFT, past.t_ns, text, is_standing=True)
+                return [self._stand(finding, drift, past.t_ns, past.path)]
+        return []
+
+    def _past(self, t_ns: int) -> _Past | None:
+        """The newest entry that is not younger."""
+        if not self._history or self._history[0].t_ns > t_ns:
+            return None
+        return next(past for past in reversed(self._history) if past.t_ns <= t_ns)
+
+    def _acceleration_since(self, past: _Past) -> float:
+        """The largest change of the velocity from second to second, at most the limit of the aircraft [m/s^2]."""
+        recent = [entry for entry in self._history if entry.t_ns >= past.t_ns]
+        changes = (abs(b.speed - a.speed) for a, b in pairwise(recent))
+        return min(max(changes, default=0.0), self._acceleration)
+
+    def _find_scatter(self, fix: Fix) -> list[Finding]:
+        history, sigma = list(self._history)[-SCATTER_ENTRIES:], fix.sigma
+        if len(history) < scatter.MIN_VALUES:
+            return []
+        span = (history[-1].t_ns - history[0].t_ns) / SECOND_NS
+        speed = max(abs(past.speed) for past in history)
+        turn = max(past.speed for past in history) - min(past.speed for past in history)
+        expected = max(past.sigma for past in history) ** 2 + sigma.step**2 / 12.0 + (speed * sigma.time) ** 2
+        expected += sigma.velocity**2 * 2.0 * VELOCITY_TAU_S * span / 6.0 + (sigma.velocity_step * span) ** 2 / 144.0
+        expected += (0.1 * turn) ** 2 + (sigma.arm / 3.0) ** 2 + (1e-4 * speed * span) ** 2 / 12.0
+        beyond = scatter.excess([past.c for past in history], expected)
+        if beyond is None:
+            return []
+        text = f"{self.name}: its variance is {beyond[0]:.1f} times that of its stated sigma, limit {beyond[1]:.1f}"
+        return [Finding(Reason.SCATTER, history[0].t_ns, text)]

@@ -1,0 +1,33 @@
+"""Events of refusals: which source, which test, since when, what was compared, and what would make it valid again."""
+
+from __future__ import annotations
+
+from fti.nav.plausibility.admission import Admission, Change
+from fti.nav.series import SECOND_NS
+from fti.types import Event
+
+DAY_S = 86_400
+
+
+def clock_text(t_ns: int) -> str:
+    """Time of day, to a tenth of a second."""
+    seconds, rest = divmod(t_ns, SECOND_NS)
+    hours, below = divmod(seconds % DAY_S, 3600)
+    return f"{hours:02d}:{below // 60:02d}:{below % 60:02d}.{rest // 100_000_000}"
+
+
+def describe(t_ns: int, source: str, quantity: str, admission: Admission, change: Change) -> Event:
+    """Event of a change."""
+    if change is Change.VALID:
+        text = f"{quantity} valid again: all tests have passed"
+        return Event(t_ns=t_ns, level="info", source=source, text=text)
+    if change is Change.CLOSED:
+        text = f"{quantity}: the contradiction has ended; valid after {admission.needs}"
+        return Event(t_ns=t_ns, level="info", source=source, text=text)
+    finding = admission.finding
+    assert finding is not None
+    if change is Change.STANDING:
+        text = f"{quantity} unconfirmed: a contradiction stands; valid after {admission.needs}"
+        return Event(t_ns=t_ns, level="warning", source=source, text=text)
+    text = f"{quantity} refused: {finding.reason}: {finding.text}; since {clock_text(finding.onset_ns)} UTC; "
+    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.needs}")

@@ -1,0 +1,173 @@
+"""Tests of one source for all devices of position and attitude: what they refuse is invalid for all of navigation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TypeVar
+
+from fti.config import Config, Device, position_sources
+from fti.nav.plausibility.admission import Admission
+from fti.nav.plausibility.attitude import AttitudeComparison
+from fti.nav.plausibility.events import describe
+from fti.nav.plausibility.heading import HeadingTest
+from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
+from fti.nav.series import SECOND_NS
+from fti.nav.sources import level_velocity
+from fti.types import Attitude, Event, Measurement, Output, Position, Reason, SourceValidity, Velocity
+
+T = TypeVar("T", Position, Velocity, Attitude)
+#: Validities are composed so often, and repeated so often when they have not changed [ns].
+COMPOSE_NS, REPEAT_NS = SECOND_NS // 10, SECOND_NS // 2
+#: A source that was heard within so long can be compared with [ns].
+HEARD_NS = 5 * SECOND_NS
+ATTITUDE, HEADING = "attitude", "heading"
+
+
+class PlausibilityMonitor:
+    """All sources of a configuration: roles, and what aids filter and radio position."""
+
+    def __init__(self, config: Config) -> None:
+        devices = {device.name: device for device in config.device}
+        self._tests = {name: _make_tests(devices[name], config) for name in position_sources(config.nav)}
+        self._attitudes = {name: Admission() for name in config.nav.attitude}
+        self._max_age_ns = {name: round(device.max_age_ms * 1e6) for name, device in devices.items()}
+        self._newest_ns: dict[str, int] = {}
+        self._headings = {name: Admission() for name in config.nav.attitude}
+        self._heading_tests = {name: HeadingTest(config.nav.limits.wind_mps) for name in config.nav.attitude}
+        self._comparison = AttitudeComparison()
+        self._has_filter = config.nav.filter is not None
+        self._events: list[Event] = []
+        self._composed_ns: int | None = None
+        self._told: dict[str, SourceValidity] = {}
+
+    def wants(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether measurements of this kind of a device are tested."""
+        if issubclass(kind, Attitude):
+            return device in self._attitudes
+        return issubclass(kind, (Position, Velocity)) and device in self._tests
+
+    def check(self, device: str, m: Measurement, t_ns: int) -> list[Measurement]:
+        """The measurement as it may be used: the same one, or invalid, or in two parts of which one is invalid."""
+        self._newest_ns[device] = max(t_ns, self._newest_ns.get(device, t_ns))
+        if isinstance(m, Attitude):
+            return [*self._check_attitude(device, m, t_ns)]
+        if isinstance(m, Position):
+            positions, events = self._tests[device].take_position(m, t_ns)
+            self._events += events
+            return [*positions]
+        if isinstance(m, Velocity):
+            velocities, events = self._tests[device].take_velocity(m, t_ns)
+            self._events += events
+            if self._tests[device].position.is_valid and m.valid:
+                self._take_track(m, t_ns)
+            return [*velocities]
+        return [m]
+
+    def _take_track(self, m: Velocity, t_ns: int) -> None:
+        north, east = level_velocity(m)
+        if north is not None and east is not None and math.isfinite(north + east):
+            for test in self._heading_tests.values():
+                test.take_track(t_ns, north, east)
+
+    def _check_attitude(self, device: str, m: Attitude, t_ns: int) -> list[Attitude]:
+        self._comparison.take(device, m, t_ns)
+        admission = self._headings[device]
+        found = self._heading_tests[device].take(t_ns, m) if m.valid else None
+        if found is not None:
+            changes = [admission.fail(finding) for finding in found] or [admission.passes(t_ns)]
+            self._events += [describe(t_ns, device, HEADING, admission, change) for change in changes if change]
+        if not self._attitudes[device].is_valid:
+            return [replace(m, valid=False)]
+        if admission.is_valid or m.heading is None:
+            return [m]
+        heading = Attitude(stamp=m.stamp, heading=m.heading, valid=False)
+        return [heading] if m.roll is None and m.pitch is None else [replace(m, heading=None), heading]
+
+    def take_events(self) -> list[Event]:
+        """Events since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def readmit(self, device: str, t_ns: int) -> list[Event]:
+        """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
+        return self._tests[device].readmit(t_ns)
+
+    # ------------------------------------------------------------------------------------------------------- telling
+
+    def tick(self, t_ns: int) -> list[Output | Event]:
+        """Let time pass: attitudes are compared, the validity of each source is told."""
+        self._compare_attitudes(t_ns)
+        out: list[Output | Event] = [*self.take_events()]
+        if self._composed_ns is not None and 0 <= t_ns - self._composed_ns < COMPOSE_NS:
+            return out
+        self._composed_ns = t_ns
+        for name in dict.fromkeys((*self._tests, *self._attitudes)):
+            validity, last = self._validity(name, t_ns), self._told.get(name)
+            if validity is None:
+                continue
+            is_same = last is not None and replace(last, t_ns=t_ns, t_valid_ns=validity.t_valid_ns) == validity
+            if last is None or not is_same or t_ns - last.t_ns >= REPEAT_NS:
+                self._told[name] = validity
+                out.append(validity)
+        return out
+
+    def _compare_attitudes(self, t_ns: int) -> None:
+        changes = self._comparison.compare(t_ns)
+        if changes is None:
+            return
+        for pair, text, began in changes:
+            words = f"attitudes disagree: {text}" if began else f"attitudes of {pair[0]} and {pair[1]} agree again"
+            level = "warning" if began else "info"
+            self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=words))
+        for name in self._comparison.sources:
+            admission, finding = self._attitudes[name], self._comparison.finding(name)
+            change = admission.fail(finding) if finding else admission.passes(t_ns)
+            if change:
+                self._events.append(describe(t_ns, name, ATTITUDE, admission, change))
+
+    def _validity(self, name: str, t_ns: int) -> SourceValidity | None:
+        tests, attitude = self._tests.get(name), self._attitudes.get(name)
+        parts = [(tests.position, tests.altitude) if tests else (None, None), (attitude, self._headings.get(name))]
+        heard = [part if part and (part.was_heard or not part.is_valid) else None for row in parts for part in row]
+        known = [part for part in heard if part]
+        if not known:
+            return None
+        reasons = tuple(dict.fromkeys(reason for part in known for reason in part.all_reasons))
+        refused = [part.finding for part in known if part.finding]
+        newest_ns = self._newest_ns[name]
+        is_stale = t_ns - newest_ns > self._max_age_ns[name]
+        extra = (Reason.STALE,) if is_stale else () if refused else self._remarks(name, t_ns)
+        return SourceValidity(
+            t_ns=t_ns,
+            t_valid_ns=newest_ns,
+            source=name,
+            valid=not refused and not is_stale,
+            reasons=(*reasons, *extra),
+            position_valid=_told_valid(heard[0]),
+            altitude_valid=_told_valid(heard[1], heard[0]),
+            attitude_valid=_told_valid(heard[2]),
+            heading_valid=_told_valid(heard[3], heard[2]),
+            onset_ns=min((finding.onset_ns for finding in refused), default=None),
+            readmission="; ".join(dict.fromkeys(part.needs for part in known if not part.is_valid)),
+        )
+
+    def _remarks(self, name: str, t_ns: int) -> tuple[Reason, ...]:
+        """Of a valid source: nothing to compare with, or another attitude that it disagrees with."""
+        found = (Reason.ATTITUDES_DISAGREE,) if self._comparison.disputes_of(name) else ()
+        if name not in self._tests or self._has_filter:
+            return found
+        times = (tests.newest_ns for other, tests in self._tests.items() if other != name)
+        is_alone = not any(newest is not None and t_ns - newest <= HEARD_NS for newest in times)
+        return (*found, Reason.UNCHECKED) if is_alone else found
+
+
+def _told_valid(part: Admission | None, *also: Admission | None) -> bool | None:
+    """Whether a part is valid, and what it depends on; None where it is not given."""
+    return None if part is None else part.is_valid and all(one is None or one.is_valid for one in also)
+
+
+def _make_tests(device: Device, config: Config) -> SourceTests:
+    unstated = config.nav.unstated_sd
+    pair = unstated.inertial if device.name in config.nav.attitude else unstated.satellites
+    return SourceTests(device, config.nav.limits, UnstatedSigmas(*pair))

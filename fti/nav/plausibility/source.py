@@ -1,0 +1,264 @@
+"""All tests of one source: its measurements in, the same out, invalid where a test has refused what they carry.
+
+Position and altitude are refused each for itself, but a device whose position is refused gives no altitude either:
+findings of latitude, longitude, horizontal velocity and time refuse the position; findings of height, vertical velocity
+and undulation refuse the altitude.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from fti.config import Device, SourceLimits
+from fti.geodesy.one_point import radii
+from fti.nav.plausibility.admission import Admission, Change
+from fti.nav.plausibility.axis import AxisTests, Fix
+from fti.nav.plausibility.device_time import DeviceTimeTest
+from fti.nav.plausibility.events import describe
+from fti.nav.plausibility.finding import Finding
+from fti.nav.plausibility.motion import MotionTest
+from fti.nav.plausibility.resolution import ResolutionEstimator
+from fti.nav.plausibility.sigmas import (
+    ARRIVAL_SD_S,
+    CLOCK_SD_S,
+    MIN_HORIZONTAL_M,
+    MIN_VELOCITY,
+    MIN_VERTICAL_M,
+    UNSTATED_VELOCITY,
+    FixSigma,
+)
+from fti.nav.plausibility.undulation import UndulationTest
+from fti.nav.series import SECOND_NS
+from fti.nav.sources import LARGEST, ellipsoidal, level_velocity
+from fti.types import Event, Position, Stamp, TimeScale, Velocity
+
+#: Ground speed and track of different messages make a velocity when they are no farther apart [ns].
+TOGETHER_NS = SECOND_NS // 2
+#: Closer to a pole a longitude is no axis [rad].
+MAX_LAT = math.radians(89.0)
+POSITION, ALTITUDE = "position", "altitude"
+
+
+@dataclass(frozen=True, slots=True)
+class UnstatedSigmas:
+    """Sigma of a position that states none [m]."""
+
+    horizontal: float
+    vertical: float
+
+
+class SourceTests:
+    """One device.  newest_ns : time of its newest position"""
+
+    def __init__(self, device: Device, limits: SourceLimits, unstated: UnstatedSigmas) -> None:
+        self.name = device.name
+        self.position, self.altitude = Admission(), Admission()
+        self.newest_ns: int | None = None
+        self._latency_ns = round(device.latency_ms * 1e6)
+        self._arm = math.hypot(*device.lever_arm_b)
+        self._unstated = unstated
+        self._north = AxisTests("north", limits, limits.speed_mps, is_angle=False)
+        self._east = AxisTests("east", limits, limits.speed_mps, is_angle=True)
+        self._up = AxisTests("up", limits, limits.climb_mps, is_angle=False)
+        self._motion = MotionTest(limits)
+        self._undulation = UndulationTest(limits.undulation_m)
+        self._times: dict[TimeScale, DeviceTimeTest] = {}
+        self._lat: float | None = None
+        self._alt = 0.0
+        self._time_sd = ARRIVAL_SD_S
+        self._velocity_sd = UNSTATED_VELOCITY
+        self._polar: dict[str, tuple[int, float]] = {}
+        self._polar_step = {"ground_speed": ResolutionEstimator(), "track": ResolutionEstimator()}
+
+    # ------------------------------------------------------------------------------------------------------- taking
+
+    def take_position(self, m: Position, t_ns: int) -> tuple[list[Position], list[Event]]:
+        """Take a position that was true at t_ns."""
+        events = self._test_time(m.stamp)
+        if m.valid and _is_conceivable(m, ("lat", "lon", "alt")):
+            events += self._test_position(m, t_ns)
+        return self._admitted_position(m), events
+
+    def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
+        """Take a velocity that was true at t_ns."""
+        events = self._test_time(m.stamp)
+        if m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
+            events += self._test_velocity(m, t_ns)
+        return self._admitted_velocity(m), events
+
+    def readmit(self, t_ns: int) -> list[Event]:
+        """The operator says that the contradiction has ended."""
+        if not self.is_unconfirmed:
+            text = "nothing to readmit: no contradiction stands against it"
+            return [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
+        for axis in (self._north, self._east, self._up):
+            axis.readmit()
+        return self._close(t_ns, POSITION, self.position) + self._close(t_ns, ALTITUDE, self.altitude)
+
+    @property
+    def is_unconfirmed(self) -> bool:
+        """Whether a contradiction stands."""
+        return self.position.is_standing or self.altitude.is_standing
+
+    # ------------------------------------------------------------------------------------------------------- testing
+
+    def _test_time(self, stamp: Stamp) -> list[Event]:
+        if stamp.t_dev_ns is None or stamp.time_scale is None:
+            return []
+        test = self._times.get(stamp.time_scale)
+        if test is None:
+            test = self._times[stamp.time_scale] = DeviceTimeTest(stamp.time_scale)
+        return self._fail(stamp.t_rx_ns, POSITION, self.position, test.update(stamp))
+
+    def _test_position(self, m: Position, t_ns: int) -> list[Event]:
+        by_clock = m.stamp.t_dev_ns is not None and t_ns != m.stamp.t_rx_ns - self._latency_ns
+        time_sd, self._time_sd = self._time_sd, CLOCK_SD_S if by_clock else ARRIVAL_SD_S
+        time_sd = max(time_sd, self._time_sd)
+        self._lat = m.lat if m.lat is not None else self._lat
+        if self._lat is None or abs(self._lat) > MAX_LAT:
+            return []
+        events = self._test_level(m, t_ns, time_sd)
+        if m.lat is not None:
+            self.newest_ns = t_ns
+        return events + self._test_altitude(m, t_ns, time_sd)
+
+    def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
+        assert self._lat is not None
+        meridian, normal = radii(self._lat)
+        metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
+        sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        events: list[Event] = []
+        for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
+            if value is not None:
+                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd), ""))
+                events += self._conclude(t_ns, POSITION, self.position, axis, found)
+        return events
+
+    def _test_altitude(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
+        alt = ellipsoidal(m)
+        value, kind = (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
+        if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
+            return []
+        self._alt = value
+        sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
+        found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
+        undulation = self._undulation.update(t_ns, m)
+        if undulation:
+            found = [*(found or ()), *undulation]
+        return self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+
+    def _sigma(self, sd: float, axis: AxisTests, time_sd: float) -> FixSigma:
+        step = 0.0 if axis is self._up else self._polar_resolution()
+        return FixSigma(sd, self._velocity_sd, time_sd, 0.0, max(step, axis.velocity.step), self._arm)
+
+    def _polar_resolution(self) -> float:
+        """Resolution of a velocity that is stated as ground speed and track [m/s]."""
+        speed = self._polar.get("ground_speed")
+        if speed is None:
+            return 0.0
+        steps = self._polar_step
+        return math.hypot(steps["ground_speed"].step or 0.0, speed[1] * (steps["track"].step or 0.0))
+
+    def _test_velocity(self, m: Velocity, t_ns: int) -> list[Event]:
+        self._velocity_sd = _at_least(m.sd, UNSTATED_VELOCITY, MIN_VELOCITY)
+        events: list[Event] = []
+        north, east = self._level_velocity(m, t_ns)
+        if north is not None and east is not None:
+            events += self._fail(
+                t_ns, POSITION, self.position, self._motion.update_level(t_ns, north, east, self._velocity_sd)
+            )
+            for axis, speed in ((self._north, north), (self._east, east)):
+                found = axis.take_velocity(t_ns, speed)
+                events += self._conclude(t_ns, POSITION, self.position, axis, found)
+        if m.down is not None:
+            vertical = self._motion.update_vertical(t_ns, m.down, self._velocity_sd)
+            events += self._fail(t_ns, ALTITUDE, self.altitude, vertical)
+            found = self._up.take_velocity(t_ns, -m.down)
+            events += self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+        return events
+
+    def _level_velocity(self, m: Velocity, t_ns: int) -> tuple[float | None, float | None]:
+        for name in ("ground_speed", "track"):
+            value = getattr(m, name)
+            if value is not None:
+                self._polar[name] = t_ns, value
+                self._polar_step[name].update(value)
+        north, east = level_velocity(m)
+        if (north is None or east is None) and len(self._polar) == 2:
+            (speed_ns, speed), (track_ns, track) = self._polar["ground_speed"], self._polar["track"]
+            if max(speed_ns, track_ns) == t_ns and abs(speed_ns - track_ns) <= TOGETHER_NS:
+                return speed * math.cos(track), speed * math.sin(track)
+        return north, east
+
+    # ----------------------------------------------------------------------------------------------------- concluding
+
+    def _conclude(
+        self, t_ns: int, quantity: str, admission: Admission, axis: AxisTests, found: list[Finding] | None
+    ) -> list[Event]:
+        """Findings of one axis; None: nothing was judged."""
+        if found is None:
+            return []
+        events = self._fail(t_ns, quantity, admission, found)
+        if axis.is_closed and not self._stands(quantity):
+            axis.is_closed = False
+            admission.begin_anew()
+            events += self._close(t_ns, quantity, admission)
+        if not found and axis is not self._east:  # one pass a fix
+            events += self._tell(t_ns, quantity, admission, admission.passes(t_ns))
+        return events
+
+    def _stands(self, quantity: str) -> bool:
+        return any(axis.standing for axis in self._axes(quantity))
+
+    def _axes(self, quantity: str) -> tuple[AxisTests, ...]:
+        return (self._up,) if quantity == ALTITUDE else (self._north, self._east)
+
+    def _fail(self, t_ns: int, quantity: str, admission: Admission, found: Iterable[Finding]) -> list[Event]:
+        events: list[Event] = []
+        for finding in found:
+            events += self._tell(t_ns, quantity, admission, admission.fail(finding))
+            if not admission.is_standing:
+                for axis in self._axes(quantity):
+                    axis.standing = None
+        return events
+
+    def _close(self, t_ns: int, quantity: str, admission: Admission) -> list[Event]:
+        return self._tell(t_ns, quantity, admission, admission.close())
+
+    def _tell(self, t_ns: int, quantity: str, admission: Admission, change: Change | None) -> list[Event]:
+        return [describe(t_ns, self.name, quantity, admission, change)] if change else []
+
+    # ------------------------------------------------------------------------------------------------------ admitting
+
+    def _admitted_position(self, m: Position) -> list[Position]:
+        if not self.position.is_valid:
+            return [replace(m, valid=False)]
+        if self.altitude.is_valid or (m.alt is None and m.alt_msl is None):
+            return [m]
+        height = replace(m, lat=None, lon=None, valid=False)
+        return [height] if m.lat is None and m.lon is None else [replace(m, alt=None, alt_msl=None), height]
+
+    def _admitted_velocity(self, m: Velocity) -> list[Velocity]:
+        if not self.position.is_valid:
+            return [replace(m, valid=False)]
+        if self.altitude.is_valid or m.down is None:
+            return [m]
+        vertical = Velocity(stamp=m.stamp, down=m.down, valid=False)
+        level = replace(m, down=None)
+        is_level = any(value is not None for value in (m.north, m.east, m.ground_speed, m.track))
+        return [level, vertical] if is_level else [vertical]
+
+
+def _at_least(stated: float | None, unstated: float, floor: float) -> float:
+    """A sigma that is stated and positive, at least the floor; else the one for none."""
+    if stated is None or not 0.0 < stated < math.inf:
+        return max(unstated, floor)
+    return max(stated, floor)
+
+
+def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
+    """Numbers that a place or an aircraft can have; others are left out by whoever takes them."""
+    values = ((getattr(m, name), LARGEST[name]) for name in names)
+    return all(value is None or abs(value) <= largest for value, largest in values)

@@ -1,0 +1,71 @@
+"""Receivers that lie, through bytes, faster than time: emulated, recorded, navigated."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.e2e.flights import Flight, fly_faster
+from tests.helpers import ROOT
+
+pytestmark = pytest.mark.timeout(300)
+
+HEAD = f"""
+title = "A receiver that lies"
+description = "A fault of the satellite receiver, which is the only device of position."
+config = "{ROOT / "configs" / "fallbacks.toml"}"
+seed = 3
+
+[[fault]]
+devices = ["receiver"]
+from_s = 20
+to_s = 40
+"""
+
+
+def flight(fault: str, folder: Path, duration_s: float) -> Flight:
+    scenario = folder / "lying.toml"
+    scenario.write_text(HEAD + fault)
+    return fly_faster(str(scenario), folder / "session", duration_s)
+
+
+def largest_error_m(flown: Flight, since: float, until: float) -> float:
+    """Of the horizontal position that navigation calls valid."""
+    errors = [0.0]
+    for row in itertools.islice(solutions(flown, since, until), 0, None, 10):
+        true = flown.truth_at(float(row["t"]))
+        north = (row["lat"] - true["lat"]) * 6.37e6
+        east = (row["lon"] - true["lon"]) * 6.38e6 * math.cos(true["lat"])
+        errors.append(math.hypot(north, east) if row["valid"] else 0.0)
+    return max(errors)
+
+
+def solutions(flown: Flight, since: float, until: float) -> Iterator[dict[str, Any]]:
+    return (row for row in flown.outputs("/nav/nav_solution") if since <= row["t"] < until)
+
+
+def test_a_frozen_receiver_is_not_the_source_until_30_s_after_it_moves_again(tmp_path: Path) -> None:
+    flown = flight('kind = "stuck"\n', tmp_path, 75.0)
+    assert {row["position_source"] for row in solutions(flown, 5.0, 20.0)} == {"receiver"}
+    assert {row["position_source"] for row in solutions(flown, 23.0, 69.5)} == {"filter"}
+    assert {row["position_source"] for row in solutions(flown, 72.0, 75.0)} == {"receiver"}
+    assert largest_error_m(flown, 22.0, 75.0) < 25.0  # one that is frozen for 20 s is 1200 m off
+    told = [row for row in flown.outputs("/nav/source_validity/receiver") if 23.0 <= row["t"] < 39.0]
+    assert told
+    assert {(row["valid"], tuple(row["reasons"])) for row in told} == {(False, ("repeated",))}
+    assert all(abs(flown.seconds(row["onset_ns"]) - 20.0) < 0.5 for row in told)
+
+
+def test_a_step_of_100_m_is_refused_at_once_and_its_end_is_a_closure(tmp_path: Path) -> None:
+    flown = flight('kind = "gnss_offset"\nnorth_m = 100\n', tmp_path, 75.0)
+    assert {row["position_source"] for row in solutions(flown, 5.0, 20.0)} == {"receiver"}
+    assert {row["position_source"] for row in solutions(flown, 20.4, 69.5)} == {"filter"}
+    assert {row["position_source"] for row in solutions(flown, 72.0, 75.0)} == {"receiver"}
+    assert largest_error_m(flown, 20.4, 75.0) < 25.0
+    standing = [row for row in flown.outputs("/nav/source_validity/receiver") if 25.0 <= row["t"] < 39.0]
+    assert {tuple(row["reasons"]) for row in standing} == {("jump", "unconfirmed")}
