@@ -429,7 +429,7 @@ class Reason(StrEnum):
     OFF_TRACK = "off_track"
     GAPS = "gaps"
     NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
-    PROTECTION_LEVEL = "protection_level"  # vertical, above the alert limit
+    PROTECTION_LEVEL = "protection_level"  # above the alert limit
     ASSUMPTION = "assumption"  # navigation or altimeter is worse than, or another one than, the limits assume
     POSITION_UNCERTAIN = "position_uncertain"  # by its own sigma, which the ground beside the track cannot make up for
     END = "end"  # past the glide path intercept
@@ -466,7 +466,10 @@ class Reason(StrEnum):
     ALIGNING = "aligning"
     COASTING = "coasting"  # nothing bounds the position at present
     REJECTED = "rejected"  # what aids is outside the gate
-    EXCLUDED = "excluded"  # an altimeter does not aid: its bias, scale or innovations are not those of a sound one
+    EXCLUDED = "excluded"  # a source does not aid the filter: it contradicts the others
+    CONTRADICTION = "contradiction"  # sources contradict each other, and it is unknown which is wrong
+    REACQUIRED = "reacquired"  # tests between sources have not yet run for as long as they look back
+    NOTHING_TO_COMPARE = "nothing_to_compare"  # no other source says anything of it
     RESET = "reset"  # the filter began again
     DIVERGED = "diverged"
     NO_SATELLITES = "no_satellites"
@@ -483,7 +486,6 @@ class Reason(StrEnum):
     ATTITUDES_DISAGREE = "attitudes_disagree"  # with the other attitude sources
     HEADING_TRACK = "heading_track"  # farther from the track than any wind makes it
     UNCONFIRMED = "unconfirmed"  # its tests pass again, and a contradiction that has not ended stands against it
-    UNCHECKED = "unchecked"  # nothing to compare with
 
 
 class Compensation(StrEnum):
@@ -665,6 +667,10 @@ class NavSolution:
     """Position, velocity and attitude that the pipeline uses, and where each came from.
 
     position_source, attitude_source, altitude_source : a device, or a filter of navigation by its name
+    hpl, vpl  : protection levels of position and altitude [m]: the error is larger with a probability below 1e-3 while
+                a source is wrong, below 1e-5 while none is;  valid only below ``[nav.alert_limits]``
+    unchecked : why hpl and vpl rest on what the source states of itself, or do not yet look back as far as they can
+    refused   : devices of the role ``nav.position`` that are excluded because they contradict others
     """
 
     t_ns: int
@@ -685,6 +691,10 @@ class NavSolution:
     pitch: float | None = None
     heading: float | None = None
     altitude_source: str | None = None
+    hpl: float | None = None
+    vpl: float | None = None
+    unchecked: tuple[Reason, ...] = ()
+    refused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -693,7 +703,8 @@ class FilterSolution:
 
     vel_sd, tilt_sd : the largest one sigma of the three velocities [m/s], of roll and pitch [rad]
     rejected        : what aids and is outside the gate at present, by name
-    excluded        : altimeters that do not aid at present, because they contradict the other sources, by name
+    excluded        : what does not aid at present, because it contradicts the other sources, by name
+    hpl, vpl        : protection levels of position and altitude [m], against a wrong source as well
     """
 
     t_ns: int
@@ -717,6 +728,8 @@ class FilterSolution:
     heading_sd: float | None = None
     rejected: tuple[str, ...] = ()
     excluded: tuple[str, ...] = ()
+    hpl: float | None = None
+    vpl: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -761,7 +774,7 @@ class PositionFix:
 class SourceValidity:
     """What the tests of one source say of a device that gives position, altitude or attitude.
 
-    valid, reasons : of all that it gives; a device whose ``reasons`` are UNCHECKED alone is valid
+    valid, reasons : of all that it gives; a device whose ``reasons`` are NOTHING_TO_COMPARE alone is valid
     position_valid, altitude_valid, attitude_valid, heading_valid : None while it has not given it
     onset_ns   : when the oldest contradiction began that still counts [ns]
     readmission : what would make it valid again; "" while it is

@@ -31,6 +31,7 @@ PLACES: dict[str, tuple[type[BaseModel], tuple[str, ...]]] = {
     "### `[nav.approach]`": (tables.Approach, ()),
     "### `[nav.unstated_sd]`": (tables.UnstatedSd, ()),
     "### `[nav.limits]`": (tables.SourceLimits, ()),
+    "### `[nav.alert_limits]`": (tables.AlertLimits, ()),
     "| key of `[display]`": (tables.Display, ()),
     "| key of `[bus]`": (tables.Bus, ()),
     "## `[recorder]`": (tables.RecorderTuning, ()),

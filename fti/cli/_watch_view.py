@@ -149,10 +149,17 @@ def _add_solution(table: Table, output: Fields) -> None:
     style, verdict = STRUCK if output["late"] else "", _verdict(output)
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
+    levels = {"position": _level("HPL", output.get("hpl")), "altitude": _level("VPL", output.get("vpl"))}
     for role, value, sigma in roles:
-        told = (value, _sigma(output.get(sigma), "m"), f"from {output.get(f'{role}_source') or UNKNOWN}")
+        source = f"from {output.get(f'{role}_source') or UNKNOWN}{levels.get(role, '')}"
+        told = (value, _sigma(output.get(sigma), "m"), source)
         table.add_row(Text(role, "bold"), *(Text(text, style) for text in told), verdict)
         verdict = Text()
+
+
+def _level(name: str, metres: float | None) -> str:
+    """A protection level, as it stands behind a source."""
+    return "" if metres is None else f", {name} {_metres(metres, 0)}"
 
 
 def _verdict(output: Fields) -> Text:

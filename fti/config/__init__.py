@@ -8,6 +8,7 @@ from fti.config.binding import bind
 from fti.config.loading import load, parse, read_toml, with_links, with_session
 from fti.config.parsing import decode_text, parse_toml
 from fti.config.tables import (
+    AlertLimits,
     Altimeter,
     Approach,
     Buffered,
@@ -36,6 +37,7 @@ from fti.config.tables import (
 )
 
 __all__ = [
+    "AlertLimits",
     "Altimeter",
     "Approach",
     "Buffered",

@@ -275,6 +275,13 @@ class UnstatedSd(StrictModel):
     inertial: tuple[Positive, Positive] = (5.0, 10.0)
 
 
+class AlertLimits(StrictModel):
+    """``[nav.alert_limits]``: position and altitude are valid while their protection levels are below these [m]."""
+
+    position_m: Positive = 200.0
+    altitude_m: Positive = 30.0
+
+
 class SourceLimits(StrictModel):
     """``[nav.limits]``: what the aircraft can do; a source of position that goes beyond is refused.
 
@@ -306,6 +313,7 @@ class Nav(StrictModel):
     radio: Radio | None = None
     approach: Approach | None = None
     unstated_sd: UnstatedSd = UnstatedSd()
+    alert_limits: AlertLimits = AlertLimits()
     limits: SourceLimits = SourceLimits()
 
 

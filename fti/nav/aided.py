@@ -11,6 +11,7 @@ counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothin
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -30,10 +31,14 @@ from fti.nav.filter.states import (
     Drift,
     Extra,
     Model,
+    own_drifts,
+    receiver_drifts,
 )
 from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
+from fti.nav.protection import Compared
+from fti.nav.separation.fault_detection import FaultDetection
 from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
@@ -48,6 +53,7 @@ from fti.types import (
     Measurement,
     Position,
     PressureAltitude,
+    Reason,
     Velocity,
     VerticalSolution,
 )
@@ -77,6 +83,7 @@ class AidedNavigation:
         self._arms = {name: device.lever_arm_b for name, device in devices.items()}
         self._navigator = Navigator(_model(settings))
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
+        self._faults = FaultDetection(self._navigator, settings)
         self._vertical = VerticalFallback()
         self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
         self._ground: Ground | None = None
@@ -138,8 +145,8 @@ class AidedNavigation:
         elif isinstance(m, Attitude) and m.valid and m.roll is not None and m.pitch is not None:
             if abs(m.roll) <= MOST["roll"] and abs(m.pitch) <= MOST["pitch"]:
                 self._navigator.take_attitude(t_ns, m.roll, m.pitch, m.heading)
-        elif not _conceivable(m):
-            return
+        elif not _conceivable(m) or (device in self.refused and not self._navigator.is_aligned):
+            return  # the filter does not begin with a receiver that contradicted it
         elif device in settings.gnss and isinstance(m, Velocity) and m.valid:
             self._take_velocity(device, m, t_ns)
         elif device in settings.gnss and isinstance(m, Position) and m.valid:
@@ -183,8 +190,9 @@ class AidedNavigation:
         slow = (
             _at_least_once(level, GNSS_DRIFTS[Extra.GNSS_NORTH]), _at_least_once(high, GNSS_DRIFTS[Extra.GNSS_DOWN])
         )  # fmt: skip
-        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, f"{device}.position", slow))
-        if alt is not None:
+        own = own_drifts(device) if len(self._settings.gnss) > 1 else ()
+        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, f"{device}.position", slow, own))
+        if alt is not None and not self._faults.refuses_height(device):
             self._alts[device].push(t_ns, alt)
             self._vertical.take_satellites(t_ns, alt + self._below(arm), high, *self._climb_at(device, t_ns))
 
@@ -240,8 +248,12 @@ class AidedNavigation:
     def solution(self, t_ns: int) -> FilterSolution:
         """What the filter says; of one time it is asked several times, for place, attitude and output."""
         if self._told is None or self._told.t_ns != t_ns:
-            self._told = self._navigator.output(t_ns)
+            self._told = self._protected(self._navigator.output(t_ns))
         return self._told
+
+    def _protected(self, found: FilterSolution) -> FilterSolution:
+        levels = self._faults.levels(found.t_ns) if found.valid else None
+        return found if levels is None else replace(found, hpl=levels.horizontal, vpl=levels.vertical)
 
     def vertical_solution(self, t_ns: int) -> VerticalSolution:
         """What the vertical channel says."""
@@ -260,8 +272,30 @@ class AidedNavigation:
         )
 
     def events(self, t_ns: int) -> list[Event]:
-        """Altimeters that are excluded from aiding, or aid again, since the last call."""
-        return self._exclusions.take(t_ns)
+        """Follow the filter with the tests between sources; who was excluded, or aids again, since the last call."""
+        self._faults.update(t_ns)
+        events = [*self._exclusions.take(t_ns), *self._faults.take_events()]
+        if events:
+            self._told = None
+        return events
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """Receivers that the tests between sources exclude."""
+        return frozenset(self._faults.refused)
+
+    def readmit(self, device: str, t_ns: int) -> None:
+        """Let a receiver back in because the operator commands it, if it is excluded."""
+        self._faults.readmit(device, t_ns)
+
+    def compared(self, t_ns: int) -> Compared | None:
+        """What devices are compared with; None while the filter has no position."""
+        position, levels = self.position(t_ns), self._faults.levels(t_ns)
+        if position is None or levels is None:
+            return None
+        table = ((Reason.CONTRADICTION, self._faults.is_drawn), (Reason.REACQUIRED, self._faults.is_reacquired))
+        unchecked = tuple(reason for reason, holds in table if holds)
+        return Compared(position, *levels, frozenset(self._settings.gnss), self.refused, unchecked)
 
     def position(self, t_ns: int) -> PositionState | None:
         """Of the filter, for who has no other; None where it is not valid."""
@@ -307,7 +341,7 @@ def _at_least_once(sd: float, drift: Drift) -> float:
 
 
 def _model(settings: Filter) -> Model:
-    extras: dict[str, Drift] = dict(GNSS_DRIFTS) if settings.gnss else {}
+    extras = receiver_drifts(settings.gnss)
     if settings.baro:
         extras[Extra.BARO] = BARO_DRIFT
     if settings.altimeters:

@@ -14,6 +14,7 @@ from fti.config import Config
 from fti.nav.aided import AidedNavigation
 from fti.nav.ground import Ground
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
+from fti.nav.protection import Compared
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
 from fti.nav.vertical.fallback import VerticalState
@@ -82,6 +83,20 @@ class Fallbacks:
     def altitude(self, t_ns: int) -> VerticalState | None:
         """Of the vertical channel."""
         return self._aided.altitude(t_ns) if self._aided else None
+
+    def compared(self, t_ns: int) -> Compared | None:
+        """The filter and its protection levels; None where it has no position."""
+        return self._aided.compared(t_ns) if self._aided else None
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """Receivers that the filter excludes."""
+        return self._aided.refused if self._aided else frozenset()
+
+    def readmit(self, device: str, t_ns: int) -> None:
+        """Let a receiver aid the filter again because the operator commands it."""
+        if self._aided:
+            self._aided.readmit(device, t_ns)
 
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
         """Altimeters that alone hold the altitude of the filter, of the vertical channel or of the fix."""

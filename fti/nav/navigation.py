@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
+from fti.config import AlertLimits
+from fti.nav.protection import Compared, Protection, by_filter, is_beyond, unchecked
+from fti.nav.source_check import SourceCheck
 from fti.nav.sources import AttitudeState, PositionState, Source
 from fti.types import Event, NavSolution, Reason
 
@@ -16,6 +20,8 @@ if TYPE_CHECKING:
 SETTLE_NS = 300_000_000
 #: Sources that are no device.
 FILTER, VERTICAL, RADIO = "filter", "vertical", "radio"
+#: Sigmas of what states none and is no device [m].
+UNKNOWN_SD = (5.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +55,33 @@ class Fallback(Protocol):
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
         """Altimeters that alone hold the altitude of a source."""
 
+    def compared(self, t_ns: int) -> Compared | None:
+        """What devices are compared with; None where there is nothing."""
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """Devices whose positions are excluded."""
+
 
 class Navigation:
     """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer.
 
     fallback : asked where no device has; sources are then FILTER or RADIO, and VERTICAL for an altitude alone
+    assumed  : sigmas of positions that state none, by device [m]
     """
 
     def __init__(
-        self, attitude: Sequence[Source], position: Sequence[Source], fallback: Fallback | None = None
+        self,
+        attitude: Sequence[Source],
+        position: Sequence[Source],
+        fallback: Fallback | None = None,
+        assumed: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ) -> None:
         self._attitude = attitude
         self._position = position
         self._fallback = fallback
+        self._assumed = assumed
+        self._check = SourceCheck(assumed)
         self._told: dict[str, str | None] = {"attitude": None, "position": None}
         self._alone = False  # the altitude is that of the vertical channel
         self._held_by: tuple[str, ...] = ()
@@ -95,8 +115,9 @@ class Navigation:
     def _find_position(self, t_ns: int, attitude: AttitudeState | None) -> tuple[PositionState | None, str | None]:
         """A whole position if any device has one, or the fallback, else the first horizontal one."""
         flat: tuple[PositionState | None, str | None] = (None, None)
+        refused = self.refused
         for source in self._position:
-            found = source.position(t_ns, attitude)
+            found = source.position(t_ns, attitude) if source.name not in refused else None
             if found and found.alt is not None:
                 return found, source.name
             if found and flat[0] is None:
@@ -104,6 +125,30 @@ class Navigation:
         if self._fallback and (whole := self._fallback.position(t_ns)):
             return whole
         return flat
+
+    @property
+    def refused(self) -> frozenset[str]:
+        """Devices of ``nav.position`` that are not used, because they contradict others."""
+        return self._check.refused | (self._fallback.refused if self._fallback else frozenset())
+
+    def compare(self, state: NavState) -> list[Event]:
+        """Compare devices that do not aid the filter with it; an event for each that is refused, or used again."""
+        compared = self._fallback.compared(state.t_ns) if self._fallback else None
+        if compared is None:
+            return []
+        others = [source for source in self._position if source.name not in compared.aided_by]
+        positions = {source.name: source.position(state.t_ns, state.attitude) for source in others}
+        known = {name: position for name, position in positions.items() if position is not None}
+        return self._check.update(state.t_ns, known, compared)
+
+    def protection(self, state: NavState) -> Protection:
+        """Protection levels of the position of a state."""
+        if state.position is None:
+            return Protection(None, None)
+        compared = self._fallback.compared(state.t_ns) if self._fallback else None
+        if compared is not None:
+            return by_filter(state.position, compared)
+        return unchecked(state.position, self._assumed.get(state.position_source or "", UNKNOWN_SD))
 
     def changes(self, state: NavState) -> list[Event]:
         """An event for every role whose source is another one than last time."""
@@ -148,10 +193,10 @@ def _hold_event(t_ns: int, altimeters: tuple[str, ...]) -> Event:
     return Event(t_ns=t_ns, level="warning", source="nav", text=text)
 
 
-def solution(state: NavState) -> NavSolution:
-    """The state as an output: valid when position, height, velocity and attitude are all known."""
+def solution(state: NavState, protection: Protection, limits: AlertLimits, refused: frozenset[str]) -> NavSolution:
+    """The state as an output: valid when position, height, velocity and attitude are all known, and well enough."""
     position, attitude = state.position, state.attitude
-    reasons = _missing(state)
+    reasons = _missing(state) + ((Reason.PROTECTION_LEVEL,) if is_beyond(protection, limits) else ())
     return NavSolution(
         t_ns=state.t_ns,
         t_valid_ns=state.t_ns if position or attitude else None,
@@ -171,6 +216,10 @@ def solution(state: NavState) -> NavSolution:
         roll=attitude.roll if attitude else None,
         pitch=attitude.pitch if attitude else None,
         heading=attitude.heading if attitude else None,
+        hpl=protection.horizontal if position else None,
+        vpl=protection.vertical if position and position.alt is not None else None,
+        unchecked=protection.unchecked if position else (),
+        refused=tuple(sorted(refused)),
     )
 
 

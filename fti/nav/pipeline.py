@@ -28,6 +28,7 @@ from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, solution
 from fti.nav.plausibility.monitor import PlausibilityMonitor
+from fti.nav.protection import Protection, unstated_sigmas
 from fti.nav.sources import Source
 from fti.types import (
     Attitude,
@@ -45,7 +46,8 @@ from fti.types import (
 if TYPE_CHECKING:
     from fti.nav.fallbacks import Fallbacks
 
-SOLUTION_TICKS = 2
+#: Ticks of 20 ms between outputs; protection levels change in seconds.
+SOLUTION_TICKS, PROTECTION_TICKS = 2, 10
 #: Takes a measurement that was true at a time; what it has to say at once.
 Taker = Callable[[Any, int], list[Output | Event] | None]
 
@@ -71,7 +73,11 @@ class Pipeline:
             [self._sources[name] for name in roles.attitude],
             [self._sources[name] for name in roles.position],
             self._fallbacks,
+            unstated_sigmas(config),
         )
+        self._limits = roles.alert_limits
+        self._protection = Protection(None, None)
+        self._protected: str | None = None  # the source of whose position it is
         self._plausibility = PlausibilityMonitor(config)
         self._approach = make_channel(config, reference)
         self._ticks = 0
@@ -100,8 +106,14 @@ class Pipeline:
         return out
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
-        """The operator has confirmed a source of position whose tests had found a contradiction.  Raises KeyError."""
-        return self._plausibility.readmit(device, t_ns)
+        """The operator has confirmed a source of position whose tests had found a contradiction.  Raises KeyError.
+
+        The filter tells it with its next output.
+        """
+        events = self._plausibility.readmit(device, t_ns)
+        if self._fallbacks:
+            self._fallbacks.readmit(device, t_ns)
+        return events
 
     def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
         """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
@@ -173,8 +185,12 @@ class Pipeline:
                 out += [height, *self._selector.take(height), *self._approach.take(height, nav)]
         out += self._approach.tick(t_ns, nav)
         self._ticks += 1
+        if self._ticks % PROTECTION_TICKS == 0:
+            out += self._navigation.compare(nav)
+        if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected:
+            self._protection, self._protected = self._navigation.protection(nav), nav.position_source
         if self._ticks % SOLUTION_TICKS == 0:
-            out.append(solution(nav))
+            out.append(solution(nav, self._protection, self._limits, self._navigation.refused))
         if self._fallbacks:
             out += self._fallbacks.tick(t_ns, nav)
         return out

@@ -59,7 +59,10 @@ REASONS: dict[str, str] = {
     Reason.ALIGNING: "aligning",
     Reason.COASTING: "inertial alone",
     Reason.REJECTED: "aiding outside the gate",
-    Reason.EXCLUDED: "altimeter excluded from aiding",
+    Reason.EXCLUDED: "a source is excluded from aiding",
+    Reason.CONTRADICTION: "sources contradict each other",
+    Reason.REACQUIRED: "sources are compared for a short time only",
+    Reason.NOTHING_TO_COMPARE: "nothing to compare with",
     Reason.RESET: "began again",
     Reason.DIVERGED: "diverged",
     Reason.NO_SATELLITES: "no satellites",
@@ -75,7 +78,6 @@ REASONS: dict[str, str] = {
     Reason.ATTITUDES_DISAGREE: "attitude sources disagree",
     Reason.HEADING_TRACK: "heading off the track",
     Reason.UNCONFIRMED: "not confirmed after a fault",
-    Reason.UNCHECKED: "nothing to compare with",
 }
 
 STATES: dict[str, str] = {

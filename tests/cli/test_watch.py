@@ -145,12 +145,14 @@ def test_what_takes_the_place_of_devices_is_shown_with_its_mode() -> None:
 def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known_is_struck_out() -> None:
     feed = make_feed()
     sources = {"position_source": "radio", "altitude_source": "radio", "attitude_source": "ahrs"}
-    numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5}
+    numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5, "hpl": 1066.0, "vpl": 11.05}
     fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
     feed.take("/nav/nav_solution", fields, 0)
     text = rendered(feed, 0)
     for words in ("position", "from radio", "from ahrs", "431.2 m", "± 222.00 m", "no velocity", "POSITION BY RADIO"):
         assert words in text
+    assert "HPL 1066 m" in text
+    assert "VPL 11 m" in text
     assert "\x1b[9;90m431.2 m" not in text
 
 

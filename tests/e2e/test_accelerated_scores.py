@@ -12,8 +12,7 @@ from mcap.reader import make_reader
 
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
-from fti.nav.altimetry import validity
-from fti.types import Reason
+from fti.nav.navigation import Navigation
 from tests.e2e.conftest import ELSEWHERE, flown
 from tests.e2e.flights import fly_faster
 
@@ -53,11 +52,10 @@ def test_the_daemon_said_what_the_scenario_expects(
     assert "holds: " in said.out
 
 
-def test_a_daemon_that_believes_every_range_fails(
+def test_a_daemon_that_believes_every_receiver_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rules = tuple(rule for rule in validity.RULES if rule[0] is not Reason.DEVIATION)
-    monkeypatch.setattr(validity, "RULES", rules)
+    monkeypatch.setattr(Navigation, "refused", property(lambda _: frozenset()))
     flight = fly_faster("gnss_offset", tmp_path, DURATIONS["gnss_offset"])
     assert main(["score", "gnss_offset", str(flight.session)]) == 1
     assert "0 of 1 expected flags found in time; 1 missing" in capsys.readouterr().out

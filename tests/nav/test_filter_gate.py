@@ -1,15 +1,24 @@
-"""The gate: its quantiles, who is refused, and that nobody is locked out for ever."""
+"""The gate: its quantiles, who is refused, who begins anew, who vouches for whom."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from fti.nav.filter.aiding import Aiding, BaroAltitude, GnssHeight, GnssPosition, GnssVelocity
-from fti.nav.filter.estimate import Start
-from fti.nav.filter.gate import LIMITS, LOCKOUT_NS, Judgement, Standing, judge, noted, opened, rejected
-from fti.nav.filter.states import Model
+from fti.nav.filter.exclusion import SOUND, Cause, Exclusion
+from fti.nav.filter.gate import (
+    LIMITS,
+    LOCKOUT_NS,
+    Judgement,
+    Standing,
+    excluded,
+    is_bounded_by_others,
+    judge,
+    noted,
+    rejected,
+    with_exclusion,
+)
 
 GNSS = GnssPosition(0.8, 0.2, 700.0, 2.0, 3.0)
 HEIGHT = GnssHeight(GNSS)
@@ -32,50 +41,36 @@ def refused(aiding: Aiding) -> dict[str, Standing]:
     return noted(noted({}, aiding, 0, Judgement.BELIEVED), aiding, SECOND, Judgement.REFUSED)
 
 
-def test_alone_it_is_let_in_again_after_the_lockout() -> None:
+def test_satellites_that_are_refused_stay_out_however_long() -> None:
+    """They were let in after five seconds: a step of 100 m was taken, with a sigma of 1.6 m."""
     books = refused(GNSS)
-    assert judge(books, GNSS, SECOND + LOCKOUT_NS - 1, 1e6, 3) is Judgement.REFUSED
-    assert judge(books, GNSS, SECOND + LOCKOUT_NS, 1e6, 3) is Judgement.LET_IN
+    assert judge(books, GNSS, SECOND + 100 * LOCKOUT_NS, 1e6, 3) is Judgement.REFUSED
     assert rejected(books) == ("gnss.position",)
-    assert rejected(noted(books, GNSS, 7 * SECOND, Judgement.LET_IN)) == ()
 
 
-def test_beside_others_that_are_believed_it_stays_out() -> None:
-    books = noted(refused(HEIGHT), BARO, 3 * SECOND, Judgement.BELIEVED)
-    assert judge(books, HEIGHT, SECOND + LOCKOUT_NS, 1e6, 1) is Judgement.REFUSED
+def test_the_offset_of_a_barometer_is_estimated_anew_after_the_lockout() -> None:
+    books = refused(BARO)
+    assert judge(books, BARO, SECOND + LOCKOUT_NS - 1, 1e6, 1) is Judgement.REFUSED
+    assert judge(books, BARO, SECOND + LOCKOUT_NS, 1e6, 1) is Judgement.BEGUN_ANEW
+    assert rejected(noted(books, BARO, 7 * SECOND, Judgement.BEGUN_ANEW)) == ()
 
 
-def test_who_was_believed_once_does_not_vouch_for_ever() -> None:
+def test_others_vouch_for_five_seconds_and_for_their_axes() -> None:
     """An altimeter that was believed a second after, and then flew out of its range, had locked satellites out."""
-    books = noted(refused(HEIGHT), BARO, 3 * SECOND, Judgement.BELIEVED)
-    assert judge(books, HEIGHT, 3 * SECOND + LOCKOUT_NS - 1, 1e6, 1) is Judgement.REFUSED
-    assert judge(books, HEIGHT, 3 * SECOND + LOCKOUT_NS, 1e6, 1) is Judgement.LET_IN
-
-
-def test_a_height_does_not_vouch_for_the_level() -> None:
     level, _ = GNSS.apart()
-    books = noted(refused(level), BARO, 5 * SECOND, Judgement.BELIEVED)
-    assert judge(books, level, SECOND + LOCKOUT_NS, 1e6, 2) is Judgement.LET_IN
+    books = noted(refused(HEIGHT), BARO, 3 * SECOND, Judgement.BELIEVED)
+    assert is_bounded_by_others(books, HEIGHT, 3 * SECOND + LOCKOUT_NS - 1)
+    assert not is_bounded_by_others(books, HEIGHT, 3 * SECOND + LOCKOUT_NS)
+    assert not is_bounded_by_others(books, level, 4 * SECOND)
+
+
+def test_an_excluded_source_is_in_the_books_until_it_is_back() -> None:
+    books = with_exclusion(refused(GNSS), [("gnss.position", Exclusion(SECOND, Cause.SEPARATION))])
+    assert (excluded(books), rejected(books)) == (("gnss.position",), ())
+    assert excluded(with_exclusion(books, [("gnss.position", SOUND)])) == ()
 
 
 def test_a_velocity_bounds_nothing_and_is_never_forced_in() -> None:
     velocity = GnssVelocity(0.0, 0.0, 0.0, 0.1)
     books = noted({}, velocity, 0, Judgement.REFUSED)
     assert judge(books, velocity, 100 * SECOND, 1e6, 3) is Judgement.REFUSED
-
-
-def test_what_is_let_in_opens_the_covariance_where_it_disagrees() -> None:
-    here = Start(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (0.01,) * 3).estimate(
-        0, np.zeros(6), Model()
-    )
-    down = here.mat_en[:, 2]
-    high = opened(here, BARO, np.array([30.0]))
-    assert down @ high[:3, :3] @ down == pytest.approx(901.0)
-    north = here.mat_en[:, 0]
-    assert north @ high[:3, :3] @ north == pytest.approx(1.0)
-    wide = opened(here, GNSS, np.array([100.0, 0.0, 0.0]))
-    assert north @ wide[:3, :3] @ north == pytest.approx(10_001.0)
-    assert wide[6, 6] > 0.1**2
-    level = opened(here, GNSS.apart()[0], np.array([100.0, 0.0]))
-    assert north @ level[:3, :3] @ north == pytest.approx(10_001.0)
-    assert down @ level[:3, :3] @ down == pytest.approx(1.0)

@@ -151,6 +151,8 @@ class Approach:
             alt=630.0 + s * math.tan(GLIDE_ANGLE) + dh,
             horizontal_sd=1.5,
             vertical_sd=2.1,
+            hpl=15.2,
+            vpl=20.4,
             vel_north=3.1,
             vel_east=-44.8,
             vel_down=2.36 + 0.3 * math.sin(t / 4),

@@ -113,13 +113,17 @@ async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stay
 ) -> None:
     assert await page.text("attitude-alt-sd") == "± 2.1"
     assert await page.text("attitude-lat-sd") == "± 1.5 m"
+    assert await page.text("attitude-lon-sd") == "HPL 15 · VPL 20"
     assert await page.text("fallback-filter-verdict") == "aided"
     assert await page.text("fallback-fix-verdict") == "no DME ranges, geometry gives no position"
     by_radio = {"position_source": "radio", "altitude_source": "radio", "horizontal_sd": 222.0}
+    by_radio |= {"hpl": 1066.0, "unchecked": ["nothing_to_compare"]}
     daemon.solution = {**by_radio, "valid": False, "reasons": ["no_velocity"], "vel_north": None, "vel_down": None}
     await page.wait_for(f"{by_testid('attitude-sources')}.textContent === 'pos radio · att ins'")
     assert await page.text("attitude-verdict") == "no velocity"
     assert await page.text("attitude-lat-sd") == "± 222 m"
+    assert await page.text("attitude-lon-sd") == "HPL 1066 · VPL 20"
+    assert await page.eval("document.querySelector('.cells .lon .sd').classList.contains('unchecked')")
     assert await page.text("attitude-speed") == "–"
     assert not await page.eval(is_struck("attitude-roll"))
     assert not await page.eval("document.querySelector('.horizon').classList.contains('unusable')")

@@ -60,7 +60,7 @@ class Aircraft:
     """A configuration in one scenario, as far as flags depend on it.
 
     altimeters, sources, positions : names of the devices that have these roles
-    filter_altimeters              : altimeters that aid the filter
+    filter_altimeters, filter_gnss : altimeters and receivers that aid the filter
     filter_imu, radio_stations     : what takes their place: inertial unit of the filter, number of DME stations
     scene                          : the emulator's ground that navigation knows; None: files, or none
     """
@@ -79,6 +79,7 @@ class Aircraft:
         self.sources = frozenset((*nav.position, *nav.attitude))
         self.positions = nav.position
         self.filter_altimeters = nav.filter.altimeters if nav.filter else []
+        self.filter_gnss = nav.filter.gnss if nav.filter else ()
         self.filter_imu = nav.filter.imu if nav.filter else None
         self.radio_stations = len(nav.radio.station) if nav.radio else 0
         self.scene = nav.terrain.scene if nav.terrain else None

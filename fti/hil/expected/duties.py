@@ -41,6 +41,11 @@ OBSTACLE_M = 30.0
 #: What known ground says against a height; it tells so much of a value that stands still, too [m].
 GROUND_WORDS = ("deviation", "dispersion", "incidence", "not_nadir", "change_mismatch")
 DEVIATION_M = 30.0
+#: A receiver that steps so far [m], or drifts so fast [m/s], contradicts an inertial unit of tactical grade within this
+#: time [s].  It is back in so long after it has stepped back [s], where that is farther than so much [m], which the
+#: filter has not drifted in a minute.
+CONTRADICTION_M, CONTRADICTION_MPS, CONTRADICTION_S = 50.0, 2.0, 15.0
+BACK_IN_S, CLOSURE_M = 40.0, 200.0
 #: What the memory of altimeters says: of one, and of two against each other.
 MEMORY_WORDS, DISAGREE_WORDS = ("stuck", "change_mismatch", "altimeters_disagree"), ("altimeters_disagree",)
 #: A value that repeats while the range changed by more is stuck: 4 steps of any altimeter, as a share of the range and

@@ -12,6 +12,9 @@ from dataclasses import dataclass
 from fti.hil.expected.duties import (
     BITS,
     CLOCK_SEEN_S,
+    CONTRADICTION_M,
+    CONTRADICTION_MPS,
+    CONTRADICTION_S,
     DEVIATION_M,
     HEIGHT,
     INTEGRITY,
@@ -116,10 +119,16 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     ),
     FaultKind.GNSS_OFFSET: (
         KindFlag(
+            SOLUTION,
+            ("position not from DEVICE",),
+            f"DEVICE is the first of nav.position and aids [nav.filter], and the shift is {CONTRADICTION_M:g} m or "
+            f"more and grows by {CONTRADICTION_MPS:g} m/s or more; within {CONTRADICTION_S:g} s",
+        ),
+        KindFlag(
             f"{HEIGHT}/ALTIMETER",
             ("deviation",),
-            f"DEVICE is the first of nav.position, [nav.terrain] is configured, and the height is wrong by more than "
-            f"{DEVIATION_M:g} m",
+            "DEVICE is the first of nav.position and does not aid [nav.filter], [nav.terrain] is configured, and the "
+            f"height is wrong by more than {DEVIATION_M:g} m",
         ),
     ),
     FaultKind.CLOCK_JUMP: (KindFlag(HEALTH, ("clock away",), f"by_s is {CLOCK_SEEN_S:g} s or more"),),

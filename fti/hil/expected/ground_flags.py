@@ -5,17 +5,24 @@ Due is what is wrong by more than ``DEVIATION_M``; what is less wrong may be tol
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from fti.hil.expected.aircraft import Array, Mask
 from fti.hil.expected.duties import (
+    BACK_IN_S,
+    CLOSURE_M,
+    CONTRADICTION_M,
+    CONTRADICTION_MPS,
+    CONTRADICTION_S,
     DEVIATION_M,
     HEIGHT,
     MEMORY_S,
     NAV_S,
     SILENT_S,
+    SOLUTION,
     STUCK_M,
     STUCK_S,
     STUCK_SHARE,
@@ -84,13 +91,29 @@ def in_fog(fault: Fog, case: Case) -> Found:
 
 
 def drawn_away(fault: GnssOffset, case: Case) -> Found:
-    """The height of the place that counts is wrong: every altimeter over known ground says another one."""
+    """A receiver that aids the filter contradicts it and is refused; else the height of the place that counts is wrong.
+
+    Every altimeter over known ground then says another one.
+    """
     craft, truth = case.craft, case.truth
+    if case.name in craft.filter_gnss:
+        return _contradicts_filter(fault, case)
     down = GnssFaults(case.name, [fault]).offset_n(truth.t)[0][:, 2]
     wrong = (abs(down) > DEVIATION_M) & _inside(case) & ~craft.beyond_ground(truth)
     told = [name for name in craft.altimeters if "position" in craft.preferred_for(case.name) and craft.knows_ground]
     duties = [duty for name in told for duty in _deviates(name, case, wrong & _measures(name, case))]
     return duties, "" if duties else "a position that is drawn away"
+
+
+def _contradicts_filter(fault: GnssOffset, case: Case) -> Found:
+    """The receiver gives no position any more; ramps that an inertial unit does not see are not due."""
+    size = math.hypot(fault.north_m, fault.east_m)
+    is_seen = size >= CONTRADICTION_M and size >= CONTRADICTION_MPS * fault.over_s
+    if not is_seen or case.craft.positions[:1] != (case.name,):
+        return [], "a position that is drawn away"
+    words = (f"position not from {case.name}",)
+    clears_s = BACK_IN_S if fault.over_s == 0.0 or size >= CLOSURE_M else math.inf
+    return [Duty(SOLUTION, words, case.from_s, case.until_s, CONTRADICTION_S, clears_s)], ""
 
 
 def _range_says(case: Case, said: Array, otherwise: str) -> Found:

@@ -42,7 +42,8 @@ Mask = NDArray[np.bool_]
 
 KNOT_S = 1.0
 REACQUIRE_S = 2.0
-PERIOD_S, RATE_PERIOD_S = 60.0, 20.0
+#: Of errors of ranges: orbits and ionosphere change in 100 s to 300 s; of range rates.
+PERIOD_S, RATE_PERIOD_S = 200.0, 20.0
 LEAST_SATELLITES, PDOP_MASK = 4, 25.0
 #: Terrain farther away is below the elevation mask, unless it rises 2600 m above the aircraft [m].
 TERRAIN_RANGE = 30_000.0

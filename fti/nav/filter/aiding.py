@@ -44,11 +44,26 @@ class Aiding(Protocol):
     def own(self) -> tuple[str, ...]:
         """Names of the states that are errors of its source alone."""
 
+    @property
+    def begins_anew(self) -> bool:
+        """Whether a disagreement that lasts is a change of its own states, which are then estimated anew."""
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z, H, R at the estimate of its time."""
 
 
-class _NothingOfItsOwn:
+class _LastingErrors:
+    """A source whose own errors, if any, do not change at once."""
+
+    __slots__ = ()
+
+    @property
+    def begins_anew(self) -> bool:
+        """Never."""
+        return False
+
+
+class _NothingOfItsOwn(_LastingErrors):
     """A source whose errors are shared, or no states."""
 
     __slots__ = ()
@@ -68,7 +83,8 @@ class GnssPosition(_NothingOfItsOwn):
     """Position of an antenna: lat, lon [rad], alt above the ellipsoid [m], or None of it; one sigma of each axis [m].
 
     lever_arm_b   : P to the antenna [m]
-    drift_factors : the extras GNSS_NORTH and GNSS_EAST, and GNSS_DOWN, count so many times
+    drift_factors : the extras GNSS_NORTH and GNSS_EAST, and GNSS_DOWN, count so many times; its own ones, too
+    own_drifts    : names of the extras that are this receiver's alone, north, east, down
     """
 
     lat: float
@@ -79,6 +95,7 @@ class GnssPosition(_NothingOfItsOwn):
     lever_arm_b: Vector = AT_P
     name: str = "gnss.position"
     drift_factors: tuple[float, float] = (1.0, 1.0)
+    own_drifts: tuple[str, ...] = ()
 
     @property
     def bounds(self) -> frozenset[str]:
@@ -95,7 +112,8 @@ class GnssPosition(_NothingOfItsOwn):
         H[:, POS : POS + 3] = here.mat_en.T
         H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
         for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)):
-            z[row] -= _drifting(here, extra, H[row], self.drift_factors[row // 2])
+            for name in (extra, *self.own_drifts[row : row + 1]):
+                z[row] -= _drifting(here, name, H[row], self.drift_factors[row // 2])
         R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
         rows = 2 if self.alt is None else 3
         return z[:rows], H[:rows], np.ascontiguousarray(R[:rows, :rows])
@@ -158,7 +176,7 @@ class GnssVelocity(_NothingOfItsOwn):
 
 
 @dataclass(frozen=True, slots=True)
-class BaroAltitude(_NothingOfItsOwn):
+class BaroAltitude:
     """Altitude of P from static pressure, as an ellipsoidal height [m]; the extra BARO takes its offset."""
 
     alt: float
@@ -170,13 +188,23 @@ class BaroAltitude(_NothingOfItsOwn):
         """The height, as well as its slow offset is known."""
         return VERTICAL
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """The offset."""
+        return (Extra.BARO,)
+
+    @property
+    def begins_anew(self) -> bool:
+        """A new pressure setting is a new offset."""
+        return True
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = alt_measured - alt - drift."""
         return _altitude(here, self.alt, self.sd, Extra.BARO)
 
 
 @dataclass(frozen=True, slots=True)
-class TerrainAltitude:
+class TerrainAltitude(_LastingErrors):
     """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
 
     sd         : white part [m]; what is correlated belongs to the states ``bias`` and ``scale`` and the extra DEM
@@ -209,7 +237,7 @@ class TerrainAltitude:
 
 
 @dataclass(frozen=True, slots=True)
-class SlantRange:
+class SlantRange(_LastingErrors):
     """A range as it was measured, compensated inside H: the row of errata 3.13.
 
         expected = d + (d range / d pos) (pos - pos at which it was predicted) + drifts

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Nearer to straight up or down than this roll and heading have no sigma of their own [cosine of the pitch].
 _UPRIGHT = 1e-3
+#: In so long an error of velocity has made the error of position that is admitted with a source [s].
+WIDENED_S = 30.0
 
 
 @dataclass(eq=False)  # not frozen: a thousand are made in a second
@@ -147,3 +149,13 @@ class Start:
         slow += [drift.first for drift in model.extras.values()]
         np.fill_diagonal(found[ACCEL:, ACCEL:], np.square(slow))
         return found
+
+
+def widened(here: Estimate, disagreement: float) -> Estimate:
+    """The estimate with a covariance that contains an error of position [m], and the velocity that makes it in 30 s."""
+    if disagreement <= 0.0:
+        return here
+    P = here.P.copy()
+    P[POS:VEL, POS:VEL] += disagreement**2 * np.eye(3)
+    P[VEL:TURN, VEL:TURN] += (disagreement / WIDENED_S) ** 2 * np.eye(3)
+    return Estimate(here.t_ns, here.y, P, here.felt, here.model)

@@ -45,6 +45,7 @@ class Cause(StrEnum):
 
     BIAS = "bias"  # its bias or scale is not that of a sound one
     INNOVATIONS = "innovations"  # what it says stays outside the gate
+    SEPARATION = "separation"  # the filter without it contradicts it (fti.nav.separation)
 
 
 class Exclusion(NamedTuple):

@@ -62,6 +62,49 @@ def step(  # noqa: PLR0917
 
 
 @kernel
+def coast(  # noqa: PLR0917
+    y: Array, P: Array, began: Array, ended: Array, bends: Array, unit: Array, drifts: Array, seconds: Array
+) -> None:
+    """Move an estimate through m steps, in place, and its covariance with one transition for all of them.
+
+    The transition takes the means of force and attitude, weighted by the time of each step: 0.2 s of turn at 60 deg/s
+    are 12 deg, of which it keeps all but third-order terms.
+
+    began, ended, bends : ndarray, shape (m, 6)   of each step, as in ``step``
+    seconds : ndarray, shape (m,)   > 0 [s]
+    """
+    biased = len(P) - len(drifts) == BIASED
+    total, accel, gyro, way = 0.0, 0.0, 0.0, 0.0
+    force_e, mean_eb = np.zeros(3), np.zeros((3, 3))
+    for m in range(len(seconds)):
+        first, last = began[m] - y[ACCEL_BIAS:EXTRAS], ended[m] - y[ACCEL_BIAS:EXTRAS]
+        middle = 0.5 * (first + last)
+        before = matrix(y)
+        move(y, first, last, bends[m], seconds[m])
+        mat_eb = 0.5 * (before + matrix(y))
+        for i in range(3):
+            for j in range(3):
+                mean_eb[i, j] += mat_eb[i, j] * seconds[m]
+                force_e[i] += mat_eb[i, j] * middle[j] * seconds[m]
+        more_accel, more_gyro = noise(unit, middle[0:3], middle[3:6], biased)
+        accel += more_accel * seconds[m]
+        gyro += more_gyro * seconds[m]
+        way += np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2) * seconds[m]
+        total += seconds[m]
+        _shake(P, began[m], ended[m], seconds[m])
+    down_e = -y[0:3] / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2)
+    _spread(P, transition(rates(mean_eb / total, force_e / total, down_e, biased), total))
+    for i in range(3):
+        P[VEL + i, VEL + i] += accel
+        P[TURN + i, TURN + i] += gyro
+    if biased:
+        _wander_biases(y, P, unit, total)
+    for i in range(len(drifts)):
+        rate = drifts[i, 1] + way / total * drifts[i, 2]
+        _wander(y, EXTRAS + i, P, len(P) - len(drifts) + i, drifts[i, 0], rate, total)
+
+
+@kernel
 def _shake(P: Array, began: Array, ended: Array, seconds: float) -> None:
     """What is felt has jumped: how much of it was flown between two samples, and how much a bit that fell over, nobody
     knows.

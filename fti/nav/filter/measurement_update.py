@@ -35,20 +35,19 @@ from fti.nav.filter.gate import (
     is_bounded_by_others,
     judge,
     noted,
-    opened,
 )
 
 Array = NDArray[np.float64]
 
 
 class Updated(NamedTuple):
-    """After a measurement: the estimate, the books of the gate; what became of it, its NIS and degrees of freedom."""
+    """After a measurement: the estimate, the books of the gate; what became of it, its NIS, its innovation z (m,)."""
 
     estimate: Estimate
     standings: Standings
     judgement: Judgement
     nis: float
-    dof: int
+    innovation: Array
 
 
 def update_estimate(here: Estimate, standings: Standings, aiding: Aiding, t_ns: int) -> Updated:
@@ -64,12 +63,12 @@ def update_estimate(here: Estimate, standings: Standings, aiding: Aiding, t_ns: 
         judgement = Judgement.REFUSED
     if judgement is Judgement.REFUSED:
         after = here
-    elif judgement is Judgement.LET_IN:
-        after, _ = updated(here, opened(here, aiding, z), z, H, R)
+    elif judgement is Judgement.BEGUN_ANEW:
+        after, judgement = _begin_anew(here, aiding)
     books = noted(standings, aiding, t_ns, judgement)
     if watched:
         after, books[aiding.name] = _suspect(after, books, aiding, t_ns, H[0])
-    return Updated(after, books, judgement, nis, len(z))
+    return Updated(after, books, judgement, nis, z)
 
 
 def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
@@ -78,6 +77,20 @@ def updated(here: Estimate, P: Array, z: Array, H: Array, R: Array) -> tuple[Est
     nis = kernels.fuse(x, P, z, H, R)
     kernels.correct(y, x, len(here.model.extras))
     return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
+
+
+def _begin_anew(here: Estimate, aiding: Aiding) -> tuple[Estimate, Judgement]:
+    """The estimate with the source's own states from this measurement; as it was where that is refused, too."""
+    anew = begun_anew(here, aiding.own)
+    z, H, R = aiding.compute_matrices(anew)
+    after, nis = updated(anew, anew.P, z, H, R)
+    return (after, Judgement.BEGUN_ANEW) if nis <= LIMITS[len(z)] else (here, Judgement.REFUSED)
+
+
+def normalised_squared(here: Estimate, matrices: Matrices) -> float:
+    """The NIS of a measurement that is not taken."""
+    z, H, R = matrices
+    return float(z @ np.linalg.solve(H @ here.P @ H.T + R, z))
 
 
 def _is_doubted(standings: Standings, aiding: Aiding, t_ns: int) -> bool:
@@ -107,6 +120,8 @@ def _consider(here: Estimate, standings: Standings, aiding: Aiding, t_ns: int, m
     """A measurement of an excluded source: it corrects what belongs to the source, and may bring it back."""
     z, H, R = matrices
     standing = standings[aiding.name]
+    if not aiding.own:
+        return Updated(here, standings, Judgement.EXCLUDED, normalised_squared(here, matrices), z)
     after, nis = considered(here, aiding.own, z, H, R)
     inside, since = nis <= LIMITS[len(z)], standing.refused_since_ns
     if inside:
@@ -122,4 +137,4 @@ def _consider(here: Estimate, standings: Standings, aiding: Aiding, t_ns: int, m
     if found.lasts(t_ns, BACK_NS, BACK_COUNT):
         found = SOUND
     book = Standing(standing.believed_ns, since, aiding.bounds, found)
-    return Updated(after, {**standings, aiding.name: book}, Judgement.EXCLUDED, nis, len(z))
+    return Updated(after, {**standings, aiding.name: book}, Judgement.EXCLUDED, nis, z)

@@ -28,9 +28,10 @@ from numpy.typing import ArrayLike, NDArray
 from fti.nav.filter import kernels, place
 from fti.nav.filter.aiding import Aiding, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
-from fti.nav.filter.estimate import Estimate, Start
-from fti.nav.filter.exclusion import Exclusion
+from fti.nav.filter.estimate import Estimate, Start, widened
+from fti.nav.filter.exclusion import SOUND, Cause, Exclusion
 from fti.nav.filter.gate import excluded, rejected
+from fti.nav.filter.segment import Segment
 from fti.nav.filter.states import Model
 from fti.nav.filter.timeline import Timeline, Verdict
 from fti.types import FilterMode, FilterSolution, Reason
@@ -140,6 +141,31 @@ class Navigator:
         standings = self._timeline.newest.standings if self._timeline is not None else {}
         return {name: s.believed_ns for name, s in standings.items() if s.believed_ns is not None and axis in s.bounds}
 
+    @property
+    def is_aligned(self) -> bool:
+        """Whether what it began with was confirmed, and it has not restarted since."""
+        return self._timeline is not None and not self._unconfirmed
+
+    def take_segments(self) -> list[Segment]:
+        """What became final since the last call, a second behind; see ``fti.nav.filter.segment``."""
+        return self._timeline.take_segments() if self._timeline is not None else []
+
+    def exclude(self, names: Iterable[str], since_ns: int, estimate: Estimate | None) -> None:
+        """Exclude sources, and go on without them from an estimate at the end of the last segment.
+
+        names : of ``Aiding``;  since_ns : when their contradiction began;  estimate : None: that of the filter
+        """
+        if self._timeline is not None:
+            exclusion = Exclusion(since_ns, Cause.SEPARATION)
+            here = self._timeline.first.estimate if estimate is None else estimate
+            self._timeline.replace_first(here, [(name, exclusion) for name in names])
+
+    def readmit(self, names: Iterable[str], disagreement: float = 0.0) -> None:
+        """Let excluded sources aid again.  disagreement : up to so much [m] the filter itself may be wrong"""
+        if self._timeline is not None:
+            here = self._timeline.first.estimate
+            self._timeline.replace_first(widened(here, disagreement), [(name, SOUND) for name in names])
+
     def reaches(self, t_ns: int) -> bool:
         """Whether there is an estimate at t_ns, without making it."""
         timeline = self._timeline
@@ -243,6 +269,8 @@ def warm_up() -> None:
     kernels.step(
         y, P, still, still, kernels.bent(still, still, still, 0.01, 0.01), Model().unit.table, Model().drifts, 0.01
     )
+    rows = np.zeros((1, 6))
+    kernels.coast(y, P, rows, rows, rows, Model().unit.table, Model().drifts, np.full(1, 0.01))
     kernels.within(np.zeros(6), MOST_FELT)
     kernels.health(y, P)
     place.warm_up()
@@ -257,7 +285,7 @@ def _known(aiding: Aiding) -> bool:
     if isinstance(aiding, SlantRange) and not aiding.meets:
         return False
     fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
-    return all(_conceivable(name, getattr(aiding, name)) for name in fields)
+    return all(_conceivable(name, getattr(aiding, name)) for name in fields if name != "own_drifts")
 
 
 def _conceivable(name: str, value: object) -> bool:

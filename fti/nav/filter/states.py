@@ -9,7 +9,8 @@ With nine states the two biases are left out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
@@ -65,6 +66,8 @@ GNSS_DRIFTS: dict[str, Drift] = {
     Extra.GNSS_EAST: Drift(1.5, period_s=200.0),
     Extra.GNSS_DOWN: Drift(2.5, period_s=200.0),
 }
+#: Of several receivers, the share of the variance that is common to them: orbits, clocks, ionosphere, troposphere.
+COMMON_SHARE = 0.8
 #: An altimeter's bias and scale, and the error of an elevation model.
 ALTIMETER_DRIFT = Drift(0.5, period_s=300.0)
 SCALE_DRIFT = Drift(0.01, period_s=3600.0)
@@ -79,6 +82,26 @@ ALTIMETER_SCALE = Drift(0.03, period_s=32_400.0, sound_sd=0.01)
 #: A pressure altitude as a height above the ellipsoid: 10 hPa are 83 m, the undulation is up to 100 m; it changes by
 #: metres in minutes.
 BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
+
+
+def receiver_drifts(receivers: Sequence[str]) -> dict[str, Drift]:
+    """Slow errors of positions: of one receiver all in one, of several a common one and one of each receiver."""
+    if len(receivers) < 2:
+        return dict(GNSS_DRIFTS) if receivers else {}
+    found = {name: _part(drift, COMMON_SHARE) for name, drift in GNSS_DRIFTS.items()}
+    for receiver in receivers:
+        own = zip(own_drifts(receiver), GNSS_DRIFTS.values(), strict=True)
+        found |= {name: _part(drift, 1.0 - COMMON_SHARE) for name, drift in own}
+    return found
+
+
+def own_drifts(receiver: str) -> tuple[str, str, str]:
+    """Names of the slow errors of one of several receivers: north, east, down."""
+    return f"{receiver}.north", f"{receiver}.east", f"{receiver}.down"
+
+
+def _part(drift: Drift, share: float) -> Drift:
+    return replace(drift, sd=drift.sd * math.sqrt(share))
 
 
 @dataclass(frozen=True)

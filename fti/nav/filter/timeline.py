@@ -3,13 +3,15 @@
 Inertial samples make moments; the last ``HORIZON_NS`` of them are kept with what the filter held then.  What aids waits
 for the inertial sample after it, so that the sensors are interpolated to its time; when it comes later, the filter goes
 back to the moment before it and everything since is done again.  The result is that of having had it in time, to the
-last bit.  What is older than the horizon is refused.
+last bit.  What is older than the horizon is refused; what falls behind it is given out once, in segments of 0.2 s
+(``take_segments``).
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,26 +20,20 @@ from numpy.typing import NDArray
 from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import Judgement, Standings
+from fti.nav.filter.exclusion import Exclusion
+from fti.nav.filter.gate import Judgement, Standings, with_exclusion
 from fti.nav.filter.measurement_update import update_estimate
+from fti.nav.filter.segment import SECOND_NS, SEGMENT_NS, Entry, Moment, Segment
 
 Array = NDArray[np.float64]
 
 HORIZON_NS = 1_000_000_000
 #: What waits for an inertial sample; more than that is no aiding, it is a flood.
 MOST_WAITING = 256
-SECOND_NS = 1_000_000_000
+#: Segments that nobody has taken are forgotten beyond so many, 10 s.
+MAX_SEGMENTS = 50
 #: What is felt changes as a straight line, as far as anybody knows.
 _STRAIGHT = np.zeros(6)
-
-
-@dataclass(slots=True)
-class Entry:
-    """A measurement in its place; ``told`` once its verdict was given out."""
-
-    t_ns: int
-    aiding: Aiding
-    told: bool = False
 
 
 class Verdict(NamedTuple):
@@ -48,13 +44,6 @@ class Verdict(NamedTuple):
     nis: float
     dof: int
     judgement: Judgement
-
-
-class Moment(NamedTuple):
-    """After an inertial sample: the estimate with all that aids up to then, and the books of the gate."""
-
-    estimate: Estimate
-    standings: Standings
 
 
 class Timeline:
@@ -68,6 +57,8 @@ class Timeline:
         self._entry_times: list[int] = []
         self._verdicts: list[Verdict] = []
         self._late: int | None = None  # the first moment that something belongs before which came after it
+        self._before: tuple[int, Array] | None = None  # the inertial sample before the first moment
+        self._segments: deque[Segment] = deque(maxlen=MAX_SEGMENTS)
 
     @property
     def newest(self) -> Moment:
@@ -83,7 +74,13 @@ class Timeline:
     @property
     def oldest_ns(self) -> int:
         """Before this nothing can be taken any more."""
-        return self._times[0]
+        return self._times[max(bisect_right(self._times, self._times[-1] - HORIZON_NS) - 1, 0)]
+
+    @property
+    def first(self) -> Moment:
+        """Where the last segment that was given out ends."""
+        self._settle()
+        return self._moments[0]
 
     def drain(self) -> list[Verdict]:
         """What became of measurements since it was asked last; each is told once, as it was judged first."""
@@ -97,10 +94,29 @@ class Timeline:
         self._moments.append(self._after(len(self._moments) - 1, t_ns, felt))
         self._times.append(t_ns)
         oldest = bisect_right(self._times, t_ns - HORIZON_NS) - 1
-        if oldest > 0:
-            del self._moments[:oldest], self._times[:oldest]
-            past = bisect_right(self._entry_times, self.oldest_ns)
-            del self._entries[:past], self._entry_times[:past]
+        if oldest > 0 and self._times[oldest] - self._times[0] >= SEGMENT_NS:
+            self._forget(oldest)
+
+    def _forget(self, oldest: int) -> None:
+        """Give out what came up to a moment, and begin with it."""
+        past = bisect_right(self._entry_times, self._times[oldest])
+        self._segments.append(Segment(self._before, tuple(self._moments[: oldest + 1]), tuple(self._entries[:past])))
+        self._before = self._times[oldest - 1], self._moments[oldest - 1].estimate.felt
+        del self._moments[:oldest], self._times[:oldest]
+        del self._entries[:past], self._entry_times[:past]
+
+    def take_segments(self) -> list[Segment]:
+        """What fell behind the horizon since the last call, in order."""
+        segments = list(self._segments)
+        self._segments.clear()
+        return segments
+
+    def replace_first(self, estimate: Estimate, exclusions: Iterable[tuple[str, Exclusion]]) -> None:
+        """Go on from another estimate of the first moment, with these exclusions of sources by name."""
+        self._settle()
+        assert estimate.t_ns == self._times[0]
+        self._moments[0] = Moment(estimate, with_exclusion(self._moments[0].standings, exclusions))
+        self._late = 1
 
     def take(self, t_ns: int, *parts: Aiding) -> bool:
         """Take what aids, in parts of one time; False when it is too old, all there already, or there are too many.
@@ -157,10 +173,11 @@ class Timeline:
 
     def _bend(self, k: int, t_ns: int, felt: Array) -> Array:
         """Second derivatives of what is felt, from moments k - 1 and k and the sample after; zeros where unknown."""
-        if k == 0:
+        before = (self._times[k - 1], self._moments[k - 1].estimate.felt) if k > 0 else self._before
+        if before is None:
             return _STRAIGHT
-        before, here, times = self._moments[k - 1].estimate.felt, self._moments[k].estimate.felt, self._times
-        return kernels.bent(before, here, felt, (times[k] - times[k - 1]) / SECOND_NS, (t_ns - times[k]) / SECOND_NS)
+        then_ns, then, here, here_ns = *before, self._moments[k].estimate.felt, self._times[k]
+        return kernels.bent(then, here, felt, (here_ns - then_ns) / SECOND_NS, (t_ns - here_ns) / SECOND_NS)
 
     def _moved(self, start: Estimate, t_ns: int, felt: Array, bend: Array) -> Estimate:
         if t_ns == start.t_ns:
@@ -171,7 +188,9 @@ class Timeline:
 
     def _aided(self, here: Estimate, standings: Standings, entry: Entry) -> tuple[Estimate, Standings]:
         found = update_estimate(here, standings, entry.aiding, entry.t_ns)
+        entry.judgement, entry.nis, entry.innovation = found.judgement, found.nis, found.innovation
         if not entry.told:
             entry.told = True
-            self._verdicts.append(Verdict(entry.t_ns, entry.aiding.name, found.nis, found.dof, found.judgement))
+            dof = len(found.innovation)
+            self._verdicts.append(Verdict(entry.t_ns, entry.aiding.name, found.nis, dof, found.judgement))
         return found.estimate, found.standings

@@ -7,13 +7,14 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from fti.config import Approach, Config, Device, UnstatedSd
+from fti.config import Approach, Config, Device
 from fti.nav.altimetry.heights import stands_alone
 from fti.nav.integrity.assumptions import receiver_holds
 from fti.nav.integrity.glide_slope import Place, glide_slope, mean_deviation
 from fti.nav.integrity.monitor import REPEAT_NS, ClearanceMonitor, ClearanceSample
 from fti.nav.integrity.reference import Reference, check_settings, fits
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
+from fti.nav.protection import unstated_sigmas
 from fti.nav.sources import PositionState
 from fti.types import ClearanceIntegrity, Event, GlideSlope, HeightAboveGround, IntegrityState, Reason
 
@@ -208,13 +209,6 @@ def _fitting(config: Config, reference: Reference) -> list[str]:
         for device in _altimeters(config)
         if fits(device, header.sensor, header.assumptions) and receiver_holds(header.assumptions, device)
     ]
-
-
-def unstated_sigmas(config: Config) -> dict[str, tuple[float, float]]:
-    """Horizontal and vertical sigma [m] that count where a source states none, by the name of the source."""
-    kinds: UnstatedSd = config.nav.unstated_sd
-    inertial = frozenset(config.nav.attitude)
-    return {name: kinds.inertial if name in inertial else kinds.satellites for name in config.nav.position}
 
 
 def _stated(sd: float | None, otherwise: float | None) -> float | None:

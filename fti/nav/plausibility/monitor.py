@@ -159,7 +159,7 @@ class PlausibilityMonitor:
             return found
         times = (tests.newest_ns for other, tests in self._tests.items() if other != name)
         is_alone = not any(newest is not None and t_ns - newest <= HEARD_NS for newest in times)
-        return (*found, Reason.UNCHECKED) if is_alone else found
+        return (*found, Reason.NOTHING_TO_COMPARE) if is_alone else found
 
 
 def _told_valid(part: Admission | None, *also: Admission | None) -> bool | None:

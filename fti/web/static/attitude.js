@@ -37,15 +37,27 @@ export class Attitude {
     this.horizon.show(output);
     for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
     setText(this.cells.alt.sd, plusMinus(output?.vertical_sd, 1));
-    for (const name of ["lat", "lon"]) setText(this.cells[name].sd, metres(output?.horizontal_sd));
+    setText(this.cells.lat.sd, metres(output?.horizontal_sd));
+    this.showLevels(output ?? {});
     setText(this.sources, sourcesOf(output ?? {}));
     setAttribute(this.sources, "title", this.sources.textContent);
     setClass(this.sources, "no-device", NO_DEVICE.some((name) => [output?.position_source, output?.attitude_source, output?.altitude_source].includes(name)));
     this.fallbacks.show(outputs);
   }
+
+  // Protection levels; why they rest on what the source says of itself stands in the title, and colours them.
+  showLevels({ hpl, vpl, unchecked_text: unchecked = [] }) {
+    const { sd, root } = this.cells.lon;
+    setText(sd, [level("HPL", hpl), level("VPL", vpl)].filter(Boolean).join(" · "));
+    setClass(sd, "unchecked", isNumber(hpl) && unchecked.length > 0);
+    setAttribute(root, "title", [LEVELS, ...unchecked].join("; "));
+  }
 }
 
 const metres = (sd) => (isNumber(sd) ? `± ${sd.toFixed(sd < 10 ? 1 : 0)} m` : "");
+
+const LEVELS = "horizontal and vertical protection level [m]: the error is larger with a probability below 0.001, even while a source is wrong";
+const level = (name, value) => (isNumber(value) ? `${name} ${value.toFixed(0)}` : "");
 
 // One name where all is from one, else who gives what.
 function sourcesOf({ attitude_source: attitude, position_source: position, altitude_source: altitude }) {

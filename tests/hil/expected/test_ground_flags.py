@@ -112,11 +112,20 @@ def test_the_range_of_the_beam_counts_where_the_truth_has_it(craft: Aircraft) ->
 
 def test_a_place_that_is_drawn_up_is_seen_by_the_altimeter_where_it_counts(craft: Aircraft) -> None:
     drawn = GnssOffset(kind="gnss_offset", devices=("receiver",), up_m=60.0, north_m=100.0, over_s=10.0, **WHEN)
-    above = replace(LEVEL, offset=0 * T)
-    assert due(told(drawn, craft_of("fallbacks"), above)) == [(RADIO, ("deviation",), 25.1, 39.9)]
+    above, alone = replace(LEVEL, offset=0 * T), craft_of("fallbacks")
+    alone.filter_gnss = ()
+    assert due(told(drawn, alone, above)) == [(RADIO, ("deviation",), 25.1, 39.9)]
     (beside,) = told(drawn.model_copy(update={"devices": ("gnss",)}), craft, LEVEL)  # the inertial system is preferred
     assert beside.duties == ()
     assert "drawn away" in beside.unknown
+
+
+def test_a_receiver_that_aids_the_filter_and_is_drawn_away_is_refused() -> None:
+    drawn = GnssOffset(kind="gnss_offset", devices=("receiver",), north_m=100.0, over_s=10.0, **WHEN)
+    (one,) = told(drawn, craft_of("fallbacks"), LEVEL)
+    assert due([one]) == [("/nav/nav_solution", ("position not from receiver",), 20.0, 40.0)]
+    slow = drawn.model_copy(update={"over_s": 60.0})
+    assert told(slow, craft_of("fallbacks"), LEVEL)[0].duties == ()
 
 
 def test_a_receiver_says_how_bad_it_is_and_others_cannot(craft: Aircraft) -> None:

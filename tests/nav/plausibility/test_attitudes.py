@@ -117,4 +117,4 @@ def test_a_drift_angle_of_a_strong_wind_and_a_slow_flight_are_not_refused() -> N
 
 def test_a_single_source_of_position_is_valid_and_says_that_nothing_checks_it() -> None:
     _, told, _ = fly({"ins": (0, 0, 0)}, 5.0)
-    assert (told[-1].valid, told[-1].reasons) == (True, (Reason.UNCHECKED,))
+    assert (told[-1].valid, told[-1].reasons) == (True, (Reason.NOTHING_TO_COMPARE,))

@@ -1,0 +1,107 @@
+"""A copy of the filter that goes on without one source, and how far the filter has come away from it.
+
+    d = x_0 - x_i,    Cov(d) = P_i - P_0     x_0 with all sources, x_i without one, both optimal from a common past
+
+Source: Brenner 1996 (solution separation); Lee, O'Laughlin 2000 (delayed references).
+Checked against: tests/nav/test_separation.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.nav.filter import kernels
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.gate import LIMITS, Standings
+from fti.nav.filter.measurement_update import normalised_squared, update_estimate
+from fti.nav.filter.segment import Entry, Moment, Piece
+
+Array = NDArray[np.float64]
+
+#: sigma of d is at least this share of that of the filter: of a copy that has just begun P_i - P_0 is rounding.
+MIN_SHARE = 0.1
+
+
+@dataclass(slots=True)
+class Copy:
+    """The filter as it was at ``began_ns``, moved on without the sources ``removed`` (names of ``Aiding``).
+
+    outside_ns, times : since when, and in how many, those that are tested have been outside its gate; None: inside
+    """
+
+    began_ns: int
+    estimate: Estimate
+    standings: Standings
+    removed: frozenset[str]
+    outside_ns: int | None = None
+    times: int = 0
+
+    @classmethod
+    def begin(cls, moment: Moment, removed: frozenset[str]) -> Copy:
+        """What the filter holds now."""
+        return cls(moment.estimate.t_ns, moment.estimate, moment.standings, removed)
+
+    def advance(self, pieces: Iterable[Piece], tested: frozenset[str] = frozenset()) -> None:
+        """Follow the filter through a segment.  tested : names of ``removed`` that are compared with it"""
+        model = self.estimate.model
+        for piece in pieces:
+            y, P = self.estimate.y.copy(), self.estimate.P.copy()
+            kernels.coast(y, P, piece.began, piece.ended, piece.bends, model.unit.table, model.drifts, piece.seconds)
+            self.estimate = Estimate(piece.end_ns, y, P, piece.ended[-1], model)
+            for entry in piece.entries:
+                if entry.aiding.name not in self.removed:
+                    found = update_estimate(self.estimate, self.standings, entry.aiding, entry.t_ns)
+                    self.estimate, self.standings = found.estimate, found.standings
+                elif entry.aiding.name in tested:
+                    self._compare(entry)
+
+    def _compare(self, entry: Entry) -> None:
+        matrices = entry.aiding.compute_matrices(self.estimate)
+        if normalised_squared(self.estimate, matrices) <= LIMITS[len(matrices[0])]:
+            self.outside_ns, self.times = None, 0
+            return
+        self.outside_ns = entry.t_ns if self.outside_ns is None else self.outside_ns
+        self.times += 1
+
+
+class Separation(NamedTuple):
+    """Of the filter from a copy, in north, east, down.
+
+    d, d_sd : ndarray, shape (6,)   difference of position [m] and velocity [m/s], and its sigma
+    copy_sd : ndarray, shape (6,)   sigma of the copy
+    radial_sd : the largest sigma of the copy's horizontal position in any direction [m]
+    """
+
+    d: Array
+    d_sd: Array
+    copy_sd: Array
+    radial_sd: float
+
+    @property
+    def ratios(self) -> Array:
+        """|d| over its sigma, shape (6,)."""
+        return np.asarray(np.abs(self.d) / self.d_sd)
+
+
+def separate(filtered: Estimate, copy: Estimate) -> Separation:
+    """How far the filter is from a copy of the same time."""
+    to_n = filtered.mat_en.T
+    d = np.concatenate((to_n @ (filtered.y[:3] - copy.y[:3]), to_n @ (filtered.y[3:6] - copy.y[3:6])))
+    both = np.zeros((6, 6))
+    both[:3, :3] = both[3:, 3:] = to_n
+    cov, cov_copy = both @ filtered.P[:6, :6] @ both.T, both @ copy.P[:6, :6] @ both.T
+    variances = np.diag(cov_copy) - np.diag(cov)
+    d_sd = np.sqrt(np.maximum(variances, MIN_SHARE**2 * np.diag(cov)))
+    return Separation(d, d_sd, np.sqrt(np.diag(cov_copy)), largest_sd(cov_copy[:2, :2]))
+
+
+def largest_sd(cov: Array) -> float:
+    """The largest sigma in any direction of a covariance, shape (2, 2)."""
+    middle, half = 0.5 * (cov[0, 0] + cov[1, 1]), 0.5 * (cov[0, 0] - cov[1, 1])
+    return math.sqrt(max(0.0, float(middle + math.hypot(half, cov[0, 1]))))

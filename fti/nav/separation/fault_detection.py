@@ -1,0 +1,389 @@
+"""Fault detection and exclusion between the sources that aid the filter.
+
+Classes of sources, each with copies of the filter that go without it:
+
+    satellites  positions and velocities of all receivers: a ring of copies, for nothing else bounds the position
+    heights     heights of all receivers, where a barometer bounds the altitude without them
+    receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
+
+Copies of the first two go without altimeters, too: these are judged against satellites by their own states
+(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.
+A class that is faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several
+receivers only those that contradict.  It comes back by ``readmission``.  Source: the specification in
+docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fti.config import Filter
+from fti.nav.exclusion_events import altitude_name
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.gate import LIMITS, Judgement
+from fti.nav.filter.measurement_update import normalised_squared
+from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.segment import Piece, Segment, cut
+from fti.nav.separation.ladder import Ladder, Rungs
+from fti.nav.separation.monitor import (
+    ALL_AXES,
+    DOWN_AXIS,
+    DRAW_END_NS,
+    HORIZONTAL_AXES,
+    K_FA,
+    QUANTITY_AXES,
+    REFUSED_NS,
+    Finding,
+    Refusals,
+    SeparationMonitor,
+    refused_since,
+)
+from fti.nav.separation.protection import Levels, of_copies, of_filter
+from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
+from fti.types import Event
+
+SECOND_NS = 1_000_000_000
+#: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
+STEPS_NS = {"navigation": 30 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
+COPIES = 4
+HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
+RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
+#: A receiver that was believed within so long bounds the filter without another one [ns].
+BOUNDED_NS = 2 * SECOND_NS
+HEIGHTS, SATELLITES = "heights", "satellites"
+QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
+
+
+def receiver_names(device: str, quantities: Iterable[str] = QUANTITIES) -> frozenset[str]:
+    """Names under which the filter knows what a receiver aids with."""
+    return frozenset(f"{device}.{quantity}" for quantity in quantities)
+
+
+@dataclass(slots=True)
+class Refused:
+    """A receiver, or its heights alone, that does not aid.
+
+    what : for texts;  announced : whether it was said that it agrees and stays unconfirmed
+    """
+
+    device: str
+    what: str
+    onset_ns: int
+    back: Return
+    announced: bool = False
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of ``Aiding``."""
+        return frozenset(self.back.contradictions)
+
+
+@dataclass(slots=True)
+class Watched:
+    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break."""
+
+    what: str
+    devices: tuple[str, ...]
+    quantities: tuple[str, ...]
+    monitor: SeparationMonitor
+    refusals: Refusals = field(default_factory=Refusals)
+
+    @property
+    def tested(self) -> frozenset[str]:
+        """Names of what is compared with the filter and the oldest copy."""
+        return self.monitor.ladder.tested
+
+    @property
+    def counts(self) -> bool:
+        """Whether its copies enter the protection levels: all of them exist, or it may be wrong."""
+        return self.monitor.ladder.is_full or self.monitor.is_suspected or self.refusals.times > 0
+
+    def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
+        """Compare the filter with the copies at the end of a segment."""
+        self.monitor.ladder.advance(pieces)
+        self.refusals.follow(segment, self.tested)
+        self.monitor.follow(segment.end, is_refused=self.refusals.first_ns is not None)
+
+    def find(self, segment: Segment) -> Finding | None:
+        """Why the class is faulty at the end of a segment; None while it is not."""
+        return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.monitor.clear()
+        self.refusals = Refusals()
+
+
+class FaultDetection:
+    """Of one filter, which is aided as the settings say."""
+
+    def __init__(self, navigator: Navigator, settings: Filter) -> None:
+        self._navigator = navigator
+        self._classes = _classes(settings) if settings.gnss else []
+        self._refused: dict[str, Refused] = {}  # by what
+        self._events: list[Event] = []
+        self._end_ns: int | None = None
+        self._tolerance = 0.0
+        self._drawn_ns: int | None = None
+        self._several = settings.gnss if len(settings.gnss) > 1 else ()
+        self._is_restarted = False
+
+    # ---------------------------------------------------------------------------------------------------- telling
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Since when receivers that are excluded as a whole have contradicted, by device."""
+        return {r.device: r.onset_ns for r in self._refused.values() if r.what == r.device}
+
+    def refuses_height(self, device: str) -> bool:
+        """Whether the height of a receiver does not aid, alone or with its position."""
+        return any(f"{device}.height" in refused.names for refused in self._refused.values())
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether sources contradict each other and it is unknown which is wrong."""
+        return self._drawn_ns is not None
+
+    @property
+    def is_reacquired(self) -> bool:
+        """Whether the copies are younger than the configured ages."""
+        rings = (watched for watched in self._classes if watched.what not in self._several and self._aiding(watched))
+        return any(not watched.monitor.ladder.is_full for watched in rings)
+
+    def levels(self, t_ns: int) -> Levels | None:
+        """Protection levels of the filter at a time; None where there is no filter."""
+        here = self._navigator.at(t_ns)
+        if here is None:
+            return None
+        own = of_filter(here)
+        lag_s = 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
+        copies = of_copies((s for w in self._classes if w.counts for s in w.monitor.separations), lag_s)
+        return Levels(
+            max(own.horizontal, copies.horizontal) + self._tolerance,
+            max(own.vertical, copies.vertical) + self._tolerance,
+        )
+
+    def take_events(self) -> list[Event]:
+        """What happened since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    # ------------------------------------------------------------------------------------------------- following
+
+    def update(self, t_ns: int) -> None:
+        """Follow the filter to its last segment; exclude what contradicts, let back in what agrees."""
+        segments = self._navigator.take_segments()
+        for segment in segments:
+            self._follow(segment)
+        if segments and self._navigator.is_aligned:  # the filter can only be changed where the last one ends
+            if self._is_restarted:
+                self._exclude_again(t_ns)
+                return
+            for refused in list(self._refused.values()):
+                self._try_readmission(refused, segments[-1].end.estimate, t_ns)
+            self._judge(segments[-1], t_ns)
+
+    def _follow(self, segment: Segment) -> None:
+        if segment.begin_ns != self._end_ns:
+            self._begin_anew()
+        self._end_ns = segment.end.estimate.t_ns
+        if not self._navigator.is_aligned:
+            return
+        self._compare_refused(segment)
+        pieces = cut(segment)
+        for watched in self._classes:
+            if self._is_bounded(watched, segment):
+                watched.follow(segment, pieces)
+            else:
+                watched.clear()
+        if not self.is_reacquired:
+            self._tolerance = 0.0
+
+    def _is_bounded(self, watched: Watched, segment: Segment) -> bool:
+        """Whether the copies of a class are of use: it aids, and of one of several receivers that another one does."""
+        if not self._aiding(watched):
+            return False
+        if watched.what not in self._several:
+            return True
+        others = (segment.end.standings.get(f"{name}.position") for name in self._several if name != watched.what)
+        believed = [other.believed_ns for other in others if other is not None and other.believed_ns is not None]
+        return any(segment.end.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
+
+    def _begin_anew(self) -> None:
+        """The filter has begun again: what was known of its copies is not true of it; who was excluded still is."""
+        self._forget_copies()
+        self._drawn_ns, self._tolerance, self._is_restarted = None, 0.0, True
+        for refused in self._refused.values():
+            refused.back.begin_anew()
+
+    def _exclude_again(self, t_ns: int) -> None:
+        """Of a filter that has begun again."""
+        self._is_restarted = False
+        for refused in self._refused.values():
+            self._navigator.exclude(refused.names, refused.onset_ns, None)
+            text = f"{refused.what}: still refused after the filter began again; 'fti readmit' lets it back in"
+            self._tell(t_ns, "warning", text)
+
+    # --------------------------------------------------------------------------------------------------- judging
+
+    def _judge(self, segment: Segment, t_ns: int) -> None:
+        """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
+        found = {watched.what: (watched, finding) for watched in self._classes if (finding := watched.find(segment))}
+        for what in (SATELLITES, HEIGHTS):
+            if what in found:
+                self._attribute(*found[what], segment, t_ns)
+                return
+        if len(found) == 1:
+            watched, finding = next(iter(found.values()))
+            self._exclude(watched.devices, watched.quantities, finding, segment, t_ns)
+        elif found:
+            self._draw(next(iter(found.values()))[1], t_ns)
+        elif self._drawn_ns is not None:
+            self._end_draw(t_ns)
+
+    def _aiding(self, watched: Watched) -> tuple[str, ...]:
+        """Devices of a class that are not excluded."""
+        out = frozenset[str]().union(*(r.names for r in self._refused.values()))
+        return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
+
+    def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
+        """Of several receivers exclude those that contradict; where none does more than the others, none."""
+        devices = self._aiding(watched)
+        if len(devices) > 1:
+            devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
+        if devices:
+            self._exclude(devices, watched.quantities, finding, segment, t_ns)
+        else:
+            self._draw(finding, t_ns)
+
+    def _exclude(
+        self, devices: Sequence[str], quantities: tuple[str, ...], finding: Finding, segment: Segment, t_ns: int
+    ) -> None:
+        for device in devices:
+            what = device if quantities == QUANTITIES else f"{device} height"
+            back = Return({f"{device}.{q}": _contradiction(device, q, finding, segment) for q in quantities})
+            self._refused[what] = Refused(device, what, finding.onset_ns, back)
+            self._tell(t_ns, "warning", _describe(what, finding, t_ns))
+        copy = finding.copy.estimate if finding.copy else None
+        self._navigator.exclude(_names(devices, quantities), finding.onset_ns, copy)
+        for watched in self._classes:  # copies without satellites go without their heights, too
+            if quantities == QUANTITIES or watched.what != SATELLITES:
+                watched.clear()
+
+    def _draw(self, finding: Finding, t_ns: int) -> None:
+        if self._drawn_ns is None:
+            text = f"contradiction: {finding.text}; it is unknown which of the sources is wrong, none is excluded"
+            self._tell(t_ns, "warning", text)
+        self._drawn_ns = self._end_ns
+
+    def _end_draw(self, t_ns: int) -> None:
+        assert self._drawn_ns is not None
+        if any(watched.monitor.ratio > 0.5 * K_FA for watched in self._classes):
+            self._drawn_ns = self._end_ns
+        elif (self._end_ns or 0) - self._drawn_ns >= DRAW_END_NS:
+            self._drawn_ns = None
+            self._tell(t_ns, "info", "contradiction: the sources agree again")
+
+    def _forget_copies(self) -> None:
+        for watched in self._classes:
+            watched.clear()
+
+    # -------------------------------------------------------------------------------------------------- back in
+
+    def _compare_refused(self, segment: Segment) -> None:
+        for refused in self._refused.values():
+            for entry in segment.entries:
+                if entry.aiding.name in refused.names and entry.judgement is Judgement.EXCLUDED:
+                    refused.back.compare(entry, segment.end.estimate)
+
+    def _try_readmission(self, refused: Refused, here: Estimate, t_ns: int) -> None:
+        if not refused.back.has_agreed(here.t_ns):
+            refused.announced = False
+        elif refused.back.is_confirmed(here):
+            self._readmit(refused, t_ns, refused.back.tolerance or 0.0, "its contradiction has ended")
+        elif not refused.announced:
+            refused.announced = True
+            self._tell(t_ns, "warning", _describe_unconfirmed(refused))
+
+    def _readmit(self, refused: Refused, t_ns: int, tolerance: float, why: str, disagreement: float = 0.0) -> None:
+        del self._refused[refused.what]
+        self._navigator.readmit(refused.names, disagreement)
+        self._tolerance = max(self._tolerance, tolerance)
+        self._forget_copies()
+        self._tell(t_ns, "info", f"{refused.what}: aids the filter again: {why}")
+
+    def readmit(self, device: str, t_ns: int) -> None:
+        """Let a receiver back in because the operator commands it, if it is excluded."""
+        mine = [r for r in self._refused.values() if r.device == device]
+        for refused in mine:
+            self._readmit(refused, t_ns, 0.0, "the operator commands it", refused.back.size)
+
+    def _tell(self, t_ns: int, level: str, text: str) -> None:
+        self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
+
+
+def _contradiction(device: str, quantity: str, finding: Finding, segment: Segment) -> Contradiction:
+    """As it was when the source was excluded: its last innovation that the filter refused, or the separation.
+
+    A lie that the filter has seen sharply may lie within the gate of the copy that it goes on from.
+    """
+    name, size = f"{device}.{quantity}", finding.sizes.get(quantity, 0.0)
+    for entry in segment.entries:
+        if entry.aiding.name == name and entry.judgement is Judgement.REFUSED and entry.innovation is not None:
+            size = max(size, float(np.linalg.norm(entry.innovation)))
+    return Contradiction(QUANTITY_AXES[quantity], size, segment.end.estimate.t_ns if size > 0.0 else None)
+
+
+def _contradicts(device: str, watched: Watched, finding: Finding, segment: Segment) -> bool:
+    """Whether one of several receivers is refused by the filter, or its last one is outside the gate of the copy."""
+    if finding.refused:
+        since = refused_since(segment.end.standings, receiver_names(device) & watched.tested)
+        return since is not None and segment.end.estimate.t_ns - since >= REFUSED_NS
+    last = [e for e in segment.entries if e.aiding.name in receiver_names(device, watched.quantities[:1])]
+    if not last:
+        return False
+    here = finding.copy.estimate if finding.copy else segment.end.estimate
+    matrices = last[-1].aiding.compute_matrices(here)
+    return normalised_squared(here, matrices) > LIMITS[len(matrices[0])]
+
+
+def _classes(settings: Filter) -> list[Watched]:
+    receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
+    altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
+    tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
+    ring = Rungs(COPIES, STEPS_NS[settings.unit])
+    satellites = Ladder(_names(receivers, QUANTITIES) | altimeters, _names(receivers, tested), ring)
+    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes))]
+    if settings.baro:
+        names = _names(receivers, HEIGHT)
+        ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
+        found.append(Watched(HEIGHTS, receivers, HEIGHT, SeparationMonitor(ladder, DOWN_AXIS)))
+    for name in several:
+        ladder = Ladder(receiver_names(name), receiver_names(name), RECEIVER_RUNGS)
+        found.append(Watched(name, (name,), QUANTITIES, SeparationMonitor(ladder, ALL_AXES)))
+    return found
+
+
+def _names(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[str]:
+    return frozenset[str]().union(*(receiver_names(receiver, quantities) for receiver in receivers))
+
+
+def _describe(what: str, finding: Finding, t_ns: int) -> str:
+    since_s, age_s, before = (t_ns - finding.onset_ns) / SECOND_NS, 0.0, ""
+    if finding.copy is not None:
+        age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
+        before = "" if finding.onset_ns >= finding.copy.began_ns else "; it may have contradicted before that"
+    return (
+        f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
+        f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit'"
+    )
+
+
+def _describe_unconfirmed(refused: Refused) -> str:
+    return (
+        f"{refused.what}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed: the filter"
+        f" is not certain to {RESOLVED_SHARE * refused.back.size:.1f} m; 'fti readmit' lets it back in"
+    )

@@ -1,0 +1,69 @@
+"""A ring of copies of different ages that go without the same sources.
+
+Every ``step_ns`` the oldest copy is replaced by one that begins now, so that four copies have ages of up to 1, 2, 3
+and 4 steps.  An old copy has seen more of a slow fault, and has drifted more itself; which age sees a ramp best
+depends on the inertial unit.  No copy is replaced while its sources are suspected: what one holds then may be wrong.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fti.nav.filter.segment import Moment, Piece
+from fti.nav.separation.copies import Copy, Separation, separate
+
+
+@dataclass(frozen=True, slots=True)
+class Rungs:
+    """How many copies, and how often one is replaced [ns]; None: never, one copy begins with the ladder."""
+
+    copies: int
+    step_ns: int | None
+
+
+class Ladder:
+    """Of one class of sources, by their names as ``Aiding``.
+
+    removed : what its copies go without;  tested : those of them that are compared with the oldest copy
+    """
+
+    def __init__(self, removed: frozenset[str], tested: frozenset[str], rungs: Rungs) -> None:
+        self.removed, self.tested = removed, tested
+        self._rungs = rungs
+        self._copies: deque[Copy] = deque(maxlen=rungs.copies)
+
+    @property
+    def copies(self) -> Sequence[Copy]:
+        """The oldest one first."""
+        return self._copies
+
+    @property
+    def oldest(self) -> Copy | None:
+        """The copy with the longest way without its sources."""
+        return self._copies[0] if self._copies else None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether all its copies exist."""
+        return len(self._copies) == self._rungs.copies
+
+    def clear(self) -> None:
+        """Forget all copies."""
+        self._copies.clear()
+
+    def advance(self, pieces: Sequence[Piece]) -> None:
+        """Follow the filter through a segment."""
+        for number, copy in enumerate(self._copies):
+            copy.advance(pieces, self.tested if number == 0 else frozenset())
+
+    def renew(self, now: Moment) -> None:
+        """Begin a copy where one is due; the oldest one makes place for it."""
+        step_ns, t_ns = self._rungs.step_ns, now.estimate.t_ns
+        if not self._copies or (step_ns is not None and t_ns - self._copies[-1].began_ns >= step_ns):
+            self._copies.append(Copy.begin(now, self.removed))
+
+    def separations(self, now: Moment) -> list[Separation]:
+        """Of the filter from each copy, the oldest one first."""
+        return [separate(now.estimate, copy.estimate) for copy in self._copies]

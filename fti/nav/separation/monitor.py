@@ -1,0 +1,165 @@
+"""Watches one class of sources: whether the filter without it contradicts it.
+
+    suspected   |d| > K_FA sigma_d on a tested axis of any copy
+    faulty      suspected for HOLD_NS, or outside the gate of the filter or of the oldest copy for REFUSED_NS without a
+                break, in at least REFUSED_COUNT fixes
+
+Both are needed: while the gate refuses, the filter does not follow and d stays zero; a ramp that the filter follows
+stays inside its gate.  K_FA = 5.3: a budget of 1e-3 false exclusions an hour for all tests between sources.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fti.nav.filter.gate import Judgement, Standings
+from fti.nav.filter.segment import Moment, Segment
+from fti.nav.separation.copies import Copy, Separation
+from fti.nav.separation.ladder import Ladder
+
+K_FA = 5.3
+HOLD_NS = 2_000_000_000
+REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
+#: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
+SETTLE_NS = 20_000_000_000
+#: A contradiction that nobody can attribute ends after so long below half of K_FA.
+DRAW_END_NS = 60_000_000_000
+#: Axes of a separation, for texts.
+AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
+QUANTITY_AXES = {"position": slice(0, 2), "height": slice(2, 3), "velocity": slice(3, 6)}
+HORIZONTAL_AXES, DOWN_AXIS, ALL_AXES = (0, 1, 3, 4), (2,), (0, 1, 2, 3, 4, 5)
+
+
+class Finding(NamedTuple):
+    """Why a class of sources is faulty.
+
+    onset_ns : since when it contradicts, at the latest;  text : what was compared
+    copy     : to go on from, None: the filter itself;  refused : whether the filter itself refuses it
+    sizes    : of the contradiction by quantity [m, m/s], as far as separations say it
+    """
+
+    onset_ns: int
+    text: str
+    copy: Copy | None
+    refused: bool
+    sizes: dict[str, float]
+
+
+class SeparationMonitor:
+    """Of one class of sources.  axes : indices into ``Separation.d`` that are tested"""
+
+    def __init__(self, ladder: Ladder, axes: tuple[int, ...]) -> None:
+        self.ladder = ladder
+        self.separations: list[Separation] = []
+        self._axes = list(axes)
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew: no copy, no suspicion."""
+        self.ladder.clear()
+        self.separations = []
+        self._suspected_ns: int | None = None
+        self._calm_ns: int | None = None  # d was last within its sigma
+        self._settled_ns: int | None = None  # copies begin then
+        self.ratio = 0.0
+        self._worst = (0, 0)  # copy and axis of the largest ratio
+
+    @property
+    def is_suspected(self) -> bool:
+        """Whether d is larger than noise explains."""
+        return self._suspected_ns is not None
+
+    def follow(self, segment_end: Moment, *, is_refused: bool) -> None:
+        """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
+
+        is_refused : whether the filter refuses a source of the class
+        """
+        t_ns = segment_end.estimate.t_ns
+        self.separations = self.ladder.separations(segment_end)
+        self._find_largest()
+        if self.ratio < 1.0:
+            self._calm_ns = t_ns
+        if self.ratio <= K_FA:
+            self._suspected_ns = None
+        elif self._suspected_ns is None:
+            self._suspected_ns = t_ns
+        oldest = self.ladder.oldest
+        is_outside = oldest is not None and oldest.outside_ns is not None
+        if self._settled_ns is None:
+            self._settled_ns = t_ns + SETTLE_NS
+        if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and not is_refused and not is_outside:
+            self.ladder.renew(segment_end)
+
+    def _find_largest(self) -> None:
+        self.ratio = 0.0
+        for number, separation in enumerate(self.separations):
+            ratios = separation.ratios[self._axes]
+            at = int(np.argmax(ratios))
+            if ratios[at] > self.ratio:
+                self.ratio, self._worst = float(ratios[at]), (number, self._axes[at])
+
+    def find(self, t_ns: int, refusals: Refusals) -> Finding | None:
+        """Why the class is faulty; None while it is not."""
+        oldest = self.ladder.oldest
+        if refusals.first_ns is not None and refusals.is_lasting:
+            return Finding(refusals.first_ns, "outside the gate of the filter", oldest, True, {})
+        if oldest is None:
+            return None
+        if self._suspected_ns is not None and t_ns - self._suspected_ns >= HOLD_NS:
+            return Finding(self._calm_ns or self._suspected_ns, self.describe(), oldest, False, self._sizes())
+        if oldest.outside_ns is not None and t_ns - oldest.outside_ns >= REFUSED_NS and oldest.times >= REFUSED_COUNT:
+            text = f"outside the gate of the filter without it for {(t_ns - oldest.began_ns) * 1e-9:.0f} s"
+            return Finding(oldest.outside_ns, text, oldest, False, self._sizes())
+        return None
+
+    def _sizes(self) -> dict[str, float]:
+        """Of the quantities whose separation from any copy is beyond half of K_FA the largest [m, m/s]."""
+        found = {}
+        for quantity, axes in QUANTITY_AXES.items():
+            sizes = [float(np.linalg.norm(s.d[axes])) for s in self.separations if max(s.ratios[axes]) > 0.5 * K_FA]
+            if sizes:
+                found[quantity] = max(sizes)
+        return found
+
+    def describe(self) -> str:
+        """The largest separation."""
+        if not self.separations:
+            return "no separation"
+        number, axis = self._worst
+        separation, unit = self.separations[number], "m" if axis < 3 else "m/s"
+        size, sd = separation.d[axis], separation.d_sd[axis]
+        return f"{AXES[axis]} {size:+.1f} {unit} from the filter without it (sd {sd:.1f} {unit})"
+
+
+def refused_since(standings: Standings, names: Iterable[str]) -> int | None:
+    """Since when the filter refuses the first of these sources that it refuses now; None where it refuses none."""
+    since = (standings[name].refused_since_ns for name in names if name in standings)
+    return min((t_ns for t_ns in since if t_ns is not None), default=None)
+
+
+@dataclass(slots=True)
+class Refusals:
+    """Of a class by the filter without a break: times of the first and the last one [ns], and how many."""
+
+    first_ns: int | None = None
+    last_ns: int = 0
+    times: int = 0
+
+    def follow(self, segment: Segment, names: frozenset[str]) -> None:
+        """Take what the filter made of these sources in a segment."""
+        self.first_ns = refused_since(segment.end.standings, names)
+        if self.first_ns is None:
+            self.times = 0
+            return
+        refused = [e.t_ns for e in segment.entries if e.aiding.name in names and e.judgement is Judgement.REFUSED]
+        self.times += len(refused)
+        self.last_ns = max((self.last_ns, *refused))
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether they have gone on for long enough, in enough measurements."""
+        return self.first_ns is not None and self.last_ns - self.first_ns >= REFUSED_NS and self.times >= REFUSED_COUNT

@@ -1,0 +1,47 @@
+"""Protection levels of the filter from its copies.
+
+    HPL = max( 4.80 sigma_0, max over all copies of (|d| + 3.72 sigma_i) ) + tolerance        radial
+    VPL = max( 4.42 sigma_0, max over all copies of (|d| + 3.09 sigma_i) ) + tolerance        one axis
+
+sigma radial is the largest in any direction.  The copies are a second behind the filter; what their velocity may be
+wrong adds to their position until now.  tolerance : what a source that was let back in may be wrong (``readmission``).
+They hold for faults that began within the age of the oldest copy.
+
+Source: the quantiles of the normal distribution for 1e-5 (4.42 one axis, 4.80 radial) and 1e-3 (3.09, 3.72 radial).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from fti.nav.filter.estimate import Estimate
+from fti.nav.protection import K_AXIS, K_RADIAL
+from fti.nav.separation.copies import Separation, largest_sd
+
+K_MD_RADIAL, K_MD_AXIS = 3.72, 3.09
+
+
+class Levels(NamedTuple):
+    """Of position, horizontal and vertical [m]."""
+
+    horizontal: float
+    vertical: float
+
+
+def of_filter(here: Estimate) -> Levels:
+    """Without any copy."""
+    return Levels(K_RADIAL * largest_sd(here.cov_n[:2, :2]), K_AXIS * float(here.sd_n[2]))
+
+
+def of_copies(separations: Iterable[Separation], lag_s: float) -> Levels:
+    """The largest of all copies; zeros without any.  lag_s : how old they are"""
+    horizontal = vertical = 0.0
+    for s in separations:
+        d = s.d[:3] + lag_s * s.d[3:]
+        moved = [math.hypot(s.copy_sd[axis], lag_s * s.copy_sd[3 + axis]) for axis in range(3)]
+        radial = math.hypot(s.radial_sd, lag_s * max(s.copy_sd[3:5]))
+        horizontal = max(horizontal, math.hypot(d[0], d[1]) + K_MD_RADIAL * radial)
+        vertical = max(vertical, abs(float(d[2])) + K_MD_AXIS * moved[2])
+    return Levels(horizontal, vertical)

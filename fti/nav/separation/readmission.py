@@ -1,0 +1,113 @@
+"""When an excluded source may aid again.
+
+For at least 30 s and 30 fixes it is inside the gate of the filter that goes on without it, and
+
+    resolved   sigma of the filter < D / 8:  a lie of the size of the contradiction would be seen
+    closed     the contradiction ended by a step of the source itself that cancels D within 4.2 sigma, and these
+               4.2 sigma are less than D / 2; they count as tolerance in the protection level until the ladder is full
+    commanded  the operator says so
+
+D is the contradiction just before it ended.  Otherwise the source is unconfirmed: a filter that has coasted for long
+agrees with a lie of the same size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fti.nav.filter.estimate import Estimate
+from fti.nav.filter.gate import LIMITS
+from fti.nav.filter.segment import Entry
+
+AGREED_NS, AGREED_COUNT = 30_000_000_000, 30
+#: A contradiction that ends within so long of its last measurement ended by a step of the source.
+STEP_NS = 2_000_000_000
+K_STEP = 4.2
+RESOLVED_SHARE = 1.0 / 8.0
+
+
+@dataclass(slots=True)
+class Contradiction:
+    """Of one quantity of an excluded source.
+
+    axes : of ``Estimate.sd_n``
+    size : innovation when it was outside the gate last [m, m/s];  outside_ns : then, None: never
+    is_outside : whether it was at its last measurement
+    """
+
+    axes: slice
+    size: float = 0.0
+    outside_ns: int | None = None
+    is_outside: bool = False
+
+    def compare(self, entry: Entry) -> None:
+        """Take one more measurement, which was not used."""
+        assert entry.innovation is not None
+        self.is_outside = entry.nis > LIMITS[len(entry.innovation)]
+        if self.is_outside:
+            self.size, self.outside_ns = float(np.linalg.norm(entry.innovation)), entry.t_ns
+
+    def sd(self, here: Estimate) -> float:
+        """Of the filter on its axes."""
+        return float(np.max(here.sd_n[self.axes]))
+
+
+@dataclass(slots=True)
+class Return:
+    """Of an excluded source.  contradictions : of each quantity, by the name of its ``Aiding``
+
+    agreed_ns, times : since when, and in how many fixes, all quantities have been inside the gate
+    tolerance : of the step that ended the contradiction [m], None: no step has ended it
+    """
+
+    contradictions: dict[str, Contradiction]
+    agreed_ns: int | None = None
+    times: int = 0
+    tolerance: float | None = None
+
+    def compare(self, entry: Entry, here: Estimate) -> None:
+        """Take one more measurement of the source.  here : the filter at about its time"""
+        self.contradictions[entry.aiding.name].compare(entry)
+        if any(c.is_outside for c in self.contradictions.values()):
+            self.agreed_ns, self.times, self.tolerance = None, 0, None
+            return
+        if self.agreed_ns is None:
+            self.agreed_ns, self.tolerance = entry.t_ns, self._find_tolerance(entry.t_ns, here)
+        self.times += bool(entry.aiding.bounds)
+
+    def begin_anew(self) -> None:
+        """The filter has begun again, and may have begun with anything: only the operator lets the source back in."""
+        for contradiction in self.contradictions.values():
+            contradiction.size, contradiction.outside_ns = 0.0, contradiction.outside_ns or 0
+        self.agreed_ns, self.times, self.tolerance = None, 0, None
+
+    def _find_tolerance(self, t_ns: int, here: Estimate) -> float | None:
+        """Where a step of the source has ended the contradiction: how large a lie of position could still be.
+
+        A receiver that comes back steps in all quantities at once; the step of one of them is to be beyond doubt.
+        """
+        steps = [c for c in self._real if t_ns - (c.outside_ns or 0) <= STEP_NS]
+        if all(K_STEP * c.sd(here) >= 0.5 * c.size for c in steps):
+            return None
+        return K_STEP * float(np.max(here.sd_n[:3]))
+
+    @property
+    def _real(self) -> list[Contradiction]:
+        return [c for c in self.contradictions.values() if c.outside_ns is not None]
+
+    @property
+    def size(self) -> float:
+        """The largest contradiction just before it ended [m, m/s]."""
+        return max((c.size for c in self._real), default=0.0)
+
+    def has_agreed(self, t_ns: int) -> bool:
+        """For long enough, in enough fixes."""
+        return self.agreed_ns is not None and t_ns - self.agreed_ns >= AGREED_NS and self.times >= AGREED_COUNT
+
+    def is_confirmed(self, here: Estimate) -> bool:
+        """Whether a step of the source ended it, or the filter would see contradictions of these sizes."""
+        if self.tolerance is not None:
+            return True
+        return bool(self._real) and all(c.sd(here) < RESOLVED_SHARE * c.size for c in self._real)

@@ -1,0 +1,176 @@
+"""Receivers that lie, beside an inertial unit of tactical grade: refused, and the position goes on with honest levels.
+
+Truth, unit and receivers are those of ``receiver_flights``; a fault begins after five minutes.  One flight of each
+fault, ten with ``--scale full``.  Misled: an error larger than the protection level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fti.types import FilterMode
+from tests.nav.receiver_flights import Fault, Flight, Found, after, draw, fly, frozen, swapped
+
+Array = NDArray[np.float64]
+
+BEGIN, END = 300.0, 360.0
+FLIGHTS, FLIGHTS_FULL = 1, 10
+#: Alignment, and until all copies exist [s].
+SETTLED = 60.0
+
+
+def constant(*metres: float) -> Callable[[Array], Array]:
+    return lambda since: np.tile(np.array(metres), (len(since), 1))
+
+
+def until(seconds: float, offset: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    return lambda since: (since < seconds)[:, None] * offset(since)
+
+
+def ramp(rate: float, onset: float) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """North: position, and the velocity that belongs to it, which grows by ``onset`` [m/s^2] to ``rate`` [m/s]."""
+
+    def velocity(since: Array) -> Array:
+        return np.minimum(onset * since, rate)[:, None] * [1.0, 0.0, 0.0]
+
+    def offset(since: Array) -> Array:
+        on = np.minimum(since, rate / onset)
+        return (0.5 * onset * on**2 + rate * (since - on))[:, None] * [1.0, 0.0, 0.0]
+
+    return offset, velocity
+
+
+def numbers(request: pytest.FixtureRequest) -> range:
+    return range(FLIGHTS_FULL if request.config.getoption("--scale") == "full" else FLIGHTS)
+
+
+STANDING: dict[str, tuple[Fault, float]] = {
+    "small step": (after(BEGIN, constant(0.0, 20.0, 0.0)), 12.0),
+    "step": (after(BEGIN, constant(0.0, 100.0, 0.0)), 8.0),
+    "frozen": (frozen(BEGIN, np.inf), 10.0),
+    "frozen position": (frozen(BEGIN, np.inf, velocity=False), 10.0),
+    "swapped": (swapped(BEGIN, np.inf), 8.0),
+    "sharp ramp": (after(BEGIN, *ramp(1.0, 100.0)), 15.0),
+    "smooth ramp": (after(BEGIN, *ramp(1.0, 0.1)), 25.0),
+    "ramp of the position alone": (after(BEGIN, ramp(1.0, 100.0)[0]), 20.0),
+    "fast ramp": (after(BEGIN, *ramp(3.0, 100.0)), 10.0),
+}
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(name: str, request: pytest.FixtureRequest) -> None:
+    """Without the tests the filter followed all of them, the step after 5 s, with a sigma of 1.6 m."""
+    fault, limit_s = STANDING[name]
+    for number in numbers(request):
+        found = fly(draw(number), {"gnss": fault})
+        refused = found.refused_at("gnss")
+        print(f"{name} #{number}: refused after {refused[:1] - BEGIN} s\n{found.texts()}")
+        assert refused[0] > BEGIN
+        assert refused[0] - BEGIN <= limit_s
+        assert refused[-1] == pytest.approx(max(found.t)), "a lie that lasts stays refused"
+        assert found.misled(SETTLED) == 0.0
+        assert found.mode[-1] is FilterMode.COASTING
+        assert any(event.level == "warning" and "gnss: refused" in event.text for _, event in found.events)
+
+
+ENDING: dict[str, Fault] = {
+    "frozen": frozen(BEGIN, END),
+    "swapped": swapped(BEGIN, END),
+    "fast ramp": after(BEGIN, until(END - BEGIN, ramp(5.0, 100.0)[0]), until(END - BEGIN, ramp(5.0, 100.0)[1])),
+}
+
+
+@pytest.mark.parametrize("name", ENDING)
+def test_a_contradiction_that_ends_by_a_step_is_forgiven_after_30_s(name: str, request: pytest.FixtureRequest) -> None:
+    for number in numbers(request):
+        found = fly(draw(number), {"gnss": ENDING[name]})
+        refused = found.refused_at("gnss")
+        assert END + 29.0 <= refused[-1] <= END + 34.0, found.texts()
+        assert found.misled(SETTLED) == 0.0
+        assert found.mode[-1] is FilterMode.AIDED
+        assert found.radial[-1] < 5.0
+
+
+def test_a_lie_of_the_size_that_the_filter_has_drifted_stays_unconfirmed() -> None:
+    """A ramp that ends and stands: the coasting filter agrees with it sooner or later, and does not let it in."""
+    offset, velocity = ramp(1.0, 100.0)
+    standing = after(BEGIN, lambda s: offset(np.minimum(s, 20.0)), until(20.0, velocity))
+    found = fly(draw(0), {"gnss": standing})
+    assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
+    assert "unconfirmed" in found.texts()
+    assert found.misled(SETTLED) == 0.0
+
+
+def test_a_wrong_height_leaves_the_position_in() -> None:
+    """47 m of undulation from a moment on, and back: beside a barometer the height alone is refused."""
+    found = fly(draw(0), {"gnss": after(BEGIN, until(END - BEGIN, constant(0.0, 0.0, 47.0)))})
+    assert "gnss height: refused" in found.texts()
+    assert "gnss height: aids the filter again" in found.texts()
+    assert len(found.refused_at("gnss")) == 0
+    assert found.misled(SETTLED) == 0.0
+    assert max(abs(e[2]) for t, e in zip(found.t, found.error, strict=True) if t > SETTLED) < 12.0
+
+
+def test_without_a_barometer_a_wrong_height_refuses_the_receiver() -> None:
+    found = fly(draw(0), {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))}, baro=False)
+    assert found.refused_at("gnss")[0] - BEGIN <= 8.0
+    assert found.misled(SETTLED) == 0.0
+
+
+@pytest.mark.parametrize("name", ["step", "frozen", "sharp ramp"])
+def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
+    """The other one goes on aiding: no coasting, and an error as before."""
+    found = fly(draw(0, ("gnss", "second")), {"gnss": STANDING[name][0]})
+    assert found.refused_at("gnss")[0] - BEGIN <= STANDING[name][1]
+    assert len(found.refused_at("second")) == 0
+    assert found.misled(SETTLED) == 0.0
+    assert found.mode[-1] is FilterMode.AIDED
+    assert found.radial[np.array(found.t) > SETTLED].max() < 8.0
+    assert np.median(np.array(found.hpl)[np.array(found.t) > 400.0]) < 40.0, "as with one receiver alone"
+
+
+def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
+    """The same flight with a gap of the inertial unit: the filter begins anew."""
+    kept = (flight.t < from_s) | (flight.t >= to_s)
+    return replace(flight, t=flight.t[kept], felt=flight.felt[kept])
+
+
+def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradicted_it() -> None:
+    """A step of 100 m at 300 s, a gap of the inertial unit at 400 s: no position rather than a wrong one."""
+    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": STANDING["step"][0]})
+    assert max(found.t) == pytest.approx(399.0, abs=1.1)
+    assert found.misled(SETTLED) == 0.0
+
+
+def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_that_lied() -> None:
+    flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
+    found = fly(flight, {"gnss": STANDING["step"][0]})
+    assert found.refused_at("gnss")[-1] == pytest.approx(max(found.t))
+    assert max(found.t) == pytest.approx(599.0, abs=1.1)
+    assert "gnss: still refused after the filter began again" in found.texts()
+    assert found.misled(SETTLED) == 0.0
+
+
+def nominal(numbers: range, receivers: tuple[str, ...]) -> list[Found]:
+    return [fly(draw(100 + number, receivers)) for number in numbers]
+
+
+def test_sound_receivers_are_not_refused_and_the_levels_are_not_bought_by_size(request: pytest.FixtureRequest) -> None:
+    """HPL at most 12 sigma of the filter in the median, and no error beyond it."""
+    flights = nominal(numbers(request), ("gnss",))
+    times = [np.median((np.array(f.hpl) / np.array(f.sd))[np.array(f.t) > SETTLED]) for f in flights]
+    print(f"HPL over sigma, median of {len(flights)} flights: {np.median(times):.1f}; allowed 12")
+    assert np.median(times) <= 12.0
+    assert all(not f.events for f in flights), [f.texts() for f in flights]
+    assert all(f.misled() == 0.0 for f in flights)
+
+
+def test_two_sound_receivers_are_not_refused(request: pytest.FixtureRequest) -> None:
+    flights = nominal(numbers(request), ("gnss", "second"))
+    assert all(not f.events for f in flights), [f.texts() for f in flights]
+    assert all(f.misled() == 0.0 for f in flights)

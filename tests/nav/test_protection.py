@@ -1,0 +1,110 @@
+"""Protection levels of what devices give, and devices that the filter contradicts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from scipy.stats import norm, rayleigh
+
+from fti.config import AlertLimits
+from fti.geodesy.wgs84 import radii
+from fti.nav.protection import K_AXIS, K_RADIAL, Compared, Protection, by_filter, differences, is_beyond, unchecked
+from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
+from fti.nav.source_check import SourceCheck
+from fti.nav.sources import PositionState
+from fti.types import Reason
+
+SECOND = 1_000_000_000
+HERE = PositionState(0.8, 0.2, 700.0, 1.0, 2.0, 50.0, 0.0, 0.0, 0)
+MERIDIAN, NORMAL = (float(r) for r in radii(0.8))
+FILTER = Compared(HERE, 15.0, 20.0)
+ASSUMED = {"ins": (5.0, 10.0)}
+
+
+def moved(north: float, east: float = 0.0, up: float = 0.0) -> PositionState:
+    lat = HERE.lat + north / MERIDIAN
+    lon = HERE.lon + east / (NORMAL * math.cos(HERE.lat))
+    return replace(HERE, lat=lat, lon=lon, alt=700.0 + up)
+
+
+def test_factors_are_quantiles() -> None:
+    """1e-5 on one axis and radially; 1e-3 of a source that is wrong already, on one side and radially."""
+    assert pytest.approx(norm.isf(0.5e-5), abs=0.01) == K_AXIS
+    assert pytest.approx(rayleigh.isf(1e-5), abs=0.01) == K_RADIAL
+    assert pytest.approx(norm.isf(1e-3), abs=0.01) == K_MD_AXIS
+    assert pytest.approx(rayleigh.isf(1e-3), abs=0.01) == K_MD_RADIAL
+
+
+def test_differences_are_in_metres_and_across_the_date_line() -> None:
+    assert differences(moved(30.0, 40.0, -7.0), HERE) == pytest.approx((50.0, 7.0), rel=1e-6)
+    west, east = replace(HERE, lon=math.pi - 1e-6), replace(HERE, lon=-math.pi + 1e-6)
+    assert differences(east, west)[0] == pytest.approx(2e-6 * NORMAL * math.cos(0.8), rel=1e-6)
+
+
+def test_a_device_beside_the_filter_is_as_good_as_the_filter_and_the_difference() -> None:
+    """Whatever sigma it states: 40 m away from a filter that holds 15 m it may be wrong by 55 m."""
+    liar = replace(moved(40.0, up=-5.0), horizontal_sd=0.1, vertical_sd=0.1)
+    found = by_filter(liar, FILTER)
+    assert found[:2] == pytest.approx((55.0, 25.0), rel=1e-6)
+    assert found[2:] == ((), False)
+    assert by_filter(replace(liar, alt=None), FILTER).vertical is None
+
+
+def test_alone_it_has_the_level_of_its_own_sigma_or_of_its_kind() -> None:
+    stated = unchecked(HERE, (5.0, 10.0))
+    assert stated[:2] == pytest.approx((4.8, 8.84))
+    assert stated[2:] == ((Reason.NOTHING_TO_COMPARE,), False)
+    for sd in (None, 0.0, -1.0, math.inf, math.nan):
+        found = unchecked(replace(HERE, horizontal_sd=sd, vertical_sd=sd), (5.0, 10.0))
+        assert found[:2] == pytest.approx((24.0, 44.2))
+        assert found[2:] == ((Reason.NOTHING_TO_COMPARE,), True)
+
+
+def test_alert_limits_are_of_levels_that_are_known() -> None:
+    limits = AlertLimits()
+    assert not is_beyond(Protection(200.0, 30.0), limits)
+    assert is_beyond(Protection(200.1, 1.0), limits)
+    assert is_beyond(Protection(1.0, 30.1), limits)
+    assert not is_beyond(Protection(24.0, 44.2, (Reason.NOTHING_TO_COMPARE,), assumed=True), limits)
+    assert not is_beyond(Protection(None, None), limits)
+
+
+def test_a_device_that_the_filter_contradicts_is_refused_after_two_seconds() -> None:
+    check, events = SourceCheck(ASSUMED), []
+    for second in range(5):
+        events += check.update(second * SECOND, {"ins": moved(100.0 if second >= 1 else 0.0)}, FILTER)
+    assert check.refused == {"ins"}
+    assert [event.t_ns for event in events] == [3 * SECOND]
+    assert "ins: refused: 100 m from the filter" in events[0].text
+
+
+def test_what_both_may_err_by_is_no_contradiction() -> None:
+    check = SourceCheck(ASSUMED)
+    inside = 15.0 + 4.80 * 1.0 - 0.5
+    for second in range(10):
+        assert check.update(second * SECOND, {"ins": moved(inside)}, FILTER) == []
+    assert check.refused == frozenset()
+
+
+def test_it_is_used_again_after_30_s_where_the_filter_would_see_the_same_again() -> None:
+    check, uncertain = SourceCheck(ASSUMED), Compared(HERE, 60.0, 20.0)
+    for second in range(10):
+        check.update(second * SECOND, {"ins": moved(100.0)}, FILTER)
+    for second in range(10, 60):  # it agrees with a filter that 100 m could not contradict
+        assert check.update(second * SECOND, {"ins": HERE}, uncertain) == []
+    assert check.refused == {"ins"}
+    events = check.update(60 * SECOND, {"ins": HERE}, FILTER)
+    assert check.refused == frozenset()
+    assert "agrees" in events[0].text
+
+
+def test_a_wrong_altitude_alone_is_a_contradiction() -> None:
+    check = SourceCheck(ASSUMED)
+    for second in range(5):
+        check.update(second * SECOND, {"ins": moved(0.0, up=47.0)}, FILTER)
+    assert check.refused == {"ins"}
+    for second in range(5):
+        check.update(second * SECOND, {"ins": replace(HERE, alt=None)}, FILTER)
+    assert check.refused == {"ins"}

@@ -1,0 +1,105 @@
+"""When an excluded source is let back in: after a step that cancels the contradiction, or where it would be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, GnssVelocity
+from fti.nav.filter.estimate import Estimate, Start
+from fti.nav.filter.gate import LIMITS
+from fti.nav.filter.segment import Entry
+from fti.nav.filter.states import Model
+from fti.nav.separation.monitor import QUANTITY_AXES
+from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, Return
+
+SECOND = 1_000_000_000
+POSITION = GnssPosition(0.8, 0.2, None, 1.0, 1.0)
+HEIGHT, VELOCITY = GnssHeight(POSITION), GnssVelocity(0.0, 0.0, 0.0, 0.1)
+
+
+def here(sd: float) -> Estimate:
+    """The filter with a sigma of position [m]."""
+    start = Start(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (sd,) * 3, (0.5,) * 3, (0.01,) * 3)
+    return start.estimate(0, np.zeros(6), Model())
+
+
+def returning() -> Return:
+    aids: dict[str, Aiding] = {"position": POSITION, "height": HEIGHT, "velocity": VELOCITY}
+    return Return({aiding.name: Contradiction(QUANTITY_AXES[name]) for name, aiding in aids.items()})
+
+
+def entry(t: float, size: float, sd: float) -> Entry:
+    """A position so far from the filter [m]."""
+    return Entry(round(t * SECOND), POSITION, nis=(size / sd) ** 2, innovation=np.array([size, 0.0]))
+
+
+def feed(back: Return, sizes: dict[float, float], sd: float) -> None:
+    for t, size in sizes.items():
+        back.compare(entry(t, size, sd), here(sd))
+
+
+def agree(back: Return, from_s: float, seconds: float, sd: float) -> float:
+    for t in np.arange(from_s, from_s + seconds, 0.5).tolist():
+        back.compare(entry(t, 0.0, sd), here(sd))
+    return from_s + seconds
+
+
+def test_a_step_back_of_100_m_closes_where_the_filter_is_certain() -> None:
+    back = returning()
+    feed(back, {0.0: 100.0, 1.0: 100.0}, sd=5.0)
+    end = agree(back, 1.5, 31.0, sd=5.0)
+    assert back.has_agreed(round(end * SECOND))
+    assert back.is_confirmed(here(30.0)), "it was closed when the filter was certain"
+    assert back.tolerance == pytest.approx(21.0, rel=1e-3)
+
+
+def test_a_step_back_that_the_filter_cannot_tell_from_a_lie_closes_nothing() -> None:
+    """4.2 sigma of 12 m are more than half of 100 m."""
+    back = returning()
+    feed(back, {0.0: 100.0, 1.0: 100.0}, sd=12.0)
+    agree(back, 1.5, 31.0, sd=12.0)
+    assert back.tolerance is None
+    assert not back.is_confirmed(here(13.0))
+    assert back.is_confirmed(here(12.4)), "below an eighth of the contradiction it would be seen"
+
+
+def test_a_filter_that_drifts_towards_the_lie_is_no_step() -> None:
+    """The contradiction ended 3 s after its last measurement outside: nobody saw how."""
+    back = returning()
+    feed(back, {0.0: 100.0}, sd=5.0)
+    agree(back, 3.0, 31.0, sd=5.0)
+    assert back.tolerance is None
+
+
+def test_30_s_and_30_fixes_are_asked() -> None:
+    back = returning()
+    feed(back, {0.0: 100.0}, sd=5.0)
+    for t in np.arange(1.0, 41.0, 1.5).tolist():
+        back.compare(entry(t, 0.0, 5.0), here(5.0))
+    assert back.times < AGREED_COUNT
+    assert not back.has_agreed(41 * SECOND)
+    quick = returning()
+    feed(quick, {0.0: 100.0}, sd=5.0)
+    assert not quick.has_agreed(round(agree(quick, 1.0, 29.0, sd=5.0) * SECOND))
+
+
+def test_one_sample_outside_begins_anew() -> None:
+    back = returning()
+    feed(back, {0.0: 100.0}, sd=5.0)
+    agree(back, 1.0, 29.0, sd=5.0)
+    feed(back, {30.0: 100.0}, sd=5.0)
+    assert not back.has_agreed(32 * SECOND)
+    assert back.has_agreed(round(agree(back, 30.5, 30.5, sd=5.0) * SECOND))
+
+
+def test_all_quantities_must_agree() -> None:
+    back = returning()
+    feed(back, {0.0: 100.0}, sd=5.0)
+    wrong = Entry(SECOND, VELOCITY, nis=2.0 * LIMITS[3], innovation=np.array([3.0, 0.0, 0.0]))
+    back.compare(wrong, here(5.0))
+    agree(back, 1.5, 40.0, sd=5.0)
+    assert not back.has_agreed(41 * SECOND)
+    right = Entry(42 * SECOND, VELOCITY, nis=0.0, innovation=np.zeros(3))
+    back.compare(right, here(5.0))
+    assert back.has_agreed(round(agree(back, 42.5, 31.0, sd=5.0) * SECOND))
