@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -223,7 +224,7 @@ def test_the_filter_says_what_follows_from_all_that_it_took() -> None:
         for device, m in measurements(k, gnss=True):
             before = aided.solution(t_ns)
             aided.feed(device, m, t_ns)
-            assert aided.solution(t_ns) == aided._navigator.output(t_ns)
+            assert replace(aided.solution(t_ns), hpl=None, vpl=None) == aided._navigator.output(t_ns)
             assert aided.solution(t_ns) is aided.solution(t_ns)
             changed += before != aided.solution(t_ns)
     assert changed > 20
