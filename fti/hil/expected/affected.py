@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.expected.aircraft import Aircraft, Truth
-from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, doubted_s
+from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, SOURCE_REFUSED_S, doubted_s
 from fti.hil.expected.flags import told
 from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
 from fti.hil.faults.fitting import is_of
@@ -120,7 +120,8 @@ class Affected:
     def _back_s(self, fault: OnDevices | BusOff | Babbling, name: str) -> float:
         """When the device is there again [s of the flight]."""
         craft = self._craft
-        return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + BACK_S
+        refused_s = SOURCE_REFUSED_S if isinstance(fault, WRONG) and name in craft.sources else 0.0
+        return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + BACK_S + refused_s
 
     def _memory_s(self, output: RequiredOutput) -> float:
         """How long the effect of a fault lasts in the output [s]."""

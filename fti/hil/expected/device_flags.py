@@ -25,6 +25,7 @@ from fti.hil.expected.duties import (
     RENEWED_S,
     SILENT_S,
     SOLUTION,
+    SOURCE_REFUSED_S,
     UNIT_S,
     WINDOW_S,
     Case,
@@ -107,7 +108,7 @@ def _lost(case: Case, against_height: tuple[str, ...], within_s: float, clears_s
         found.append(case.duty(f"{HEIGHT}/{name}", *against_height, within_s=within_s, clears_s=clears_s))
     for role in craft.preferred_for(name):
         words = (f"{role} not from {name}",)
-        found.append(case.duty(SOLUTION, *words, within_s=within_s, clears_s=clears_s))
+        found.append(case.duty(SOLUTION, *words, within_s=within_s, clears_s=clears_s + SOURCE_REFUSED_S))
     return found
 
 
@@ -131,7 +132,7 @@ def _has_no_fix(fault: GnssOutage, case: Case) -> Found:
     soon, back = period + NAV_S, 2 * period + NAV_S + case.craft.FIX_S
     duties = [case.duty(f"/{name}/", "invalid", within_s=soon, clears_s=back)]
     if "position" in case.craft.preferred_for(name):
-        duties.append(case.duty(SOLUTION, f"position not from {name}", within_s=soon, clears_s=back))
+        duties.append(case.duty(SOLUTION, f"position not from {name}", within_s=soon, clears_s=back + SOURCE_REFUSED_S))
     return duties, ""
 
 
@@ -276,7 +277,9 @@ def consequences(case: Case, *in_health: str) -> Iterator[May]:
         yield May(NAV_EVENT, begin, end + age + EXCLUDED_HEIGHT_S)
         yield May(f"{HEIGHT}/{name}", begin, end + age + EXCLUDED_HEIGHT_S, ("excluded",))
     if name in craft.sources:
-        yield from (May(place, begin, end + age + craft.FIX_S) for place in (SOLUTION, HEIGHT, NAV_EVENT))
+        refused = end + age + craft.FIX_S + SOURCE_REFUSED_S
+        places = (SOLUTION, HEIGHT, NAV_EVENT, f"/fti/event/{name}")
+        yield from (May(place, begin, refused) for place in places)
         yield May(HEIGHT, begin, end + age + craft.FIX_S + MEMORY_S, MEMORY_WORDS)
         yield from (May(f"/fti/event/{other}", begin, end + age + craft.FIX_S) for other in craft.altimeters)
         for other in craft.filter_altimeters:  # a sound one contradicts a filter that has followed a wrong place

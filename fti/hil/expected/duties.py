@@ -46,6 +46,9 @@ DEVIATION_M = 30.0
 #: filter has not drifted in a minute.
 CONTRADICTION_M, CONTRADICTION_MPS, CONTRADICTION_S = 50.0, 2.0, 15.0
 BACK_IN_S, CLOSURE_M = 40.0, 200.0
+#: A source of position that contradicted itself is refused for so long after the fault [s]: 30 s in which all its tests
+#: pass, and what they look back.
+SOURCE_REFUSED_S = 45.0
 #: What the memory of altimeters says: of one, and of two against each other.
 MEMORY_WORDS, DISAGREE_WORDS = ("stuck", "change_mismatch", "altimeters_disagree"), ("altimeters_disagree",)
 #: A value that repeats while the range changed by more is stuck: 4 steps of any altimeter, as a share of the range and
