@@ -105,8 +105,10 @@ class ReliefEstimator:
         """
         while self._profile and self._profile[-1][0] > end_ns:
             self._profile.pop()
-        if len(self._profile) > 1:
-            self._far = max(self._far_sd(), self._far if len(self._profile) < MIN_COUNT else 0.0)
+        if len(self._profile) >= MIN_COUNT:
+            self._far = self._far_sd()
+        elif len(self._profile) > 1:
+            self._far = max(self._far, self._far_sd())
         self._profile.clear()
 
     def _far_sd(self) -> float:

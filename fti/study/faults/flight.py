@@ -212,9 +212,9 @@ def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
     above_sea = s.trajectory.at(t).alt - s.undulation
     warm = rng.normal(0.0, TEMPERATURE_SD) * (above_sea - above_sea[0])
     weather = gauss_markov(len(t), 1.0 / BARO_HZ, WEATHER_S, WEATHER_SD_M, rng)
-    said = above_sea + warm + weather + rng.normal(0.0, SETTING_SD_M) + rng.normal(0.0, BARO_WHITE_M, len(t))
+    nominal = above_sea + warm + weather + rng.normal(0.0, SETTING_SD_M) + rng.normal(0.0, BARO_WHITE_M, len(t))
     sign = float(rng.choice((-1.0, 1.0)))
-    return t, said + sign * _baro_error(s.cell, t - s.window.begin_s) * s.window.covers(t)
+    return t, nominal + sign * _baro_error(s.cell, t - s.window.begin_s) * s.window.covers(t)
 
 
 def _baro_error(cell: Cell, elapsed: Array) -> Array:
@@ -240,10 +240,10 @@ def _heights(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
     """Heights straight above the ground, only where the altimeter reaches it."""
     t = _epochs(RADAR_HZ, s.duration_s, rng)
     m = s.trajectory.at(t)
-    height = m.alt - s.terrain.elevation(m.lat, m.lon)
-    reaches = (height < RADAR_LIMIT_M) & (np.abs(m.rpy[:, 0]) < RADAR_BANK)
-    said = height * (1.0 + rng.normal(0.0, RADAR_SCALE_SD)) + rng.normal(0.0, RADAR_SD_M, len(t))
-    return t[reaches], said[reaches]
+    true = m.alt - s.terrain.elevation(m.lat, m.lon)
+    reaches = (true < RADAR_LIMIT_M) & (np.abs(m.rpy[:, 0]) < RADAR_BANK)
+    heights = true * (1.0 + rng.normal(0.0, RADAR_SCALE_SD)) + rng.normal(0.0, RADAR_SD_M, len(t))
+    return t[reaches], heights[reaches]
 
 
 # -------------------------------------------------------------------------------------------------- measurements
@@ -289,10 +289,10 @@ def _ahrs(t: Array, rpy: Array) -> Iterator[Timed]:
 
 
 def _baro(t: Array, alt: Array) -> Iterator[Timed]:
-    for (t_ns, stamp), said in zip(_stamps(t), alt.tolist(), strict=True):
-        yield t_ns, "baro", PressureAltitude(stamp=stamp, alt_press=said)
+    for (t_ns, stamp), alt_press in zip(_stamps(t), alt.tolist(), strict=True):
+        yield t_ns, "baro", PressureAltitude(stamp=stamp, alt_press=alt_press)
 
 
 def _radar(t: Array, height: Array) -> Iterator[Timed]:
-    for (t_ns, stamp), said in zip(_stamps(t), height.tolist(), strict=True):
-        yield t_ns, "radar", RadioHeight(stamp=stamp, height_agl=said, sd=float(RADAR_SD_M))
+    for (t_ns, stamp), height_agl in zip(_stamps(t), height.tolist(), strict=True):
+        yield t_ns, "radar", RadioHeight(stamp=stamp, height_agl=height_agl, sd=float(RADAR_SD_M))
