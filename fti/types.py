@@ -774,7 +774,8 @@ class PositionFix:
 class SourceValidity:
     """What the tests of one source say of a device that gives position, altitude or attitude.
 
-    valid, reasons : of all that it gives; a device whose ``reasons`` are NOTHING_TO_COMPARE alone is valid
+    valid, reasons : of all that it gives
+    unchecked  : why a valid one rests on what it says of itself: nothing to compare with, or two that disagree
     position_valid, altitude_valid, attitude_valid, heading_valid : None while it has not given it
     onset_ns   : when the oldest contradiction began that still counts [ns]
     readmission : what would make it valid again; "" while it is
@@ -785,6 +786,7 @@ class SourceValidity:
     source: str
     valid: bool
     reasons: tuple[Reason, ...]
+    unchecked: tuple[Reason, ...] = ()
     position_valid: bool | None = None
     altitude_valid: bool | None = None
     attitude_valid: bool | None = None

@@ -65,7 +65,7 @@ class Affected:
         for fault, name in self._on(output.devices):
             if not isinstance(fault, HARMLESS) and self._counts(name, fault, output):
                 memory_s = max(self._memory_s(output), self._excluded_s(fault, name, output))
-                whole = (fault.from_s, self._back_s(fault, name) + memory_s)
+                whole = (fault.from_s, self._back_s(fault, name) + self._refused_s(fault, name, output) + memory_s)
                 found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
         return [*found, *self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
 
@@ -120,8 +120,14 @@ class Affected:
     def _back_s(self, fault: OnDevices | BusOff | Babbling, name: str) -> float:
         """When the device is there again [s of the flight]."""
         craft = self._craft
-        refused_s = SOURCE_REFUSED_S if isinstance(fault, WRONG) and name in craft.sources else 0.0
-        return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + BACK_S + refused_s
+        return fault.to_s + craft.boot_s(name) + craft.max_age_s(name) + craft.FIX_S + BACK_S
+
+    def _refused_s(self, fault: OnDevices | BusOff | Babbling, name: str, output: RequiredOutput) -> float:
+        """How long a source may stay refused after it contradicted itself, where the output rests on it [s]."""
+        lists = [names for names in output.preferred if name in names]
+        is_asked = not lists or any(self._is_asked(name, names, fault) for names in lists)
+        is_refused = isinstance(fault, WRONG) and name in self._craft.sources and is_asked
+        return SOURCE_REFUSED_S if is_refused else 0.0
 
     def _memory_s(self, output: RequiredOutput) -> float:
         """How long the effect of a fault lasts in the output [s]."""

@@ -10,16 +10,18 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from fti.config import Config, Device, Nav
+from fti.config import Config, Device, Nav, position_sources
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
 from fti.nav.integrity.reference import Reference, fits
 
 GLIDE, LOCATION = "/nav/glide_slope", "/nav/location"
+VALIDITY = "/nav/source_validity"
 BELOW = "/nav/height_below_aircraft"
 FILTER, VERTICAL, FIX = "/nav/filter_solution", "/nav/vertical_solution", "/nav/position_fix"
 SOLUTION_HZ, FILTER_HZ, FIX_HZ = 25.0, 5.0, 2.0
-#: Outputs without news are repeated twice a second, the monitor updates at most five times a second [Hz].
-REPEAT_HZ, MONITOR_HZ = 2.0, 5.0
+#: Outputs without news are repeated twice a second, the monitor updates at most five times a second, the validity of a
+#: source ten times [Hz].
+REPEAT_HZ, MONITOR_HZ, VALIDITY_HZ = 2.0, 5.0, 10.0
 #: Navigation is never silent for longer: the repetition, and two ticks [s].
 NAV_GAP_S = 0.56
 #: What is calculated for a tick is as old as a tick and the emulator's jitter let it be [s].
@@ -71,6 +73,7 @@ def required_outputs(
     """
     return [
         *_of_navigation(config.nav),
+        *_sources(config, sent),
         *_heights(config, sent),
         *_below(config, sent),
         *_approach(config, reference),
@@ -106,6 +109,15 @@ def _of_navigation(nav: Nav) -> Iterator[RequiredOutput]:
         yield RequiredOutput(
             FIX, inputs, _around(FIX_HZ), 1.1, NOW_S, always_gap_s=1.1, lead_s=FIRST_FIX_S, memory_s=FIX_MEMORY_S
         )
+
+
+def _sources(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:
+    """What the tests of one source say of each that gives position or attitude: on news, and repeated."""
+    rate_hz = ((1.0 - TOLERANCE) * REPEAT_HZ, (1.0 + TOLERANCE) * VALIDITY_HZ)
+    for name in _devices(position_sources(config.nav), config.nav.attitude):
+        if not {"position", "attitude"}.isdisjoint(sent.get(name, {})):
+            age_s = _max_age_s(config, name) + NOW_S
+            yield RequiredOutput(f"{VALIDITY}/{name}", (name,), rate_hz, NAV_GAP_S, age_s, always_gap_s=NAV_GAP_S)
 
 
 def _heights(config: Config, sent: Mapping[str, Mapping[str, float]]) -> Iterator[RequiredOutput]:

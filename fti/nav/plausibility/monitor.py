@@ -137,13 +137,13 @@ class PlausibilityMonitor:
         refused = [part.finding for part in known if part.finding]
         newest_ns = self._newest_ns[name]
         is_stale = t_ns - newest_ns > self._max_age_ns[name]
-        extra = (Reason.STALE,) if is_stale else () if refused else self._remarks(name, t_ns)
         return SourceValidity(
             t_ns=t_ns,
             t_valid_ns=newest_ns,
             source=name,
             valid=not refused and not is_stale,
-            reasons=(*reasons, *extra),
+            reasons=(*reasons, Reason.STALE) if is_stale else reasons,
+            unchecked=() if refused or is_stale else self._unchecked(name, t_ns),
             position_valid=_told_valid(heard[0]),
             altitude_valid=_told_valid(heard[1], heard[0]),
             attitude_valid=_told_valid(heard[2]),
@@ -152,7 +152,7 @@ class PlausibilityMonitor:
             readmission="; ".join(dict.fromkeys(part.needs for part in known if not part.is_valid)),
         )
 
-    def _remarks(self, name: str, t_ns: int) -> tuple[Reason, ...]:
+    def _unchecked(self, name: str, t_ns: int) -> tuple[Reason, ...]:
         """Of a valid source: nothing to compare with, or another attitude that it disagrees with."""
         found = (Reason.ATTITUDES_DISAGREE,) if self._comparison.disputes_of(name) else ()
         if name not in self._tests or self._has_filter:

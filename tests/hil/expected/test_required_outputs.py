@@ -44,6 +44,8 @@ def test_every_role_of_the_demonstration_promises_its_topics() -> None:
         "/nav/height_below_aircraft",
         "/nav/clearance_integrity",
         "/nav/glide_slope",
+        "/nav/source_validity/autopilot",
+        "/nav/source_validity/gnss",
         "/altimeter/radio_height",
         "/gnss/position",
         "/autopilot/range",

@@ -92,7 +92,9 @@ def test_two_that_disagree_cannot_be_told_apart_and_neither_is_refused() -> None
     assert [e.text for e in events if "disagree" in e.text] == [
         "attitudes disagree: roll of ahrs and ins differ by +6.0 deg"
     ]
-    assert all(Reason.ATTITUDES_DISAGREE in o.reasons and o.valid for o in told if o.t_ns > T0 + 14 * S)
+    assert all(
+        Reason.ATTITUDES_DISAGREE in o.unchecked and o.valid and not o.reasons for o in told if o.t_ns > T0 + 14 * S
+    )
 
 
 def test_what_is_within_sigmas_and_limits_is_no_dispute() -> None:
@@ -117,4 +119,4 @@ def test_a_drift_angle_of_a_strong_wind_and_a_slow_flight_are_not_refused() -> N
 
 def test_a_single_source_of_position_is_valid_and_says_that_nothing_checks_it() -> None:
     _, told, _ = fly({"ins": (0, 0, 0)}, 5.0)
-    assert (told[-1].valid, told[-1].reasons) == (True, (Reason.NOTHING_TO_COMPARE,))
+    assert (told[-1].valid, told[-1].reasons, told[-1].unchecked) == (True, (), (Reason.NOTHING_TO_COMPARE,))

@@ -109,7 +109,7 @@ def test_a_configuration_that_is_wrong_is_a_miss(flown: Path, tmp_path: Path) ->
     [
         ("[nav.approach]\n", None, ["nav.approach", *UNSTATED]),
         ("terrain = { scene", "# terrain = { scene", ["nav.terrain"]),
-        ("[nav.filter]", None, ["nav.approach", "nav.filter", *UNSTATED]),
+        ("[nav.filter]", None, ["nav.alert_limits.altitude_m", "nav.approach", "nav.filter", *UNSTATED]),
         ("alert_v_m = 50.0", "alert_v_m = 500.0", ["nav.approach.alert_v_m"]),
         ('"demo_country"', '"demo"', ["nav.terrain.scene"]),
     ],

@@ -23,8 +23,14 @@ SIGMA_QUANTILE = 0.7
 DURING_FAULT = ", called valid during a fault"
 
 
-def accuracy(topic: str, quantity: QuantityError, judged: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
-    """Rows of one quantity.  judged : valid messages that no fault explains, shape (n,); t : their times [s]"""
+def accuracy(
+    topic: str, quantity: QuantityError, judged: Mask, t: Array, limits: ScoreLimits, *, lost: Mask
+) -> Iterator[OutputRow]:
+    """Rows of one quantity.
+
+    judged : valid messages whose error no fault explains, shape (n,); t : their times [s]
+    lost   : messages without a device that they rest on, shape (n,): their sigma may be large, and must still fit
+    """
     known = judged & np.isfinite(quantity.error)
     if not known.any():
         return
@@ -33,7 +39,7 @@ def accuracy(topic: str, quantity: QuantityError, judged: Mask, t: Array, limits
     if quantity.must_state and not stated[known].all():
         yield _unstated(topic, quantity, known & ~stated, t)
     elif stated.any():
-        yield _sigma(topic, quantity, stated, t, limits)
+        yield _sigma(topic, quantity, stated, t, limits, sharp=stated & ~lost)
 
 
 def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
@@ -71,12 +77,14 @@ def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> O
     )
 
 
-def _sigma(topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
-    """The share of errors beyond some sigmas; sigmas that are positive, and no larger than they may be."""
+def _sigma(
+    topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits, *, sharp: Mask
+) -> OutputRow:
+    """The share of errors beyond some sigmas; all positive, the sharp ones no larger than allowed."""
     error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
-    high = float(np.quantile(sd, SIGMA_QUANTILE))
+    high = float(np.quantile(quantity.sd[sharp], SIGMA_QUANTILE)) if sharp.any() else 0.0
     found = (
         f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"

@@ -74,7 +74,7 @@ class _Checks:
         yield from availability(
             series, during & self._due(output, t) & ~inside(t, lost), t, self._may_of(output), evidence.scenario.limits
         )
-        yield from self._values(output, series, t, during)
+        yield from self._values(output, series, t, during, inside(t, lost))
 
     def _unsent(self, output: RequiredOutput) -> Iterator[Interval]:
         """When the device had nothing of the kind to state, as a DME below the horizon of its stations."""
@@ -82,14 +82,16 @@ class _Checks:
         if device in evidence.intended:
             yield from unsent(evidence.intended[device], kind, evidence.table.begin_ns)
 
-    def _values(self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask) -> Iterator[OutputRow]:
+    def _values(
+        self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask, lost: Mask
+    ) -> Iterator[OutputRow]:
         evidence = self._evidence
         judged = during & series.valid & ~inside(t, [*self._affected.wrong(output), *self._late])
         limits, excused = evidence.scenario.limits, during & series.valid & ~judged
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
-            yield from accuracy(output.topic, quantity, judged, t, limits)
+            yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
@@ -98,7 +100,8 @@ class _Checks:
             yield check(series, self._series[other])
         if output.topic == INTEGRITY:
             error = navigated_error(series, self._series[SOLUTION], evidence.table)
-            yield from accuracy(output.topic, height_error(series, error, limits.vertical_m), judged, t, limits)
+            height = height_error(series, error, limits.vertical_m)
+            yield from accuracy(output.topic, height, judged, t, limits, lost=lost)
             yield from protection(series, error, judged, t)
 
     def _measured(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:

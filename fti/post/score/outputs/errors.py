@@ -15,7 +15,7 @@ from fti.config import Vector
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.expected.duties import HEIGHT, INTEGRITY, SOLUTION
-from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, LOCATION, VERTICAL
+from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, LOCATION, VALIDITY, VERTICAL
 from fti.hil.tables.limits import ScoreLimits
 from fti.post.score.series import Array, Times, TopicSeries
 from fti.post.score.truth_table import TruthTable
@@ -65,7 +65,7 @@ class Comparison:
         self._arm_n = self._turned(arm_b)
 
     def errors(self) -> list[QuantityError]:
-        """Every quantity of the topic that the truth has."""
+        """Every quantity of the topic that the truth has; what is said of a source is judged by its flags."""
         topic = self._series.topic
         if topic in (SOLUTION, FILTER, FIX, VERTICAL):
             return [*self._position(), *self._velocity(), *self._attitude()]
@@ -77,7 +77,8 @@ class Comparison:
             return [self._plain(("window end", "m"), "s_end", "s", self._limits.horizontal_m)]
         if topic.startswith((BELOW, f"{HEIGHT}/")):
             return list(self._height(topic.removeprefix(BELOW).rpartition("/")[2]))
-        return list(self._measurement(*topic.strip("/").split("/")))
+        of_source = topic.startswith(f"{VALIDITY}/")
+        return [] if of_source else list(self._measurement(*topic.strip("/").split("/")))
 
     # ------------------------------------------------------------------------------------------------ navigation
 

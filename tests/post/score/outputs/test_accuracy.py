@@ -22,7 +22,7 @@ def quantity(error: np.ndarray, sd: float | np.ndarray = np.nan) -> QuantityErro
 
 
 def verdicts(one: QuantityError) -> dict[Check, Verdict]:
-    return {row.check: row.verdict for row in accuracy("/nav/x", one, EVERY, T, LIMITS)}
+    return {row.check: row.verdict for row in accuracy("/nav/x", one, EVERY, T, LIMITS, lost=~EVERY)}
 
 
 def normal(sd: float) -> np.ndarray:
@@ -43,10 +43,19 @@ def test_a_large_sigma_is_no_excuse_for_a_large_error() -> None:
     assert verdicts(quantity(normal(300.0), 300.0))[Check.SIGMA] is Verdict.FAILS
 
 
+def test_without_a_device_a_sigma_may_be_large_and_must_fit() -> None:
+    late = T > 20.0
+    large = np.where(late, 200.0, 2.0)
+    for error, verdict in ((normal(1.0) * large, Verdict.HOLDS), (normal(5.0) * large, Verdict.FAILS)):
+        rows = {r.check: r for r in accuracy("/nav/x", quantity(error, large), EVERY, T, LIMITS, lost=late)}
+        assert rows[Check.SIGMA].verdict is verdict
+        assert verdicts(quantity(error, large))[Check.SIGMA] is Verdict.FAILS  # nothing was lost
+
+
 def test_one_wild_error_fails_with_its_time() -> None:
     error = normal(2.0)
     error[500] = 50.0
-    rows = {row.check: row for row in accuracy("/nav/x", quantity(error, 2.0), EVERY, T, LIMITS)}
+    rows = {row.check: row for row in accuracy("/nav/x", quantity(error, 2.0), EVERY, T, LIMITS, lost=~EVERY)}
     assert rows[Check.ERROR].verdict is Verdict.FAILS
     assert rows[Check.ERROR].at_s == T[500]
 
