@@ -38,6 +38,7 @@ from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
 from fti.nav.protection import Compared
+from fti.nav.separation.copies import Separation
 from fti.nav.separation.fault_detection import FaultDetection
 from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import LARGEST as MOST
@@ -283,6 +284,11 @@ class AidedNavigation:
     def refused(self) -> frozenset[str]:
         """Receivers that the tests between sources exclude."""
         return frozenset(self._faults.refused)
+
+    @property
+    def separations(self) -> dict[str, list[Separation]]:
+        """Of the filter from its copies, by class of sources (``fti.nav.separation``), the oldest copy first."""
+        return self._faults.separations
 
     def readmit(self, device: str, t_ns: int) -> None:
         """Let a receiver back in because the operator commands it, if it is excluded."""

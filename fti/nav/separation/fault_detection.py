@@ -27,6 +27,7 @@ from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.segment import Piece, Segment, cut
+from fti.nav.separation.copies import Separation
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
     ALL_AXES,
@@ -165,6 +166,11 @@ class FaultDetection:
             max(own.horizontal, copies.horizontal) + self._tolerance,
             max(own.vertical, copies.vertical) + self._tolerance,
         )
+
+    @property
+    def separations(self) -> dict[str, list[Separation]]:
+        """Of the filter from the copies of each class that enter the protection levels, the oldest copy first."""
+        return {watched.what: watched.monitor.separations for watched in self._classes if watched.counts}
 
     def take_events(self) -> list[Event]:
         """What happened since the last call."""
