@@ -21,6 +21,7 @@ from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import K_RADIAL
 from fti.nav.separation.protection import K_MD_RADIAL
 from fti.study.faults.cells import Cell
+from fti.study.faults.earth import radii
 from fti.study.faults.flight import START_NS, Flight, Timed
 from fti.types import Event, ImuSample, Measurement, Position, Velocity
 
@@ -49,17 +50,34 @@ class Calibration:
         self.sums[key] = self.sums.get(key, np.zeros(6)) + ratios**2
         self.counts[key] = self.counts.get(key, 0) + 1
 
+    def add(self, other: Calibration) -> None:
+        """Take what another one has counted."""
+        for key, sums in other.sums.items():
+            self.sums[key] = self.sums.get(key, np.zeros(6)) + sums
+            self.counts[key] = self.counts.get(key, 0) + other.counts[key]
+
+
+#: Columns of a record: time [s], place [rad, m], levels and sigmas [m], the formula of HPL at d = 0 [m], whether the
+#: copies exist (``is_full``), whether a receiver is refused.
+COLUMNS = ("t", "lat", "lon", "alt", "hpl", "vpl", "level_sd", "high_sd", "formula", "is_full", "is_refused")
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """Once a second, rows (n, 11): time [s], lat, lon [rad], alt, hpl, vpl, sigma horizontal and vertical [m],
-
-    HPL of the formula at d = 0 [m], whether the ladder is full, whether a source is refused.
-    """
+    """Solutions once a second, rows (n, len(COLUMNS)); events with their time [s]; calibration."""
 
     rows: Array
     events: tuple[tuple[float, str], ...]
     calibration: Calibration
+
+    def __getitem__(self, column: str) -> Array:
+        """A column, shape (n,)."""
+        return np.asarray(self.rows[:, COLUMNS.index(column)])
+
+    @property
+    def is_valid(self) -> NDArray[np.bool_]:
+        """Whether both levels are below the alert limits, shape (n,)."""
+        return np.asarray((self["hpl"] <= LIMITS.position_m) & (self["vpl"] <= LIMITS.altitude_m))
 
 
 def make_config(cell: Cell) -> Config:
@@ -111,7 +129,7 @@ class Product:
                 rows += self._solution(self._solution_ns, calibration)
                 self._solution_ns += SOLUTION_NS
             events += self._feed(device, m, t_ns)
-        return Record(np.array(rows).reshape(-1, 11), tuple(events), calibration)
+        return Record(np.array(rows).reshape(-1, len(COLUMNS)), tuple(events), calibration)
 
     def _feed(self, device: str, m: Measurement, t_ns: int) -> Iterator[tuple[float, str]]:
         if isinstance(m, ImuSample):
@@ -158,8 +176,6 @@ def errors_n(flight: Flight, rows: Array) -> Array:
     """North, east, down [m] of the solutions of a record, shape (n, 3)."""
     times_ns = START_NS + np.rint(rows[:, 0] * SECOND_NS).astype(np.int64)
     truth = flight.truth(times_ns)
-    from fti.study.faults.earth import radii  # noqa: PLC0415
-
     meridian, normal = radii(truth.lat)
     turned = (rows[:, 2] - truth.lon + np.pi) % (2.0 * np.pi) - np.pi
     return np.stack(

@@ -1,0 +1,3 @@
+"""Pictures of the study of fault detection."""
+
+from __future__ import annotations
