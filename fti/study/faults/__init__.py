@@ -1,8 +1,9 @@
 """Whether fault detection keeps its promises: what is valid is within its protection level, whatever a source does.
 
 Simulated flights of an hour (four grades of inertial unit, one or two receivers, legs or turns, ten terrains) go
-through the product at the level of measurements (``product``).  Off each of them branch some ten faults (``flown``).  Cells of
-the table *detectable*, which is computed beforehand (``detectable``, decision 42), are judged, others are reported:
+through the product at the level of measurements (``product``).  Off each of them branch some twelve faults (``flown``).
+Cells of the table *detectable*, which is computed beforehand (``detectable``, decision 42), are judged, others are
+reported:
 
     misleading (MI)   valid, and the error beyond the protection level: pooled at most 1e-3 of fault time (95 % bound,
                       bootstrap over flights), no cell above 1 %
@@ -34,13 +35,13 @@ from fti.study.workers import run_all
 
 __all__ = ["CELLS", "RUNS", "SEED", "START_NS", "Cell", "Fault", "Flight", "Kind", "draw", "drawings", "study"]
 
-#: Faults of each cell of the table: 3,168 of them, and 320 nominal hours with those of others.
+#: Faults of each cell of the table: 3,168 of them, and 300 nominal hours with those of others.
 RUNS = 11
 SEED = 17
 
 
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
-    """``runs`` faults of each cell of the table, a fifth of that of others."""
+    """``runs`` faults of each cell of the table, an eleventh of that of others."""
     from fti.study.faults.flown import fly  # noqa: PLC0415 - the simulator alone needs no navigation
     from fti.study.faults.judgement import judge  # noqa: PLC0415
     from fti.study.faults.plan import plan  # noqa: PLC0415

@@ -8,13 +8,13 @@ from fti.study.faults.cells import CELLS, Kind
 from fti.study.faults.detectable import is_detectable
 from fti.study.faults.flown import HOUR_S, Group, Task
 
-FAULTS_EACH = 10
+FAULTS_EACH = 12
 #: Cells outside the table are flown so many times less often.
-OTHERS = 5
+OTHERS = 11
 
 
 def plan(runs: int, seed: int, duration_s: float = HOUR_S) -> list[Task]:
-    """``runs`` faults of each cell of the table, a fifth of that (at least one) of others, ten to a nominal flight.
+    """``runs`` faults of each cell of the table, an eleventh of that (at least one) of others, twelve to a nominal flight.
 
     Terrains follow each other from flight to flight, ten of them; groups of aircraft take turns.
     """
