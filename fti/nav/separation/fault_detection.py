@@ -26,7 +26,7 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.segment import Piece, Segment, cut
+from fti.nav.filter.segment import Moment, Piece, Segment, cut
 from fti.nav.separation.copies import Separation
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
@@ -106,7 +106,8 @@ class Watched:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.ladder.advance(pieces)
         self.refusals.follow(segment, self.tested)
-        self.monitor.follow(segment.end, is_refused=self.refusals.first_ns is not None)
+        may_renew = self.refusals.first_ns is None and is_heard(segment.end, self.tested)
+        self.monitor.follow(segment.end, may_renew=may_renew)
 
     def find(self, segment: Segment) -> Finding | None:
         """Why the class is faulty at the end of a segment; None while it is not."""
@@ -329,6 +330,15 @@ class FaultDetection:
 
     def _tell(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
+
+
+def is_heard(now: Moment, names: Iterable[str]) -> bool:
+    """Whether the filter has believed one of these sources lately.
+
+    The tests of one source may have refused it, after the filter has followed it: the copies know better.
+    """
+    believed = [now.standings[name].believed_ns for name in names if name in now.standings]
+    return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
 
 
 def _contradiction(device: str, quantity: str, finding: Finding, segment: Segment) -> Contradiction:

@@ -73,10 +73,10 @@ class SeparationMonitor:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
 
-    def follow(self, segment_end: Moment, *, is_refused: bool) -> None:
+    def follow(self, segment_end: Moment, *, may_renew: bool) -> None:
         """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
 
-        is_refused : whether the filter refuses a source of the class
+        may_renew : whether the filter is aided by the class, and refuses no source of it
         """
         t_ns = segment_end.estimate.t_ns
         self.separations = self.ladder.separations(segment_end)
@@ -91,7 +91,7 @@ class SeparationMonitor:
         is_outside = oldest is not None and oldest.outside_ns is not None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
-        if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and not is_refused and not is_outside:
+        if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and may_renew and not is_outside:
             self.ladder.renew(segment_end)
 
     def _find_largest(self) -> None:
