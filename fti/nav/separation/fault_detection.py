@@ -7,7 +7,9 @@ Classes of sources, each with copies of the filter that go without it:
     receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
 
 Copies of the first two go without altimeters, too: these are judged against satellites by their own states
-(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.
+(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
+the same reason copies without satellites go without the barometer: what it errs by tilts them.  Heights that separate
+while the filter refuses none of them are a draw: satellites or barometer may be wrong.
 A class that is faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several
 receivers only those that contradict.  It comes back by ``readmission``.  Source: the specification in
 docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
@@ -109,6 +111,11 @@ class Watched:
         may_renew = self.refusals.first_ns is None and is_heard(segment.end, self.tested)
         self.monitor.follow(segment.end, may_renew=may_renew)
 
+    def levels(self, lag_s: float) -> Levels:
+        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
+        found = of_copies(self.monitor.separations, lag_s)
+        return Levels(*(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True)))
+
     def find(self, segment: Segment) -> Finding | None:
         """Why the class is faulty at the end of a segment; None while it is not."""
         return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
@@ -160,12 +167,11 @@ class FaultDetection:
         here = self._navigator.at(t_ns)
         if here is None:
             return None
-        own = of_filter(here)
         lag_s = 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
-        copies = of_copies((s for w in self._classes if w.counts for s in w.monitor.separations), lag_s)
+        found = [of_filter(here), *(w.levels(lag_s) for w in self._classes if w.counts)]
         return Levels(
-            max(own.horizontal, copies.horizontal) + self._tolerance,
-            max(own.vertical, copies.vertical) + self._tolerance,
+            max(level.horizontal for level in found) + self._tolerance,
+            max(level.vertical for level in found) + self._tolerance,
         )
 
     @property
@@ -239,10 +245,16 @@ class FaultDetection:
     def _judge(self, segment: Segment, t_ns: int) -> None:
         """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
         found = {watched.what: (watched, finding) for watched in self._classes if (finding := watched.find(segment))}
-        for what in (SATELLITES, HEIGHTS):
-            if what in found:
-                self._attribute(*found[what], segment, t_ns)
-                return
+        if SATELLITES in found:
+            self._attribute(*found[SATELLITES], segment, t_ns)
+            return
+        if HEIGHTS in found:
+            watched, finding = found[HEIGHTS]
+            if finding.refused:
+                self._attribute(watched, finding, segment, t_ns)
+            else:
+                self._draw(finding, t_ns)
+            return
         if len(found) == 1:
             watched, finding = next(iter(found.values()))
             self._exclude(watched.devices, watched.quantities, finding, segment, t_ns)
@@ -371,7 +383,8 @@ def _classes(settings: Filter) -> list[Watched]:
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = Rungs(COPIES, STEPS_NS[settings.unit])
-    satellites = Ladder(_names(receivers, QUANTITIES) | altimeters, _names(receivers, tested), ring)
+    others = altimeters | ({altitude_name(settings.baro)} if settings.baro else frozenset[str]())
+    satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
     found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes))]
     if settings.baro:
         names = _names(receivers, HEIGHT)

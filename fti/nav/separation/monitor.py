@@ -55,7 +55,7 @@ class SeparationMonitor:
     def __init__(self, ladder: Ladder, axes: tuple[int, ...]) -> None:
         self.ladder = ladder
         self.separations: list[Separation] = []
-        self._axes = list(axes)
+        self.axes = list(axes)
         self.clear()
 
     def clear(self) -> None:
@@ -97,10 +97,10 @@ class SeparationMonitor:
     def _find_largest(self) -> None:
         self.ratio = 0.0
         for number, separation in enumerate(self.separations):
-            ratios = separation.ratios[self._axes]
+            ratios = separation.ratios[self.axes]
             at = int(np.argmax(ratios))
             if ratios[at] > self.ratio:
-                self.ratio, self._worst = float(ratios[at]), (number, self._axes[at])
+                self.ratio, self._worst = float(ratios[at]), (number, self.axes[at])
 
     def find(self, t_ns: int, refusals: Refusals) -> Finding | None:
         """Why the class is faulty; None while it is not."""
