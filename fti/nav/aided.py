@@ -26,6 +26,7 @@ from fti.nav.filter.states import (
     ALTIMETER_BIAS,
     ALTIMETER_SCALE,
     BARO_DRIFT,
+    BARO_SCALE_DRIFT,
     DEM_DRIFT,
     GNSS_DRIFTS,
     Drift,
@@ -349,7 +350,7 @@ def _at_least_once(sd: float, drift: Drift) -> float:
 def _model(settings: Filter) -> Model:
     extras = receiver_drifts(settings.gnss)
     if settings.baro:
-        extras[Extra.BARO] = BARO_DRIFT
+        extras |= {Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
     if settings.altimeters:
         extras[Extra.DEM] = DEM_DRIFT
     for sensor in settings.altimeters:
