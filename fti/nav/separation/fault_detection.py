@@ -50,7 +50,7 @@ from fti.types import Event
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
-STEPS_NS = {"navigation": 30 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
+STEPS_NS = {"navigation": 20 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
 COPIES = 4
 HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)

@@ -14,7 +14,7 @@ misses with 1e-3 (k_md = 3.09) has delta = 8.39; it is in the table when two thi
 
     delta(T) >= 1.5 x 8.39
 
-T: age of the oldest copy (tactical 28 s, navigation 120 s, industrial and MEMS 8 s), within which the protection levels
+T: age of the oldest copy (tactical 28 s, navigation 80 s, industrial and MEMS 8 s), within which the protection levels
 are to hold; where position and velocity of one receiver contradict each other (tests of one source) 60 s.
 
 Numbers: the grade as the product is configured (``fti.nav.inertial.errors``: a test must allow for what it is told of
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 MARGIN = 1.5
 K_FA, K_MD = 5.3, 3.09
 #: Ages of the oldest copy [s] (decision 41); what tests of one source look back on.
-AGE_S = {"navigation": 120, "tactical": 28, "industrial": 8, "mems": 8}
+AGE_S = {"navigation": 80, "tactical": 28, "industrial": 8, "mems": 8}
 ONE_SOURCE_S = 60
 SPEED_M_S = 53.0  # the slowest that is flown: 88 % of 60 m/s
 #: A turn with 25 deg of bank [m/s^2], and how long it lasts [s].
