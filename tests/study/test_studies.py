@@ -18,7 +18,7 @@ from fti.study import Result, device_clock, ranging, triple_buffer
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}
 #: Studies that take longer: their own tests judge parts of them, and the whole with --scale full.
-LONG = {"approach", "clearance", "compensation", "filter", "ranging", "robust_altimeter"}
+LONG = {"approach", "clearance", "compensation", "faults", "filter", "ranging", "robust_altimeter"}
 LONG |= {"slant_range", "strapdown", "trajectory", "validity", "wdop"}
 
 

@@ -26,12 +26,17 @@ devices in order of time, and knows the truth (``truth``, ``error``) and the fau
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from fti.study import Draw, Progress, Result
 from fti.study.faults.cells import CELLS, Cell, Kind
 from fti.study.faults.flight import START_NS, Fault, Flight, draw
 from fti.study.workers import run_all
+
+if TYPE_CHECKING:
+    from fti.study.faults.flown import Found
 
 __all__ = ["CELLS", "RUNS", "SEED", "START_NS", "Cell", "Fault", "Flight", "Kind", "draw", "drawings", "study"]
 
@@ -40,17 +45,22 @@ RUNS = 11
 SEED = 17
 
 
+#: What was flown last, by seed: pictures of it need not be flown again.
+_flown: dict[int, list[Found]] = {}
+
+
 def study(runs: int, seed: int, progress: Progress) -> list[Result]:
     """``runs`` faults of each cell of the table, an eleventh of that of others."""
     from fti.study.faults.flown import fly  # noqa: PLC0415 - the simulator alone needs no navigation
     from fti.study.faults.judgement import judge  # noqa: PLC0415
     from fti.study.faults.plan import plan  # noqa: PLC0415
 
-    return judge(run_all(fly, plan(runs, seed), progress), np.random.default_rng([seed, 3]))
+    _flown[seed] = run_all(fly, plan(runs, seed), progress)
+    return judge(_flown[seed], np.random.default_rng([seed, 3]))
 
 
 def drawings(seed: int) -> dict[str, Draw]:
-    """A ramp, error and levels over time, by grade; MI of the cells of the table."""
+    """Error and levels of a ramp, by grade; MI of all cells that the study has flown."""
     from fti.study.faults import plots  # noqa: PLC0415 - matplotlib is slow to load
 
-    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(seed)}
+    return {"ramp": lambda: plots.ramp(seed), "cells": lambda: plots.cells(_flown[seed])}

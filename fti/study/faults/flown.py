@@ -125,9 +125,7 @@ def nominal_flight(task: Task) -> Flight:
     return draw_nominal(cell, 1000 * task.seed + task.number, task.duration_s + SLOW_FAULT_S + AFTER_S, RATES)
 
 
-def strike_through(
-    product: Product, nominal: Flight, cell: Cell, onset_s: float, task: Task
-) -> tuple[Flight, Record]:
+def strike_through(product: Product, nominal: Flight, cell: Cell, onset_s: float, task: Task) -> tuple[Flight, Record]:
     """A fault through a copy of the product."""
     flight = strike(nominal, cell, onset_s, 1000 * task.seed + task.number)
     return flight, product.branch().fly(flight.between(onset_s, flight.duration_s))

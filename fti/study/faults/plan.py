@@ -14,7 +14,7 @@ OTHERS = 11
 
 
 def plan(runs: int, seed: int, duration_s: float = HOUR_S) -> list[Task]:
-    """``runs`` faults of each cell of the table, an eleventh of that (at least one) of others, twelve to a nominal flight.
+    """``runs`` faults of each cell of the table, an eleventh of that (at least one) of others, twelve to a flight.
 
     Terrains follow each other from flight to flight, ten of them; groups of aircraft take turns.
     """
