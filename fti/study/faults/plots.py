@@ -25,7 +25,7 @@ def ramp(seed: int) -> Figure:
     """Error and protection level of a ramp of position and velocity, by grade."""
     figure = sheet(
         f"Error and protection level when a receiver drifts off by {RATE_M_S:g} m/s",
-        f"Position and velocity, at once; one receiver. Shaded: the fault. Dots: a source is refused.",
+        "Position and velocity, at once; one receiver. Shaded: the fault. Dots: a source is refused.",
         height=7.0,
     )
     for axes, grade in zip(figure.subplots(len(GRADES), 1, sharex=True), GRADES, strict=True):
