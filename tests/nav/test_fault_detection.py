@@ -134,6 +134,17 @@ def test_of_two_receivers_the_one_that_lies_is_refused(name: str) -> None:
     assert np.median(np.array(found.hpl)[np.array(found.t) > 400.0]) < 40.0, "as with one receiver alone"
 
 
+@pytest.mark.parametrize("rate", [1.0, 3.0])
+def test_two_receivers_that_lie_alike_are_both_refused(rate: float) -> None:
+    """One spoofer: the other one is no witness.  Refusing one of them let the filter follow the other."""
+    fault = after(BEGIN, *ramp(rate, 100.0))
+    found = fly(draw(0, ("gnss", "second")), {"gnss": fault, "second": fault})
+    for name in ("gnss", "second"):
+        assert found.refused_at(name)[0] - BEGIN <= 20.0
+        assert found.refused_at(name)[-1] == pytest.approx(max(found.t))
+    assert found.misled(SETTLED) == 0.0
+
+
 def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
     """The same flight with a gap of the inertial unit: the filter begins anew."""
     kept = (flight.t < from_s) | (flight.t >= to_s)

@@ -29,7 +29,7 @@ from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.segment import Moment, Piece, Segment, cut
-from fti.nav.separation.copies import Separation
+from fti.nav.separation.copies import Separation, separate
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
     ALL_AXES,
@@ -269,14 +269,36 @@ class FaultDetection:
         return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
 
     def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
-        """Of several receivers exclude those that contradict; where none does more than the others, none."""
+        """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
         devices = self._aiding(watched)
-        if len(devices) > 1:
+        if len(devices) > 1 and watched.what == SATELLITES and not finding.refused:
+            devices = self._blamed(devices, finding)
+        elif len(devices) > 1:
             devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
         if devices:
             self._exclude(devices, watched.quantities, finding, segment, t_ns)
         else:
             self._draw(finding, t_ns)
+
+    def _blamed(self, devices: tuple[str, ...], finding: Finding) -> tuple[str, ...]:
+        """The one receiver without which the filter agrees with the copy; all where it does so without none.
+
+        Receivers that lie alike agree with each other: without any one of them the filter still contradicts.
+        None while it is not clear.
+        """
+        ratios = {device: self._ratio_without(device, finding) for device in devices}
+        still = tuple(device for device in devices if ratios[device] >= K_FA)
+        ending = tuple(device for device in devices if ratios[device] < 0.5 * K_FA)
+        if len(still) == len(devices):
+            return devices
+        return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
+
+    def _ratio_without(self, device: str, finding: Finding) -> float:
+        """|d| over sigma of the filter without one receiver from the copy without any; infinite while there is none."""
+        mine = next(watched.monitor.ladder.oldest for watched in self._classes if watched.what == device)
+        if mine is None or finding.copy is None:
+            return np.inf
+        return float(max(separate(mine.estimate, finding.copy.estimate).ratios[list(HORIZONTAL_AXES)]))
 
     def _exclude(
         self, devices: Sequence[str], quantities: tuple[str, ...], finding: Finding, segment: Segment, t_ns: int
