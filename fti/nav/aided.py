@@ -273,6 +273,10 @@ class AidedNavigation:
             rejected=self._vertical.altimeter_refused,
         )
 
+    def doubt(self, devices: frozenset[str]) -> None:
+        """Receivers that tests of one source suspect from now on: copies that know better are kept."""
+        self._faults.doubt(devices)
+
     def events(self, t_ns: int) -> list[Event]:
         """Follow the filter with the tests between sources; who was excluded, or aids again, since the last call."""
         self._faults.update(t_ns)

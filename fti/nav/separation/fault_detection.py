@@ -86,13 +86,17 @@ class Refused:
 
 @dataclass(slots=True)
 class Watched:
-    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break."""
+    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
+
+    is_doubted : tests of one source suspect a receiver of it
+    """
 
     what: str
     devices: tuple[str, ...]
     quantities: tuple[str, ...]
     monitor: SeparationMonitor
     refusals: Refusals = field(default_factory=Refusals)
+    is_doubted: bool = False
 
     @property
     def tested(self) -> frozenset[str]:
@@ -108,7 +112,8 @@ class Watched:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.ladder.advance(pieces)
         self.refusals.follow(segment, self.tested)
-        may_renew = self.refusals.first_ns is None and is_heard(segment.end, self.tested)
+        is_quiet = self.refusals.first_ns is None and not self.is_doubted
+        may_renew = is_quiet and is_heard(segment.end, self.tested)
         self.monitor.follow(segment.end, may_renew=may_renew)
 
     def levels(self, lag_s: float) -> Levels:
@@ -185,6 +190,11 @@ class FaultDetection:
         return events
 
     # ------------------------------------------------------------------------------------------------- following
+
+    def doubt(self, devices: frozenset[str]) -> None:
+        """Receivers that tests of one source suspect from now on."""
+        for watched in self._classes:
+            watched.is_doubted = watched.what != HEIGHTS and not devices.isdisjoint(watched.devices)
 
     def update(self, t_ns: int) -> None:
         """Follow the filter to its last segment; exclude what contradicts, let back in what agrees."""

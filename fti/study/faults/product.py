@@ -145,6 +145,7 @@ class Product:
             self._navigation.feed(device, m, t_ns)
 
     def _follow(self, t_ns: int) -> list[tuple[float, str]]:
+        self._navigation.doubt(self._plausibility.suspected)
         return list(_told(self._navigation.events(t_ns)))
 
     def _solution(self, t_ns: int, calibration: Calibration) -> list[tuple[float, ...]]:
