@@ -46,6 +46,14 @@ def test_a_sample_of_flights_keeps_every_promise(found: Found) -> None:
             assert struck.refused_s is not None and struck.refused_s < 15.0
 
 
+def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
+    """0.5 m/s beside the velocity, in turns: found after a minute; copies of the filter must know better so long."""
+    found = fly(Task(17, 7, Group("tactical", 1, "turns"), (BY_NAME["tactical/ramp-0.5/1-of-1/turns"],), 420.0))
+    (struck,) = found.faults
+    assert struck.refused_s is not None and struck.refused_s > 30.0
+    assert (struck.misled, struck.hazardous) == (0, 0), struck.worst
+
+
 def test_a_copy_of_the_product_goes_on_as_the_product_does() -> None:
     task = Task(17, 3, TACTICAL, (), 120.0)
     flight, product = nominal_flight(task), Product(CELLS[BY_NAME[SAMPLE[0]]])
@@ -72,14 +80,12 @@ def test_the_distance_is_that_of_all_measurements_at_once(cell: Cell) -> None:
     axis, P = detectable._steady(cell.grade, is_vertical)
     steps = 61 if is_vertical else detectable.AGE_S[cell.grade] + 1
     signature = detectable._signature(cell, np.arange(steps, dtype=np.float64)).ravel()
-    rows, noise, state = [], [], P
     powers = [np.linalg.matrix_power(axis.F, k) for k in range(steps + 1)]
-    state = np.zeros((3 * steps, 3 * steps))
     from_start = np.vstack([axis.H @ powers[k + 1] for k in range(steps)])
-    state += from_start @ P @ from_start.T
+    state = from_start @ P @ from_start.T
     for j in range(steps):  # what the noise of step j adds to all measurements from then on
-        rows = np.vstack([axis.H @ powers[k - j] if k >= j else np.zeros_like(axis.H) for k in range(steps)])
-        state += rows @ axis.Q @ rows.T
+        later = np.vstack([axis.H @ powers[k - j] if k >= j else np.zeros_like(axis.H) for k in range(steps)])
+        state += later @ axis.Q @ later.T
     noise = np.kron(np.eye(steps), axis.R)
     assert distance(cell) == pytest.approx(math.sqrt(signature @ np.linalg.solve(state + noise, signature)), rel=1e-6)
 

@@ -29,4 +29,4 @@ def plan(runs: int, seed: int, duration_s: float = HOUR_S) -> list[Task]:
         shuffled = rng.permutation(indices).tolist()
         batches += [(group, tuple(shuffled[at : at + FAULTS_EACH])) for at in range(0, len(shuffled), FAULTS_EACH)]
     order = rng.permutation(len(batches)).tolist()
-    return [Task(seed, number, *batches[at], duration_s) for number, at in enumerate(order)]
+    return [Task(seed, number, batches[at][0], batches[at][1], duration_s) for number, at in enumerate(order)]
