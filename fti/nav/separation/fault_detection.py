@@ -56,6 +56,8 @@ HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
 #: A receiver that was believed within so long bounds the filter without another one [ns].
 BOUNDED_NS = 2 * SECOND_NS
+#: The filter separates so much farther without a wrong receiver than without any other one.
+ALONE = 1.5
 HEIGHTS, SATELLITES = "heights", "satellites"
 QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
 
@@ -218,7 +220,7 @@ class FaultDetection:
         self._compare_refused(segment)
         pieces = cut(segment)
         for watched in self._classes:
-            if self._is_bounded(watched, segment):
+            if self._is_bounded(watched, segment) or (self.is_drawn and watched.what in self._several):
                 watched.follow(segment, pieces)
             else:
                 watched.clear()
@@ -265,13 +267,25 @@ class FaultDetection:
             else:
                 self._draw(finding, t_ns)
             return
-        if len(found) == 1:
-            watched, finding = next(iter(found.values()))
+        wrong = [each for each in found.values() if self._is_alone(*each)]
+        if len(wrong) == 1:
+            watched, finding = wrong[0]
             self._exclude(watched.devices, watched.quantities, finding, segment, t_ns)
         elif found:
             self._draw(next(iter(found.values()))[1], t_ns)
         elif self._drawn_ns is not None:
             self._end_draw(t_ns)
+
+    def _is_alone(self, watched: Watched, finding: Finding) -> bool:
+        """Whether one of several receivers is wrong, and not one of two of which either may be.
+
+        Without either of two that contradict each other the filter separates alike; without the wrong one of three
+        twice as far as without another one.  During a draw the filter may have come to follow either, by its gate.
+        """
+        if finding.refused or self.is_drawn:
+            return not self.is_drawn
+        others = (w.monitor.ratio for w in self._classes if w.what in self._several and w is not watched)
+        return watched.monitor.ratio > ALONE * max(others, default=0.0)
 
     def _aiding(self, watched: Watched) -> tuple[str, ...]:
         """Devices of a class that are not excluded."""
@@ -281,7 +295,7 @@ class FaultDetection:
     def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
         """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
         devices = self._aiding(watched)
-        if len(devices) > 1 and watched.what == SATELLITES and not finding.refused:
+        if len(devices) > 1 and watched.what == SATELLITES and (self.is_drawn or not finding.refused):
             devices = self._blamed(devices, finding)
         elif len(devices) > 1:
             devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
