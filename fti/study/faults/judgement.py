@@ -13,7 +13,6 @@ from fti.study import REPORTED, Result
 from fti.study.faults.cells import CELLS, GRADES, Cell
 from fti.study.faults.detectable import is_detectable
 from fti.study.faults.flown import Found, Nominal, Struck
-from fti.study.faults.product import AXES
 
 Array = NDArray[np.float64]
 
@@ -23,6 +22,9 @@ VALID = 0.995
 #: HPL over sigma in the median, by number of receivers; over the formula at d = 0.
 SIZES, FORMULA = {1: 12.0, 2: 6.5}, 1.2
 RESAMPLINGS = 4000
+#: Axes of a separation whose mean squares are told, by quantity.
+CALIBRATED = {"position": [0, 1], "velocity": [3, 4]}
+CALIBRATED_HEIGHT = {"height": [2]}
 
 
 def judge(found: Sequence[Found], rng: np.random.Generator) -> list[Result]:
@@ -134,11 +136,11 @@ def _told_calibration(flights: Sequence[Nominal]) -> list[Result]:
                     pooled[key] += sums
                     counts[key] += flight.calibration.counts[key]
         for what, rung in sorted(pooled):
-            axes = (2,) if what == "heights" else (0, 1, 3, 4)
-            for axis in axes:
-                value = float(pooled[what, rung][axis] / counts[what, rung])
-                words = f"mean square of d / sigma (specified: 0.7 to 1.1), {grade}, {AXES[axis]}"
-                results.append(_told(f"calibration.{grade}.{what}.{rung}.{AXES[axis].replace(' ', '_')}", words, value))
+            means = pooled[what, rung] / counts[what, rung]
+            for quantity, axes in (CALIBRATED_HEIGHT if what == "heights" else CALIBRATED).items():
+                words = f"mean square of d / sigma (specified: 0.7 to 1.1), {grade}, {quantity} without {what}"
+                name = f"calibration.{grade}.{what}.{rung}.{quantity}"
+                results.append(_told(name, words, float(np.mean(means[axes]))))
     return results
 
 

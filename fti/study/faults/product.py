@@ -33,8 +33,6 @@ SECOND_NS = 1_000_000_000
 #: The tests between sources follow the filter, and the solution is taken, so often [ns].
 FOLLOW_NS, SOLUTION_NS = SECOND_NS // 5, SECOND_NS
 LIMITS = AlertLimits()
-#: Separations, in order: mean squares are kept of each rung and axis.
-AXES = ("position north", "position east", "down", "velocity north", "velocity east", "velocity down")
 
 
 @dataclass(slots=True)
