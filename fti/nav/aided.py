@@ -26,6 +26,7 @@ from fti.nav.filter.states import (
     ALTIMETER_BIAS,
     ALTIMETER_SCALE,
     BARO_DRIFT,
+    BARO_SCALE_DRIFT,
     DEM_DRIFT,
     GNSS_DRIFTS,
     Drift,
@@ -38,6 +39,7 @@ from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
 from fti.nav.protection import Compared
+from fti.nav.separation.copies import Separation
 from fti.nav.separation.fault_detection import FaultDetection
 from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import LARGEST as MOST
@@ -271,6 +273,10 @@ class AidedNavigation:
             rejected=self._vertical.altimeter_refused,
         )
 
+    def doubt(self, devices: frozenset[str]) -> None:
+        """Receivers that tests of one source suspect from now on: copies that know better are kept."""
+        self._faults.doubt(devices)
+
     def events(self, t_ns: int) -> list[Event]:
         """Follow the filter with the tests between sources; who was excluded, or aids again, since the last call."""
         self._faults.update(t_ns)
@@ -283,6 +289,11 @@ class AidedNavigation:
     def refused(self) -> frozenset[str]:
         """Receivers that the tests between sources exclude."""
         return frozenset(self._faults.refused)
+
+    @property
+    def separations(self) -> dict[str, list[Separation]]:
+        """Of the filter from its copies, by class of sources (``fti.nav.separation``), the oldest copy first."""
+        return self._faults.separations
 
     def readmit(self, device: str, t_ns: int) -> None:
         """Let a receiver back in because the operator commands it, if it is excluded."""
@@ -343,7 +354,7 @@ def _at_least_once(sd: float, drift: Drift) -> float:
 def _model(settings: Filter) -> Model:
     extras = receiver_drifts(settings.gnss)
     if settings.baro:
-        extras[Extra.BARO] = BARO_DRIFT
+        extras |= {Extra.BARO: BARO_DRIFT, Extra.BARO_SCALE: BARO_SCALE_DRIFT}
     if settings.altimeters:
         extras[Extra.DEM] = DEM_DRIFT
     for sensor in settings.altimeters:

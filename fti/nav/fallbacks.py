@@ -54,6 +54,11 @@ class Fallbacks:
         """Whether the filter excludes an altimeter from aiding."""
         return self._aided is not None and self._aided.is_excluded(altimeter)
 
+    def doubt(self, devices: frozenset[str]) -> None:
+        """Receivers that tests of one source suspect from now on."""
+        if self._aided:
+            self._aided.doubt(devices)
+
     def tick(self, t_ns: int, nav: NavState) -> list[Output | Event]:
         """What is due at a tick.  nav : what is known then"""
         self._ticks += 1

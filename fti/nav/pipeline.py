@@ -192,6 +192,7 @@ class Pipeline:
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav, self._protection, self._limits, self._navigation.refused))
         if self._fallbacks:
+            self._fallbacks.doubt(self._plausibility.suspected)
             out += self._fallbacks.tick(t_ns, nav)
         return out
 

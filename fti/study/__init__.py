@@ -1,7 +1,6 @@
 """Studies: a published result again, each with its target beside what was found.
 
-A study is a module of this package whose name does not begin with ``_``, except ``HELPERS``; packages, such as
-``faults``, are shared by studies.  A study has:
+A study is a module or package of this package whose name does not begin with ``_``, except ``HELPERS``.  A study has:
 
     docstring   first line: what is shown; then the source, and how the comparison is fair
     ``RUNS``    how many runs it takes unless told otherwise
@@ -71,7 +70,7 @@ class Illustrated(Study, Protocol):
 
 def names() -> list[str]:
     """Names of the studies there are, sorted."""
-    modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_") and not m.ispkg)
+    modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
     return sorted(set(modules) - HELPERS)
 
 

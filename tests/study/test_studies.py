@@ -18,7 +18,7 @@ from fti.study import Result, device_clock, ranging, triple_buffer
 #: Runs with --scale quick; twenty times as many with --scale full.
 RUNS = {"device_clock": 5, "triple_buffer": 1}
 #: Studies that take longer: their own tests judge parts of them, and the whole with --scale full.
-LONG = {"approach", "clearance", "compensation", "filter", "ranging", "robust_altimeter"}
+LONG = {"approach", "clearance", "compensation", "faults", "filter", "ranging", "robust_altimeter"}
 LONG |= {"slant_range", "strapdown", "trajectory", "validity", "wdop"}
 
 
@@ -150,6 +150,8 @@ def test_a_folder_that_cannot_be_and_a_study_without_pictures_are_said(
     assert "the study triple_buffer has no pictures" in capsys.readouterr().err
 
 
-def test_a_study_is_a_module_and_nothing_else() -> None:
+def test_a_study_is_a_module_or_a_package_and_nothing_else() -> None:
     folder = Path(study.__file__).parent
-    assert {path.stem for path in folder.glob("[!_]*.py")} == set(study.names()) | study.HELPERS
+    modules = {path.stem for path in folder.glob("[!_]*.py")}
+    packages = {path.parent.name for path in folder.glob("[!_]*/__init__.py")}
+    assert modules | packages == set(study.names()) | study.HELPERS

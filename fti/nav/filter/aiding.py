@@ -177,7 +177,10 @@ class GnssVelocity(_NothingOfItsOwn):
 
 @dataclass(frozen=True, slots=True)
 class BaroAltitude:
-    """Altitude of P from static pressure, as an ellipsoidal height [m]; the extra BARO takes its offset."""
+    """Altitude of P from static pressure, as an ellipsoidal height [m].
+
+    The extra BARO takes its offset, BARO_SCALE what the temperature makes of its changes.
+    """
 
     alt: float
     sd: float
@@ -199,8 +202,9 @@ class BaroAltitude:
         return True
 
     def compute_matrices(self, here: Estimate) -> Matrices:
-        """z = alt_measured - alt - drift."""
-        return _altitude(here, self.alt, self.sd, Extra.BARO)
+        """z = alt_measured - alt - drift - scale alt_measured."""
+        z, H, R = _altitude(here, self.alt, self.sd, Extra.BARO)
+        return z - _drifting(here, Extra.BARO_SCALE, H[0], self.alt), H, R
 
 
 @dataclass(frozen=True, slots=True)

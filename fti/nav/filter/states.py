@@ -22,12 +22,13 @@ Array = NDArray[np.float64]
 
 
 class Extra(StrEnum):
-    """A slow error of something that aids: what it says minus what is [m]; of the scale its share of the height."""
+    """A slow error of something that aids: what it says minus what is [m]; of a scale its share of the height."""
 
     GNSS_NORTH = "gnss_north"
     GNSS_EAST = "gnss_east"
     GNSS_DOWN = "gnss_down"
     BARO = "baro"
+    BARO_SCALE = "baro_scale"
     ALTIMETER = "altimeter"
     ALTIMETER_SCALE = "altimeter_scale"
     DEM = "dem"
@@ -82,6 +83,8 @@ ALTIMETER_SCALE = Drift(0.03, period_s=32_400.0, sound_sd=0.01)
 #: A pressure altitude as a height above the ellipsoid: 10 hPa are 83 m, the undulation is up to 100 m; it changes by
 #: metres in minutes.
 BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
+#: The air is warmer or colder than the standard atmosphere: 9 K make 3 % of each climb.
+BARO_SCALE_DRIFT = Drift(0.03, period_s=3600.0)
 
 
 def receiver_drifts(receivers: Sequence[str]) -> dict[str, Drift]:

@@ -101,6 +101,7 @@ class AxisTests:
         self.velocity = VelocityIntegral()
         self.standing: Standing | None = None
         self.is_closed = False
+        self.is_suspected = False  # the last test of drift was above half of its limit
         self._acceleration = limits.acceleration_mps2
         self._max_speed = max_speed
         self._is_angle = is_angle
@@ -325,6 +326,7 @@ class AxisTests:
         return found
 
     def _find_drift(self, fix: Fix, at: Integral) -> list[Finding]:
+        self.is_suspected = False
         for window in WINDOWS_S:
             past = self._past(fix.t_ns - window * SECOND_NS)
             if past is None:
@@ -333,6 +335,7 @@ class AxisTests:
             then = _Then(seconds, past.speed, abs(at.path - past.path), past.sigma)
             sd = math.sqrt(self._variance(fix, at, then))
             allowance = self._acceleration_since(past) * self.velocity.interval_s**2 / 6.0
+            self.is_suspected = self.is_suspected or abs(drift) > 0.5 * K_FALSE * sd + allowance
             if abs(drift) > K_FALSE * sd + allowance:
                 text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s beside the path of its velocity, "
                 text += f"limit {K_FALSE * sd + allowance:.1f} m"

@@ -84,6 +84,11 @@ class PlausibilityMonitor:
         heading = Attitude(stamp=m.stamp, heading=m.heading, valid=False)
         return [heading] if m.roll is None and m.pitch is None else [replace(m, heading=None), heading]
 
+    @property
+    def suspected(self) -> frozenset[str]:
+        """Sources of position that drift by more than half of what refuses them."""
+        return frozenset(name for name, tests in self._tests.items() if tests.is_suspected)
+
     def take_events(self) -> list[Event]:
         """Events since the last call."""
         events, self._events = self._events, []

@@ -102,6 +102,11 @@ class SourceTests:
         """Whether a contradiction stands."""
         return self.position.is_standing or self.altitude.is_standing
 
+    @property
+    def is_suspected(self) -> bool:
+        """Whether its position drifts beside its velocity by more than half of what refuses it."""
+        return self._north.is_suspected or self._east.is_suspected
+
     # ------------------------------------------------------------------------------------------------------- testing
 
     def _test_time(self, stamp: Stamp) -> list[Event]:

@@ -7,7 +7,9 @@ Classes of sources, each with copies of the filter that go without it:
     receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
 
 Copies of the first two go without altimeters, too: these are judged against satellites by their own states
-(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.
+(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
+the same reason copies without satellites go without the barometer: what it errs by tilts them.  Heights that separate
+while the filter refuses none of them are a draw: satellites or barometer may be wrong.
 A class that is faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several
 receivers only those that contradict.  It comes back by ``readmission``.  Source: the specification in
 docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
@@ -26,7 +28,8 @@ from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.segment import Piece, Segment, cut
+from fti.nav.filter.segment import Moment, Piece, Segment, cut
+from fti.nav.separation.copies import Separation, separate
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
     ALL_AXES,
@@ -47,12 +50,14 @@ from fti.types import Event
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
-STEPS_NS = {"navigation": 30 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
+STEPS_NS = {"navigation": 20 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
 COPIES = 4
 HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
 #: A receiver that was believed within so long bounds the filter without another one [ns].
 BOUNDED_NS = 2 * SECOND_NS
+#: The filter separates so much farther without a wrong receiver than without any other one.
+ALONE = 1.5
 HEIGHTS, SATELLITES = "heights", "satellites"
 QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
 
@@ -83,13 +88,17 @@ class Refused:
 
 @dataclass(slots=True)
 class Watched:
-    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break."""
+    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
+
+    is_doubted : tests of one source suspect a receiver of it
+    """
 
     what: str
     devices: tuple[str, ...]
     quantities: tuple[str, ...]
     monitor: SeparationMonitor
     refusals: Refusals = field(default_factory=Refusals)
+    is_doubted: bool = False
 
     @property
     def tested(self) -> frozenset[str]:
@@ -105,7 +114,14 @@ class Watched:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.ladder.advance(pieces)
         self.refusals.follow(segment, self.tested)
-        self.monitor.follow(segment.end, is_refused=self.refusals.first_ns is not None)
+        is_quiet = self.refusals.first_ns is None and not self.is_doubted
+        may_renew = is_quiet and is_heard(segment.end, self.tested)
+        self.monitor.follow(segment.end, may_renew=may_renew)
+
+    def levels(self, lag_s: float) -> Levels:
+        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
+        found = of_copies(self.monitor.separations, lag_s)
+        return Levels(*(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True)))
 
     def find(self, segment: Segment) -> Finding | None:
         """Why the class is faulty at the end of a segment; None while it is not."""
@@ -158,13 +174,17 @@ class FaultDetection:
         here = self._navigator.at(t_ns)
         if here is None:
             return None
-        own = of_filter(here)
         lag_s = 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
-        copies = of_copies((s for w in self._classes if w.counts for s in w.monitor.separations), lag_s)
+        found = [of_filter(here), *(w.levels(lag_s) for w in self._classes if w.counts)]
         return Levels(
-            max(own.horizontal, copies.horizontal) + self._tolerance,
-            max(own.vertical, copies.vertical) + self._tolerance,
+            max(level.horizontal for level in found) + self._tolerance,
+            max(level.vertical for level in found) + self._tolerance,
         )
+
+    @property
+    def separations(self) -> dict[str, list[Separation]]:
+        """Of the filter from the copies of each class that enter the protection levels, the oldest copy first."""
+        return {watched.what: watched.monitor.separations for watched in self._classes if watched.counts}
 
     def take_events(self) -> list[Event]:
         """What happened since the last call."""
@@ -172,6 +192,11 @@ class FaultDetection:
         return events
 
     # ------------------------------------------------------------------------------------------------- following
+
+    def doubt(self, devices: frozenset[str]) -> None:
+        """Receivers that tests of one source suspect from now on."""
+        for watched in self._classes:
+            watched.is_doubted = watched.what != HEIGHTS and not devices.isdisjoint(watched.devices)
 
     def update(self, t_ns: int) -> None:
         """Follow the filter to its last segment; exclude what contradicts, let back in what agrees."""
@@ -195,7 +220,7 @@ class FaultDetection:
         self._compare_refused(segment)
         pieces = cut(segment)
         for watched in self._classes:
-            if self._is_bounded(watched, segment):
+            if self._is_bounded(watched, segment) or (self.is_drawn and watched.what in self._several):
                 watched.follow(segment, pieces)
             else:
                 watched.clear()
@@ -232,17 +257,35 @@ class FaultDetection:
     def _judge(self, segment: Segment, t_ns: int) -> None:
         """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
         found = {watched.what: (watched, finding) for watched in self._classes if (finding := watched.find(segment))}
-        for what in (SATELLITES, HEIGHTS):
-            if what in found:
-                self._attribute(*found[what], segment, t_ns)
-                return
-        if len(found) == 1:
-            watched, finding = next(iter(found.values()))
+        if SATELLITES in found:
+            self._attribute(*found[SATELLITES], segment, t_ns)
+            return
+        if HEIGHTS in found:
+            watched, finding = found[HEIGHTS]
+            if finding.refused:
+                self._attribute(watched, finding, segment, t_ns)
+            else:
+                self._draw(finding, t_ns)
+            return
+        wrong = [each for each in found.values() if self._is_alone(*each)]
+        if len(wrong) == 1:
+            watched, finding = wrong[0]
             self._exclude(watched.devices, watched.quantities, finding, segment, t_ns)
         elif found:
             self._draw(next(iter(found.values()))[1], t_ns)
         elif self._drawn_ns is not None:
             self._end_draw(t_ns)
+
+    def _is_alone(self, watched: Watched, finding: Finding) -> bool:
+        """Whether one of several receivers is wrong, and not one of two of which either may be.
+
+        Without either of two that contradict each other the filter separates alike; without the wrong one of three
+        twice as far as without another one.  During a draw the filter may have come to follow either, by its gate.
+        """
+        if finding.refused or self.is_drawn:
+            return not self.is_drawn
+        others = (w.monitor.ratio for w in self._classes if w.what in self._several and w is not watched)
+        return watched.monitor.ratio > ALONE * max(others, default=0.0)
 
     def _aiding(self, watched: Watched) -> tuple[str, ...]:
         """Devices of a class that are not excluded."""
@@ -250,14 +293,36 @@ class FaultDetection:
         return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
 
     def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
-        """Of several receivers exclude those that contradict; where none does more than the others, none."""
+        """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
         devices = self._aiding(watched)
-        if len(devices) > 1:
+        if len(devices) > 1 and watched.what == SATELLITES and (self.is_drawn or not finding.refused):
+            devices = self._blamed(devices, finding)
+        elif len(devices) > 1:
             devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
         if devices:
             self._exclude(devices, watched.quantities, finding, segment, t_ns)
         else:
             self._draw(finding, t_ns)
+
+    def _blamed(self, devices: tuple[str, ...], finding: Finding) -> tuple[str, ...]:
+        """The one receiver without which the filter agrees with the copy; all where it does so without none.
+
+        Receivers that lie alike agree with each other: without any one of them the filter still contradicts.
+        None while it is not clear.
+        """
+        ratios = {device: self._ratio_without(device, finding) for device in devices}
+        still = tuple(device for device in devices if ratios[device] >= K_FA)
+        ending = tuple(device for device in devices if ratios[device] < 0.5 * K_FA)
+        if len(still) == len(devices):
+            return devices
+        return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
+
+    def _ratio_without(self, device: str, finding: Finding) -> float:
+        """|d| over sigma of the filter without one receiver from the copy without any; infinite while there is none."""
+        mine = next(watched.monitor.ladder.oldest for watched in self._classes if watched.what == device)
+        if mine is None or finding.copy is None:
+            return np.inf
+        return float(max(separate(mine.estimate, finding.copy.estimate).ratios[list(HORIZONTAL_AXES)]))
 
     def _exclude(
         self, devices: Sequence[str], quantities: tuple[str, ...], finding: Finding, segment: Segment, t_ns: int
@@ -325,6 +390,15 @@ class FaultDetection:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
 
 
+def is_heard(now: Moment, names: Iterable[str]) -> bool:
+    """Whether the filter has believed one of these sources lately.
+
+    The tests of one source may have refused it, after the filter has followed it: the copies know better.
+    """
+    believed = [now.standings[name].believed_ns for name in names if name in now.standings]
+    return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
+
+
 def _contradiction(device: str, quantity: str, finding: Finding, segment: Segment) -> Contradiction:
     """As it was when the source was excluded: its last innovation that the filter refused, or the separation.
 
@@ -355,7 +429,8 @@ def _classes(settings: Filter) -> list[Watched]:
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = Rungs(COPIES, STEPS_NS[settings.unit])
-    satellites = Ladder(_names(receivers, QUANTITIES) | altimeters, _names(receivers, tested), ring)
+    others = altimeters | ({altitude_name(settings.baro)} if settings.baro else frozenset[str]())
+    satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
     found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes))]
     if settings.baro:
         names = _names(receivers, HEIGHT)

@@ -2,7 +2,8 @@
 
 Every ``step_ns`` the oldest copy is replaced by one that begins now, so that four copies have ages of up to 1, 2, 3
 and 4 steps.  An old copy has seen more of a slow fault, and has drifted more itself; which age sees a ramp best
-depends on the inertial unit.  No copy is replaced while its sources are suspected: what one holds then may be wrong.
+depends on the inertial unit.  No copy is replaced while its sources are suspected or silent: what one holds then may
+be wrong.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class SeparationMonitor:
     def __init__(self, ladder: Ladder, axes: tuple[int, ...]) -> None:
         self.ladder = ladder
         self.separations: list[Separation] = []
-        self._axes = list(axes)
+        self.axes = list(axes)
         self.clear()
 
     def clear(self) -> None:
@@ -73,10 +73,10 @@ class SeparationMonitor:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
 
-    def follow(self, segment_end: Moment, *, is_refused: bool) -> None:
+    def follow(self, segment_end: Moment, *, may_renew: bool) -> None:
         """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
 
-        is_refused : whether the filter refuses a source of the class
+        may_renew : whether the filter is aided by the class, and refuses no source of it
         """
         t_ns = segment_end.estimate.t_ns
         self.separations = self.ladder.separations(segment_end)
@@ -91,16 +91,16 @@ class SeparationMonitor:
         is_outside = oldest is not None and oldest.outside_ns is not None
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
-        if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and not is_refused and not is_outside:
+        if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and may_renew and not is_outside:
             self.ladder.renew(segment_end)
 
     def _find_largest(self) -> None:
         self.ratio = 0.0
         for number, separation in enumerate(self.separations):
-            ratios = separation.ratios[self._axes]
+            ratios = separation.ratios[self.axes]
             at = int(np.argmax(ratios))
             if ratios[at] > self.ratio:
-                self.ratio, self._worst = float(ratios[at]), (number, self._axes[at])
+                self.ratio, self._worst = float(ratios[at]), (number, self.axes[at])
 
     def find(self, t_ns: int, refusals: Refusals) -> Finding | None:
         """Why the class is faulty; None while it is not."""

@@ -86,10 +86,11 @@ class Return:
     def _find_tolerance(self, t_ns: int, here: Estimate) -> float | None:
         """Where a step of the source has ended the contradiction: how large a lie of position could still be.
 
-        A receiver that comes back steps in all quantities at once; the step of one of them is to be beyond doubt.
+        A receiver that comes back steps in all quantities that contradict, at once; one step is to be beyond doubt.
+        A velocity of a moment ago contradicts in turns only, and its end says nothing of the position.
         """
         steps = [c for c in self._real if t_ns - (c.outside_ns or 0) <= STEP_NS]
-        if all(K_STEP * c.sd(here) >= 0.5 * c.size for c in steps):
+        if len(steps) < len(self._real) or all(K_STEP * c.sd(here) >= 0.5 * c.size for c in steps):
             return None
         return K_STEP * float(np.max(here.sd_n[:3]))
 

@@ -19,7 +19,7 @@ from fti.study.faults.course import draw_course
 from fti.study.faults.earth import radii
 from fti.study.faults.inertial_unit import RATE_HZ, UNITS, Samples, measured
 from fti.study.faults.noise import gauss_markov, gauss_markov_n
-from fti.study.faults.receiver import Fixes, draw_satellites, faulty, fixes, rows
+from fti.study.faults.receiver import RATES_HZ, Fixes, delayed, draw_satellites, faulty, fixes, rows
 from fti.study.faults.shapes import Mask, Window, frozen
 from fti.study.faults.terrain import RELIEF_SD_M, Terrain, terrain
 from fti.study.faults.trajectory import Motion, Trajectory
@@ -46,6 +46,16 @@ SETTING_SD_M, TEMPERATURE_SD, WEATHER_SD_M, WEATHER_S, BARO_WHITE_M = 5.0, 0.02,
 M_PER_HPA = 8.3
 TILT_SD, HEADING_SD, AHRS_TAU_S = np.deg2rad(0.15), np.deg2rad(0.6), 300.0
 RADAR_LIMIT_M, RADAR_BANK, RADAR_SD_M, RADAR_SCALE_SD = 1500.0, np.deg2rad(30.0), 0.5, 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Of the devices [Hz]; the rate of the receivers is drawn from some."""
+
+    imu: int = RATE_HZ
+    receivers: tuple[float, ...] = RATES_HZ
+    baro: float = BARO_HZ
+    ahrs: float = AHRS_HZ
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +106,21 @@ class Flight:
         north = (lat - m.lat[0]) * (meridian[0] + m.alt[0])
         return float(north), float(turned * (normal[0] + m.alt[0]) * np.cos(m.lat[0])), float(m.alt[0] - alt)
 
+    def between(self, begin_s: float, end_s: float) -> Flight:
+        """The same flight with the measurements of a part of it only, begin <= t < end."""
+        part = Window(begin_s, end_s)
+
+        def cut(t: Array, values: Array) -> tuple[Array, Array]:
+            return t[part.covers(t)], values[part.covers(t)]
+
+        inside = part.covers(self.inertial.t)
+        inertial = Samples(self.inertial.t[inside], self.inertial.accel_b[inside], self.inertial.gyro_b[inside])
+        fixes = {name: found.between(part) for name, found in self.fixes.items()}
+        return replace(
+            self, inertial=inertial, fixes=fixes, baro=cut(*self.baro), attitude=cut(*self.attitude),
+            radar=cut(*self.radar),
+        )  # fmt: skip
+
     def is_faulty(self, t_ns: int) -> bool:
         """Whether the fault acts at a time."""
         return self.fault.onset_ns <= t_ns < self.fault.end_ns
@@ -112,14 +137,55 @@ class _Scenario:
     trajectory: Trajectory
     terrain: Terrain
     undulation: float
+    rates: Rates
 
 
 def draw(cell: Cell, seed: int) -> Flight:
     """One flight of a cell; the same seed draws the same flight, other cells of the same seed other flights."""
     rng = np.random.default_rng([seed, *cell.name.encode()])
-    s = _draw_scenario(cell, seed, rng)
+    return _fly(_draw_scenario(cell, seed, rng), rng)
+
+
+def draw_nominal(cell: Cell, seed: int, duration_s: float, rates: Rates) -> Flight:
+    """One flight of the grade, receivers and pattern of a cell without its fault, which ``strike`` adds to it.
+
+    Turns begin 60 s before the first fault.  Where the cell swaps latitude and longitude, the place is one of its own.
+    """
+    nominal = Cell(cell.grade, Kind.NONE, receivers=cell.receivers, pattern=cell.pattern)
+    rng = np.random.default_rng([seed, *nominal.name.encode()])
+    window = Window(duration_s, duration_s)
+    turns_s = ONSET_S[0] - TURNS_BEFORE_S if cell.pattern == "turns" else duration_s
+    return _fly(_scenario(nominal, seed, rng, _Frame(window, duration_s, turns_s, _place(cell, rng)), rates), rng)
+
+
+def fault_s(cell: Cell) -> float:
+    """How long the fault of a cell lasts [s]."""
+    return SLOW_FAULT_S if cell.kind is Kind.RAMP and cell.magnitude <= SLOW_M_S else FAULT_S
+
+
+def strike(nominal: Flight, cell: Cell, onset_s: float, seed: int) -> Flight:
+    """A nominal flight with the fault of a cell from a time on: what is measured before it is the same.
+
+    The flight ends ``AFTER_S`` behind the fault, and must be long enough.
+    """
+    rng = np.random.default_rng([seed, *cell.name.encode()])
+    window = Window(onset_s, onset_s + fault_s(cell))
+    duration_s = window.end_s + AFTER_S
+    fault, azimuth, fixes = _fault(cell, window, duration_s), rng.uniform(-np.pi, np.pi), dict(nominal.fixes)
+    for name in set(fault.devices) & set(fixes):
+        late = delayed(fixes[name], cell, window, nominal.trajectory)
+        fixes[name] = faulty(late, cell, window, azimuth, rng)
+    t, alt = nominal.baro
+    baro = t, alt + _baro_fault(cell, window, t, rng)
+    inertial = _faulty_inertial(nominal.inertial, cell, window, rng)
+    return replace(
+        nominal, cell=cell, fault=fault, duration_s=duration_s, inertial=inertial, fixes=fixes, baro=baro
+    )  # fmt: skip
+
+
+def _fly(s: _Scenario, rng: Rng) -> Flight:
     return Flight(
-        cell, s.fault, s.trajectory, s.terrain, s.undulation, s.duration_s,
+        s.cell, s.fault, s.trajectory, s.terrain, s.undulation, s.duration_s,
         inertial=_inertial(s, rng), fixes=_receivers(s, rng), baro=_pressure_altitudes(s, rng),
         attitude=_attitudes(s, rng), radar=_heights(s, rng),
     )  # fmt: skip
@@ -127,15 +193,29 @@ def draw(cell: Cell, seed: int) -> Flight:
 
 def _draw_scenario(cell: Cell, seed: int, rng: Rng) -> _Scenario:
     onset_s = rng.uniform(*ONSET_S)
-    is_slow = cell.kind is Kind.RAMP and cell.magnitude <= SLOW_M_S
-    window = Window(onset_s, onset_s + (SLOW_FAULT_S if is_slow else FAULT_S))
+    window = Window(onset_s, onset_s + fault_s(cell))
     duration_s = window.end_s + AFTER_S
-    ground = terrain(seed % len(RELIEF_SD_M), _place(cell, rng), rng.uniform(0.0, 800.0))
-    heights = (ground.peak + CLEARANCE_M[0], ground.peak + CLEARANCE_M[1])
     turns_s = onset_s - TURNS_BEFORE_S if cell.pattern == "turns" else duration_s
+    return _scenario(cell, seed, rng, _Frame(window, duration_s, turns_s, _place(cell, rng)), Rates())
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """Window of the fault; duration and beginning of the turns [s]; place of the start, lat, lon [rad]."""
+
+    window: Window
+    duration_s: float
+    turns_s: float
+    place: tuple[float, float]
+
+
+def _scenario(cell: Cell, seed: int, rng: Rng, frame: _Frame, rates: Rates) -> _Scenario:
+    window, duration_s, turns_s = frame.window, frame.duration_s, frame.turns_s
+    ground = terrain(seed % len(RELIEF_SD_M), frame.place, rng.uniform(0.0, 800.0))
+    heights = (ground.peak + CLEARANCE_M[0], ground.peak + CLEARANCE_M[1])
     truth = Trajectory(draw_course(rng, ground.origin, heights, (turns_s, duration_s)), duration_s)
     undulation = float(rng.choice((-1.0, 1.0)) * rng.uniform(20.0, 60.0))
-    return _Scenario(cell, _fault(cell, window, duration_s), window, duration_s, truth, ground, undulation)
+    return _Scenario(cell, _fault(cell, window, duration_s), window, duration_s, truth, ground, undulation, rates)
 
 
 def _place(cell: Cell, rng: Rng) -> tuple[float, float]:
@@ -170,9 +250,13 @@ def nanoseconds(t: float) -> int:
 
 
 def _inertial(s: _Scenario, rng: Rng) -> Samples:
-    cell, t = s.cell, np.arange(int(s.duration_s * RATE_HZ)) / RATE_HZ
-    found = measured(s.trajectory.at(t), UNITS[cell.grade], rng)
-    axis, sign, active = int(rng.integers(3)), float(rng.choice((-1.0, 1.0))), s.window.covers(t)
+    t = np.arange(int(s.duration_s * s.rates.imu)) / s.rates.imu
+    found = measured(s.trajectory.at(t), UNITS[s.cell.grade], rng, s.rates.imu)
+    return _faulty_inertial(found, s.cell, s.window, rng)
+
+
+def _faulty_inertial(found: Samples, cell: Cell, window: Window, rng: Rng) -> Samples:
+    axis, sign, active = int(rng.integers(3)), float(rng.choice((-1.0, 1.0))), window.covers(found.t)
     if cell.kind not in INERTIAL_KINDS:
         return found
     if cell.kind in {Kind.ACCEL_STEP, Kind.ACCEL_STUCK, Kind.ACCEL_SATURATED}:
@@ -193,7 +277,8 @@ def _faulty_triad(true_b: Array, kind: Kind, size: float, axis: int, active: Mas
 
 
 def _receivers(s: _Scenario, rng: Rng) -> dict[str, Fixes]:
-    sky, azimuth, found = draw_satellites(s.duration_s, rng), rng.uniform(-np.pi, np.pi), dict[str, Fixes]()
+    sky = draw_satellites(s.duration_s, rng, s.rates.receivers)
+    azimuth, found = rng.uniform(-np.pi, np.pi), dict[str, Fixes]()
     for name in _names(s.cell.receivers):
         lies = name in s.fault.devices
         is_late = lies and s.cell.kind is Kind.TIME_STEP
@@ -208,13 +293,18 @@ def _epochs(rate_hz: float, end_s: float, rng: Rng) -> Array:
 
 
 def _pressure_altitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
-    t = _epochs(BARO_HZ, s.duration_s, rng)
+    t = _epochs(s.rates.baro, s.duration_s, rng)
     above_sea = s.trajectory.at(t).alt - s.undulation
     warm = rng.normal(0.0, TEMPERATURE_SD) * (above_sea - above_sea[0])
-    weather = gauss_markov(len(t), 1.0 / BARO_HZ, WEATHER_S, WEATHER_SD_M, rng)
+    weather = gauss_markov(len(t), 1.0 / s.rates.baro, WEATHER_S, WEATHER_SD_M, rng)
     nominal = above_sea + warm + weather + rng.normal(0.0, SETTING_SD_M) + rng.normal(0.0, BARO_WHITE_M, len(t))
+    return t, nominal + _baro_fault(s.cell, s.window, t, rng)
+
+
+def _baro_fault(cell: Cell, window: Window, t: Array, rng: Rng) -> Array:
+    """What a fault of the barometer adds at times [m]."""
     sign = float(rng.choice((-1.0, 1.0)))
-    return t, nominal + sign * _baro_error(s.cell, t - s.window.begin_s) * s.window.covers(t)
+    return np.asarray(sign * _baro_error(cell, t - window.begin_s) * window.covers(t))
 
 
 def _baro_error(cell: Cell, elapsed: Array) -> Array:
@@ -231,9 +321,9 @@ def _baro_error(cell: Cell, elapsed: Array) -> Array:
 
 
 def _attitudes(s: _Scenario, rng: Rng) -> tuple[Array, Array]:
-    t = _epochs(AHRS_HZ, s.duration_s, rng)
+    t = _epochs(s.rates.ahrs, s.duration_s, rng)
     sds = (float(TILT_SD), float(TILT_SD), float(HEADING_SD))
-    return t, s.trajectory.at(t).rpy + gauss_markov_n(len(t), 1.0 / AHRS_HZ, AHRS_TAU_S, sds, rng)
+    return t, s.trajectory.at(t).rpy + gauss_markov_n(len(t), 1.0 / s.rates.ahrs, AHRS_TAU_S, sds, rng)
 
 
 def _heights(s: _Scenario, rng: Rng) -> tuple[Array, Array]:

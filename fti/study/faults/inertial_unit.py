@@ -82,20 +82,21 @@ def ideal(m: Motion) -> Samples:
     return Samples(m.t, specific_force_b(m), angular_rate_b(m))
 
 
-def measured(m: Motion, unit: InertialUnit, rng: np.random.Generator) -> Samples:
-    """What a unit drawn from its grade measures at the times of a motion, ``RATE_HZ`` apart."""
+def measured(m: Motion, unit: InertialUnit, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Samples:
+    """What a unit drawn from its grade measures at the times of a motion, at a rate."""
     speed = float(np.mean(np.linalg.norm(m.vel_n, axis=1)))
     sds = (GRAVITY_SD,) * 3
-    disturbance_n = gauss_markov_n(len(m.t), 1.0 / RATE_HZ, GRAVITY_LENGTH_M / speed, sds, rng)
+    disturbance_n = gauss_markov_n(len(m.t), 1.0 / rate_hz, GRAVITY_LENGTH_M / speed, sds, rng)
     true = replace(ideal(m), accel_b=specific_force_b(m, disturbance_n))
-    return Samples(m.t, triad_output(true.accel_b, unit.accel, rng), triad_output(true.gyro_b, unit.gyro, rng))
+    accel_b = triad_output(true.accel_b, unit.accel, rng, rate_hz)
+    return Samples(m.t, accel_b, triad_output(true.gyro_b, unit.gyro, rng, rate_hz))
 
 
-def triad_output(true_b: Array, triad: Triad, rng: np.random.Generator) -> Array:
+def triad_output(true_b: Array, triad: Triad, rng: np.random.Generator, rate_hz: int = RATE_HZ) -> Array:
     """(I + M) x + constant bias + in-run bias + white noise of density walk over one sample."""
     matrix = np.eye(3) + rng.normal(0.0, triad.scale, (3, 3))
     constant = rng.normal(0.0, triad.bias, 3)
     tau_s = rng.uniform(*IN_RUN_TAU_S)
-    in_run = gauss_markov_n(len(true_b), 1.0 / RATE_HZ, tau_s, (IN_RUN_SHARE * triad.bias,) * 3, rng)
-    white = rng.normal(0.0, triad.walk * np.sqrt(RATE_HZ), true_b.shape)
+    in_run = gauss_markov_n(len(true_b), 1.0 / rate_hz, tau_s, (IN_RUN_SHARE * triad.bias,) * 3, rng)
+    white = rng.normal(0.0, triad.walk * np.sqrt(rate_hz), true_b.shape)
     return true_b @ matrix.T + constant + in_run + white

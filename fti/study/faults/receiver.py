@@ -47,6 +47,12 @@ class Fixes:
     vertical_sd: float
     velocity_sd: float
 
+    def between(self, window: Window) -> Fixes:
+        """Those of a part of the flight."""
+        inside = window.covers(self.t)
+        columns = ("t", "lat", "lon", "alt", "alt_msl", "undulation", "vel_n")
+        return replace(self, **{name: getattr(self, name)[inside] for name in columns})
+
 
 @dataclass(frozen=True, eq=False)
 class Satellites:
@@ -70,9 +76,9 @@ class Satellites:
         return gauss_markov_n(len(self.t), 1.0 / self.rate_hz, self.tau_s, tuple(sds.tolist()), rng)
 
 
-def draw_satellites(end_s: float, rng: Rng) -> Satellites:
-    """Epochs at 5 or 10 Hz and their errors, from 0 s to end_s."""
-    rate_hz = float(rng.choice(RATES_HZ))
+def draw_satellites(end_s: float, rng: Rng, rates_hz: tuple[float, ...] = RATES_HZ) -> Satellites:
+    """Epochs at one of the rates and their errors, from 0 s to end_s."""
+    rate_hz = float(rng.choice(rates_hz))
     t = rng.uniform(0.0, 1.0 / rate_hz) + np.arange(int(end_s * rate_hz) - 1) / rate_hz
     drawn = Satellites(
         t, rate_hz, rng.uniform(*SD_M), rng.uniform(*VELOCITY_SD_M_S), rng.uniform(*TAU_S), np.zeros((len(t), 3))
@@ -88,6 +94,19 @@ def fixes(sky: Satellites, truth: Trajectory, undulation: float, delay_s: Array,
     return Fixes(
         sky.t, lat, lon, alt, alt - undulation, np.full(len(sky.t), undulation), m.vel_n + velocity,
         float(np.hypot(sky.sd, WHITE_SD_M)), float(np.hypot(HEIGHT_FACTOR * sky.sd, WHITE_SD_M)), sky.velocity_sd,
+    )  # fmt: skip
+
+
+def delayed(found: Fixes, cell: Cell, window: Window, truth: Trajectory) -> Fixes:
+    """Nominal fixes as a time step of a cell makes them: those of a moment earlier, with the errors of now."""
+    if cell.kind is not Kind.TIME_STEP:
+        return found
+    now = truth.at(found.t)
+    then = truth.at(np.maximum(found.t - cell.magnitude * window.covers(found.t), 0.0))
+    up = then.alt - now.alt
+    return replace(
+        found, lat=found.lat + then.lat - now.lat, lon=found.lon + then.lon - now.lon, alt=found.alt + up,
+        alt_msl=found.alt_msl + up, vel_n=found.vel_n + then.vel_n - now.vel_n,
     )  # fmt: skip
 
 

@@ -1,0 +1,32 @@
+"""Which nominal flights are flown, and which faults branch off each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fti.study.faults.cells import CELLS, Kind
+from fti.study.faults.detectable import is_detectable
+from fti.study.faults.flown import HOUR_S, Group, Task
+
+FAULTS_EACH = 12
+#: Cells outside the table are flown so many times less often.
+OTHERS = 11
+
+
+def plan(runs: int, seed: int, duration_s: float = HOUR_S) -> list[Task]:
+    """``runs`` faults of each cell of the table, an eleventh of that (at least one) of others, twelve to a flight.
+
+    Terrains follow each other from flight to flight, ten of them; groups of aircraft take turns.
+    """
+    rng = np.random.default_rng([seed, 2])
+    by_group = dict[Group, list[int]]()
+    for index, cell in enumerate(CELLS):
+        if cell.kind is not Kind.NONE:
+            count = runs if is_detectable(cell) else max(1, runs // OTHERS)
+            by_group.setdefault(Group.of(cell), []).extend([index] * count)
+    batches = list[tuple[Group, tuple[int, ...]]]()
+    for group, indices in by_group.items():
+        shuffled = rng.permutation(indices).tolist()
+        batches += [(group, tuple(shuffled[at : at + FAULTS_EACH])) for at in range(0, len(shuffled), FAULTS_EACH)]
+    order = rng.permutation(len(batches)).tolist()
+    return [Task(seed, number, batches[at][0], batches[at][1], duration_s) for number, at in enumerate(order)]

@@ -1,0 +1,187 @@
+"""The product, fed with a simulated flight: tests of one source, then the filter with its tests between sources.
+
+What is judged is the solution of the filter, once a second: position, protection levels, and ``valid`` as the output
+of navigation has it, against the alert limits that a configuration has by default.  Altimeters do not aid here.
+Receivers state no undulation: that of the simulated Earth is not EGM96, by which the product would know it.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.config import AlertLimits, Config, parse
+from fti.nav.aided import AidedNavigation
+from fti.nav.plausibility.monitor import PlausibilityMonitor
+from fti.nav.protection import K_RADIAL
+from fti.nav.separation.protection import K_MD_RADIAL
+from fti.study.faults.cells import Cell
+from fti.study.faults.earth import radii
+from fti.study.faults.flight import START_NS, Flight, Timed
+from fti.types import Event, ImuSample, Measurement, Position, Velocity
+
+Array = NDArray[np.float64]
+
+#: The product has three grades; an industrial unit flies as the coarser one.
+UNIT_OF_GRADE = {"industrial": "mems"}
+SECOND_NS = 1_000_000_000
+#: The tests between sources follow the filter, and the solution is taken, so often [ns].
+FOLLOW_NS, SOLUTION_NS = SECOND_NS // 5, SECOND_NS
+LIMITS = AlertLimits()
+
+
+@dataclass(slots=True)
+class Calibration:
+    """Sums of (d / sigma)^2 by class of sources, rung and axis, and how many."""
+
+    sums: dict[tuple[str, int], Array] = field(default_factory=dict)
+    counts: dict[tuple[str, int], int] = field(default_factory=dict)
+
+    def take(self, what: str, rung: int, ratios: Array) -> None:
+        """|d| over sigma of d, shape (6,)."""
+        key = what, rung
+        self.sums[key] = self.sums.get(key, np.zeros(6)) + ratios**2
+        self.counts[key] = self.counts.get(key, 0) + 1
+
+    def add(self, other: Calibration) -> None:
+        """Take what another one has counted."""
+        for key, sums in other.sums.items():
+            self.sums[key] = self.sums.get(key, np.zeros(6)) + sums
+            self.counts[key] = self.counts.get(key, 0) + other.counts[key]
+
+
+#: Columns of a record: time [s], place [rad, m], levels and sigmas [m], the formula of HPL at d = 0 [m], whether the
+#: copies exist (``is_full``), whether a receiver is refused.
+COLUMNS = ("t", "lat", "lon", "alt", "hpl", "vpl", "level_sd", "high_sd", "formula", "is_full", "is_refused")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Solutions once a second, rows (n, len(COLUMNS)); events with their time [s]; calibration."""
+
+    rows: Array
+    events: tuple[tuple[float, str], ...]
+    calibration: Calibration
+
+    def __getitem__(self, column: str) -> Array:
+        """A column, shape (n,)."""
+        return np.asarray(self.rows[:, COLUMNS.index(column)])
+
+    @property
+    def is_valid(self) -> NDArray[np.bool_]:
+        """Whether both levels are below the alert limits, shape (n,)."""
+        return np.asarray((self["hpl"] <= LIMITS.position_m) & (self["vpl"] <= LIMITS.altitude_m))
+
+
+def make_config(cell: Cell) -> Config:
+    """One receiver or two, barometer, inertial unit of the grade, attitude of a device to begin with."""
+    receivers = ["gnss_a", "gnss_b"][: cell.receivers]
+    names = ["imu", "baro", "ahrs", *receivers]
+    table = {
+        "session": {"name": "study"},
+        "link": [{"name": "line", "kind": "serial", "port": "/dev/null"}],
+        "device": [{"name": name, "link": "line", "driver": "none"} for name in names],
+        "nav": {
+            "attitude": ["ahrs"],
+            "position": receivers,
+            "filter": {
+                "imu": "imu",
+                "gnss": receivers,
+                "baro": "baro",
+                "unit": UNIT_OF_GRADE.get(cell.grade, cell.grade),
+            },
+        },
+    }
+    return parse(table, "", Path("study.toml"))
+
+
+class Product:
+    """Of one aircraft; ``branch`` gives a second one that has had the same measurements."""
+
+    def __init__(self, cell: Cell) -> None:
+        self._config = make_config(cell)
+        devices = {device.name: device for device in self._config.device}
+        assert self._config.nav.filter is not None
+        self._navigation = AidedNavigation(self._config.nav.filter, devices)
+        self._plausibility = PlausibilityMonitor(self._config)
+        self._follow_ns = START_NS + FOLLOW_NS
+        self._solution_ns = START_NS + SOLUTION_NS
+
+    def branch(self) -> Product:
+        """Another one that goes on from here by itself; what nobody changes is shared."""
+        return copy.deepcopy(self, {id(self._config): self._config})
+
+    def fly(self, measurements: Iterable[Timed]) -> Record:
+        """Take measurements in order; what was said meanwhile."""
+        rows, events, calibration = list[tuple[float, ...]](), list[tuple[float, str]](), Calibration()
+        for t_ns, device, m in measurements:
+            while t_ns > self._follow_ns:
+                events += self._follow(self._follow_ns)
+                self._follow_ns += FOLLOW_NS
+            while t_ns > self._solution_ns:
+                rows += self._solution(self._solution_ns, calibration)
+                self._solution_ns += SOLUTION_NS
+            events += self._feed(device, m, t_ns)
+        return Record(np.array(rows).reshape(-1, len(COLUMNS)), tuple(events), calibration)
+
+    def _feed(self, device: str, m: Measurement, t_ns: int) -> Iterator[tuple[float, str]]:
+        if isinstance(m, ImuSample):
+            self._navigation.feed(device, m, t_ns)
+            return
+        if isinstance(m, Position):
+            m = replace(m, undulation=None, alt_msl=None)
+        if isinstance(m, (Position, Velocity)):
+            for admitted in self._plausibility.check(device, m, t_ns):
+                self._navigation.feed(device, admitted, t_ns)
+            yield from _told(self._plausibility.take_events())
+        elif self._navigation.wants(device, type(m)):
+            self._navigation.feed(device, m, t_ns)
+
+    def _follow(self, t_ns: int) -> list[tuple[float, str]]:
+        self._navigation.doubt(self._plausibility.suspected)
+        return list(_told(self._navigation.events(t_ns)))
+
+    def _solution(self, t_ns: int, calibration: Calibration) -> list[tuple[float, ...]]:
+        """A row; none while the filter has no solution."""
+        found = self._navigation.solution(t_ns)
+        if not found.valid or found.hpl is None or found.vpl is None:
+            return []
+        separations, radial = self._navigation.separations, 0.0
+        for what, of_copies in separations.items():
+            for rung, separation in enumerate(of_copies):
+                calibration.take(what, rung, separation.ratios)
+                radial = max(radial, separation.radial_sd)
+        assert found.lat is not None and found.lon is not None and found.alt is not None
+        assert found.horizontal_sd is not None and found.vertical_sd is not None
+        formula = max(K_RADIAL * found.horizontal_sd, K_MD_RADIAL * radial)
+        seconds = (t_ns - START_NS) / SECOND_NS
+        return [(
+            seconds, found.lat, found.lon, found.alt, found.hpl, found.vpl, found.horizontal_sd, found.vertical_sd,
+            formula, float(bool(separations)), float(bool(self._navigation.refused)),
+        )]  # fmt: skip
+
+
+def _told(events: Iterable[Event]) -> Iterator[tuple[float, str]]:
+    for event in events:
+        yield (event.t_ns - START_NS) / SECOND_NS, event.text
+
+
+def errors_n(flight: Flight, rows: Array) -> Array:
+    """North, east, down [m] of the solutions of a record, shape (n, 3)."""
+    times_ns = START_NS + np.rint(rows[:, 0] * SECOND_NS).astype(np.int64)
+    truth = flight.truth(times_ns)
+    meridian, normal = radii(truth.lat)
+    turned = (rows[:, 2] - truth.lon + np.pi) % (2.0 * np.pi) - np.pi
+    return np.stack(
+        (
+            (rows[:, 1] - truth.lat) * (meridian + truth.alt),
+            turned * (normal + truth.alt) * np.cos(truth.lat),
+            truth.alt - rows[:, 3],
+        ),
+        axis=1,
+    )
