@@ -23,6 +23,7 @@ A session of fti demo has its truth beside it; it may be several flights, and ea
   late, missing   a miss: exit code 1            does not clear   it stands longer than its cause explains: 1
   not expected    a flag that nothing explains: 1
   not known yet   no part of the daemon compares this so far: neither a miss nor a success
+  outputs compared   no flag is due; a wrong value of navigation that is called valid fails as an output
   not flown       the flight ended before        needs real ports   an accelerated flight has no ports
   nothing is due  too short or too small to be seen; or of a device that navigation does not use
   not judged: start   the unit was starting, for which it has 10 s, and none in an accelerated flight

@@ -30,6 +30,7 @@ from fti.hil.scheduler import Scheduler, Stream
 from fti.hil.sensors import Sensor, make_sensors
 from fti.hil.sensors.intended import intended_values
 from fti.hil.sensors.measured import check_numbers
+from fti.hil.sensors.needed import check_sent
 from fti.hil.sensors.power_unit import distribute
 from fti.hil.sensors.sent_rates import sent_rates
 from fti.hil.streams import Babble, SensorStream, StatusStream
@@ -123,6 +124,7 @@ class Emulator:
         self._sensors = make_sensors(self.config, self._world, self.scenario.seed, progress)
         self.power = distribute(self._sensors, self.scenario)
         check_numbers(self._sensors, self._world)
+        check_sent(self._sensors, self._world)
         if self._truth:
             progress("truth")
             altimeters = [device for device in self.config.device if device.altimeter]

@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from fti.config import Device
 from fti.errors import ConfigError
 from fti.geodesy.atmosphere import GAS_CONSTANT, ISA_PRESSURE, ISA_TEMPERATURE, Atmosphere
+from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_from_rpy
+from fti.geodesy.wgs84 import radii
 from fti.hil.faults.words import describe
 from fti.hil.flight.making import Around, make_flight
 from fti.hil.flight.surroundings import look_around
 from fti.hil.flight.trajectory import State
 from fti.hil.scenario import Scenario
-from fti.hil.tables.kinds import Obstacle
+from fti.hil.tables.kinds import Obstacle, TerrainShift, WholeFlight
 from fti.nav.integrity.approach import ApproachPath
 from fti.ranging.laser import Laser
 from fti.ranging.nearest import NearestReturn
@@ -53,7 +55,7 @@ class World:
     """Everything that is true during one scenario.
 
     scenario : its seed, settings and faults are read by the models of sensors
-    path : the published approach, whether it is flown or not; terrain : the ground as the reference knows it;
+    path : the published approach, whether it is flown or not; terrain : the ground as the unit under test knows it;
     undulation : geoid above WGS84 [m]; progress : told how far the making of the flight is
     Raises ConfigError or MissingError for a flight that cannot be made, or that is below the ground.
     """
@@ -70,7 +72,8 @@ class World:
         self.scenario = scenario
         self.path = path
         try:
-            self.terrain = with_obstacles(terrain, path, scenario.obstacles)
+            ground = true_ground(terrain, scenario.terrain_shifts)
+            self.terrain = with_obstacles(ground, path, scenario.obstacles)
         except ValueError as error:
             raise ConfigError(f"{scenario.where}: fault: {error}") from None
         self.undulation = undulation
@@ -81,9 +84,7 @@ class World:
         self._surfaces_t, self._surfaces = made.surfaces_t, made.surfaces
         self.duration = self._flight.end
         #: What is to be told of the flight before it begins.
-        self.remarks = (
-            made.remarks + look_around(made.flight, terrain, scenario.where) + _never(scenario, self.duration)
-        )
+        self.remarks = made.remarks + look_around(made.flight, ground, scenario.where) + _never(scenario, self.duration)
         self._radars = functools.cache(NearestReturn)
 
     def state(self, t: Array) -> State:
@@ -150,7 +151,7 @@ def _never(scenario: Scenario, duration: float) -> tuple[str, ...]:
     return tuple(
         f"fault[{i}], {describe(fault)}, begins at {fault.from_s:g} s: the flight is over after {duration:.0f} s"
         for i, fault in enumerate(scenario.fault)
-        if not isinstance(fault, Obstacle) and fault.from_s >= duration
+        if not isinstance(fault, WholeFlight) and fault.from_s >= duration
     )
 
 
@@ -158,6 +159,18 @@ def mounting(device: Device) -> Array:
     """mat_bs of a device."""
     roll, pitch, yaw = (math.radians(a) for a in device.rpy_bs_deg)
     return mat_from_rpy(roll, pitch, yaw)
+
+
+def true_ground(terrain: Terrain, shifts: Sequence[TerrainShift]) -> Terrain:
+    """The ground of which ``terrain`` is a copy that these shifts displace: the same posts in a frame that is moved."""
+    if not shifts:
+        return terrain
+    north, east, up = (sum(getattr(shift, name) for shift in shifts) for name in ("north_m", "east_m", "up_m"))
+    frame = terrain.frame
+    r_meridian, r_normal = radii(frame.lat0)
+    lat0 = frame.lat0 - north / float(r_meridian + frame.alt0)
+    lon0 = frame.lon0 - east / float((r_normal + frame.alt0) * math.cos(frame.lat0))
+    return replace(terrain, frame=LocalFrame(lat0, lon0, frame.alt0 - up))
 
 
 def with_obstacles(terrain: Terrain, path: ApproachPath, obstacles: Sequence[Obstacle]) -> Terrain:

@@ -204,7 +204,7 @@ def test_kinds_of_faults_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_wrong_calls_about_kinds_of_faults(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["hil", "--faults", "cuts"]) == 2
     assert capsys.readouterr().err.startswith(
-        "fti: 'cuts' is not a kind of fault; there are obstacle, off_track, cut, "
+        "fti: 'cuts' is not a kind of fault; there are obstacle, off_track, terrain_shift, cut, "
     )
     with pytest.raises(SystemExit) as ended:
         main(["hil", "nominal", "--json"])

@@ -9,7 +9,7 @@ import pytest
 
 from fti import config as configuration
 from fti.cli._score_jobs import ALL
-from fti.hil.scenario import shipped
+from fti.hil.scenario import find, shipped
 from fti.hil.tables.kinds import FaultKind
 from fti.hil.tables.schema import Scenario
 from tests.e2e.flights import demo_config, emulator, said
@@ -40,7 +40,11 @@ def test_every_flight_is_named() -> None:
 
 
 def test_the_scenarios_of_the_page_are_shipped() -> None:
-    assert set(re.findall(r"fti (?:hil|score) ([a-z_]+)", PAGE)) <= {*shipped(), ALL}
+    names = set(re.findall(r"fti (?:hil|score) ([a-z_/]+)", PAGE))
+    in_folders = {name for name in names if "/" in name}
+    assert names - in_folders <= {*shipped(), ALL}
+    assert in_folders
+    assert all(find(name).is_file() for name in in_folders)
 
 
 @pytest.mark.e2e

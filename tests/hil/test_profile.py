@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ HEADER = "time,channel,value,fault,expected,plus,minus,within\n"
 MAKE: TypeAdapter[Fault] = TypeAdapter(Fault)
 #: A fault of every kind that a table can have: its parameters.
 SAMPLES: dict[str, dict[str, Any]] = {
+    "attitude_offset": {"roll_deg": -2.0, "heading_deg": 10.0},
     "babbling": {"can_id": 17, "rate_hz": 500.0},
     "bias": {"quantity": "reading.value", "value": -3.5, "name": "mach"},
     "bit_errors": {"rate": 1e-4},
@@ -38,13 +40,20 @@ SAMPLES: dict[str, dict[str, Any]] = {
     "gnss_degraded": {"horizontal_m": 20.0, "vertical_m": 40.0},
     "gnss_offset": {"north_m": 100.0, "over_s": 5.0},
     "gnss_outage": {},
+    "gnss_ramp": {"north_mps": 1.0, "onset_mps2": 0.1, "with_velocity": False},
+    "inertial_bias": {"gyro_degph": [0.0, 0.0, 50.0], "accel_mg": [1.0, 0.0, -2.0]},
     "invalid": {"flags": ["unlocked", "failure"]},
+    "latency": {"by_s": 1.5},
+    "lever_arm": {"forward_m": 5.0, "down_m": -1.0},
     "lost_header": {"count": 2, "share": 0.25},
     "noise": {"quantity": "range.slant_range", "sd": 4.0},
     "ramp": {"quantity": "position.lat", "rate": 1e-6},
     "reordered": {},
+    "scale": {"quantity": "range.slant_range", "percent": -10.0},
     "stuck": {},
+    "swapped_coordinates": {},
     "truncated": {"count": 7},
+    "undulation": {"stated": "msl_as_ellipsoid"},
     "wrong_checksum": {},
     "wrong_label": {"share": 0.1},
     "wrong_unit": {"quantity": "radio_height.height_agl", "factor": 0.3048},
@@ -61,7 +70,11 @@ def as_toml(kind: str, names: list[str], from_s: float, to_s: float) -> str:
 def _literal(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_literal, value))}]"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+    return json.dumps(value)
+
+
+def _cell(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def as_rows(kind: str, names: list[str], from_s: float, to_s: float) -> list[tuple[float, str]]:
@@ -70,7 +83,7 @@ def as_rows(kind: str, names: list[str], from_s: float, to_s: float) -> list[tup
     quantity = parameters.pop("quantity", "")
     channel = "+".join(names) or "*"
     channel += f".{quantity}" if quantity else ""
-    value = ";".join(f"{k}={'|'.join(map(str, v)) if isinstance(v, list) else v}" for k, v in parameters.items())
+    value = ";".join(f"{k}={'|'.join(map(str, v)) if isinstance(v, list) else _cell(v)}" for k, v in parameters.items())
     return [(from_s, f"{from_s},{channel},{value},{kind}"), (to_s, f"{to_s},{channel},{kind},end")]
 
 

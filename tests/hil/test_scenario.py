@@ -56,11 +56,22 @@ def test_the_configuration_is_beside_the_file(tmp_path: Path) -> None:
         ("[flight]\nspeed = 60\n", r"flight.speed: there is no such key; allowed here: .*speed_mps"),
         (
             '[[fault]]\nkind = "explosion"\n',
-            r"'obstacle', 'off_track', 'stuck', 'invalid', 'bias'",
+            r"'obstacle', 'off_track', 'terrain_shift', 'stuck', 'invalid', 'bias'",
         ),
         ('[[fault]]\nkind = "can_status"\nflags = []\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*flags"),
         ('[[fault]]\nkind = "can_status"\nflags = ["dull"]\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'rx_fifo_full'"),
         ('[[fault]]\nkind = "cut"\nfrom_s = 5\nto_s = 5\n', r"fault\[0\].to_s = 5.0: must be after from_s"),
+        (
+            '[[fault]]\nkind = "attitude_offset"\nfrom_s = 0\nto_s = 5\n',
+            r"fault\[0\].*one of roll_deg, pitch_deg, heading_deg must not be 0",
+        ),
+        (
+            '[[fault]]\nkind = "inertial_bias"\ngyro_degph = [0, 0, 0]\nfrom_s = 0\nto_s = 5\n',
+            r"one of gyro_degph, accel_mg must not be 0",
+        ),
+        ('[[fault]]\nkind = "terrain_shift"\n', r"one of north_m, east_m, up_m must not be 0"),
+        ('[[fault]]\nkind = "latency"\nby_s = 0\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*by_s"),
+        ('[[fault]]\nkind = "undulation"\nstated = "none"\nfrom_s = 0\nto_s = 5\n', r"fault\[0\].*'zero'"),
         ("[flight]\nduration_s = 0\n", r"flight.duration_s = 0"),
     ],
 )

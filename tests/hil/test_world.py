@@ -12,8 +12,9 @@ from fti.config import Altimeter, Device
 from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.hil.tables.flights import ApproachFlight
-from fti.hil.tables.kinds import Obstacle
-from fti.hil.world import World, calibrated_airspeed, impact_pressure, with_obstacles
+from fti.hil.tables.kinds import Obstacle, TerrainShift
+from fti.hil.world import World, calibrated_airspeed, impact_pressure, true_ground, with_obstacles
+from fti.terrain.terrain import Terrain
 from tests.hil.worlds import flat_terrain, path, scenario, world
 
 DEVICE = Device(name="altimeter", link="line", driver="freeflight_ra4500")
@@ -113,3 +114,31 @@ def test_the_radar_sees_the_obstacle() -> None:
     t = np.array([5.0])
     clear, blocked = world().radar_ranges(t, 0.7, DEVICE), world(fault=(box,)).radar_ranges(t, 0.7, DEVICE)
     assert clear[0] - blocked[0] > 70.0
+
+
+def test_the_true_ground_lies_where_the_displaced_copy_does_not() -> None:
+    """A copy that is 300 m too far north, 200 m too far east and 25 m too high: the hill is south-west and lower."""
+    posts = np.zeros((401, 401))
+    posts[200, 200] = 80.0  # a hill of one post in the middle
+    lat0, lon0 = math.radians(48.0), math.radians(11.0)
+    copy = Terrain.from_array(posts, 20.0, lat0=lat0, lon0=lon0, alt0=500.0, east0=-4000.0, north0=-4000.0)
+    ground = true_ground(copy, [TerrainShift(kind="terrain_shift", north_m=300.0, east_m=200.0, up_m=25.0)])
+    # 1 degree at 48 degrees north: 111 194 m to the north and 74 625 m to the east (WGS84, 500 m above it)
+    lat, lon = math.radians(48.0 - 300.0 / 111_203.0), math.radians(11.0 - 200.0 / 74_634.0)
+    assert float(copy.height(lat0, lon0)) == pytest.approx(580.0, abs=0.01)
+    assert float(ground.height(lat, lon)) == pytest.approx(555.0, abs=2.0)
+    assert float(ground.height(lat0, lon0)) == pytest.approx(475.0, abs=0.05)
+    far = math.radians(48.0 + 3000.0 / 111_203.0)  # 3 km from the origin of the frame: moved with its curvature
+    assert float(copy.height(far, lon0) - ground.height(far, lon0)) == pytest.approx(25.0, abs=0.2)
+
+
+def test_an_altimeter_measures_the_true_ground_below_a_displaced_copy() -> None:
+    t = np.arange(0.0, 10.0, 0.5)
+    shift = {"kind": "terrain_shift", "up_m": 25.0}
+    without, wrong = (flown.radar_ranges(t, math.radians(40.0), DEVICE) for flown in (world(), world(fault=(shift,))))
+    np.testing.assert_allclose(wrong - without, 25.0, atol=0.2)
+
+
+def test_a_flight_below_the_true_ground_is_refused() -> None:
+    with pytest.raises(ConfigError, match="m below the ground at"):
+        world(fault=({"kind": "terrain_shift", "up_m": -900.0},))

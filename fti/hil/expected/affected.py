@@ -2,6 +2,8 @@
 
 A device that is lost must be noticed: its faults explain an output that is rarer or not valid, never a wrong value that
 is called valid.  A device that measures wrong values explains those, too: what it must raise is an expected flag.
+
+Faults of ``compared`` explain no wrong value of navigation.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.hil.expected.aircraft import Aircraft, Truth
+from fti.hil.expected.compared import OfSource, is_compared
 from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, SOURCE_REFUSED_S, doubted_s
 from fti.hil.expected.flags import told
 from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
@@ -34,17 +37,20 @@ from fti.hil.tables.kinds import (
     OffTrack,
     Reordered,
     Stuck,
+    TerrainShift,
     Truncated,
     WrongLabel,
 )
 
 Interval = tuple[float, float]
+#: Outputs that are compared with the known ground, and those that it aids.
+MONITORED, AIDED = (INTEGRITY, GLIDE), (FILTER, VERTICAL, FIX)
 #: A fault that no device is lost by.
 HARMLESS = GnssDegraded
 #: Faults by which a device states a wrong value, a right one at a wrong time, or one that may be taken for another.
 WRONG = (
     Stuck | Freeze | OnQuantity | Fog | GnssOffset | ClockJump | ClockDrift | Burst | Reordered
-    | BitErrors | LostHeader | Truncated | WrongLabel
+    | BitErrors | LostHeader | Truncated | WrongLabel | OfSource
 )  # fmt: skip
 #: A device that was lost has its fix, its clock and its rate again so long after it came back [s].
 BACK_S = 2.0
@@ -67,16 +73,41 @@ class Affected:
                 memory_s = max(self._memory_s(output), self._excluded_s(fault, name, output))
                 whole = (fault.from_s, self._back_s(fault, name) + self._refused_s(fault, name, output) + memory_s)
                 found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
-        return [*found, *self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
+        found += [*self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
+        return found + list(self._on_displaced_map(output))
 
     def wrong(self, output: RequiredOutput) -> list[Interval]:
         """When the output may be wrong and call itself valid [s of the flight]."""
+        of_navigation = output.topic.startswith("/nav/")
         found = [
             (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
             for fault, name in self._on(output.devices)
-            if isinstance(fault, WRONG) and self._counts(name, fault, output)
+            if isinstance(fault, WRONG)
+            and self._counts(name, fault, output)
+            and not (of_navigation and is_compared(fault))
         ]
         return found + list(self._on_ground(output))
+
+    def compared(self, output: RequiredOutput) -> list[Interval]:
+        """When the output of navigation must be right or not valid although a fault acts on it [s of the flight]."""
+        if not output.topic.startswith("/nav/"):
+            return []
+        found = [
+            (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
+            for fault, name in self._on(output.devices)
+            if isinstance(fault, WRONG) and is_compared(fault) and self._counts(name, fault, output)
+        ]
+        return found + list(self._on_displaced_map(output))
+
+    def undetected(self) -> list[Interval]:
+        """From the effect of such a fault until its flag must be raised [s of the flight]."""
+        return [
+            (duty.from_s, duty.from_s + duty.within_s)
+            for fault in self._faults
+            if is_compared(fault)
+            for one in told(fault, self._craft, self._truth)
+            for duty in one.duties
+        ]
 
     def _on(self, names: Sequence[str]) -> Iterator[tuple[OnDevices | BusOff | Babbling, str]]:
         """The faults of these devices."""
@@ -141,14 +172,19 @@ class Affected:
 
     def _on_ground(self, output: RequiredOutput) -> Iterator[Interval]:
         """Obstacles that the reference does not know, in what is compared with the known ground."""
-        monitored, aided = output.topic in (INTEGRITY, GLIDE), output.topic in (FILTER, VERTICAL, FIX)
-        if not (monitored or aided or output.topic.startswith((HEIGHT, BELOW))):
+        monitored, aided = output.topic in MONITORED, output.topic in AIDED
+        if not _knows_ground(output):
             return
         for fault in self._faults:
             if isinstance(fault, Obstacle):
                 for may in (may for one in told(fault, self._craft, self._truth) for may in one.may):
                     if (may.place == INTEGRITY) is monitored:
                         yield may.from_s, may.until_s + (output.memory_s if aided else 0.0)
+
+    def _on_displaced_map(self, output: RequiredOutput) -> Iterator[Interval]:
+        """The whole flight, where the output is compared with the ground or aided by it."""
+        if any(isinstance(fault, TerrainShift) for fault in self._faults) and _knows_ground(output):
+            yield 0.0, self._truth.end_s
 
     def _by_disagreement(self, output: RequiredOutput) -> Iterator[Interval]:
         """An altimeter that another one contradicts, which states wrong values, may be refused with it."""
@@ -163,6 +199,10 @@ class Affected:
         for fault in self._faults:
             if isinstance(fault, OffTrack) and output.topic in (INTEGRITY, GLIDE):
                 yield fault.from_s, fault.to_s + fault.turn_s + doubted_s(self._craft)
+
+
+def _knows_ground(output: RequiredOutput) -> bool:
+    return output.topic in (*MONITORED, *AIDED) or output.topic.startswith((HEIGHT, BELOW))
 
 
 def inside(t: NDArray[np.float64], intervals: Sequence[Interval]) -> NDArray[np.bool_]:

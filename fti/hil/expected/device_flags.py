@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from fti.hil.expected.compared import OfSource
 from fti.hil.expected.duties import (
     BITS,
     CLOCK_RENEW_S,
@@ -36,8 +37,10 @@ from fti.hil.expected.duties import (
     doubted_s,
 )
 from fti.hil.expected.ground_flags import drawn_away, in_fog, stands_still, wrong_value
+from fti.hil.expected.source_flags import NOT_COMPARED, source_duties
 from fti.hil.tables.bases import OnDevices, OnQuantity
 from fti.hil.tables.kinds import (
+    AttitudeOffset,
     BitErrors,
     Breaker,
     BrownOut,
@@ -47,16 +50,21 @@ from fti.hil.tables.kinds import (
     Cut,
     Duplicated,
     Fog,
-    Forced,
     Freeze,
     GnssDegraded,
     GnssOffset,
     GnssOutage,
+    GnssRamp,
+    InertialBias,
     Invalid,
+    Latency,
+    LeverArm,
     LostHeader,
     Reordered,
     Stuck,
+    SwappedCoordinates,
     Truncated,
+    Undulation,
     WrongChecksum,
     WrongLabel,
 )
@@ -67,6 +75,8 @@ def on_device(fault: OnDevices, case: Case) -> Told:
     for kinds, rule in RULES:
         if isinstance(fault, kinds):
             duties, unknown = rule(fault, case)
+            duties = [*duties, *source_duties(fault, case)]
+            unknown = "" if duties else unknown
             return Told.from_duties(case.name, duties, tuple(consequences(case, *_in_health(fault))), unknown)
     raise AssertionError(f"no flags are stated for {type(fault).__name__}")
 
@@ -212,7 +222,7 @@ def _comes_in_bursts(fault: Burst, case: Case) -> Found:
     return _stale(case), ""
 
 
-def _nobody_knows(what: str) -> Callable[[Any, Case], Found]:
+def _is_not_detected(what: str) -> Callable[[Any, Case], Found]:
     return lambda fault, case: ([], what)
 
 
@@ -227,13 +237,18 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
     (OnQuantity, wrong_value),
     (GnssDegraded, _is_worse),
     (GnssOffset, drawn_away),
+    (LeverArm, _is_not_detected("a device that is mounted elsewhere")),
+    (
+        GnssRamp | SwappedCoordinates | Undulation | AttitudeOffset | InertialBias | Latency,
+        _is_not_detected(NOT_COMPARED),
+    ),
     (Fog, in_fog),
     (ClockJump, _clock_jumps),
     (ClockDrift, _clock_drifts),
     (BitErrors | LostHeader | Truncated | WrongChecksum, _is_damaged),
     (WrongLabel, _is_renamed),
     (Duplicated, _is_doubled),
-    (Reordered, _nobody_knows("messages out of order")),
+    (Reordered, _is_not_detected("messages out of order")),
     (Burst, _comes_in_bursts),
 )
 
@@ -242,11 +257,11 @@ RULES: Sequence[tuple[Any, Callable[[Any, Case], Found]]] = (
 #: A wrong number may be one that no message can carry: then none comes.
 NO_MESSAGE = ("silent", "noise", "wrong rate")
 IN_HEALTH: Sequence[tuple[Any, tuple[str, ...]]] = (
-    (Stuck | Invalid | Fog | GnssDegraded | GnssOffset, ("invalid",)),
+    (OnQuantity | SwappedCoordinates, ("invalid", *NO_MESSAGE)),
+    (Stuck | Invalid | Fog | GnssDegraded | GnssOffset | OfSource, ("invalid",)),
     (GnssOutage, ("invalid", "clock away")),
     (ClockJump | ClockDrift, ("clock away",)),
     (Duplicated, ("wrong rate",)),
-    (OnQuantity | Forced, ("invalid", *NO_MESSAGE)),
     (Cut | Breaker | BrownOut, ("invalid", "clock away", *NO_MESSAGE)),
 )
 

@@ -117,7 +117,7 @@ class May:
 class Told:
     """What belongs to one fault of one subject (a device, a link, "flight").
 
-    unknown   : what nobody knows yet, in words; "" where every consequence is known
+    unknown   : what raises no flag, in words; "" where every consequence is known
     too_short : flags that are not due because the fault ends before they must be raised
     """
 

@@ -17,29 +17,54 @@ from fti.config import StrictModel
 from fti.hil.expected.flags_of_kinds import FLAGS, NO_FLAG, KindFlag
 from fti.hil.faults.fitting import drivers_of
 from fti.hil.tables.bases import OnDevices, OnLinks, OnMessages, OnQuantity
-from fti.hil.tables.kinds import CanStatus, Fault, FaultKind, Fog, Obstacle, OffTrack, OfPower
+from fti.hil.tables.kinds import (
+    AttitudeOffset,
+    CanStatus,
+    Fault,
+    FaultKind,
+    Fog,
+    InertialBias,
+    LeverArm,
+    Obstacle,
+    OffTrack,
+    OfPower,
+    SwappedCoordinates,
+    TerrainShift,
+    Undulation,
+)
 
 #: Keys that a kind shares with all others of devices, or of links.
 SHARED = ("devices", "links", "from_s", "to_s")
 #: What a fault can be of; the first that fits.
 SUBJECTS: tuple[tuple[Any, str], ...] = (
-    (Obstacle | OffTrack, "the world"),
+    (Obstacle | OffTrack | TerrainShift, "the world"),
     (CanStatus, "CAN links with an slcan adapter"),
     (OnLinks, "CAN links"),
     (OnQuantity, "devices that measure the quantity"),
     (OnMessages, "messages of devices"),
+    (SwappedCoordinates, "devices that send a latitude and a longitude"),
+    (Undulation, "devices that send a height above the ellipsoid, or an undulation"),
+    (LeverArm, "devices that send a position, a velocity or a range"),
+    (AttitudeOffset, "devices that send the angle"),
+    (InertialBias, "devices that send the angular rate or the specific force of the axis"),
     (Fog, "devices; of these only laser altimeters are affected"),
     (OfPower, "devices, except power units"),
     (OnDevices, "devices"),
 )
 #: Devices of configs/demo.toml for the kinds that its altimeter, of the other examples, cannot have.
 OTHER_DEVICES: Mapping[FaultKind, str] = {
+    FaultKind.ATTITUDE_OFFSET: "ahrs",
     FaultKind.CLOCK_DRIFT: "gnss",
     FaultKind.CLOCK_JUMP: "gnss",
     FaultKind.FOG: "autopilot",
     FaultKind.GNSS_DEGRADED: "gnss",
     FaultKind.GNSS_OFFSET: "gnss",
     FaultKind.GNSS_OUTAGE: "gnss",
+    FaultKind.GNSS_RAMP: "gnss",
+    FaultKind.INERTIAL_BIAS: "ins",
+    FaultKind.LEVER_ARM: "gnss",
+    FaultKind.SWAPPED_COORDINATES: "gnss",
+    FaultKind.UNDULATION: "gnss",
     FaultKind.WRONG_CHECKSUM: "gnss",
     FaultKind.WRONG_LABEL: "gnss",
 }
@@ -135,6 +160,8 @@ def limits(schema: Mapping[str, Any]) -> str:
     """The allowed values of a key in words, from its JSON schema."""
     if "anyOf" in schema:
         return " or ".join(limits(part) for part in schema["anyOf"] if part.get("type") != "null")
+    if schema.get("type") == "boolean":
+        return "true or false"
     if "enum" in schema:
         return f"one of {', '.join(schema['enum'])}"
     if schema["type"] == "array":

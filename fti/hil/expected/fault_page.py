@@ -31,7 +31,7 @@ of a scenario must raise with its configuration, and their limits in seconds.
 ## Keys that faults share
 
 Faults of CAN links have `links`, `from_s` and `to_s`; faults of devices have `devices`, `from_s` and `to_s`. Faults of
-the world (`obstacle`, `off_track`) have their own.
+the world (`obstacle`, `off_track`, `terrain_shift`) have their own.
 """
 
 

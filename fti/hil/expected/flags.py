@@ -16,8 +16,8 @@ place                                words
 /D/device_status                     the conditions that a device names while it is not well
 /D/...                               invalid: a measurement that the device declares so
 
-A duty is due when the fault lasts longer than it may take.  What no part of the daemon compares is **not known yet**:
-it is told as such, and is neither a miss nor a success.
+A duty is due when the fault lasts longer than it may take.  What no part of the daemon compares raises no flag, which
+is neither a miss nor a success; ``compared`` lists the faults whose effects on the outputs are judged by the truth.
 """
 
 from __future__ import annotations
@@ -38,10 +38,12 @@ from fti.hil.expected.duties import (
     LINKS,
     MEMORY_S,
     MEMORY_WORDS,
+    NAV_EVENT,
     NAV_S,
     OBSTACLE_M,
     SILENT_S,
     SLOWEST_MPS,
+    SOLUTION,
     WINDOW_S,
     Case,
     Duty,
@@ -52,7 +54,7 @@ from fti.hil.expected.duties import (
 from fti.hil.expected.fallbacks import of_fallbacks
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.bases import OnLinks
-from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack
+from fti.hil.tables.kinds import Babbling, BusOff, CanStatus, Fault, Obstacle, OffTrack, TerrainShift
 
 
 def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:
@@ -61,6 +63,8 @@ def told(fault: Fault, craft: Aircraft, truth: Truth) -> list[Told]:
         return [_obstacle(fault, craft, truth)]
     if isinstance(fault, OffTrack):
         return [_off_track(fault, craft, truth)]
+    if isinstance(fault, TerrainShift):
+        return [_displaced_map(craft, truth)]
     if isinstance(fault, OnLinks):
         return [_on_link(fault, craft, truth, name) for name in fault.links or craft.can_links(fault)]
     names = [bound.device.name for bound in craft.devices if is_of(fault, bound)]
@@ -129,6 +133,14 @@ def _off_track(fault: OffTrack, craft: Aircraft, truth: Truth) -> Told:
     begin, end = beyond
     duty = Duty(INTEGRITY, ("off_track",), begin, end, NAV_S + SILENT_S, NAV_S + SILENT_S)
     return Told("flight", (duty,), (May(INTEGRITY, begin, end + doubted_s(craft)),))
+
+
+def _displaced_map(craft: Aircraft, truth: Truth) -> Told:
+    """Everything that is compared with the elevation model, and what it aids, may be contradicted at any time."""
+    end = truth.end_s + SILENT_S
+    places = (INTEGRITY, HEIGHT, SOLUTION, NAV_EVENT, *(f"/fti/event/{name}" for name in craft.altimeters))
+    may = tuple(May(place, 0.0, end) for place in places if craft.knows_ground or place == INTEGRITY)
+    return Told("flight", (), may, "an elevation model that is displaced")
 
 
 # --------------------------------------------------------------------------------------------------- of a line

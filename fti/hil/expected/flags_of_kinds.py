@@ -26,6 +26,7 @@ from fti.hil.expected.duties import (
     STUCK_S,
     STUCK_SHARE,
 )
+from fti.hil.expected.source_flags import SOURCE_FLAGS
 from fti.hil.tables.kinds import FaultKind
 
 
@@ -78,6 +79,15 @@ FALLBACK = (
     ),
 )
 
+
+def _of_source(kind: FaultKind) -> tuple[KindFlag, ...]:
+    """What the table of wrong sources has for a kind, where it is due."""
+    flag = SOURCE_FLAGS.get(kind)
+    if flag is None or not flag.is_due:
+        return ()
+    return (KindFlag(SOLUTION, (f"{flag.role} not from DEVICE",), f"DEVICE is the first of nav.{flag.role}"),)
+
+
 #: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
 FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.OBSTACLE: (
@@ -91,6 +101,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
         ),
     ),
     FaultKind.OFF_TRACK: (KindFlag(INTEGRITY, ("off_track",), BESIDE),),
+    FaultKind.TERRAIN_SHIFT: (),
     FaultKind.CUT: (SILENT, *STALE, *FALLBACK),
     FaultKind.FREEZE: (CLOCK_AWAY,),
     FaultKind.STUCK: (REPEATED, WRONG_RANGE),
@@ -131,6 +142,13 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
             f"height is wrong by more than {DEVIATION_M:g} m",
         ),
     ),
+    FaultKind.GNSS_RAMP: _of_source(FaultKind.GNSS_RAMP),
+    FaultKind.SWAPPED_COORDINATES: _of_source(FaultKind.SWAPPED_COORDINATES),
+    FaultKind.UNDULATION: _of_source(FaultKind.UNDULATION),
+    FaultKind.LEVER_ARM: (),
+    FaultKind.ATTITUDE_OFFSET: _of_source(FaultKind.ATTITUDE_OFFSET),
+    FaultKind.INERTIAL_BIAS: (),
+    FaultKind.LATENCY: (),
     FaultKind.CLOCK_JUMP: (KindFlag(HEALTH, ("clock away",), f"by_s is {CLOCK_SEEN_S:g} s or more"),),
     FaultKind.CLOCK_DRIFT: (),
     FaultKind.BIT_ERRORS: (KindFlag(HEALTH, ("damaged bytes",), MANY_BITS),),
@@ -146,6 +164,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
         *ALL_STALE,
     ),
     FaultKind.WRONG_UNIT: (WRONG_RANGE,),
+    FaultKind.SCALE: (WRONG_RANGE,),
     FaultKind.FORCED: (WRONG_RANGE,),
     FaultKind.BURST: tuple(
         KindFlag(flag.place, flag.words, f"hold_s is longer than the age limit (max_age_ms) of DEVICE, and {flag.when}")

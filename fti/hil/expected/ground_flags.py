@@ -32,7 +32,7 @@ from fti.hil.expected.duties import (
 )
 from fti.hil.faults.gnss import GnssFaults
 from fti.hil.tables.bases import OnQuantity
-from fti.hil.tables.kinds import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Stuck, WrongUnit
+from fti.hil.tables.kinds import Bias, Fog, Forced, GnssOffset, Noise, Ramp, Scale, Stuck, WrongUnit
 from fti.types import Reason
 
 #: What an altimeter measures.
@@ -146,6 +146,8 @@ def _said(fault: OnQuantity, case: Case) -> Array:
             return true + fault.sd
         case WrongUnit():
             return true * fault.factor
+        case Scale():
+            return true * (1.0 + fault.percent / 100.0)
         case Forced():
             return np.full(len(true), fault.value)
     raise AssertionError(f"nobody states what {type(fault).__name__} makes of a range")

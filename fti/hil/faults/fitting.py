@@ -25,6 +25,7 @@ from fti.hil.tables.kinds import (
     Duplicated,
     Fault,
     Freeze,
+    LeverArm,
     LostHeader,
     OfPower,
     Reordered,
@@ -72,6 +73,8 @@ def _why_not_connected(fault: OnDevices, bound: BoundDevice) -> str:
         return f"{driver} is on CAN, where a frame has its header or is none; every driver of a line can lose it"
     if isinstance(fault, OfPower) and driver == POWER_UNIT:
         return f"{driver} feeds itself and has no breaker; every other driver can lose its power"
+    if isinstance(fault, LeverArm) and driver == POWER_UNIT:
+        return f"{driver} measures nothing that depends on its place"
     return ""
 
 

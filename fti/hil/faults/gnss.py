@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.hil.tables.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage
+from fti.hil.tables.kinds import Fault, GnssDegraded, GnssOffset, GnssOutage, GnssRamp
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 #: Drivers of receivers, and of devices that may have one in them.
 RECEIVERS = frozenset({"mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"})
 WITH_RECEIVER = frozenset({"arinc429", "ascii_line", "binary_struct", "dbc", "imar_ixcom"}) | RECEIVERS
-OfGnss = GnssOutage | GnssDegraded | GnssOffset
+OfGnss = GnssOutage | GnssDegraded | GnssOffset | GnssRamp
 
 
 class GnssFaults:
@@ -46,7 +46,8 @@ class GnssFaults:
     def offset_n(self, t: Array) -> tuple[Array, Array]:
         """Where a false signal has drawn the solution [m], and how fast it goes there [m/s]: north, east, down, (n, 3).
 
-        It goes there evenly in ``over_s`` and stays until the end of the interval.
+        An offset grows evenly in ``over_s`` and stays until the end of the interval; a ramp grows until then, and the
+        velocity contains its rate only where the fault says so.
         """
         offset, rate = np.zeros((*t.shape, 3)), np.zeros((*t.shape, 3))
         for fault in self._faults:
@@ -56,7 +57,24 @@ class GnssFaults:
                 offset[here] += _share(since, fault.over_s)[here, None] * goal
                 moving = here & (since < fault.over_s)
                 rate[moving] += goal / max(fault.over_s, 1e-9)
+            elif isinstance(fault, GnssRamp):
+                rate_n = np.array([fault.north_mps, fault.east_mps, -fault.up_mps])
+                here, since = (t >= fault.from_s) & (t < fault.to_s), t - fault.from_s
+                seconds, share = _ramp(since[here], float(np.linalg.norm(rate_n)), fault.onset_mps2)
+                offset[here] += seconds[:, None] * rate_n
+                rate[here] += share[:, None] * rate_n if fault.with_velocity else 0.0
         return offset, rate
+
+
+def _ramp(since: Array, speed: float, onset: float) -> tuple[Array, Array]:
+    """Seconds at full speed that give the way so far, and the share of the speed; shape as since [s].
+
+    From rest with ``onset`` [m/s^2] until ``speed`` [m/s] is reached; 0: at once.
+    """
+    if onset == 0.0:
+        return since, np.ones_like(since)
+    full_s = speed / onset
+    return np.where(since < full_s, since**2 / (2.0 * full_s), since - full_s / 2.0), np.minimum(since / full_s, 1.0)
 
 
 def _share(since: Array, over_s: float) -> Array:

@@ -10,8 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from fti.hil.faults.navigation import Delayed, OfNavigation, misstated
 from fti.hil.tables.bases import OnDevices, OnLinks, OnQuantity
-from fti.hil.tables.kinds import Bias, Fault, Fog, Forced, Invalid, Noise, Ramp, Stuck, WrongUnit
+from fti.hil.tables.kinds import (
+    Bias,
+    Fault,
+    Fog,
+    Forced,
+    Invalid,
+    Latency,
+    Noise,
+    Ramp,
+    Scale,
+    Stuck,
+    WrongUnit,
+)
 from fti.hil.tables.quantities import changed, is_meant, parse
 from fti.types import (
     Ack,
@@ -25,7 +38,8 @@ from fti.types import (
     Satellites,
 )
 
-OnDevice = Stuck | Invalid | Fog | Bias | Ramp | Noise | WrongUnit | Forced
+OfNumber = Bias | Ramp | Noise | WrongUnit | Scale | Forced
+OnDevice = Stuck | Invalid | Fog | OfNumber | OfNavigation | Latency
 WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, DeviceTime, Ack, Calibration)
 
 
@@ -49,23 +63,29 @@ class DeviceFaults:
             if isinstance(f, OnDevice) and f.may_be_on(device)
         ]
         self._held: dict[tuple[int, type, int], Measurement] = {}
+        self._delayed = {i: Delayed(f) for i, (f, _) in enumerate(self._faults) if isinstance(f, Latency)}
 
     def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
         """What the device says at t [s] instead of these measurements."""
         for i, (fault, rng) in enumerate(self._faults):
+            earlier = self._delayed[i].apply(t, measurements) if i in self._delayed else measurements
             if is_on(fault, t):
-                measurements = self._applied(i, fault, t, measurements, rng)
+                measurements = self._applied(i, fault, t, earlier, rng)
         return measurements
 
     def _applied(
         self, index: int, fault: OnDevice, t: float, measurements: list[Measurement], rng: np.random.Generator
     ) -> list[Measurement]:
+        if isinstance(fault, Latency):
+            return measurements
         if isinstance(fault, Stuck):
             return self._stuck(index, measurements)
         if isinstance(fault, Fog):
             return [_in_fog(m, fault, t) for m in measurements]
         if isinstance(fault, Invalid):
             return [_invalidated(m, fault.flags) for m in measurements]
+        if isinstance(fault, OfNavigation):
+            return [misstated(m, fault) for m in measurements]
         return _with_wrong_number(fault, _error_of(fault, t, rng), measurements)
 
     def _stuck(self, index: int, measurements: list[Measurement]) -> list[Measurement]:
@@ -78,10 +98,10 @@ class DeviceFaults:
         return found
 
 
-def _error_of(
-    fault: Bias | Ramp | Noise | WrongUnit | Forced, t: float, rng: np.random.Generator
-) -> Callable[[float], float]:
+def _error_of(fault: OfNumber, t: float, rng: np.random.Generator) -> Callable[[float], float]:
     """What becomes of a right value at t [s]."""
+    if isinstance(fault, Scale):
+        return lambda value: value * (1.0 + fault.percent / 100.0)
     if isinstance(fault, WrongUnit):
         return lambda value: value * fault.factor
     if isinstance(fault, Forced):

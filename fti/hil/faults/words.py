@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from fti.hil.tables.bases import OnDevices, OnLinks
-from fti.hil.tables.kinds import Fault, FaultKind, Obstacle
+from fti.hil.tables.kinds import Fault, FaultKind, WholeFlight
 
 #: What is wrong, with the fault's own figures in it.
 WORDS: Mapping[FaultKind, str] = {
     FaultKind.OBSTACLE: "obstacle of {height_m:g} m, {before_threshold_m:g} m before the threshold",
     FaultKind.OFF_TRACK: "{right_m:+g} m off the track",
+    FaultKind.TERRAIN_SHIFT: "elevation model displaced by {north_m:+g} m north, {east_m:+g} m east, {up_m:+g} m up",
     FaultKind.CUT: "cable cut",
     FaultKind.FREEZE: "last messages again and again",
     FaultKind.STUCK: "values stuck",
@@ -20,11 +21,19 @@ WORDS: Mapping[FaultKind, str] = {
     FaultKind.RAMP: "{quantity} {rate:+g} a second",
     FaultKind.NOISE: "{quantity} noisy, sigma {sd:g}",
     FaultKind.WRONG_UNIT: "{quantity} in a wrong unit, times {factor:g}",
+    FaultKind.SCALE: "{quantity} scaled, {percent:+g} %",
     FaultKind.FORCED: "{quantity} forced to {value:g}",
     FaultKind.FOG: "fog, {visibility_m:g} m",
     FaultKind.GNSS_OUTAGE: "no satellites",
     FaultKind.GNSS_DEGRADED: "position degraded, sigma {horizontal_m:g} and {vertical_m:g} m",
     FaultKind.GNSS_OFFSET: "position drawn away",
+    FaultKind.GNSS_RAMP: "position ramp, {north_mps:+g} m/s north, {east_mps:+g} m/s east, {up_mps:+g} m/s up",
+    FaultKind.SWAPPED_COORDINATES: "latitude and longitude exchanged",
+    FaultKind.UNDULATION: "height without the undulation, {stated}",
+    FaultKind.LEVER_ARM: "mounted {forward_m:+g} m forward, {right_m:+g} m right, {down_m:+g} m down of its place",
+    FaultKind.ATTITUDE_OFFSET: "attitude off: roll {roll_deg:+g}, pitch {pitch_deg:+g}, heading {heading_deg:+g} deg",
+    FaultKind.INERTIAL_BIAS: "biases step by {gyro_degph} deg/h and {accel_mg} mg",
+    FaultKind.LATENCY: "values {by_s:g} s old",
     FaultKind.CLOCK_JUMP: "clock off by {by_s:+g} s",
     FaultKind.CLOCK_DRIFT: "clock fast by {ppm:g} ppm",
     FaultKind.BIT_ERRORS: "bit errors",
@@ -47,10 +56,10 @@ def active(faults: Sequence[Fault], t: float) -> Iterator[dict[str, Any]]:
     """The faults that act at t [s], in plain JSON types.
 
     on      : devices or links that are named; empty: every one that it can be on, or the world
-    until_s : None of an obstacle, which is there all the time
+    until_s : None of what is there for the whole flight
     """
     for fault in faults:
-        if isinstance(fault, Obstacle) or fault.from_s <= t < fault.to_s:
+        if isinstance(fault, WholeFlight) or fault.from_s <= t < fault.to_s:
             yield {"kind": fault.kind, "words": describe(fault), "on": list(_named(fault)), "until_s": _end(fault)}
 
 
@@ -66,4 +75,4 @@ def _named(fault: Fault) -> tuple[str, ...]:
 
 
 def _end(fault: Fault) -> float | None:
-    return None if isinstance(fault, Obstacle) else fault.to_s
+    return None if isinstance(fault, WholeFlight) else fault.to_s

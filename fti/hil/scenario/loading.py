@@ -12,7 +12,7 @@ from fti.errors import ConfigError, MissingError
 from fti.hil.scenario.checking import check
 from fti.hil.scenario.profile import read as read_profile
 from fti.hil.tables.flights import AnyFlight, ApproachFlight, RecordedFlight
-from fti.hil.tables.kinds import Obstacle, OffTrack
+from fti.hil.tables.kinds import OffTrack, WholeFlight
 from fti.hil.tables.schema import Scenario
 
 FOLDER = Path(__file__).resolve().parents[3] / "configs" / "scenarios"
@@ -35,7 +35,7 @@ def parse(table: Mapping[str, Any], path: Path) -> Scenario:
 def _check(scenario: Scenario, path: Path) -> None:
     """What no table can say by itself."""
     for i, fault in enumerate(scenario.fault):
-        if not isinstance(fault, Obstacle) and fault.from_s >= fault.to_s:
+        if not isinstance(fault, WholeFlight) and fault.from_s >= fault.to_s:
             raise ConfigError(f"{path}: fault[{i}].to_s = {fault.to_s}: must be after from_s = {fault.from_s}")
         if isinstance(fault, OffTrack) and not isinstance(scenario.flight, ApproachFlight):
             raise ConfigError(f"{path}: fault[{i}].kind = 'off_track': a flight of {scenario.flight.kind} has no track")

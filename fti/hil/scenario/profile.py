@@ -19,7 +19,7 @@ it is one thing that happens, so that a table of many channels can be read, and 
                      word, at the latest ``within`` [s] later (1 s when it is empty)
 
 Numbers are SI and radians.  A line that begins with # is a comment.  A fault that never ends is an error, as is what
-belongs to the world (obstacle, off_track): that has no beginning, and stands in the scenario.
+belongs to the world (obstacle, off_track, terrain_shift): that has no beginning, and stands in the scenario.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from typing import Any, NamedTuple, get_args, get_origin
 from fti.config import StrictModel
 from fti.hil.scenario.rows import Row, rows
 from fti.hil.tables.bases import OnLinks, OnQuantity
-from fti.hil.tables.kinds import Fault, FaultKind, Obstacle, OffTrack
+from fti.hil.tables.kinds import Fault, FaultKind, Obstacle, OffTrack, TerrainShift
 from fti.hil.tables.schema import Expectation
 from fti.service.binding import read_text
 
@@ -41,7 +41,7 @@ EVERY = "*"
 KINDS: Mapping[str, type[StrictModel]] = {
     kind: model
     for model in get_args(get_args(Fault)[0])
-    if model not in (Obstacle, OffTrack)
+    if model not in (Obstacle, OffTrack, TerrainShift)
     for kind in get_args(model.model_fields["kind"].annotation)
 }
 #: The parameter that ``value`` is when it has no name.
@@ -58,11 +58,14 @@ FIRST = {
     FaultKind.FOG: "visibility_m",
     FaultKind.FORCED: "value",
     FaultKind.INVALID: "flags",
+    FaultKind.LATENCY: "by_s",
     FaultKind.LOST_HEADER: "count",
     FaultKind.NOISE: "sd",
     FaultKind.RAMP: "rate",
     FaultKind.REORDERED: "share",
+    FaultKind.SCALE: "percent",
     FaultKind.TRUNCATED: "count",
+    FaultKind.UNDULATION: "stated",
     FaultKind.WRONG_CHECKSUM: "share",
     FaultKind.WRONG_LABEL: "share",
     FaultKind.WRONG_UNIT: "factor",

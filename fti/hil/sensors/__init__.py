@@ -10,7 +10,7 @@ from fti.hil.sensors.air_data import AirSettings
 from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter, RadarSettings
 from fti.hil.sensors.arinc_units import ArincUnit
 from fti.hil.sensors.autopilot import Autopilot
-from fti.hil.sensors.base import ModelType, Sensor
+from fti.hil.sensors.base import Sensor
 from fti.hil.sensors.can_units import AirDataUnit, DbcUnits
 from fti.hil.sensors.deflections import DeflectionPickups, PickupSettings
 from fti.hil.sensors.described import DescribedDevice
@@ -20,6 +20,7 @@ from fti.hil.sensors.imu_grades import ImuSettings
 from fti.hil.sensors.inertial import InertialNavigation
 from fti.hil.sensors.inertial_solution import InertialSettings
 from fti.hil.sensors.magnetometer import Magnetometer, MagnetometerSettings
+from fti.hil.sensors.model import ModelType
 from fti.hil.sensors.novatel import SurveyReceiver
 from fti.hil.sensors.power_unit import PowerPanel
 from fti.hil.sensors.settings import DeviceSettings, check_settings

@@ -103,7 +103,7 @@ class ArincUnit:
         self._avionics = Avionics(bound, world, t, rng)
         self._receivers = (Interrogator(state, world, t, rng), IlsReceiver(state, world, t, rng))
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
-        force, rates = inertial_samples(grade, state, rng)
+        force, rates = inertial_samples(grade, bound, world, state, rng)
         heading = (state.heading - declination(state)) % (2 * np.pi)
         alt_msl = state.alt - world.undulation + slow(t, 5.0, 300.0, rng)
         upward = [1.0, 1.0, -1.0]  # of the normal acceleration: gravity in level flight

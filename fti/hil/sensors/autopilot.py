@@ -39,7 +39,9 @@ class Autopilot:
         self._reference = Reference(bound, state, world, t, rng)
         self._air = AirData(bound, state, world, t, rng)
         grade = settings_of(ImuSettings, world.scenario, bound.device.name).grade
-        self._accel, self._gyro = (felt_b @ mounting(bound.device) for felt_b in inertial_samples(grade, state, rng))
+        self._accel, self._gyro = (
+            felt_b @ mounting(bound.device) for felt_b in inertial_samples(grade, bound, world, state, rng)
+        )
         self._field = earth_field_b(state) @ mounting(bound.device) + rng.normal(0.0, self.FIELD_SD, (len(t), 3))
         self._limits = limits.range_m if limits else self.LASER_RANGE_M
         self._ranges = world.laser_ranges(t, bound.device) + white(t, self.LASER_SD, rng) if limits else None

@@ -9,7 +9,6 @@ Everything random comes from the seed of the scenario and the name of the device
 from __future__ import annotations
 
 import zlib
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,8 @@ from fti.errors import ConfigError
 from fti.geodesy.rotations import mat_from_rpy
 from fti.geodesy.wgs84 import radii
 from fti.hil.flight.trajectory import State
+from fti.hil.sensors.model import ModelType
+from fti.hil.sensors.moved import make_model
 from fti.hil.sensors.quick import new_stamp
 from fti.hil.tables.schema import SensorSettings
 from fti.hil.world import World
@@ -31,28 +32,6 @@ Array = NDArray[np.float64]
 DRIFT_PPM_SD = 20.0
 JITTER_SD_MS = 0.3
 SECOND_NS = 1_000_000_000
-
-
-class Model(Protocol):
-    """One kind of device, with the whole flight computed."""
-
-    def measure(self, k: int, stamp: Stamp) -> list[Measurement]:
-        """The measurements of sample k, in the order in which the encoder wants them."""
-
-
-class ModelType(Protocol):
-    """How a model is made, and what its device does unless the configuration says otherwise."""
-
-    @property
-    def rate_hz(self) -> float:
-        """Samples per second."""
-
-    @property
-    def time_scale(self) -> TimeScale | None:
-        """Scale of the time that the device sends; None when it sends none."""
-
-    def __call__(self, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> Model:
-        """A model that is sampled at the times t, shape (n,) [s]."""
 
 
 class Sensor:
@@ -88,7 +67,7 @@ class Sensor:
         self.due = np.maximum.accumulate(self.t + latency_s + jitter_s)
         self.bound = bound
         self.encoder: Encoder = bound.driver.make_encoder(bound.options)
-        self.model = model(bound, world, self.t, rng)
+        self.model = make_model(model, bound, world, self.t, rng)
         self._time_scale = model.time_scale
 
     def measure(self, k: int, start_ns: int) -> list[Measurement]:

@@ -12,9 +12,9 @@ from fti.drivers._fields import Field, Meaning
 from fti.hil.sensors.air_data import AirData
 from fti.hil.sensors.altimeters import LaserAltimeter, RadarAltimeter
 from fti.hil.sensors.avionics import Reference
-from fti.hil.sensors.base import Model
 from fti.hil.sensors.errors import slow
 from fti.hil.sensors.imagers import ManyRanges, places_of
+from fti.hil.sensors.model import Model
 from fti.hil.world import World
 from fti.service.binding import BoundDevice
 from fti.types import Attitude, Measurement, Position, RadioHeight, Range, Reading, Stamp, Velocity

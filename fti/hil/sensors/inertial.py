@@ -11,6 +11,7 @@ from fti.geodesy.gravity import normal_gravity, transport_rate
 from fti.geodesy.rotations import mat_en, mat_from_rpy
 from fti.geodesy.wgs84 import EARTH_RATE
 from fti.hil.faults.gnss import GnssFaults
+from fti.hil.faults.inertial import bias_steps
 from fti.hil.flight.trajectory import State, earth_frame_velocity
 from fti.hil.sensors.base import position_at, velocity_at
 from fti.hil.sensors.errors import slow
@@ -62,9 +63,19 @@ def angular_rate_b(state: State) -> Array:
     return np.asarray(state.omega_nb_b + np.einsum("nji,nj->ni", mat_nb, transport_n + earth_n))
 
 
-def inertial_samples(grade: GradeName, state: State, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Specific force [m/s^2] and angular rate [rad/s] as a unit of a grade says them, shape (n, 3)."""
-    return Imu(at_rest(GRADES[grade]), rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
+def inertial_samples(
+    grade: GradeName, bound: BoundDevice, world: World, state: State, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Specific force [m/s^2] and angular rate [rad/s] as a unit of a grade says them, in b, shape (n, 3)."""
+    force, rate = Imu(at_rest(GRADES[grade]), rng).measure(state.t, specific_force_b(state), angular_rate_b(state))
+    return _with_steps(force, rate, state.t, bound, world)
+
+
+def _with_steps(force: Array, rate: Array, t: Array, bound: BoundDevice, world: World) -> tuple[Array, Array]:
+    """The same, in b, with the steps of the biases, which are in axes of the device; shape (n, 3)."""
+    force_s, rate_s = bias_steps(bound.device.name, world.scenario.fault, t)
+    mat_sb = mounting(bound.device).T
+    return force + force_s @ mat_sb, rate + rate_s @ mat_sb
 
 
 class InertialNavigation:
@@ -81,7 +92,7 @@ class InertialNavigation:
         settings = settings_of(InertialSettings, world.scenario, name)
         faults, doubts = GnssFaults(name, world.scenario.fault), doubts_of(settings.grade)
         told, (own,) = held(state, doubts, faults.offset_n(t), rng), rng.spawn(1)
-        unit = _unit(settings.grade, world, t, own)
+        unit = _unit(settings.grade, bound, world, t, own)
         inertial = (felt_b[:: unit.every] @ mounting(bound.device) for felt_b in (unit.force_b, unit.rate_b))
         told = left_alone(told, alone_times(t, settings, faults), unit, doubts, own)
         self._alone, self._undulation = told.alone.tolist(), world.undulation
@@ -129,14 +140,14 @@ def _said(told: Told, arm: list[Array], arm_vel_n: Array) -> tuple[Array, ...]:
     return said.rpy, said.vel_n + arm_vel_n, *places, told.deviations[:, [0, 2, 3]]
 
 
-def _unit(grade: GradeName, world: World, t: Array, rng: np.random.Generator) -> Unit:
+def _unit(grade: GradeName, bound: BoundDevice, world: World, t: Array, rng: np.random.Generator) -> Unit:
     """The unit of a system that says something at t, shape (n,) [s, evenly spaced]."""
     period = float(t[-1] - t[0]) / max(len(t) - 1, 1) or 1.0
     every = max(math.ceil(InertialNavigation.UNIT_HZ * period - 1e-3), 1)
     own = t[0] + period / every * np.arange((len(t) - 1) * every + 1)
     state, imu = world.state(np.minimum(own, t[-1])), Imu(at_rest(GRADES[grade]), rng)
     force, rate = specific_force_b(state), angular_rate_b(state)
-    said = imu.measure(own, force, rate)
+    said = _with_steps(*imu.measure(own, force, rate), own, bound, world)
     baro = world.atmosphere.pressure_altitude(state.alt - world.undulation) + slow(own, BARO_SD, BARO_PERIOD_S, rng)
     return Unit(imu, every, period / every, *said, force, rate, baro)
 

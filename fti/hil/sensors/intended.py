@@ -6,16 +6,16 @@ They are the ground truth of what a recording must contain for the device, error
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from fti.drivers._quick import quick_stamp
 from fti.hil.sensors.base import Sensor
+from fti.hil.sensors.carried import is_carried
 from fti.hil.sensors.measured import first_cycles
 from fti.hil.sensors.sent_rates import encoded
-from fti.hil.tables.quantities import NAMING, changed, is_meant, parse, quantities
+from fti.hil.tables.quantities import NAMING, quantities
 from fti.hil.world import World
 from fti.types import Measurement
 
@@ -66,31 +66,7 @@ def _carried(sensor: Sensor, cycles: Sequence[Sequence[Measurement]]) -> set[str
     decoder = sensor.bound.make_decoder()
     messages = (message for cycle in whole for message in cycle)
     decoded = numbers(m for k, message in enumerate(messages) for m in decoder.feed(message, k * STEP_NS))
-    return {name for name in decoded if _differs(sensor, _other(name, cycles), whole)}
-
-
-def _differs(sensor: Sensor, cycles: Sequence[Sequence[Measurement]], whole: list[list[bytes]]) -> bool:
-    """Are these other bytes?  A number that no message can carry would have been carried."""
-    try:
-        return encoded(sensor.bound, cycles) != whole
-    except struct.error:
-        return True
-
-
-def _other(name: str, cycles: Sequence[Sequence[Measurement]]) -> list[list[Measurement]]:
-    """The same measurements with another value of one number."""
-    kind, _, field = name.rpartition(".")
-    kind, _, label = kind.rstrip("]").partition("[")
-    quantity = parse(f"{kind}.{field}")
-    return [
-        [changed(m, quantity, _otherwise) if is_meant(m, quantity, label or None) else m for m in cycle]
-        for cycle in cycles
-    ]
-
-
-def _otherwise(value: float) -> float:
-    """Another value of the same sign and size."""
-    return 0.7 * value if value else 0.01
+    return {name for name in decoded if is_carried(sensor, name, cycles, whole)}
 
 
 def numbers(measurements: Iterable[Measurement]) -> dict[str, float]:

@@ -26,13 +26,17 @@ def sent_rates(sensors: Sequence[Sensor], world: World) -> dict[str, dict[str, f
 
 def _of_one(sensor: Sensor, world: World) -> dict[str, float]:
     cycles = first_cycles(sensor, world, LOOK_S)
-    kinds = {type(m): None for cycle in cycles for m in cycle}
-    whole = encoded(sensor.bound, cycles)
-    sent = [kind for kind in kinds if encoded(sensor.bound, _without(kind, cycles)) != whole]
     return {
         snake_case(kind.__name__): sensor.rate_hz * sum(_has(kind, cycle) for cycle in cycles) / len(cycles)
-        for kind in sent
+        for kind in sent_kinds(sensor, cycles)
     }
+
+
+def sent_kinds(sensor: Sensor, cycles: Sequence[Sequence[Measurement]]) -> list[type[Measurement]]:
+    """The kinds of measurements without which the bytes of the device would be others."""
+    kinds = {type(m): None for cycle in cycles for m in cycle}
+    whole = encoded(sensor.bound, cycles)
+    return [kind for kind in kinds if encoded(sensor.bound, _without(kind, cycles)) != whole]
 
 
 def encoded(bound: BoundDevice, cycles: Iterable[Iterable[Measurement]]) -> list[list[bytes]]:

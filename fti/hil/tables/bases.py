@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, field_validator
 
@@ -28,6 +28,17 @@ def key(description: str, unit: str, example: Any = None) -> Any:
     return Field(
         description=description, json_schema_extra={"unit": unit}, examples=None if example is None else [example]
     )
+
+
+Table = TypeVar("Table", bound=StrictModel)
+
+
+def not_all_zero(table: Table, *names: str) -> Table:
+    """The table, where one of these keys is not zero.  Raises ValueError where all are: nothing would change."""
+    values = [getattr(table, name) for name in names]
+    if not any(any(value) if isinstance(value, tuple) else value for value in values):
+        raise ValueError(f"one of {', '.join(names)} must not be 0")
+    return table
 
 
 FromS = Annotated[NotNegative, key("start of the fault, time of the flight", "s", 30.0)]

@@ -8,9 +8,9 @@ docs/faults.md print these classes: the docstring says what the fault is, every 
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from fti.config import Positive, StrictModel
 from fti.hil.tables.bases import (
@@ -26,7 +26,16 @@ from fti.hil.tables.bases import (
     Share,
     ToS,
     key,
+    not_all_zero,
 )
+
+ShiftM = Annotated[float, Field(ge=-1000, le=1000)]
+ArmM = Annotated[float, Field(ge=-100, le=100)]
+RampMps = Annotated[float, Field(ge=-1000, le=1000)]
+TurnDeg = Annotated[float, Field(ge=-180, le=180)]
+TiltDeg = Annotated[float, Field(ge=-45, le=45)]
+OfAxis = Annotated[float, Field(ge=-1e6, le=1e6)]
+Axes = tuple[OfAxis, OfAxis, OfAxis]
 
 
 class FaultKind(StrEnum):
@@ -34,6 +43,7 @@ class FaultKind(StrEnum):
 
     OBSTACLE = "obstacle"
     OFF_TRACK = "off_track"
+    TERRAIN_SHIFT = "terrain_shift"
     CUT = "cut"
     FREEZE = "freeze"
     STUCK = "stuck"
@@ -45,6 +55,13 @@ class FaultKind(StrEnum):
     GNSS_OUTAGE = "gnss_outage"
     GNSS_DEGRADED = "gnss_degraded"
     GNSS_OFFSET = "gnss_offset"
+    GNSS_RAMP = "gnss_ramp"
+    SWAPPED_COORDINATES = "swapped_coordinates"
+    UNDULATION = "undulation"
+    LEVER_ARM = "lever_arm"
+    ATTITUDE_OFFSET = "attitude_offset"
+    INERTIAL_BIAS = "inertial_bias"
+    LATENCY = "latency"
     CLOCK_JUMP = "clock_jump"
     CLOCK_DRIFT = "clock_drift"
     BIT_ERRORS = "bit_errors"
@@ -55,6 +72,7 @@ class FaultKind(StrEnum):
     WRONG_CHECKSUM = "wrong_checksum"
     WRONG_LABEL = "wrong_label"
     WRONG_UNIT = "wrong_unit"
+    SCALE = "scale"
     FORCED = "forced"
     BURST = "burst"
     BABBLING = "babbling"
@@ -88,6 +106,23 @@ class OffTrack(StrictModel):
     from_s: FromS
     to_s: ToS
     turn_s: Annotated[Positive, key("time in which it leaves the track, and in which it returns", "s")] = 20.0
+
+
+class TerrainShift(StrictModel):
+    """The elevation model of the unit under test is displaced or in another datum, for the whole flight.
+
+    The ground below the aircraft is the elevation model, moved the other way. An approach reference that was made from
+    the same elevation model is wrong with it.
+    """
+
+    kind: Literal["terrain_shift"]
+    north_m: Annotated[ShiftM, key("displacement of the elevation model to the north", "m")] = 0.0
+    east_m: Annotated[ShiftM, key("displacement of the elevation model to the east", "m")] = 0.0
+    up_m: Annotated[ShiftM, key("displacement of the elevation model upwards", "m", 20.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        return not_all_zero(self, "north_m", "east_m", "up_m")
 
 
 # ------------------------------------------------------------------------------------- of what a device measures
@@ -154,6 +189,15 @@ class WrongUnit(OnQuantity):
     factor: Annotated[float, key("multiplies the quantity", ONE, 0.3048)]
 
 
+class Scale(OnQuantity):
+    """The scale factor of a quantity is wrong: of the range of an altimeter, or of any other number."""
+
+    kind: Literal["scale"]
+    percent: Annotated[
+        float, Field(ge=-50, le=100), key("error of the scale factor, positive: values are too large", "%", 20.0)
+    ]
+
+
 class Forced(OnQuantity):
     """A quantity has a constant value in place of the measured one: the set point of a profile."""
 
@@ -198,6 +242,99 @@ class GnssOffset(OnDevices):
     east_m: Annotated[float, key("shift to the east", "m")] = 0.0
     up_m: Annotated[float, key("shift upwards", "m", 60.0)] = 0.0
     over_s: Annotated[NotNegative, key("time in which the shift grows to its full size; 0: a jump", "s")] = 0.0
+
+
+class GnssRamp(OnDevices):
+    """The position moves away from the true one at a constant rate and is declared valid.
+
+    With the velocity it is a slow spoofing, consistent with itself; without, the velocity remains true. At to_s the
+    position is the true one again.
+    """
+
+    kind: Literal["gnss_ramp"]
+    north_mps: Annotated[RampMps, key("rate to the north", "m/s", 1.0)] = 0.0
+    east_mps: Annotated[RampMps, key("rate to the east", "m/s")] = 0.0
+    up_mps: Annotated[RampMps, key("rate upwards", "m/s")] = 0.0
+    onset_mps2: Annotated[
+        NotNegative, key("acceleration from rest to the rate; 0: the full rate at once", "m/s^2", 0.1)
+    ] = 0.0
+    with_velocity: Annotated[bool, key("the stated velocity contains the rate", NO_UNIT)] = True
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        return not_all_zero(self, "north_mps", "east_mps", "up_mps")
+
+
+class SwappedCoordinates(OnDevices):
+    """The position has latitude and longitude exchanged and is declared valid."""
+
+    kind: Literal["swapped_coordinates"]
+
+
+class Undulation(OnDevices):
+    """The height of the geoid is missing in the heights of a position, which is declared valid.
+
+    "zero": the height above mean sea level is right, the stated undulation is 0, and the height above the ellipsoid is
+    the sum of both. "msl_as_ellipsoid": the height above mean sea level is in the field of the height above the
+    ellipsoid, everything else is right.
+    """
+
+    kind: Literal["undulation"]
+    stated: Annotated[Literal["zero", "msl_as_ellipsoid"], key("what is stated", NO_UNIT)] = "zero"
+
+
+class LeverArm(OnDevices):
+    """The device is mounted elsewhere than the configuration states, and measures everything at its true place."""
+
+    kind: Literal["lever_arm"]
+    forward_m: Annotated[ArmM, key("true place ahead of the configured one", "m", 5.0)] = 0.0
+    right_m: Annotated[ArmM, key("true place right of the configured one", "m")] = 0.0
+    down_m: Annotated[ArmM, key("true place below the configured one", "m")] = 0.0
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        return not_all_zero(self, "forward_m", "right_m", "down_m")
+
+
+class AttitudeOffset(OnDevices):
+    """Angles of the attitude are wrong by constants; a magnetic heading is wrong with the heading."""
+
+    kind: Literal["attitude_offset"]
+    roll_deg: Annotated[TurnDeg, key("added to the roll angle, positive: right wing down", "deg")] = 0.0
+    pitch_deg: Annotated[TiltDeg, key("added to the pitch angle, positive: nose up", "deg")] = 0.0
+    heading_deg: Annotated[TurnDeg, key("added to the heading, positive: clockwise", "deg", 10.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        return not_all_zero(self, "roll_deg", "pitch_deg", "heading_deg")
+
+
+class InertialBias(OnDevices):
+    """The biases of gyros and accelerometers step, in the axes of the device.
+
+    What an inertial navigation system computes on its own drifts with them; while satellites aid it, its position,
+    velocity and attitude remain as they are.
+    """
+
+    kind: Literal["inertial_bias"]
+    gyro_degph: Annotated[Axes, key("step of the gyro biases x, y, z", "deg/h", [0.0, 0.0, 50.0])] = (0.0, 0.0, 0.0)
+    accel_mg: Annotated[
+        Axes, key("step of the accelerometer biases x, y, z; 1 mg is 0.00980665 m/s^2", "mg", [0.0, 0.0, 5.0])
+    ] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _is_something(self) -> Self:
+        return not_all_zero(self, "gyro_degph", "accel_mg")
+
+
+class Latency(OnDevices):
+    """The values are those of an earlier moment, with new times.
+
+    Of each kind of measurement the newest one is sent that is at least so old; before there is one, the oldest.
+    """
+
+    kind: Literal["latency"]
+    by_s: Annotated[float, Field(gt=0, le=60), key("age of the values", "s", 1.0)]
 
 
 # --------------------------------------------------------------------------------------------- of a device's clock
@@ -329,9 +466,12 @@ class BrownOut(OnDevices):
     supply_v: Annotated[float, Field(ge=0, lt=28), key("supply voltage in the interval", "V", 12.0)] = 12.0
 
 
-OfWorld = Obstacle | OffTrack
+OfWorld = Obstacle | OffTrack | TerrainShift
+#: Faults of the world that are there for the whole flight.
+WholeFlight = Obstacle | TerrainShift
 OfValues = (
-    Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Forced | Fog | GnssOutage | GnssDegraded | GnssOffset
+    Stuck | Invalid | Bias | Ramp | Noise | WrongUnit | Scale | Forced | Fog | GnssOutage | GnssDegraded | GnssOffset
+    | GnssRamp | SwappedCoordinates | Undulation | LeverArm | AttitudeOffset | InertialBias | Latency
 )  # fmt: skip
 OfClock = ClockJump | ClockDrift
 OfBytes = (

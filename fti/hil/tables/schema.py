@@ -49,7 +49,7 @@ from fti.config import Name, Positive, StrictModel
 from fti.hil.ports.outside import Port
 from fti.hil.tables.bases import NotNegative
 from fti.hil.tables.flights import ApproachFlight, FlightTable
-from fti.hil.tables.kinds import Fault, Obstacle
+from fti.hil.tables.kinds import Fault, Obstacle, TerrainShift
 from fti.hil.tables.limits import ScoreLimits
 
 
@@ -165,3 +165,8 @@ class Scenario(StrictModel):
     def obstacles(self) -> tuple[Obstacle, ...]:
         """The obstacles."""
         return tuple(f for f in self.fault if isinstance(f, Obstacle))
+
+    @property
+    def terrain_shifts(self) -> tuple[TerrainShift, ...]:
+        """How the elevation model of the unit under test is displaced."""
+        return tuple(f for f in self.fault if isinstance(f, TerrainShift))

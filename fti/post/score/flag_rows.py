@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from fti.hil.expected.compared import is_compared
 from fti.hil.expected.duties import Duty, Told
 from fti.hil.faults.words import describe
 from fti.hil.tables.kinds import Fault
@@ -63,7 +64,8 @@ def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iter
     what = describe(fault)
     span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
     if one.unknown:
-        yield Row(index, what, one.subject, one.unknown, *span, Verdict.UNKNOWN)
+        verdict = Verdict.COMPARED if is_compared(fault) else Verdict.UNKNOWN
+        yield Row(index, what, one.subject, one.unknown, *span, verdict)
     elif not one.duties:
         yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
     for duty in one.duties:

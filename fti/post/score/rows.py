@@ -16,6 +16,7 @@ class Verdict(StrEnum):
     MISSING = "missing"
     STAYS = "does not clear"
     UNKNOWN = "not known yet"
+    COMPARED = "outputs compared"
     NOT_FLOWN = "not flown"
     PORTS = "needs real ports"
     NOT_DUE = "nothing is due"

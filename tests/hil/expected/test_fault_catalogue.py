@@ -21,7 +21,7 @@ from fti.hil.expected.flags_of_kinds import FLAGS
 from fti.hil.faults.fitting import drivers_of, why_not
 from fti.hil.scenario import Scenario
 from fti.hil.tables.bases import NO_UNIT, OnDevices
-from fti.hil.tables.kinds import Fault, FaultKind, OfPower, WrongChecksum
+from fti.hil.tables.kinds import Fault, FaultKind, LeverArm, OfPower, WrongChecksum
 from fti.service.binding import bind_devices
 from tests.helpers import ROOT
 
@@ -94,7 +94,7 @@ def test_the_drivers_that_can_have_a_kind_are_those_that_a_scenario_accepts() ->
             fault: Any = model.model_construct(devices=(), from_s=1.0, to_s=2.0)
             accepted = {one.device.driver for one in bound if not why_not(fault, one)}
             used = {one.device.driver for one in bound}
-            possible = used - {"power_unit"} if issubclass(model, OfPower) else used
+            possible = used - {"power_unit"} if issubclass(model, OfPower | LeverArm) else used
             needs_options = {"ascii_line"} if issubclass(model, WrongChecksum) else set()  # {checksum} in its template
             assert accepted == (possible if stated is None else used & set(stated) - needs_options), model.__name__
         else:
@@ -119,6 +119,7 @@ OF_DEVICES: tuple[dict[str, Any], ...] = (
     {"kind": "bias", "value": 50.0, **A_RANGE},
     {"kind": "noise", "sd": 50.0, **A_RANGE},
     {"kind": "wrong_unit", "factor": 0.3, **A_RANGE},
+    {"kind": "scale", "percent": 60.0, **A_RANGE},
     {"kind": "forced", "value": 7.0, **A_RANGE},
     {"kind": "fog", "visibility_m": 20.0, "devices": ("autopilot",)},
     {"kind": "fog", "visibility_m": 20.0, "echo_m": (9.0, 5.0), "devices": ("autopilot",)},
@@ -222,4 +223,7 @@ def test_each_stated_flag_is_expected_of_some_fault_of_its_kind_and_no_other_is(
 
 def test_a_kind_without_flags_has_a_reason() -> None:
     assert all(kind.flags or kind.no_flag for kind in kinds().values())
-    assert {name for name, kind in kinds().items() if not kind.flags} == {"clock_drift", "reordered", "babbling"}
+    assert {name for name, kind in kinds().items() if not kind.flags} == {
+        "attitude_offset", "babbling", "clock_drift", "gnss_ramp", "inertial_bias", "latency", "lever_arm", "reordered",
+        "swapped_coordinates", "terrain_shift", "undulation",
+    }  # fmt: skip

@@ -36,7 +36,7 @@ def test_one_rule_is_for_each_kind_of_a_device(kind: type) -> None:
 
 def test_all_kinds_are_of_the_world_of_a_device_or_of_a_line() -> None:
     stated = {typing.get_args(kind.model_fields["kind"].annotation)[0] for kind in OF_DEVICES}
-    others = {"obstacle", "off_track", "babbling", "bus_off", "can_status"}
+    others = {"obstacle", "off_track", "terrain_shift", "babbling", "bus_off", "can_status"}
     assert stated | others == {kind.value for kind in FaultKind}
 
 

@@ -44,7 +44,12 @@ ON_THE_LINE: dict[FaultKind, dict[str, Any]] = {
     FaultKind.RAMP: {},
     FaultKind.NOISE: {},
     FaultKind.WRONG_UNIT: {"factor": 0.3048},
+    FaultKind.SCALE: {"percent": 50.0},
     FaultKind.FORCED: {},
+    FaultKind.LATENCY: {"by_s": 1.0},
+    FaultKind.SWAPPED_COORDINATES: {},
+    FaultKind.UNDULATION: {"stated": "zero"},
+    FaultKind.ATTITUDE_OFFSET: {"roll_deg": 20.0, "pitch_deg": 20.0, "heading_deg": 20.0},
     FaultKind.FOG: {"visibility_m": 10.0},
     FaultKind.CLOCK_JUMP: {"by_s": 3.0},
     FaultKind.CLOCK_DRIFT: {"ppm": 20_000.0},
@@ -64,6 +69,7 @@ ON_QUANTITY = {
     FaultKind.RAMP: "rate",
     FaultKind.NOISE: "sd",
     FaultKind.WRONG_UNIT: None,
+    FaultKind.SCALE: None,
     FaultKind.FORCED: "value",
 }
 #: What acts before a device measures: the world is another one, or what the receiver hears.  The device that feels it,
@@ -75,7 +81,11 @@ BEFORE_THE_DEVICE: dict[FaultKind, tuple[str, dict[str, Any], float]] = {
     FaultKind.GNSS_DEGRADED: (
         "nmea0183", {"from_s": FROM_S, "to_s": TO_S, "horizontal_m": 50.0, "vertical_m": 90.0}, FROM_S,
     ),
+    FaultKind.TERRAIN_SHIFT: ("freeflight_ra4500", {"up_m": -15.0}, 0.0),
     FaultKind.GNSS_OFFSET: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "north_m": 500.0}, FROM_S),
+    FaultKind.GNSS_RAMP: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "east_mps": 20.0}, FROM_S),
+    FaultKind.LEVER_ARM: ("nmea0183", {"from_s": FROM_S, "to_s": TO_S, "forward_m": 10.0}, FROM_S),
+    FaultKind.INERTIAL_BIAS: ("mavlink", {"from_s": FROM_S, "to_s": TO_S, "accel_mg": (9.0, 0.0, 0.0)}, FROM_S),
 }  # fmt: skip
 #: What is of links and of power acts behind the device, and is tried there.
 BEHIND_THE_DEVICE = {
@@ -88,6 +98,14 @@ BEHIND_THE_DEVICE = {
 REACHES_ON = {FaultKind.CLOCK_DRIFT}
 #: What these do not measure they leave out: afterwards their messages are numbered, and of a DBC ordered, otherwise.
 NUMBERS_WHAT_IT_SENDS = {"canaerospace", "dbc", "deflection_pickups", "mavlink"}
+POSITIONS = {"imar_ixcom", "mavlink", "nmea0183", "novatel_oem6", "ublox_ubx"}
+ATTITUDES = {"arinc429_little", "arinc429_apmp", "arinc429_chapter10", "imar_ixcom", "mavlink"}
+#: Devices that send what these change.
+NEEDS = {
+    FaultKind.SWAPPED_COORDINATES: POSITIONS,
+    FaultKind.UNDULATION: POSITIONS,
+    FaultKind.ATTITUDE_OFFSET: ATTITUDES,
+}
 #: It says the same all the time while no breaker moves.
 ALWAYS_THE_SAME = {"power_unit"}
 
@@ -109,8 +127,10 @@ def can_be(kind: FaultKind, name: str) -> bool:
         return on_can
     if kind is FaultKind.FOG:
         return DEVICES[name].quantity.startswith("range.")
-    if kind in (FaultKind.FREEZE, FaultKind.STUCK) and name in ALWAYS_THE_SAME:
+    if kind in (FaultKind.FREEZE, FaultKind.STUCK, FaultKind.LATENCY) and name in ALWAYS_THE_SAME:
         return False
+    if kind in NEEDS:
+        return name in NEEDS[kind]
     if kind is FaultKind.INVALID:
         return name not in ("power_unit", "honeywell_hmr2300")  # neither says that it measures nothing
     return isinstance(fault, OnDevices) and not why_not(fault, bound)

@@ -54,6 +54,16 @@ def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limi
             yield replace(row, verdict=Verdict.NOT_JUDGED, found=f"{row.found}{DURING_FAULT}")
 
 
+def compared(topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
+    """A row that is judged: the largest error while a fault acts that explains no wrong value.
+
+    during : valid messages of that time, shape (n,)
+    """
+    known = during & np.isfinite(quantity.error)
+    if known.any():
+        yield replace(_error(topic, quantity, known, t, limits), check=Check.FAULT_ERROR)
+
+
 def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:
     """The largest error beside what is allowed to it."""
     error = np.abs(quantity.error[known])

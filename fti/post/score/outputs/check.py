@@ -15,7 +15,7 @@ from fti.hil.expected.required_outputs import BELOW, GLIDE, RequiredOutput, appr
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.kinds import Duplicated
 from fti.logger.reading.recording import Recording
-from fti.post.score.outputs.accuracy import accuracy, explained
+from fti.post.score.outputs.accuracy import accuracy, compared, explained
 from fti.post.score.outputs.approach import approach_due
 from fti.post.score.outputs.availability import availability
 from fti.post.score.outputs.consistency import Consistency
@@ -86,12 +86,16 @@ class _Checks:
         self, output: RequiredOutput, series: TopicSeries, t: Array, during: Mask, lost: Mask
     ) -> Iterator[OutputRow]:
         evidence = self._evidence
-        judged = during & series.valid & ~inside(t, [*self._affected.wrong(output), *self._late])
-        limits, excused = evidence.scenario.limits, during & series.valid & ~judged
+        valid = during & series.valid
+        by_fault = valid & inside(t, self._affected.compared(output))
+        free = valid & ~inside(t, [*self._affected.wrong(output), *self._late])
+        judged, asked = free & ~by_fault, free & by_fault & ~inside(t, self._affected.undetected())
+        limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
+            yield from compared(output.topic, quantity, asked, t, limits)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)
@@ -102,7 +106,7 @@ class _Checks:
             error = navigated_error(series, self._series[SOLUTION], evidence.table)
             height = height_error(series, error, limits.vertical_m)
             yield from accuracy(output.topic, height, judged, t, limits, lost=lost)
-            yield from protection(series, error, judged, t)
+            yield from protection(series, error, judged | asked, t)
 
     def _measured(self, output: RequiredOutput, series: TopicSeries) -> Iterator[OutputRow]:
         evidence, device = self._evidence, output.topic.split("/")[1]

@@ -16,6 +16,7 @@ class Check(StrEnum):
     TIMES = "order and times"
     VALID = "valid"
     ERROR = "error"
+    FAULT_ERROR = "error during a fault"
     SIGMA = "sigma"
     MEASURED = "as sent"
     RECORDED = "recorded"

@@ -1,0 +1,75 @@
+"""Faults of position, attitude and their age, applied to the measurements of a device."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Hashable
+from dataclasses import replace
+
+from fti.hil.tables.kinds import AttitudeOffset, Latency, SwappedCoordinates, Undulation
+from fti.hil.tables.quantities import NAMING
+from fti.types import Attitude, Measurement, Position, Reading
+
+OfNavigation = SwappedCoordinates | Undulation | AttitudeOffset
+MAGNETIC_HEADING = "magnetic_heading"
+#: Samples are this close to their times [s].
+SAME_S = 1e-6
+
+
+def misstated(m: Measurement, fault: OfNavigation) -> Measurement:
+    """The measurement with the error of the fault; unchanged where it has neither position nor attitude."""
+    if isinstance(fault, AttitudeOffset):
+        return _turned(m, fault)
+    if isinstance(fault, Undulation):
+        return _without_undulation(m, fault)
+    return replace(m, lat=m.lon, lon=m.lat) if isinstance(m, Position) else m
+
+
+def _without_undulation(m: Measurement, fault: Undulation) -> Measurement:
+    """A position whose height above the ellipsoid is that above mean sea level."""
+    if not isinstance(m, Position) or m.alt_msl is None:
+        return m
+    return replace(m, alt=m.alt_msl, undulation=0.0 if fault.stated == "zero" else m.undulation)
+
+
+def _turned(m: Measurement, fault: AttitudeOffset) -> Measurement:
+    """An attitude, or a magnetic heading, with the constant errors."""
+    heading = math.radians(fault.heading_deg)
+    if isinstance(m, Reading) and m.name == MAGNETIC_HEADING:
+        return replace(m, value=None if m.value is None else (m.value + heading) % math.tau)
+    if not isinstance(m, Attitude):
+        return m
+    roll, pitch = math.radians(fault.roll_deg), math.radians(fault.pitch_deg)
+    return replace(
+        m,
+        roll=None if m.roll is None else _within_half_a_turn(m.roll + roll),
+        pitch=None if m.pitch is None else m.pitch + pitch,
+        heading=None if m.heading is None else (m.heading + heading) % math.tau,
+    )
+
+
+def _within_half_a_turn(angle: float) -> float:
+    return (angle + math.pi) % math.tau - math.pi
+
+
+class Delayed:
+    """The values of an earlier moment, of each kind of measurement and name by itself."""
+
+    def __init__(self, fault: Latency) -> None:
+        self._by_s = fault.by_s
+        self._past: dict[Hashable, deque[tuple[float, Measurement]]] = {}
+
+    def apply(self, t: float, measurements: list[Measurement]) -> list[Measurement]:
+        """The values that were measured at t - by_s [s] at the latest, or first of all; with the new times."""
+        seen: Counter[Hashable] = Counter()
+        found = []
+        for m in measurements:
+            kind = (type(m), *(getattr(m, field, None) for field in NAMING))
+            seen[kind] += 1
+            past = self._past.setdefault((kind, seen[kind]), deque())
+            past.append((t, m))
+            while len(past) > 1 and past[1][0] <= t - self._by_s + SAME_S:
+                past.popleft()
+            found.append(replace(past[0][1], stamp=m.stamp))
+        return found
