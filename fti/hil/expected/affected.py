@@ -84,7 +84,7 @@ class Affected:
             for fault, name in self._on(output.devices)
             if isinstance(fault, WRONG)
             and self._counts(name, fault, output)
-            and not (of_navigation and is_compared(fault))
+            and not (of_navigation and self._is_compared(fault, name))
         ]
         return found + list(self._on_ground(output))
 
@@ -95,19 +95,12 @@ class Affected:
         found = [
             (fault.from_s, self._back_s(fault, name) + self._memory_s(output))
             for fault, name in self._on(output.devices)
-            if isinstance(fault, WRONG) and is_compared(fault) and self._counts(name, fault, output)
+            if isinstance(fault, WRONG) and self._is_compared(fault, name) and self._counts(name, fault, output)
         ]
         return found + list(self._on_displaced_map(output))
 
-    def undetected(self) -> list[Interval]:
-        """From the effect of such a fault until its flag must be raised [s of the flight]."""
-        return [
-            (duty.from_s, duty.from_s + duty.within_s)
-            for fault in self._faults
-            if is_compared(fault)
-            for one in told(fault, self._craft, self._truth)
-            for duty in one.duties
-        ]
+    def _is_compared(self, fault: OnDevices | BusOff | Babbling, name: str) -> bool:
+        return is_compared(fault, on_source=name in self._craft.sources or name in self._craft.filter_gnss)
 
     def _on(self, names: Sequence[str]) -> Iterator[tuple[OnDevices | BusOff | Babbling, str]]:
         """The faults of these devices."""

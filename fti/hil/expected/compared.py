@@ -1,8 +1,8 @@
 """Faults whose effects on the outputs of navigation are judged by the truth: wrong values that are called valid fail.
 
-The daemon raises no flag for most of them.  What it publishes during such a fault must be right within its limits, or
-not valid.  A flag that is due excuses wrong values until it must be raised.  What the device itself states is wrong by
-the fault, and is not judged.
+The daemon raises no flag for most of them.  What it publishes during such a fault must be right within its limits or
+within the protection level that it states, or not valid.  What the device itself states is wrong by the fault, and is
+not judged.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ from fti.hil.tables.kinds import (
     Babbling,
     BitErrors,
     ClockDrift,
+    ClockJump,
+    GnssOffset,
     GnssRamp,
     InertialBias,
     Latency,
     LeverArm,
     Reordered,
     Scale,
+    Stuck,
     SwappedCoordinates,
     TerrainShift,
     Undulation,
@@ -30,9 +33,12 @@ OfSource = (
     | TerrainShift
 )  # fmt: skip
 Compared = OfSource | ClockDrift | BitErrors | Reordered | Babbling
+#: The same of a source of position or attitude; other devices have flags of their own for them.
+ComparedOfSource = Stuck | GnssOffset | ClockJump
 ATTITUDE = "attitude."
 
 
-def is_compared(fault: object) -> bool:
-    """Are the outputs compared with the truth during the fault?"""
-    return isinstance(fault, Compared) or (isinstance(fault, OnQuantity) and fault.quantity.startswith(ATTITUDE))
+def is_compared(fault: object, *, on_source: bool = True) -> bool:
+    """Are the outputs compared with the truth during the fault?  on_source : it acts on a source of navigation"""
+    of_attitude = isinstance(fault, OnQuantity) and fault.quantity.startswith(ATTITUDE)
+    return isinstance(fault, Compared) or of_attitude or (on_source and isinstance(fault, ComparedOfSource))

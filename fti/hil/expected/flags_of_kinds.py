@@ -81,11 +81,10 @@ FALLBACK = (
 
 
 def _of_source(kind: FaultKind) -> tuple[KindFlag, ...]:
-    """What the table of wrong sources has for a kind, where it is due."""
-    flag = SOURCE_FLAGS.get(kind)
-    if flag is None or not flag.is_due:
-        return ()
-    return (KindFlag(SOLUTION, (f"{flag.role} not from DEVICE",), f"DEVICE is the first of nav.{flag.role}"),)
+    """What the table of wrong sources has for a kind."""
+    flag = SOURCE_FLAGS[kind]
+    when = "DEVICE is the first of nav.position" + (f", and {flag.when}" if flag.when else "")
+    return (KindFlag(SOLUTION, ("position not from DEVICE",), f"{when}; within {flag.within_s:g} s"),)
 
 
 #: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
@@ -104,7 +103,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.TERRAIN_SHIFT: (),
     FaultKind.CUT: (SILENT, *STALE, *FALLBACK),
     FaultKind.FREEZE: (CLOCK_AWAY,),
-    FaultKind.STUCK: (REPEATED, WRONG_RANGE),
+    FaultKind.STUCK: (REPEATED, WRONG_RANGE, *_of_source(FaultKind.STUCK)),
     FaultKind.INVALID: (
         KindFlag("/DEVICE/", ("invalid", "FLAG"), "the protocol of DEVICE can declare a measurement invalid"),
         KindFlag("/DEVICE/device_status", ("FLAG",), "the same, and FLAG is one of its flags"),
@@ -146,10 +145,13 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.SWAPPED_COORDINATES: _of_source(FaultKind.SWAPPED_COORDINATES),
     FaultKind.UNDULATION: _of_source(FaultKind.UNDULATION),
     FaultKind.LEVER_ARM: (),
-    FaultKind.ATTITUDE_OFFSET: _of_source(FaultKind.ATTITUDE_OFFSET),
+    FaultKind.ATTITUDE_OFFSET: (),
     FaultKind.INERTIAL_BIAS: (),
     FaultKind.LATENCY: (),
-    FaultKind.CLOCK_JUMP: (KindFlag(HEALTH, ("clock away",), f"by_s is {CLOCK_SEEN_S:g} s or more"),),
+    FaultKind.CLOCK_JUMP: (
+        KindFlag(HEALTH, ("clock away",), f"by_s is {CLOCK_SEEN_S:g} s or more"),
+        *_of_source(FaultKind.CLOCK_JUMP),
+    ),
     FaultKind.CLOCK_DRIFT: (),
     FaultKind.BIT_ERRORS: (KindFlag(HEALTH, ("damaged bytes",), MANY_BITS),),
     FaultKind.LOST_HEADER: (DAMAGED, *ALL_STALE),

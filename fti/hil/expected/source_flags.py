@@ -1,51 +1,70 @@
-"""Flags that a wrong source must raise once the daemon compares its sources with each other: one table.
+"""Flags that a wrong source raises, because it contradicts itself or the filter: one table.
 
-A fault whose row is not due raises nothing yet that could be relied on.  Its errors in the outputs are compared with
-the truth all the same.  To make a flag due, set ``is_due`` in its row: expected flags, the catalogue of faults and the
-tests of the scenarios in configs/scenarios/source_faults follow.
+A fault without a row raises nothing that could be relied on.  The outputs are compared with the truth either way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from fti.hil.expected.duties import NAV_S, SOLUTION, Case, Duty
+from fti.hil.expected.duties import SOLUTION, SOURCE_REFUSED_S, Case, Duty
 from fti.hil.tables.bases import OnDevices
 from fti.hil.tables.kinds import FaultKind
+
+#: A ramp with the velocity of an inertial unit of tactical grade beside it is seen from here on [m/s]; a device time
+#: that falls behind, and one that goes ahead, from here on [s].
+RAMP_MPS, CLOCK_S = 1.0, 0.5
+
+
+def _is_seen_ramp(fault: Any) -> bool:
+    return math.hypot(fault.north_mps, fault.east_mps) >= RAMP_MPS
+
+
+def _is_seen_step(fault: Any) -> bool:
+    return abs(fault.by_s) > CLOCK_S
 
 
 @dataclass(frozen=True, slots=True)
 class SourceFlag:
-    """Navigation refuses the device as the source of a role, where it is the first one of it.
+    """Navigation refuses the device as the source of position, where it is the first one of it.
 
-    role     : position or attitude
-    within_s : of the beginning of the fault; clears_s : of its end [s]
-    is_due   : the daemon raises it
+    within_s : of the beginning of the fault; clears_s : of its end, inf: it may stay refused [s]
+    when     : the condition, to be read after "and"; "" where there is none; is_seen : whether a fault fulfils it
     """
 
-    role: str
     within_s: float
-    clears_s: float
-    is_due: bool = False
+    clears_s: float = SOURCE_REFUSED_S
+    when: str = ""
+    is_seen: Callable[[Any], bool] = lambda _fault: True
 
 
-#: A source comes back after 30 s of agreement, and navigation tells it then [s].
-BACK_S = 30.0 + NAV_S
 SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
-    FaultKind.GNSS_RAMP: SourceFlag("position", 60.0, BACK_S),
-    FaultKind.SWAPPED_COORDINATES: SourceFlag("position", 2.0, BACK_S),
-    FaultKind.UNDULATION: SourceFlag("position", 10.0, BACK_S),
-    FaultKind.ATTITUDE_OFFSET: SourceFlag("attitude", 60.0, BACK_S),
+    FaultKind.STUCK: SourceFlag(5.0),
+    FaultKind.GNSS_RAMP: SourceFlag(
+        60.0, math.inf, f"the horizontal rate is {RAMP_MPS:g} m/s or more, and DEVICE aids [nav.filter]", _is_seen_ramp
+    ),
+    FaultKind.SWAPPED_COORDINATES: SourceFlag(3.0),
+    FaultKind.UNDULATION: SourceFlag(10.0, when="the undulation there is more than 5 m"),
+    FaultKind.CLOCK_JUMP: SourceFlag(
+        5.0, when=f"DEVICE sends its own time, and by_s is more than {CLOCK_S:g} s", is_seen=_is_seen_step
+    ),
 }
 #: Why a fault without a flag raises none.
-NOT_COMPARED = "no source is compared with another one"
+NOT_COMPARED = "no other source tells it apart"
 
 
 def source_duties(fault: OnDevices, case: Case) -> Sequence[Duty]:
     """The flags of the table that are due of a fault."""
-    flag = SOURCE_FLAGS.get(getattr(fault, "kind", None))
-    if flag is None or not flag.is_due or flag.role not in case.craft.preferred_for(case.name):
+    kind = getattr(fault, "kind", None)
+    flag = SOURCE_FLAGS.get(kind)
+    if flag is None or not flag.is_seen(fault) or "position" not in case.craft.preferred_for(case.name):
         return []
-    words = f"{flag.role} not from {case.name}"
+    if kind == FaultKind.GNSS_RAMP and case.name not in case.craft.filter_gnss:
+        return []
+    if kind == FaultKind.CLOCK_JUMP and not case.craft.says_time(case.name):
+        return []
+    words = f"position not from {case.name}"
     return [case.duty(SOLUTION, words, within_s=flag.within_s, clears_s=flag.clears_s)]

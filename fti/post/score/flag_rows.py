@@ -64,7 +64,8 @@ def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iter
     what = describe(fault)
     span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
     if one.unknown:
-        verdict = Verdict.COMPARED if is_compared(fault) else Verdict.UNKNOWN
+        on_source = one.subject in evidence.craft.sources
+        verdict = Verdict.COMPARED if is_compared(fault, on_source=on_source) else Verdict.UNKNOWN
         yield Row(index, what, one.subject, one.unknown, *span, verdict)
     elif not one.duties:
         yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)

@@ -1,8 +1,7 @@
-"""Flags of wrong sources: one table decides whether they are due; wrong outputs are judged either way."""
+"""Flags of wrong sources: one table states which are due; wrong outputs are judged either way."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from pydantic import TypeAdapter
 
 from fti.hil import scenario as scenarios
-from fti.hil.expected import source_flags
 from fti.hil.expected.affected import Affected
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.compared import is_compared
@@ -25,10 +23,11 @@ T = np.arange(0.0, 120.0, 0.1)
 TRUTH = Truth(T, 0 * T + 200.0, 4000.0 - 30.0 * T, *[0 * T] * 4)
 WHEN: dict[str, Any] = {"from_s": 20.0, "to_s": 90.0}
 KEYS: dict[FaultKind, dict[str, Any]] = {
+    FaultKind.STUCK: {"devices": ("receiver",)},
+    FaultKind.CLOCK_JUMP: {"devices": ("receiver",), "by_s": -2.0},
     FaultKind.GNSS_RAMP: {"devices": ("receiver",), "north_mps": 1.0},
     FaultKind.SWAPPED_COORDINATES: {"devices": ("receiver",)},
     FaultKind.UNDULATION: {"devices": ("receiver",)},
-    FaultKind.ATTITUDE_OFFSET: {"devices": ("ins",), "roll_deg": 5.0},
 }
 SOLUTION = "/nav/nav_solution"
 
@@ -49,21 +48,18 @@ def due(fault: Fault, craft: Aircraft) -> list[tuple[str, tuple[str, ...], float
 
 
 @pytest.mark.parametrize("kind", SOURCE_FLAGS, ids=str)
-def test_a_row_of_the_table_makes_the_flag_due(
-    kind: FaultKind, craft: Aircraft, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fault, row = made(kind, **KEYS[kind]), SOURCE_FLAGS[kind]
-    for is_due in (False, True):
-        monkeypatch.setattr(source_flags, "SOURCE_FLAGS", {kind: replace(row, is_due=is_due)})
-        flag = (SOLUTION, (f"{row.role} not from {KEYS[kind]['devices'][0]}",), row.within_s)
-        assert due(fault, craft) == [flag] * is_due
-        assert bool(told(fault, craft, TRUTH)[0].unknown) is not is_due
+def test_a_wrong_source_of_position_must_be_refused(kind: FaultKind, craft: Aircraft) -> None:
+    fault = made(kind, **KEYS[kind])
+    assert (SOLUTION, ("position not from receiver",), SOURCE_FLAGS[kind].within_s) in due(fault, craft)
+    assert not [flag for flag in due(made(kind, **KEYS[kind] | {"devices": ("ins",)}), craft) if flag[0] == SOLUTION]
 
 
-def test_the_flag_of_a_source_that_nobody_prefers_is_not_due(craft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
-    row = replace(SOURCE_FLAGS[FaultKind.ATTITUDE_OFFSET], is_due=True)
-    monkeypatch.setattr(source_flags, "SOURCE_FLAGS", {FaultKind.ATTITUDE_OFFSET: row})
-    assert not due(made("attitude_offset", devices=("ahrs",), roll_deg=5.0), craft)
+@pytest.mark.parametrize(
+    ("kind", "keys"),
+    [("gnss_ramp", {"north_mps": 0.7, "east_mps": 0.7}), ("gnss_ramp", {"up_mps": 3.0}), ("clock_jump", {"by_s": 0.4})],
+)
+def test_a_fault_below_what_can_be_seen_raises_nothing(craft: Aircraft, kind: str, keys: dict[str, Any]) -> None:
+    assert not [flag for flag in due(made(kind, devices=("receiver",), **keys), craft) if flag[0] == SOLUTION]
 
 
 # ----------------------------------------------------------------------------------------- which outputs are judged
@@ -99,8 +95,22 @@ def test_navigation_is_judged_and_what_the_device_states_is_not(
 
 @pytest.mark.parametrize(
     ("kind", "keys"),
-    [("stuck", {}), ("gnss_offset", {"up_m": 9.0}), ("bias", {"quantity": "position.lat", "value": 0.1})],
+    [("stuck", {}), ("gnss_offset", {"up_m": 9.0}), ("clock_jump", {"by_s": 1.0})],
 )
+def test_on_a_source_they_excuse_nothing_and_on_an_altimeter_they_do(
+    craft: Aircraft, kind: str, keys: dict[str, Any]
+) -> None:
+    affected = Affected([made(kind, devices=("receiver",), **keys)], craft, TRUTH)
+    assert not affected.wrong(output(SOLUTION, "receiver"))
+    assert affected.compared(output(SOLUTION, "receiver"))
+    if kind == "gnss_offset":
+        return
+    affected = Affected([made(kind, devices=("altimeter",), **keys)], craft, TRUTH)
+    assert affected.wrong(output(SOLUTION, "altimeter"))
+    assert not affected.compared(output(SOLUTION, "altimeter"))
+
+
+@pytest.mark.parametrize(("kind", "keys"), [("bias", {"quantity": "position.lat", "value": 0.1})])
 def test_other_faults_explain_wrong_values(craft: Aircraft, kind: str, keys: dict[str, Any]) -> None:
     affected = Affected([made(kind, devices=("receiver",), **keys)], craft, TRUTH)
     assert affected.wrong(output(SOLUTION, "receiver"))
@@ -113,14 +123,6 @@ def test_a_displaced_map_is_judged_where_the_ground_counts(craft: Aircraft) -> N
         assert affected.compared(output(topic, "altimeter")) == [(0.0, TRUTH.end_s)]
         assert (0.0, TRUTH.end_s) in affected.lost(output(topic, "altimeter"))
     assert not affected.compared(output(SOLUTION, "receiver"))
-
-
-def test_values_are_excused_until_their_flag_must_be_raised(craft: Aircraft, monkeypatch: pytest.MonkeyPatch) -> None:
-    fault = made("swapped_coordinates", devices=("receiver",))
-    assert not Affected([fault], craft, TRUTH).undetected()
-    row = replace(SOURCE_FLAGS[FaultKind.SWAPPED_COORDINATES], is_due=True, within_s=4.0)
-    monkeypatch.setattr(source_flags, "SOURCE_FLAGS", {FaultKind.SWAPPED_COORDINATES: row})
-    assert Affected([fault], craft, TRUTH).undetected() == [(20.0, 24.0)]
 
 
 def test_a_node_that_babbles_is_compared() -> None:

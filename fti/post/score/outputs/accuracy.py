@@ -54,14 +54,18 @@ def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limi
             yield replace(row, verdict=Verdict.NOT_JUDGED, found=f"{row.found}{DURING_FAULT}")
 
 
-def compared(topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits) -> Iterator[OutputRow]:
+def compared(
+    topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits, level: Array
+) -> Iterator[OutputRow]:
     """A row that is judged: the largest error while a fault acts that explains no wrong value.
 
-    during : valid messages of that time, shape (n,)
+    during : valid messages of that time, shape (n,); level : protection level of the quantity, NaN where none, shape
+    (n,): where one is stated it counts in place of sigmas
     """
     known = during & np.isfinite(quantity.error)
     if known.any():
-        yield replace(_error(topic, quantity, known, t, limits), check=Check.FAULT_ERROR)
+        wide = replace(quantity, sd=np.where(np.isfinite(level), level / limits.worst_sigmas, quantity.sd))
+        yield replace(_error(topic, wide, known, t, limits), check=Check.FAULT_ERROR)
 
 
 def _error(topic: str, quantity: QuantityError, known: Mask, t: Array, limits: ScoreLimits) -> OutputRow:

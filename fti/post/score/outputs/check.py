@@ -24,7 +24,7 @@ from fti.post.score.outputs.evidence import FlightEvidence
 from fti.post.score.outputs.measured import measured, unsent
 from fti.post.score.outputs.pairs import PAIRS
 from fti.post.score.outputs.presence import presence
-from fti.post.score.outputs.protection import height_error, navigated_error, protection
+from fti.post.score.outputs.protection import height_error, navigated_error, protected, protection, stated_level
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
 from fti.types import Reason
@@ -89,13 +89,15 @@ class _Checks:
         valid = during & series.valid
         by_fault = valid & inside(t, self._affected.compared(output))
         free = valid & ~inside(t, [*self._affected.wrong(output), *self._late])
-        judged, asked = free & ~by_fault, free & by_fault & ~inside(t, self._affected.undetected())
+        judged, asked = free & ~by_fault, free & by_fault
         limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
-            yield from compared(output.topic, quantity, asked, t, limits)
+            level = stated_level(series, self._series, quantity.name)
+            yield from compared(output.topic, quantity, asked, t, limits, level)
+            yield from protected(output.topic, quantity, free, t, level)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)

@@ -1,15 +1,39 @@
-"""The error of the navigated altitude beside what the monitor says of it: its estimate, and its protection level."""
+"""Errors beside their protection levels: position and altitude of navigation, the altitude beside what the monitor says."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from fti.hil.expected.duties import SOLUTION
+from fti.hil.expected.required_outputs import LOCATION
 from fti.post.score.outputs.errors import QuantityError
 from fti.post.score.outputs.row import Check, OutputRow, verdict_of
 from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
+
+#: Where each quantity has its protection level.
+LEVELS = {"horizontal": "hpl", "altitude": "vpl"}
+
+
+def stated_level(series: TopicSeries, others: Mapping[str, TopicSeries], quantity: str) -> Array:
+    """Protection level of a quantity in each message [m], shape (n,), NaN where none; a location has its solution's."""
+    field = LEVELS.get(quantity, "")
+    if series.topic != LOCATION or SOLUTION not in others:
+        return series.column(field)
+    solution = others[SOLUTION]
+    levels = dict(zip(solution.log_ns.tolist(), solution.column(field).tolist(), strict=True))
+    return np.array([levels.get(t_ns, np.nan) for t_ns in series.log_ns.tolist()], dtype=np.float64)
+
+
+def protected(topic: str, quantity: QuantityError, judged: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
+    """One row: no valid value is wrong by more than the protection level that it states.
+
+    judged : valid messages, shape (n,); t : their times [s of the flight]; level : [m], NaN where none, same shape
+    """
+    if topic != LOCATION:
+        yield from _beyond(topic, quantity.name, quantity.error, level, judged, t)
 
 
 def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthTable) -> Array:
@@ -39,15 +63,19 @@ def protection(integrity: TopicSeries, error: Array, judged: Mask, t: Array) -> 
     flight]
     """
     level = integrity.column("protection_level_v")
+    yield from _beyond(integrity.topic, "navigated altitude", error, level, judged, t)
+
+
+def _beyond(topic: str, what: str, error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
     at = np.flatnonzero(judged & np.isfinite(level) & np.isfinite(error))
     if not len(at):
         return
     excess = np.abs(error[at]) - level[at]
     worst = int(np.argmax(excess))
     yield OutputRow(
-        integrity.topic,
+        topic,
         Check.PROTECTED,
-        "navigated altitude",
+        what,
         verdict_of(not bool(np.any(excess > 0.0))),
         f"error {abs(error[at][worst]):.3g} m",
         f"<= {level[at][worst]:.3g} m",
