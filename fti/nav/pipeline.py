@@ -33,6 +33,7 @@ from fti.nav.sources import Source
 from fti.types import (
     Attitude,
     Event,
+    FilterSolution,
     HeightAboveGround,
     Measurement,
     Output,
@@ -193,7 +194,11 @@ class Pipeline:
             out.append(solution(nav, self._protection, self._limits, self._navigation.refused))
         if self._fallbacks:
             self._fallbacks.doubt(self._plausibility.suspected)
-            out += self._fallbacks.tick(t_ns, nav)
+            fallback = self._fallbacks.tick(t_ns, nav)
+            for solved in fallback:
+                if isinstance(solved, FilterSolution):
+                    self._plausibility.take_filter(solved)
+            out += fallback
         return out
 
 

@@ -78,6 +78,16 @@ def test_a_receiver_that_lies_is_refused_and_nobody_is_misled(name: str, request
         assert any(event.level == "warning" and "gnss: refused" in event.text for _, event in found.events)
 
 
+def test_a_ramp_soon_after_the_first_copy_is_within_the_protection_level() -> None:
+    """The copy is too young to be certain of it, and is not replaced any more: nothing is refused, and it counts."""
+    begin = 23.0
+    offset, velocity = ramp(1.0, 100.0)
+    found = fly(draw(0), {"gnss": after(begin, offset, velocity)})
+    print(found.texts())
+    assert found.radial.max() > 30.0
+    assert found.misled(begin) == 0.0
+
+
 ENDING: dict[str, Fault] = {
     "frozen": frozen(BEGIN, END),
     "swapped": swapped(BEGIN, END),

@@ -14,13 +14,13 @@ from fti.hil.expected.duties import SOLUTION, SOURCE_REFUSED_S, Case, Duty
 from fti.hil.tables.bases import OnDevices
 from fti.hil.tables.kinds import FaultKind
 
-#: A ramp with the velocity of an inertial unit of tactical grade beside it is seen from here on [m/s]; a device time
-#: that falls behind, and one that goes ahead, from here on [s].
-RAMP_MPS, CLOCK_S = 1.0, 0.5
+#: Beside an inertial unit of tactical grade a ramp is seen from here on [m/s], so long after the flight began [s]: when
+#: the filter has gone without the receiver for 20 s.  A device time that steps is seen from here on [s].
+RAMP_MPS, SETTLED_S, CLOCK_S = 1.0, 40.0, 0.5
 
 
 def _is_seen_ramp(fault: Any) -> bool:
-    return math.hypot(fault.north_mps, fault.east_mps) >= RAMP_MPS
+    return fault.from_s >= SETTLED_S and math.hypot(fault.north_mps, fault.east_mps) >= RAMP_MPS
 
 
 def _is_seen_step(fault: Any) -> bool:
@@ -44,7 +44,10 @@ class SourceFlag:
 SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
     FaultKind.STUCK: SourceFlag(5.0),
     FaultKind.GNSS_RAMP: SourceFlag(
-        60.0, math.inf, f"the horizontal rate is {RAMP_MPS:g} m/s or more, and DEVICE aids [nav.filter]", _is_seen_ramp
+        30.0,
+        math.inf,
+        f"it aids [nav.filter], the horizontal rate is {RAMP_MPS:g} m/s or more, and from_s {SETTLED_S:g} s or more",
+        _is_seen_ramp,
     ),
     FaultKind.SWAPPED_COORDINATES: SourceFlag(3.0),
     FaultKind.UNDULATION: SourceFlag(10.0, when="the undulation there is more than 5 m"),

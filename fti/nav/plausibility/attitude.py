@@ -15,7 +15,7 @@ from itertools import combinations
 
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import Finding
-from fti.nav.series import SECOND_NS, Series, wrap
+from fti.nav.series import SECOND_NS, Series, Value, wrap
 from fti.nav.sources import ATTITUDE_SD_UNKNOWN, LARGEST
 from fti.types import Attitude, Reason
 
@@ -105,6 +105,15 @@ class AttitudeComparison:
                 degrees = math.degrees(wrap(first.value - second.value))
                 return f"{name} of {pair[0]} and {pair[1]} differ by {degrees:+.1f} deg"
         return "" if compared else None
+
+    def angle(self, source: str, name: str, t_ns: int) -> tuple[Value | None, float]:
+        """Roll, pitch or heading of a source at a time [rad], and the size of its rate [rad/s]."""
+        series = self._parts[source][name]
+        return series.at(t_ns, MAX_AGE_NS), abs(series.slope(t_ns, SECOND_NS // 2, SECOND_NS // 10) or 0.0)
+
+    def are_disputed(self, one: str, other: str) -> bool:
+        """Whether two sources disagree at present."""
+        return tuple(sorted((one, other))) in self._disputes
 
     def finding(self, source: str) -> Finding | None:
         """Against a source: it contradicts two others that do not contradict each other."""

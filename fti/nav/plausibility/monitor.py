@@ -10,11 +10,12 @@ from fti.config import Config, Device, position_sources
 from fti.nav.plausibility.admission import Admission
 from fti.nav.plausibility.attitude import AttitudeComparison
 from fti.nav.plausibility.events import describe
+from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
 from fti.nav.plausibility.heading import HeadingTest
 from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
 from fti.nav.series import SECOND_NS
 from fti.nav.sources import level_velocity
-from fti.types import Attitude, Event, Measurement, Output, Position, Reason, SourceValidity, Velocity
+from fti.types import Attitude, Event, FilterSolution, Measurement, Output, Position, Reason, SourceValidity, Velocity
 
 T = TypeVar("T", Position, Velocity, Attitude)
 #: Validities are composed so often, and repeated so often when they have not changed [ns].
@@ -36,6 +37,7 @@ class PlausibilityMonitor:
         self._headings = {name: Admission() for name in config.nav.attitude}
         self._heading_tests = {name: HeadingTest(config.nav.limits.wind_mps) for name in config.nav.attitude}
         self._comparison = AttitudeComparison()
+        self._beside_filter = FilterAttitudeTest(self._comparison)
         self._has_filter = config.nav.filter is not None
         self._events: list[Event] = []
         self._composed_ns: int | None = None
@@ -94,6 +96,10 @@ class PlausibilityMonitor:
         events, self._events = self._events, []
         return events
 
+    def take_filter(self, solution: FilterSolution) -> None:
+        """Take what the filter says; attitudes are compared with it."""
+        self._beside_filter.take(solution)
+
     def readmit(self, device: str, t_ns: int) -> list[Event]:
         """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
         return self._tests[device].readmit(t_ns)
@@ -126,7 +132,8 @@ class PlausibilityMonitor:
             level = "warning" if began else "info"
             self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=words))
         for name in self._comparison.sources:
-            admission, finding = self._attitudes[name], self._comparison.finding(name)
+            admission = self._attitudes[name]
+            finding = self._comparison.finding(name) or self._beside_filter.finding(name)
             change = admission.fail(finding) if finding else admission.passes(t_ns)
             if change:
                 self._events.append(describe(t_ns, name, ATTITUDE, admission, change))

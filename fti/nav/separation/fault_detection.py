@@ -105,11 +105,6 @@ class Watched:
         """Names of what is compared with the filter and the oldest copy."""
         return self.monitor.ladder.tested
 
-    @property
-    def counts(self) -> bool:
-        """Whether its copies enter the protection levels: all of them exist, or it may be wrong."""
-        return self.monitor.ladder.is_full or self.monitor.is_suspected or self.refusals.times > 0
-
     def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.ladder.advance(pieces)
@@ -175,7 +170,7 @@ class FaultDetection:
         if here is None:
             return None
         lag_s = 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
-        found = [of_filter(here), *(w.levels(lag_s) for w in self._classes if w.counts)]
+        found = [of_filter(here), *(w.levels(lag_s) for w in self._classes)]
         return Levels(
             max(level.horizontal for level in found) + self._tolerance,
             max(level.vertical for level in found) + self._tolerance,
@@ -183,8 +178,8 @@ class FaultDetection:
 
     @property
     def separations(self) -> dict[str, list[Separation]]:
-        """Of the filter from the copies of each class that enter the protection levels, the oldest copy first."""
-        return {watched.what: watched.monitor.separations for watched in self._classes if watched.counts}
+        """Of the filter from the copies of each class, the oldest copy first."""
+        return {watched.what: watched.monitor.separations for watched in self._classes}
 
     def take_events(self) -> list[Event]:
         """What happened since the last call."""

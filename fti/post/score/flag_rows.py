@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 
 from fti.hil.expected.compared import is_compared
@@ -15,10 +15,16 @@ from fti.post.score.rows import FAILURES, Row, Verdict
 from fti.post.score.said import Span
 
 
-def flag_rows(belongs: Sequence[tuple[int, Told]], faults: Sequence[Fault], evidence: Evidence) -> Iterator[Row]:
-    """One row for each flag.  belongs : what is due, with the index of its fault"""
+def flag_rows(
+    belongs: Sequence[tuple[int, Told]], faults: Sequence[Fault], sources: Container[str], evidence: Evidence
+) -> Iterator[Row]:
+    """One row for each flag.
+
+    belongs : what is due, with the index of its fault; sources : devices that give position or attitude
+    """
     for i, one in _held_on(belongs):
-        yield from _fault_rows(i, faults[i], one, evidence)
+        is_judged = is_compared(faults[i], on_source=one.subject in sources)
+        yield from _fault_rows(i, faults[i], one, evidence, unknown=Verdict.COMPARED if is_judged else Verdict.UNKNOWN)
 
 
 def vanished_rows(
@@ -60,13 +66,11 @@ def _until_s(duty: Duty, duties: Sequence[Duty]) -> float:
     return until_s
 
 
-def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence) -> Iterator[Row]:
+def _fault_rows(index: int, fault: Fault, one: Told, evidence: Evidence, *, unknown: Verdict) -> Iterator[Row]:
     what = describe(fault)
     span = getattr(fault, "from_s", 0.0), getattr(fault, "to_s", evidence.end_s)
     if one.unknown:
-        on_source = one.subject in evidence.craft.sources
-        verdict = Verdict.COMPARED if is_compared(fault, on_source=on_source) else Verdict.UNKNOWN
-        yield Row(index, what, one.subject, one.unknown, *span, verdict)
+        yield Row(index, what, one.subject, one.unknown, *span, unknown)
     elif not one.duties:
         yield Row(index, what, one.subject, "too short, too small, or of no role", *span, Verdict.NOT_DUE)
     for duty in one.duties:

@@ -73,7 +73,7 @@ def judge(
     belongs = flags_of_faults(scenario.fault, craft, flown.truth)
     evidence = Evidence.of_flight(flown, said, scenario.limits)
     may = [*of_flight(craft, flown.truth), *allowed_flags([one for _, one in belongs], flown.pauses)]
-    rows = list(flag_rows(belongs, scenario.fault, evidence))
+    rows = list(flag_rows(belongs, scenario.fault, craft.sources, evidence))
     if own:
         without = flags_of_faults(scenario.fault, Aircraft(own.config, own.devices, scenario), flown.truth)
         rows += vanished_rows(without, belongs, scenario.fault, evidence)

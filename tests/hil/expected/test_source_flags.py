@@ -21,7 +21,7 @@ from fti.service.binding import bind_devices
 MAKE: TypeAdapter[Fault] = TypeAdapter(Fault)
 T = np.arange(0.0, 120.0, 0.1)
 TRUTH = Truth(T, 0 * T + 200.0, 4000.0 - 30.0 * T, *[0 * T] * 4)
-WHEN: dict[str, Any] = {"from_s": 20.0, "to_s": 90.0}
+WHEN: dict[str, Any] = {"from_s": 45.0, "to_s": 90.0}
 KEYS: dict[FaultKind, dict[str, Any]] = {
     FaultKind.STUCK: {"devices": ("receiver",)},
     FaultKind.CLOCK_JUMP: {"devices": ("receiver",), "by_s": -2.0},
@@ -56,8 +56,11 @@ def test_a_wrong_source_of_position_must_be_refused(kind: FaultKind, craft: Airc
 
 @pytest.mark.parametrize(
     ("kind", "keys"),
-    [("gnss_ramp", {"north_mps": 0.7, "east_mps": 0.7}), ("gnss_ramp", {"up_mps": 3.0}), ("clock_jump", {"by_s": 0.4})],
-)
+    [
+        ("gnss_ramp", {"north_mps": 0.7, "east_mps": 0.7}), ("gnss_ramp", {"up_mps": 3.0}),
+        ("gnss_ramp", {"north_mps": 3.0, "from_s": 30.0}), ("clock_jump", {"by_s": 0.4}),
+    ],
+)  # fmt: skip
 def test_a_fault_below_what_can_be_seen_raises_nothing(craft: Aircraft, kind: str, keys: dict[str, Any]) -> None:
     assert not [flag for flag in due(made(kind, devices=("receiver",), **keys), craft) if flag[0] == SOLUTION]
 
