@@ -8,22 +8,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from fti.hil.expected.duties import SOLUTION, SOURCE_REFUSED_S, Case, Duty
 from fti.hil.tables.bases import OnDevices
-from fti.hil.tables.kinds import FaultKind
+from fti.hil.tables.kinds import ClockJump, FaultKind, GnssRamp
 
 #: Beside an inertial unit of tactical grade a ramp is seen from here on [m/s], so long after the flight began [s]: when
 #: the filter has gone without the receiver for 20 s.  A device time that steps is seen from here on [s].
 RAMP_MPS, SETTLED_S, CLOCK_S = 1.0, 40.0, 0.5
 
 
-def _is_seen_ramp(fault: Any) -> bool:
+def _is_seen_ramp(fault: OnDevices) -> bool:
+    assert isinstance(fault, GnssRamp)
     return fault.from_s >= SETTLED_S and math.hypot(fault.north_mps, fault.east_mps) >= RAMP_MPS
 
 
-def _is_seen_step(fault: Any) -> bool:
+def _is_seen_step(fault: OnDevices) -> bool:
+    assert isinstance(fault, ClockJump)
     return abs(fault.by_s) > CLOCK_S
 
 
@@ -38,7 +39,7 @@ class SourceFlag:
     within_s: float
     clears_s: float = SOURCE_REFUSED_S
     when: str = ""
-    is_seen: Callable[[Any], bool] = lambda _fault: True
+    is_seen: Callable[[OnDevices], bool] = lambda _fault: True
 
 
 SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from fti.nav.plausibility.attitude import MAX_AGE_NS, TIME_SD_S, AttitudeComparison
+from fti.nav.plausibility.attitude import TIME_SD_S, AttitudeComparison
 from fti.nav.plausibility.budget import K_FALSE
 from fti.nav.plausibility.finding import Finding
 from fti.nav.series import SECOND_NS, wrap

@@ -55,7 +55,7 @@ def explained(topic: str, quantity: QuantityError, excused: Mask, t: Array, limi
 
 
 def compared(
-    topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits, level: Array
+    topic: str, quantity: QuantityError, during: Mask, t: Array, limits: ScoreLimits, *, level: Array
 ) -> Iterator[OutputRow]:
     """A row that is judged: the largest error while a fault acts that explains no wrong value.
 

@@ -96,7 +96,7 @@ class _Checks:
         ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
             level = stated_level(series, self._series, quantity.name)
-            yield from compared(output.topic, quantity, asked, t, limits, level)
+            yield from compared(output.topic, quantity, asked, t, limits, level=level)
             yield from protected(output.topic, quantity, free, t, level)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)

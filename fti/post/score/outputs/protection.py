@@ -1,4 +1,4 @@
-"""Errors beside their protection levels: position and altitude of navigation, the altitude beside what the monitor says."""
+"""Errors beside protection levels: position and altitude of navigation, its altitude beside what the monitor says."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def protected(topic: str, quantity: QuantityError, judged: Mask, t: Array, level
     judged : valid messages, shape (n,); t : their times [s of the flight]; level : [m], NaN where none, same shape
     """
     if topic != LOCATION:
-        yield from _beyond(topic, quantity.name, quantity.error, level, judged, t)
+        yield from _beyond((topic, quantity.name), quantity.error, level, judged, t)
 
 
 def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthTable) -> Array:
@@ -63,15 +63,16 @@ def protection(integrity: TopicSeries, error: Array, judged: Mask, t: Array) -> 
     flight]
     """
     level = integrity.column("protection_level_v")
-    yield from _beyond(integrity.topic, "navigated altitude", error, level, judged, t)
+    yield from _beyond((integrity.topic, "navigated altitude"), error, level, judged, t)
 
 
-def _beyond(topic: str, what: str, error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
+def _beyond(of: tuple[str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
     at = np.flatnonzero(judged & np.isfinite(level) & np.isfinite(error))
     if not len(at):
         return
     excess = np.abs(error[at]) - level[at]
     worst = int(np.argmax(excess))
+    topic, what = of
     yield OutputRow(
         topic,
         Check.PROTECTED,
