@@ -70,6 +70,7 @@ class Fallbacks:
         if self._aided and self._ticks % VERTICAL_TICKS == 0:
             out.append(self._aided.vertical_solution(t_ns))
         if self._radio and self._ticks % FIX_TICKS == 0:
+            self._radio.refuse(self.refused)
             out.append(self._radio.solution(t_ns))
         return out
 

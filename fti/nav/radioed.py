@@ -36,6 +36,11 @@ class RadioPosition:
         self._hold = HoldMonitor()
         self._other_ns: int | None = None
         self._ground: Ground | None = None
+        self._refused = frozenset[str]()
+
+    def refuse(self, receivers: frozenset[str]) -> None:
+        """Positions and velocities of these receivers, which the filter excludes, do not count from now on."""
+        self._refused = receivers
 
     def give_ground(self, ground: Ground | None) -> None:
         """Heights above this ground count from now on."""
@@ -55,6 +60,8 @@ class RadioPosition:
             return
         if isinstance(m, Satellites):
             self._take_satellites(m, t_ns)
+        elif device in self._refused:
+            return
         elif isinstance(m, Position) and m.valid:
             self._take_position(m, t_ns)
         elif isinstance(m, Velocity) and m.valid:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.compared import OfSource, is_compared
-from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, SOURCE_REFUSED_S, doubted_s
+from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, SOLUTION, SOURCE_REFUSED_S, doubted_s
 from fti.hil.expected.flags import told
 from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
 from fti.hil.faults.fitting import is_of
@@ -98,6 +98,17 @@ class Affected:
             if isinstance(fault, WRONG) and self._is_compared(fault, name) and self._counts(name, fault, output)
         ]
         return found + list(self._on_displaced_map(output))
+
+    def undetected(self) -> list[Interval]:
+        """From the effect of such a fault until its flag must be raised [s of the flight]."""
+        return [
+            (duty.from_s, duty.from_s + duty.within_s)
+            for fault in self._faults
+            if is_compared(fault)
+            for one in told(fault, self._craft, self._truth)
+            for duty in one.duties
+            if duty.place == SOLUTION
+        ]
 
     def _is_compared(self, fault: OnDevices | BusOff | Babbling, name: str) -> bool:
         return is_compared(fault, on_source=name in self._craft.sources or name in self._craft.filter_gnss)

@@ -1,8 +1,8 @@
 """Faults whose effects on the outputs of navigation are judged by the truth: wrong values that are called valid fail.
 
 The daemon raises no flag for most of them.  What it publishes during such a fault must be right within its limits or
-within the protection level that it states, or not valid.  What the device itself states is wrong by the fault, and is
-not judged.
+within the protection level that it states, or not valid.  What states no protection level may be wrong until the flag
+that is due of the fault must be raised.  What the device itself states is wrong by the fault, and is not judged.
 """
 
 from __future__ import annotations

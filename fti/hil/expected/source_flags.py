@@ -53,7 +53,7 @@ SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
     FaultKind.SWAPPED_COORDINATES: SourceFlag(3.0),
     FaultKind.UNDULATION: SourceFlag(10.0, when="the undulation there is more than 5 m"),
     FaultKind.CLOCK_JUMP: SourceFlag(
-        5.0, when=f"DEVICE sends its own time, and by_s is more than {CLOCK_S:g} s", is_seen=_is_seen_step
+        5.0, math.inf, when=f"DEVICE sends its own time, and by_s is more than {CLOCK_S:g} s", is_seen=_is_seen_step
     ),
 }
 #: Why a fault without a flag raises none.

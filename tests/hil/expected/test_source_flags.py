@@ -128,5 +128,12 @@ def test_a_displaced_map_is_judged_where_the_ground_counts(craft: Aircraft) -> N
     assert not affected.compared(output(SOLUTION, "receiver"))
 
 
+def test_until_its_flag_must_be_raised_a_fault_is_undetected(craft: Aircraft) -> None:
+    fault = made("swapped_coordinates", devices=("receiver",))
+    begin, within_s = WHEN["from_s"], SOURCE_FLAGS[FaultKind.SWAPPED_COORDINATES].within_s
+    assert Affected([fault], craft, TRUTH).undetected() == [(begin, begin + within_s)]
+    assert not Affected([made("latency", devices=("receiver",), by_s=1.0)], craft, TRUTH).undetected()
+
+
 def test_a_node_that_babbles_is_compared() -> None:
     assert is_compared(MAKE.validate_python({"kind": "babbling", **WHEN}))

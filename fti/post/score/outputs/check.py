@@ -91,12 +91,14 @@ class _Checks:
         free = valid & ~inside(t, [*self._affected.wrong(output), *self._late])
         judged, asked = free & ~by_fault, free & by_fault
         limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
+        undetected = inside(t, self._affected.undetected())  # what states no protection level may be wrong until then
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
             level = stated_level(series, self._series, quantity.name)
-            yield from compared(output.topic, quantity, asked, t, limits, level=level)
+            due = asked & (np.isfinite(level) | ~undetected)
+            yield from compared(output.topic, quantity, due, t, limits, level=level)
             yield from protected(output.topic, quantity, free, t, level)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
