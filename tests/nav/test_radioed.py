@@ -93,3 +93,14 @@ def test_a_message_without_directions_takes_no_sky_away() -> None:
         assert with_sky(Satellites(stamp=Stamp(T0), satellites=told, used=5)) == with_sky()
     none_used = tuple(dataclasses.replace(s, used=False) for s in SKY)
     assert with_sky(Satellites(stamp=Stamp(T0), satellites=none_used)) == pytest.approx(0.1, rel=1e-6)
+
+
+def test_a_receiver_that_the_filter_excludes_gives_no_fix_any_more() -> None:
+    radio = flown()
+    radio.refuse(frozenset({"gnss"}))
+    later = T0 + 2 * 10**9
+    radio.feed("gnss", dataclasses.replace(FIX, stamp=Stamp(later), alt=760.0), later)
+    assert not radio.solution(later).valid
+    radio.refuse(frozenset())
+    radio.feed("gnss", dataclasses.replace(FIX, stamp=Stamp(later), alt=760.0), later)
+    assert radio.solution(later).alt == pytest.approx(758.5, abs=0.1)
