@@ -30,15 +30,23 @@ def _posts() -> NDArray[np.int16]:
     return posts
 
 
+@functools.lru_cache(maxsize=256)
+def _corners(i: int, j: int) -> tuple[float, float, float, float]:
+    """Posts around a cell [dm]: southwest, southeast, northwest, northeast; whole degrees east may be 360."""
+    posts = _posts()
+    west, east = j % posts.shape[1], (j + 1) % posts.shape[1]
+    return float(posts[i, west]), float(posts[i, east]), float(posts[i + 1, west]), float(posts[i + 1, east])
+
+
 def undulation(lat: float, lon: float) -> float:
     """Height of the geoid above the ellipsoid [m] at lat, lon [rad].  Raises ValueError for a place off the Earth."""
     if not abs(lat) <= math.pi / 2 or not math.isfinite(lon):
         raise ValueError(f"there is no place at {lat} rad north, {lon} rad east")
-    posts = _posts()
     row = (math.degrees(lat) + 90.0) * PER_DEGREE
     column = ((math.degrees(lon) + 180.0) % 360.0) * PER_DEGREE
-    i, j = min(int(row), len(posts) - 2), int(column) % posts.shape[1]
-    v, u, east = row - i, column - int(column), (j + 1) % posts.shape[1]
-    low = posts[i, j] * (1.0 - u) + posts[i, east] * u
-    high = posts[i + 1, j] * (1.0 - u) + posts[i + 1, east] * u
-    return float(low * (1.0 - v) + high * v) / 10.0
+    i, j = min(int(row), 180 * PER_DEGREE - 1), int(column)
+    v, u = row - i, column - j
+    southwest, southeast, northwest, northeast = _corners(i, j)
+    low = southwest * (1.0 - u) + southeast * u
+    high = northwest * (1.0 - u) + northeast * u
+    return (low * (1.0 - v) + high * v) / 10.0

@@ -301,12 +301,12 @@ class AidedNavigation:
 
     def compared(self, t_ns: int) -> Compared | None:
         """What devices are compared with; None while the filter has no position."""
-        position, levels = self.position(t_ns), self._faults.levels(t_ns)
-        if position is None or levels is None:
+        position, told = self.position(t_ns), self.solution(t_ns)
+        if position is None or told.hpl is None or told.vpl is None:
             return None
         table = ((Reason.CONTRADICTION, self._faults.is_drawn), (Reason.REACQUIRED, self._faults.is_reacquired))
         unchecked = tuple(reason for reason, holds in table if holds)
-        return Compared(position, *levels, frozenset(self._settings.gnss), self.refused, unchecked)
+        return Compared(position, told.hpl, told.vpl, frozenset(self._settings.gnss), self.refused, unchecked)
 
     def position(self, t_ns: int) -> PositionState | None:
         """Of the filter, for who has no other; None where it is not valid."""

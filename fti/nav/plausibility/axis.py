@@ -127,14 +127,18 @@ class AxisTests:
         self._pending = None
         return self._judge(pending)
 
+    def wants(self, t_ns: int, kind: str) -> bool:
+        """Whether a fix of this time and kind is judged, or ends that one waits: not all are that come often."""
+        last = self._last
+        return self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS or kind != last.kind
+
     def take_fix(self, fix: Fix) -> list[Finding] | None:
         """Take a fix.  None: nothing was judged"""
         found: list[Finding] = []
         if self._pending:
             pending, self._pending = self._pending, None
             found += self._judge(pending) or ()
-        last = self._last
-        if last and fix.t_ns - last.t_ns < MIN_STEP_NS and fix.kind == last.kind:
+        if not self.wants(fix.t_ns, fix.kind):
             return found or None
         at = self.velocity.at(fix.t_ns)
         if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):

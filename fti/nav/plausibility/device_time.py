@@ -31,6 +31,7 @@ class DeviceTimeTest:
     def __init__(self, scale: TimeScale) -> None:
         self._scale = scale
         self._smallest: deque[tuple[int, int]] = deque(maxlen=WINDOW_S)  # second of arrival, arrival - device time [ns]
+        self._least: int | None = None  # of them all
         self._last: tuple[int, int] | None = None
         self._heard = 0
         self._still_since: int | None = None
@@ -53,6 +54,7 @@ class DeviceTimeTest:
 
     def _learn_anew(self) -> None:
         self._smallest.clear()
+        self._least = None
         self._heard, self._away, self._back, self._still_since = 0, 0, 0, None
 
     def _find(self, rx: int, dev: int, last: tuple[int, int] | None) -> list[Finding]:
@@ -95,13 +97,18 @@ class DeviceTimeTest:
         return [Finding(Reason.DEVICE_TIME, self._away_since_ns, f"its time steps by {-late:+.3f} s against arrival")]
 
     def _late_s(self, rx: int, dev: int) -> float:
-        return (rx - dev - min(offset for _, offset in self._smallest)) / SECOND_NS
+        if self._least is None:
+            self._least = min(offset for _, offset in self._smallest)
+        return (rx - dev - self._least) / SECOND_NS
 
     def _has_wrapped(self, late_s: float) -> bool:
         return any(abs(abs(late_s) - period / SECOND_NS) <= BEHIND_S for period in WRAPS[self._scale])
 
     def _note(self, rx: int, offset: int) -> None:
         second = rx // SECOND_NS
-        if self._smallest and self._smallest[-1][0] == second:
-            offset = min(offset, self._smallest.pop()[1])
-        self._smallest.append((second, offset))
+        if not self._smallest or self._smallest[-1][0] != second:
+            self._least = None  # the oldest may leave
+            self._smallest.append((second, offset))
+        elif offset < self._smallest[-1][1]:
+            self._smallest[-1] = second, offset
+            self._least = offset if self._least is None else min(self._least, offset)

@@ -131,6 +131,8 @@ class SourceTests:
 
     def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         assert self._lat is not None
+        if not (self._north.wants(t_ns, "") or self._east.wants(t_ns, "")):
+            return []
         meridian, normal = radii(self._lat)
         metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
         sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
@@ -147,8 +149,10 @@ class SourceTests:
         if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
             return []
         self._alt = value
-        sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-        found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
+        found: list[Finding] | None = None
+        if self._up.wants(t_ns, kind):
+            sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
+            found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
             found = [*(found or ()), *undulation]
@@ -265,5 +269,8 @@ def _at_least(stated: float | None, unstated: float, floor: float) -> float:
 
 def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
     """Numbers that a place or an aircraft can have; others are left out by whoever takes them."""
-    values = ((getattr(m, name), LARGEST[name]) for name in names)
-    return all(value is None or abs(value) <= largest for value, largest in values)
+    for name in names:
+        value = getattr(m, name)
+        if value is not None and not abs(value) <= LARGEST[name]:
+            return False
+    return True
