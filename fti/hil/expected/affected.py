@@ -17,7 +17,7 @@ from fti.hil.expected.aircraft import Aircraft, Truth
 from fti.hil.expected.compared import OfSource, is_compared
 from fti.hil.expected.duties import EXCLUDED_HEIGHT_S, HEIGHT, INTEGRITY, SOLUTION, SOURCE_REFUSED_S, doubted_s
 from fti.hil.expected.flags import told
-from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, VERTICAL, RequiredOutput
+from fti.hil.expected.required_outputs import BELOW, FILTER, FIX, GLIDE, LOCATION, VERTICAL, RequiredOutput
 from fti.hil.faults.fitting import is_of
 from fti.hil.tables.bases import OnDevices, OnQuantity
 from fti.hil.tables.kinds import (
@@ -74,6 +74,7 @@ class Affected:
                 whole = (fault.from_s, self._back_s(fault, name) + self._refused_s(fault, name, output) + memory_s)
                 found += self._switches(fault, name) if self._is_replaced(name, fault, output) else [whole]
         found += [*self._on_ground(output), *self._beside_track(output), *self._by_disagreement(output)]
+        found += self._without_satellites(output)
         return found + list(self._on_displaced_map(output))
 
     def wrong(self, output: RequiredOutput) -> list[Interval]:
@@ -198,6 +199,14 @@ class Affected:
         for fault, name in self._on(others):
             if isinstance(fault, WRONG):
                 yield fault.from_s, self._back_s(fault, name) + self._memory_s(output)
+
+    def _without_satellites(self, output: RequiredOutput) -> Iterator[Interval]:
+        """Protection levels grow while a receiver of the filter is lost or refused, whoever gives the position."""
+        if output.topic not in (SOLUTION, LOCATION):
+            return
+        for fault, name in self._on(self._craft.filter_gnss):
+            if not isinstance(fault, HARMLESS):
+                yield fault.from_s, self._back_s(fault, name) + (SOURCE_REFUSED_S if isinstance(fault, WRONG) else 0.0)
 
     def _beside_track(self, output: RequiredOutput) -> Iterator[Interval]:
         for fault in self._faults:

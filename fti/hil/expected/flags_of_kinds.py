@@ -83,8 +83,8 @@ FALLBACK = (
 def _of_source(kind: FaultKind) -> tuple[KindFlag, ...]:
     """What the table of wrong sources has for a kind."""
     flag = SOURCE_FLAGS[kind]
-    when = "DEVICE is the first of nav.position" + (f", and {flag.when}" if flag.when else "")
-    return (KindFlag(SOLUTION, ("position not from DEVICE",), f"{when}; within {flag.within_s:g} s"),)
+    when = f"DEVICE is the first of nav.{flag.role}" + (f", and {flag.when}" if flag.when else "")
+    return (KindFlag(SOLUTION, (f"{flag.role} not from DEVICE",), f"{when}; within {flag.within_s:g} s"),)
 
 
 #: Every flag that a fault of a kind can raise; none: the daemon does not report such a fault.
@@ -145,7 +145,7 @@ FLAGS: Mapping[FaultKind, tuple[KindFlag, ...]] = {
     FaultKind.SWAPPED_COORDINATES: _of_source(FaultKind.SWAPPED_COORDINATES),
     FaultKind.UNDULATION: _of_source(FaultKind.UNDULATION),
     FaultKind.LEVER_ARM: (),
-    FaultKind.ATTITUDE_OFFSET: (),
+    FaultKind.ATTITUDE_OFFSET: _of_source(FaultKind.ATTITUDE_OFFSET),
     FaultKind.INERTIAL_BIAS: (),
     FaultKind.LATENCY: (),
     FaultKind.CLOCK_JUMP: (

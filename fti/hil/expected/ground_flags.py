@@ -131,7 +131,8 @@ def _deviates(name: str, case: Case, where: Mask) -> Sequence[Duty]:
     shown = case.truth.span(where)
     if shown is None:
         return []
-    return [Duty(f"{HEIGHT}/{name}", (Reason.DEVIATION,), *shown, SILENT_S, case.until_s - shown[1] + SILENT_S)]
+    clears_s = case.until_s - shown[1] + SILENT_S + case.craft.period_s(name)
+    return [Duty(f"{HEIGHT}/{name}", (Reason.DEVIATION,), *shown, SILENT_S, clears_s)]
 
 
 def _said(fault: OnQuantity, case: Case) -> Array:

@@ -11,16 +11,24 @@ from dataclasses import dataclass
 
 from fti.hil.expected.duties import SOLUTION, SOURCE_REFUSED_S, Case, Duty
 from fti.hil.tables.bases import OnDevices
-from fti.hil.tables.kinds import ClockJump, FaultKind, GnssRamp
+from fti.hil.tables.kinds import AttitudeOffset, ClockJump, FaultKind, GnssRamp
 
 #: Beside an inertial unit of tactical grade a ramp is seen from here on [m/s], so long after the flight began [s]: when
 #: the filter has gone without the receiver for 20 s.  A device time that steps is seen from here on [s].
 RAMP_MPS, SETTLED_S, CLOCK_S = 1.0, 40.0, 0.5
+#: An attitude that is farther from that of the filter [deg]: tilt, heading; a heading of the filter is worth 1 deg.
+TILT_DEG, HEADING_DEG = 3.0, 12.0
 
 
 def _is_seen_ramp(fault: OnDevices) -> bool:
     assert isinstance(fault, GnssRamp)
     return fault.from_s >= SETTLED_S and math.hypot(fault.north_mps, fault.east_mps) >= RAMP_MPS
+
+
+def _is_seen_offset(fault: OnDevices) -> bool:
+    assert isinstance(fault, AttitudeOffset)
+    is_far = max(abs(fault.roll_deg), abs(fault.pitch_deg)) >= TILT_DEG or abs(fault.heading_deg) >= HEADING_DEG
+    return fault.from_s >= SETTLED_S and is_far
 
 
 def _is_seen_step(fault: OnDevices) -> bool:
@@ -30,7 +38,7 @@ def _is_seen_step(fault: OnDevices) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class SourceFlag:
-    """Navigation refuses the device as the source of position, where it is the first one of it.
+    """Navigation refuses the device as the source of a role, where it is the first one of it.
 
     within_s : of the beginning of the fault; clears_s : of its end, inf: it may stay refused [s]
     when     : the condition, to be read after "and"; "" where there is none; is_seen : whether a fault fulfils it
@@ -40,6 +48,7 @@ class SourceFlag:
     clears_s: float = SOURCE_REFUSED_S
     when: str = ""
     is_seen: Callable[[OnDevices], bool] = lambda _fault: True
+    role: str = "position"
 
 
 SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
@@ -52,6 +61,13 @@ SOURCE_FLAGS: Mapping[str | None, SourceFlag] = {
     ),
     FaultKind.SWAPPED_COORDINATES: SourceFlag(3.0),
     FaultKind.UNDULATION: SourceFlag(10.0, when="the undulation there is more than 5 m"),
+    FaultKind.ATTITUDE_OFFSET: SourceFlag(
+        10.0,
+        when=f"[nav.filter] is configured, from_s is {SETTLED_S:g} s or more, roll_deg or pitch_deg is {TILT_DEG:g} "
+        f"or more, or heading_deg {HEADING_DEG:g}",
+        is_seen=_is_seen_offset,
+        role="attitude",
+    ),
     FaultKind.CLOCK_JUMP: SourceFlag(
         5.0, math.inf, when=f"DEVICE sends its own time, and by_s is more than {CLOCK_S:g} s", is_seen=_is_seen_step
     ),
@@ -64,11 +80,13 @@ def source_duties(fault: OnDevices, case: Case) -> Sequence[Duty]:
     """The flags of the table that are due of a fault."""
     kind = getattr(fault, "kind", None)
     flag = SOURCE_FLAGS.get(kind)
-    if flag is None or not flag.is_seen(fault) or "position" not in case.craft.preferred_for(case.name):
+    if flag is None or not flag.is_seen(fault) or flag.role not in case.craft.preferred_for(case.name):
         return []
     if kind == FaultKind.GNSS_RAMP and case.name not in case.craft.filter_gnss:
         return []
+    if kind == FaultKind.ATTITUDE_OFFSET and not case.craft.filter_gnss:
+        return []
     if kind == FaultKind.CLOCK_JUMP and not case.craft.says_time(case.name):
         return []
-    words = f"position not from {case.name}"
+    words = f"{flag.role} not from {case.name}"
     return [case.duty(SOLUTION, words, within_s=flag.within_s, clears_s=flag.clears_s)]

@@ -224,6 +224,5 @@ def test_each_stated_flag_is_expected_of_some_fault_of_its_kind_and_no_other_is(
 def test_a_kind_without_flags_has_a_reason() -> None:
     assert all(kind.flags or kind.no_flag for kind in kinds().values())
     assert {name for name, kind in kinds().items() if not kind.flags} == {
-        "attitude_offset", "babbling", "clock_drift", "inertial_bias", "latency", "lever_arm", "reordered",
-        "terrain_shift",
+        "babbling", "clock_drift", "inertial_bias", "latency", "lever_arm", "reordered", "terrain_shift",
     }  # fmt: skip

@@ -77,7 +77,7 @@ def test_the_monitor_is_judged_with_the_radar_altimeter() -> None:
         ({"kind": "cut", "devices": ("ahrs",)}, "/nav/nav_solution", False, False),
         ({"kind": "stuck", "devices": ("altimeter",)}, "/nav/height_above_ground/altimeter", True, True),
         ({"kind": "stuck", "devices": ("ins",)}, "/nav/nav_solution", False, False),  # it must be noticed
-        ({"kind": "stuck", "devices": ("gnss",)}, "/nav/nav_solution", False, False),
+        ({"kind": "stuck", "devices": ("gnss",)}, "/nav/nav_solution", True, False),  # the filter is without satellites
         ({"kind": "stuck", "devices": ("gnss",)}, "/nav/filter_solution", True, False),
         ({"kind": "stuck", "devices": ("gnss",)}, "/gnss/position", True, True),
         ({"kind": "stuck", "devices": ("gnss",)}, "/autopilot/attitude", False, False),

@@ -23,6 +23,7 @@ T = np.arange(0.0, 120.0, 0.1)
 TRUTH = Truth(T, 0 * T + 200.0, 4000.0 - 30.0 * T, *[0 * T] * 4)
 WHEN: dict[str, Any] = {"from_s": 45.0, "to_s": 90.0}
 KEYS: dict[FaultKind, dict[str, Any]] = {
+    FaultKind.ATTITUDE_OFFSET: {"devices": ("ins",), "roll_deg": -3.0},
     FaultKind.STUCK: {"devices": ("receiver",)},
     FaultKind.CLOCK_JUMP: {"devices": ("receiver",), "by_s": -2.0},
     FaultKind.GNSS_RAMP: {"devices": ("receiver",), "north_mps": 1.0},
@@ -48,10 +49,11 @@ def due(fault: Fault, craft: Aircraft) -> list[tuple[str, tuple[str, ...], float
 
 
 @pytest.mark.parametrize("kind", SOURCE_FLAGS, ids=str)
-def test_a_wrong_source_of_position_must_be_refused(kind: FaultKind, craft: Aircraft) -> None:
-    fault = made(kind, **KEYS[kind])
-    assert (SOLUTION, ("position not from receiver",), SOURCE_FLAGS[kind].within_s) in due(fault, craft)
-    assert not [flag for flag in due(made(kind, **KEYS[kind] | {"devices": ("ins",)}), craft) if flag[0] == SOLUTION]
+def test_a_wrong_source_must_be_refused(kind: FaultKind, craft: Aircraft) -> None:
+    fault, role = made(kind, **KEYS[kind]), "attitude" if kind == "attitude_offset" else "position"
+    (device,) = KEYS[kind]["devices"]
+    assert (SOLUTION, (f"{role} not from {device}",), SOURCE_FLAGS[kind].within_s) in due(fault, craft)
+    assert not [flag for flag in due(made(kind, **KEYS[kind] | {"devices": ("ahrs",)}), craft) if flag[0] == SOLUTION]
 
 
 @pytest.mark.parametrize(
@@ -59,10 +61,12 @@ def test_a_wrong_source_of_position_must_be_refused(kind: FaultKind, craft: Airc
     [
         ("gnss_ramp", {"north_mps": 0.7, "east_mps": 0.7}), ("gnss_ramp", {"up_mps": 3.0}),
         ("gnss_ramp", {"north_mps": 3.0, "from_s": 30.0}), ("clock_jump", {"by_s": 0.4}),
+        ("attitude_offset", {"devices": ("ins",), "roll_deg": 2.0, "heading_deg": 10.0}),
     ],
 )  # fmt: skip
 def test_a_fault_below_what_can_be_seen_raises_nothing(craft: Aircraft, kind: str, keys: dict[str, Any]) -> None:
-    assert not [flag for flag in due(made(kind, devices=("receiver",), **keys), craft) if flag[0] == SOLUTION]
+    fault = made(kind, **{"devices": ("receiver",)} | keys)
+    assert not [flag for flag in due(fault, craft) if flag[0] == SOLUTION]
 
 
 # ----------------------------------------------------------------------------------------- which outputs are judged
