@@ -26,6 +26,8 @@ HEADING_SD_UNKNOWN = math.radians(2.0)
 TIME_SD_S = 0.03
 STEP_NS, LASTING_NS = SECOND_NS // 5, 2 * SECOND_NS
 MAX_AGE_NS = SECOND_NS // 2
+#: Attitudes that come more often are not all kept [ns].
+MIN_STEP_NS = 35_000_000
 Pair = tuple[str, str]
 
 
@@ -49,7 +51,12 @@ class AttitudeComparison:
 
     def take(self, source: str, m: Attitude, t_ns: int) -> None:
         """Take an attitude that was true at t_ns."""
-        parts = self._parts.setdefault(source, {name: Series(angle=True) for name in LIMITS})
+        parts = self._parts.get(source)
+        if parts is None:
+            parts = self._parts[source] = {name: Series(angle=True) for name in LIMITS}
+        newest_ns = parts["roll"].newest_ns
+        if m.valid and m.roll is not None and newest_ns is not None and 0 <= t_ns - newest_ns < MIN_STEP_NS:
+            return
         for name in LIMITS:
             value, sd = getattr(m, name), getattr(m, f"{name}_sd")
             if value is not None and abs(value) <= LARGEST[name]:

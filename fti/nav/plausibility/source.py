@@ -30,6 +30,7 @@ from fti.nav.plausibility.sigmas import (
     FixSigma,
 )
 from fti.nav.plausibility.undulation import UndulationTest
+from fti.nav.plausibility.velocity_integral import MIN_STEP_NS
 from fti.nav.series import SECOND_NS
 from fti.nav.sources import LARGEST, ellipsoidal, level_velocity
 from fti.types import Event, Position, Stamp, TimeScale, Velocity
@@ -69,6 +70,7 @@ class SourceTests:
         self._alt = 0.0
         self._time_sd = ARRIVAL_SD_S
         self._velocity_sd = UNSTATED_VELOCITY
+        self._velocity_ns: int | None = None
         self._polar: dict[str, tuple[int, float]] = {}
         self._polar_step = {"ground_speed": ResolutionEstimator(), "track": ResolutionEstimator()}
 
@@ -78,13 +80,26 @@ class SourceTests:
         """Take a position that was true at t_ns."""
         events = self._test_time(m.stamp)
         if m.valid and _is_conceivable(m, ("lat", "lon", "alt")):
-            events += self._test_position(m, t_ns)
+            if m.lat is not None:
+                self.newest_ns = t_ns
+            if self._wants(m, t_ns):
+                events += self._test_position(m, t_ns)
         return self._admitted_position(m), events
+
+    def _wants(self, m: Position, t_ns: int) -> bool:
+        """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
+        return (
+            (m.lat is not None and self._north.wants(t_ns, ""))
+            or (m.lon is not None and self._east.wants(t_ns, ""))
+            or self._up.wants(t_ns, _height_of(m)[1])
+        )
 
     def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
         """Take a velocity that was true at t_ns."""
         events = self._test_time(m.stamp)
-        if m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
+        is_next = m.north is None or self._velocity_ns is None or t_ns - self._velocity_ns >= MIN_STEP_NS
+        if is_next and m.valid and _is_conceivable(m, ("north", "east", "down", "ground_speed", "track")):
+            self._velocity_ns = t_ns if m.north is not None else self._velocity_ns
             events += self._test_velocity(m, t_ns)
         return self._admitted_velocity(m), events
 
@@ -124,15 +139,10 @@ class SourceTests:
         self._lat = m.lat if m.lat is not None else self._lat
         if self._lat is None or abs(self._lat) > MAX_LAT:
             return []
-        events = self._test_level(m, t_ns, time_sd)
-        if m.lat is not None:
-            self.newest_ns = t_ns
-        return events + self._test_altitude(m, t_ns, time_sd)
+        return self._test_level(m, t_ns, time_sd) + self._test_altitude(m, t_ns, time_sd)
 
     def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         assert self._lat is not None
-        if not (self._north.wants(t_ns, "") or self._east.wants(t_ns, "")):
-            return []
         meridian, normal = radii(self._lat)
         metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
         sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
@@ -144,15 +154,12 @@ class SourceTests:
         return events
 
     def _test_altitude(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
-        alt = ellipsoidal(m)
-        value, kind = (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
+        value, kind = _height_of(m)
         if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
             return []
         self._alt = value
-        found: list[Finding] | None = None
-        if self._up.wants(t_ns, kind):
-            sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-            found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
+        sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
+        found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
             found = [*(found or ()), *undulation]
@@ -258,6 +265,12 @@ class SourceTests:
         level = replace(m, down=None)
         is_level = any(value is not None for value in (m.north, m.east, m.ground_speed, m.track))
         return [level, vertical] if is_level else [vertical]
+
+
+def _height_of(m: Position) -> tuple[float | None, str]:
+    """Height above the ellipsoid, else above the sea [m], and which; only heights of one kind are compared."""
+    alt = ellipsoidal(m)
+    return (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
 
 
 def _at_least(stated: float | None, unstated: float, floor: float) -> float:
