@@ -276,10 +276,14 @@ class UnstatedSd(StrictModel):
 
 
 class AlertLimits(StrictModel):
-    """``[nav.alert_limits]``: position and altitude are valid while their protection levels are below these [m]."""
+    """``[nav.alert_limits]``: position and altitude are valid while their protection levels are below these [m].
+
+    compared : and only while another source, or the filter, is there to compare the position with
+    """
 
     position_m: Positive = 200.0
     altitude_m: Positive = 30.0
+    compared: bool = False
 
 
 class SourceLimits(StrictModel):

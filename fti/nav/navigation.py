@@ -197,6 +197,8 @@ def solution(state: NavState, protection: Protection, limits: AlertLimits, refus
     """The state as an output: valid when position, height, velocity and attitude are all known, and well enough."""
     position, attitude = state.position, state.attitude
     reasons = _missing(state) + ((Reason.PROTECTION_LEVEL,) if is_beyond(protection, limits) else ())
+    if limits.compared and Reason.NOTHING_TO_COMPARE in protection.unchecked:
+        reasons += (Reason.NOTHING_TO_COMPARE,)
     return NavSolution(
         t_ns=state.t_ns,
         t_valid_ns=state.t_ns if position or attitude else None,

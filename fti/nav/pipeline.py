@@ -190,6 +190,7 @@ class Pipeline:
             out += self._navigation.compare(nav)
         if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected:
             self._protection, self._protected = self._navigation.protection(nav), nav.position_source
+            self._approach.protect(None if self._protection.assumed else self._protection.horizontal)
         if self._ticks % SOLUTION_TICKS == 0:
             out.append(solution(nav, self._protection, self._limits, self._navigation.refused))
         if self._fallbacks:

@@ -104,6 +104,20 @@ def test_a_place_of_which_navigation_is_not_sure_is_told(
     assert not any(slope.valid for slope in slopes)
 
 
+def test_a_place_that_is_certain_but_not_protected_is_told(
+    reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
+) -> None:
+    """A sigma of 1 m, and a source that may be wrong by more than alert_y_m, or by less."""
+    given = inputs(path, flight, lambda _: "ins")
+    for hpl, is_uncertain in ((settings.alert_y_m + 1.0, True), (settings.alert_y_m - 1.0, False), (None, False)):
+        channel = ApproachChannel(reference, settings, "radar")
+        channel.protect(hpl)
+        integrity, slopes = judged(channel, given)
+        assert (Reason.POSITION_UNCERTAIN in integrity[-1].reasons) is is_uncertain
+        assert any(output.valid for output in integrity) is not is_uncertain
+        assert any(slope.valid for slope in slopes) is not is_uncertain
+
+
 def test_another_source_of_the_altitude_alone_begins_a_new_window(
     reference: Reference, settings: Approach, path: ApproachPath, flight: Flight
 ) -> None:

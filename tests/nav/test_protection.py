@@ -10,10 +10,11 @@ from scipy.stats import norm, rayleigh
 
 from fti.config import AlertLimits
 from fti.geodesy.wgs84 import radii
+from fti.nav.navigation import NavState, solution
 from fti.nav.protection import K_AXIS, K_RADIAL, Compared, Protection, by_filter, differences, is_beyond, unchecked
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
 from fti.nav.source_check import SourceCheck
-from fti.nav.sources import PositionState
+from fti.nav.sources import AttitudeState, PositionState
 from fti.types import Reason
 
 SECOND = 1_000_000_000
@@ -69,6 +70,16 @@ def test_alert_limits_are_of_levels_that_are_known() -> None:
     assert is_beyond(Protection(1.0, 30.1), limits)
     assert not is_beyond(Protection(24.0, 44.2, (Reason.NOTHING_TO_COMPARE,), assumed=True), limits)
     assert not is_beyond(Protection(None, None), limits)
+
+
+@pytest.mark.parametrize("why", [Reason.NOTHING_TO_COMPARE, Reason.REACQUIRED])
+def test_a_configuration_can_demand_that_positions_are_compared(why: Reason) -> None:
+    state = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), HERE, "ins", "ins", "ins")
+    alone = Protection(5.0, 5.0, (why,))
+    told = {demand: solution(state, alone, AlertLimits(compared=demand), frozenset()) for demand in (False, True)}
+    assert told[False].valid
+    assert told[True].valid is (why is not Reason.NOTHING_TO_COMPARE)
+    assert told[True].reasons == ((why,) if why is Reason.NOTHING_TO_COMPARE else ())
 
 
 def test_a_device_that_the_filter_contradicts_is_refused_after_two_seconds() -> None:

@@ -32,6 +32,9 @@ class IdleChannel:
         self._state, self._reason, self._reference = state, reason, reference
         self._told_ns: int | None = None
 
+    def protect(self, hpl: float | None) -> None:
+        """Nothing is vouched for."""
+
     def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
         """Nothing follows from a height."""
         return []
@@ -71,6 +74,11 @@ class ApproachChannel:
         self._told = set[tuple[str, int]]()
         self._sources: tuple[str, str] | None = None
         self._slope: GlideSlope | None = None
+        self._hpl: float | None = None
+
+    def protect(self, hpl: float | None) -> None:
+        """The navigated place has this horizontal protection level from now on [m]; None: none is known."""
+        self._hpl = hpl
 
     def take(self, height: HeightAboveGround, nav: NavState) -> Outputs:
         """Take an output of an altimeter and the navigation at its time."""
@@ -151,6 +159,7 @@ class ApproachChannel:
             climb=-position.down if position.down is not None else None,
             vertical_sd=vertical_sd,
             horizontal_sd=horizontal_sd,
+            hpl=self._hpl,
         )
 
     def _sigmas(self, nav: NavState, position: PositionState) -> tuple[float | None, float | None]:

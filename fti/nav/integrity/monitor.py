@@ -52,6 +52,7 @@ class ClearanceSample:
 
     agl : raw height above ground moved to P [m]      alt : altitude of P above the ellipsoid [m], vertical_sd its sigma
     s, y : path length and offset [m], horizontal_sd their sigma; None when not known, which counts as beyond any limit
+    hpl : protection level of the place [m], None where there is none
     climb : [m/s], None when unknown      roll : beyond the bank of the track there, pitch : [rad]
     """
 
@@ -66,6 +67,7 @@ class ClearanceSample:
     climb: float | None
     vertical_sd: float | None
     horizontal_sd: float | None = None
+    hpl: float | None = None
 
 
 #: What is told of a window that was not matched.
@@ -217,7 +219,7 @@ class ClearanceMonitor:
             return self._judged(x, IntegrityState.UNAVAILABLE, (Reason.GAPS,), NOTHING)
         found = self._matcher.evaluate(self.bins, x.vertical_sd)
         self.statistics = found
-        protection = self._protector.of(found, x.s, x.horizontal_sd)
+        protection = self._protector.of(found, x.s, x.horizontal_sd, x.hpl)
         ratios = self._ratios(found, protection)
         state, reasons = self._logic.step(ratios, x.s)
         lacks = protection.lacks

@@ -25,7 +25,7 @@ from fti.types import Reason
 
 @dataclass(frozen=True, slots=True)
 class Protection:
-    """Protection and alert levels, vertical and along the track, and by navigation's own sigma to the side [m]."""
+    """Protection and alert levels, vertical and along the track, and by navigation's own sigma and level to the side [m]."""
 
     level_v: float
     level_s: float
@@ -69,12 +69,15 @@ class Protector:
         """AL_v [m] at path length s [m]."""
         return max(self._settings.alert_v_m, math.radians(self._settings.alert_v_deg) * s)
 
-    def of(self, found: Statistics, s: float, horizontal_sd: float | None) -> Protection:
-        """The levels of a window that ends at s [m].  horizontal_sd : of the navigated place [m]; None: not stated."""
+    def of(self, found: Statistics, s: float, horizontal_sd: float | None, hpl: float | None = None) -> Protection:
+        """The levels of a window that ends at s [m].
+
+        horizontal_sd, hpl : of the navigated place [m], None: not stated; hpl holds for a wrong source, too
+        """
         return Protection(
             self.factor_v * found.height_error_sd,
             self.factor_s * found.shift_resolution,
-            self.factor_y * (horizontal_sd or 0.0),
+            max(self.factor_y * (horizontal_sd or 0.0), hpl or 0.0),
             self.limit_v(s),
             self._settings.alert_s_m,
             self._settings.alert_y_m,
