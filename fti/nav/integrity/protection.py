@@ -25,7 +25,7 @@ from fti.types import Reason
 
 @dataclass(frozen=True, slots=True)
 class Protection:
-    """Protection and alert levels, vertical and along the track, and by navigation's own sigma and level to the side [m]."""
+    """Protection and alert levels, vertical and along the track, and to the side as navigation states them [m]."""
 
     level_v: float
     level_s: float
