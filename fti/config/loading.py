@@ -110,7 +110,7 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     nav = config.nav
     if nav.filter is None:
         return
-    named = {"imu": (nav.filter.imu,), "gnss": nav.filter.gnss, "baro": filter(None, (nav.filter.baro,))}
+    named = {"imu": (nav.filter.imu,), "gnss": nav.filter.gnss, "baro": nav.filter.baro}
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
             raise ConfigError(f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_listed(devices)}")

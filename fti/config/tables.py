@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 #: Far above every quantity that is meant; what is larger is a mistake and ends in infinities.
@@ -226,7 +226,7 @@ class Filter(StrictModel):
 
     imu        : the device whose inertial samples are integrated;  unit : its grade
     gnss       : devices whose positions and velocities aid
-    baro       : the device whose pressure altitude aids
+    baro       : the device whose pressure altitude aids, or several in order of preference
     altimeters : those whose heights aid over known terrain
     states     : with or without the biases of the unit
     """
@@ -234,9 +234,14 @@ class Filter(StrictModel):
     imu: Name
     unit: Literal["navigation", "tactical", "mems"] = "tactical"
     gnss: tuple[Name, ...] = ()
-    baro: Name | None = None
+    baro: tuple[Name, ...] = ()
     altimeters: tuple[Name, ...] = ()
     states: Literal[9, 15] = 15
+
+    @field_validator("baro", mode="before")
+    @classmethod
+    def _one_is_a_list(cls, value: object) -> object:
+        return (value,) if isinstance(value, str) else value
 
 
 class Station(StrictModel):

@@ -73,6 +73,8 @@ BOUNDED = (
 )  # fmt: skip
 #: A climb belongs to the height of a receiver that is true within so long of it [ns].
 CLIMB_NS = 500_000_000
+#: A barometer that was not heard for so long makes place for the next one [ns].
+BARO_NS = 2_000_000_000
 #: So often a height of one altimeter aids [ns].
 HEIGHT_NS = 1_000_000_000
 
@@ -94,6 +96,8 @@ class AidedNavigation:
         self._alts = {name: Series() for name in settings.gnss}
         self._used_ns: dict[str, int] = {}
         self._velocity_ns: dict[str, int] = {}
+        self._pressure_ns: dict[str, int] = {}
+        self._barometer: str | None = None
         self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
         self._carrier: str | None = None
         self._told: FilterSolution | None = None  # until the filter takes anything
@@ -134,7 +138,7 @@ class AidedNavigation:
             ImuSample: (settings.imu,),
             Velocity: settings.gnss,
             Position: settings.gnss,
-            PressureAltitude: (settings.baro,),
+            PressureAltitude: settings.baro,
         }
         return issubclass(kind, Attitude) or any(issubclass(kind, of) and device in by for of, by in fed.items())
 
@@ -153,8 +157,17 @@ class AidedNavigation:
             self._take_velocity(device, m, t_ns)
         elif device in settings.gnss and isinstance(m, Position) and m.valid:
             self._take_position(device, m, t_ns)
-        elif device == settings.baro and isinstance(m, PressureAltitude) and m.valid:
-            self._navigator.take(t_ns, BaroAltitude(m.alt_press, BARO_SD, name=f"{device}.altitude"))
+        elif device in settings.baro and isinstance(m, PressureAltitude) and m.valid:
+            self._take_pressure(device, m.alt_press, t_ns)
+
+    def _take_pressure(self, device: str, alt: float, t_ns: int) -> None:
+        """One barometer aids: the first one of the list that was heard lately; each has an offset of its own."""
+        self._pressure_ns[device] = t_ns
+        before = self._settings.baro[: self._settings.baro.index(device)]
+        if any(t_ns - self._pressure_ns[name] <= BARO_NS for name in before if name in self._pressure_ns):
+            return
+        is_other, self._barometer = self._barometer not in (None, device), device
+        self._navigator.take(t_ns, BaroAltitude(alt, BARO_SD, altitude_name(device), is_other))
 
     def _take_imu(self, m: ImuSample, t_ns: int) -> None:
         if m.accel_b is None or m.gyro_b is None:

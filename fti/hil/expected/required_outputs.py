@@ -92,7 +92,7 @@ def _of_navigation(nav: Nav) -> Iterator[RequiredOutput]:
     if nav.position and nav.attitude:  # an antenna is not P: without an attitude nobody knows where P is
         yield RequiredOutput(LOCATION, sources, _around(SOLUTION_HZ), 0.1, NOW_S, roles)
     if nav.filter:
-        inputs = _devices((nav.filter.imu,), nav.filter.gnss, nav.filter.altimeters, (nav.filter.baro,), *roles)
+        inputs = _devices((nav.filter.imu,), nav.filter.gnss, nav.filter.altimeters, nav.filter.baro, *roles)
         for topic in (FILTER, VERTICAL):
             yield RequiredOutput(
                 topic,

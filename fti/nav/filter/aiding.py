@@ -48,6 +48,10 @@ class Aiding(Protocol):
     def begins_anew(self) -> bool:
         """Whether a disagreement that lasts is a change of its own states, which are then estimated anew."""
 
+    @property
+    def is_other(self) -> bool:
+        """Whether its own states are those of another source until now, and are estimated anew."""
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z, H, R at the estimate of its time."""
 
@@ -60,6 +64,11 @@ class _LastingErrors:
     @property
     def begins_anew(self) -> bool:
         """Never."""
+        return False
+
+    @property
+    def is_other(self) -> bool:
+        """Never: its states are its own."""
         return False
 
 
@@ -179,12 +188,14 @@ class GnssVelocity(_NothingOfItsOwn):
 class BaroAltitude:
     """Altitude of P from static pressure, as an ellipsoidal height [m].
 
-    The extra BARO takes its offset, BARO_SCALE what the temperature makes of its changes.
+    The extra BARO takes its offset, BARO_SCALE what the temperature makes of its changes.  is_other : the first one of
+    another barometer than before
     """
 
     alt: float
     sd: float
     name: str = "baro.altitude"
+    is_other: bool = False
 
     @property
     def bounds(self) -> frozenset[str]:

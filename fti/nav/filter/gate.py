@@ -46,6 +46,8 @@ Standings = Mapping[str, Standing]
 
 def judge(standings: Standings, aiding: Aiding, t_ns: int, nis: float, dof: int) -> Judgement:
     """What becomes of a measurement with this NIS."""
+    if aiding.is_other:
+        return Judgement.BEGUN_ANEW
     if nis <= LIMITS[dof]:
         return Judgement.BELIEVED
     standing = standings.get(aiding.name)

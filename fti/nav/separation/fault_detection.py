@@ -424,7 +424,7 @@ def _classes(settings: Filter) -> list[Watched]:
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = Rungs(COPIES, STEPS_NS[settings.unit])
-    others = altimeters | ({altitude_name(settings.baro)} if settings.baro else frozenset[str]())
+    others = altimeters | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
     found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes))]
     if settings.baro:

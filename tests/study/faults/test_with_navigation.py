@@ -26,7 +26,7 @@ def test_a_nominal_tactical_flight_through_the_filter_stays_within_its_sigma(mon
     motion = flight.truth(np.arange(START_NS, START_NS + END_S * SECOND_NS, SECOND_NS))
     assert np.ptp(motion.vel_n[:, 2]) > 2.0 and np.ptp(motion.rpy[:, 0]) > 0.4
     devices = {name: Device(name=name, link="none", driver="nmea") for name in ("imu", "baro", "ahrs", "gnss_a")}
-    navigation = AidedNavigation(Filter(imu="imu", unit="tactical", gnss=("gnss_a",), baro="baro"), devices)
+    navigation = AidedNavigation(Filter(imu="imu", unit="tactical", gnss=("gnss_a",), baro=("baro",)), devices)
     ticks, ratios = itertools.count(START_NS + SECOND_NS, SECOND_NS), list[tuple[float, float, float]]()
     tick_ns = next(ticks)
     for t_ns, device, m in flight:
