@@ -94,11 +94,11 @@ def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> O
 def _sigma(
     topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits, *, sharp: Mask
 ) -> OutputRow:
-    """The share of errors beyond some sigmas; all positive, the sharp ones no larger than allowed."""
+    """The share of errors beyond some sigmas; all positive; most, of all or of the sharp ones, no larger than allowed."""
     error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
-    high = float(np.quantile(quantity.sd[sharp], SIGMA_QUANTILE)) if sharp.any() else 0.0
+    high = min(float(np.quantile(quantity.sd[of], SIGMA_QUANTILE)) if of.any() else 0.0 for of in (stated, sharp))
     found = (
         f"{share:.1%} beyond {limits.sigmas:g} sigma, RMS {ratio:.2f} sigma, "
         f"{SIGMA_QUANTILE:.0%} of sigmas <= {high:.3g} {quantity.unit}"
