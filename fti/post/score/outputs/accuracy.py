@@ -94,7 +94,7 @@ def _unstated(topic: str, quantity: QuantityError, missing: Mask, t: Array) -> O
 def _sigma(
     topic: str, quantity: QuantityError, stated: Mask, t: Array, limits: ScoreLimits, *, sharp: Mask
 ) -> OutputRow:
-    """The share of errors beyond some sigmas; all positive; most, of all or of the sharp ones, no larger than allowed."""
+    """The share of errors beyond some sigmas; most sigmas, of all or of the sharp ones, no larger than allowed."""
     error, sd = np.abs(quantity.error[stated]), quantity.sd[stated]
     beyond = error > limits.sigmas * sd
     share, ratio = float(np.mean(beyond)), _rms_ratio(error, sd)
