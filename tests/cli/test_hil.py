@@ -188,7 +188,13 @@ def test_kinds_of_faults_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["hil", "--faults", "clock_jump", "--json"]) == 0
     (kind,) = json.loads(capsys.readouterr().out)
     assert kind["flags"] == [
-        {"place": "/fti/health/devices/DEVICE", "words": ["clock away"], "when": "by_s is 0.1 s or more"}
+        {"place": "/fti/health/devices/DEVICE", "words": ["clock away"], "when": "by_s is 0.1 s or more"},
+        {
+            "place": "/nav/nav_solution",
+            "words": ["position not from DEVICE"],
+            "when": "DEVICE is the first of nav.position, and DEVICE sends its own time, and by_s is more than 0.5 s; "
+            "within 5 s",
+        },
     ]
     assert kind["keys"][0] == {
         "name": "by_s",
