@@ -29,6 +29,7 @@ from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.segment import Moment, Piece, Segment, cut
+from fti.nav.separation.absence import TRIAL_NS, AbsenceMonitor
 from fti.nav.separation.copies import Separation, separate
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
@@ -91,6 +92,7 @@ class Watched:
     """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
 
     is_doubted : tests of one source suspect a receiver of it
+    has_returned : in the last segment it came back from a long absence
     """
 
     what: str
@@ -99,6 +101,12 @@ class Watched:
     monitor: SeparationMonitor
     refusals: Refusals = field(default_factory=Refusals)
     is_doubted: bool = False
+    has_returned: bool = False
+    absence: AbsenceMonitor = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = _names(self.devices, self.quantities[:1])
+        self.absence = AbsenceMonitor(names, self.monitor.ladder.max_age_ns)
 
     @property
     def tested(self) -> frozenset[str]:
@@ -108,15 +116,25 @@ class Watched:
     @property
     def counts(self) -> bool:
         """Whether its copies enter the protection levels: all of them exist, or it may be wrong."""
-        return self.monitor.ladder.is_full or self.monitor.is_suspected or self.refusals.times > 0
+        may_be_wrong = self.monitor.is_suspected or self.refusals.times > 0 or self.absence.is_on_trial
+        return self.monitor.ladder.is_full or may_be_wrong
 
     def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
         """Compare the filter with the copies at the end of a segment."""
         self.monitor.ladder.advance(pieces)
         self.refusals.follow(segment, self.tested)
         is_quiet = self.refusals.first_ns is None and not self.is_doubted
-        may_renew = is_quiet and is_heard(segment.end, self.tested)
+        self._follow_absence(segment, is_quiet)
+        may_renew = is_quiet and not self.absence.is_on_trial and is_heard(segment.end, self.tested)
         self.monitor.follow(segment.end, may_renew=may_renew)
+
+    def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
+        """What comes back after long begins as after an alignment."""
+        self.has_returned = self.absence.follow(segment)
+        if not is_quiet or self.monitor.is_suspected:
+            self.absence.disturb(segment.end.estimate.t_ns)
+        elif self.absence.has_passed():
+            self.monitor.ladder.clear()
 
     def levels(self, lag_s: float) -> Levels:
         """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
@@ -131,6 +149,8 @@ class Watched:
         """Begin anew."""
         self.monitor.clear()
         self.refusals = Refusals()
+        self.absence.clear()
+        self.has_returned = False
 
 
 class FaultDetection:
@@ -167,7 +187,7 @@ class FaultDetection:
     def is_reacquired(self) -> bool:
         """Whether the copies are younger than the configured ages."""
         rings = (watched for watched in self._classes if watched.what not in self._several and self._aiding(watched))
-        return any(not watched.monitor.ladder.is_full for watched in rings)
+        return any(not w.monitor.ladder.is_full or w.absence.is_on_trial for w in rings)
 
     def levels(self, t_ns: int) -> Levels | None:
         """Protection levels of the filter at a time; None where there is no filter."""
@@ -226,6 +246,12 @@ class FaultDetection:
                 watched.clear()
         if not self.is_reacquired:
             self._tolerance = 0.0
+        self._tell_returns(segment)
+
+    def _tell_returns(self, segment: Segment) -> None:
+        for watched in self._classes:
+            if watched.has_returned and watched.what == SATELLITES:
+                self._tell(segment.end.estimate.t_ns, "info", _describe_return(watched))
 
     def _is_bounded(self, watched: Watched, segment: Segment) -> bool:
         """Whether the copies of a class are of use: it aids, and of one of several receivers that another one does."""
@@ -454,6 +480,13 @@ def _describe(what: str, finding: Finding, t_ns: int) -> str:
     return (
         f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
         f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit'"
+    )
+
+
+def _describe_return(watched: Watched) -> str:
+    return (
+        f"{' and '.join(watched.devices)}: back after {watched.absence.absence_s:.0f} s; for {TRIAL_NS // SECOND_NS} s the"
+        " protection levels stay those of the filter without satellites; reacquired until all copies exist again"
     )
 
 

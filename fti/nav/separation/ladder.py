@@ -23,6 +23,11 @@ class Rungs:
     copies: int
     step_ns: int | None
 
+    @property
+    def max_age_ns(self) -> int | None:
+        """Age of the oldest copy when it is replaced [ns]; None: never."""
+        return None if self.step_ns is None else self.copies * self.step_ns
+
 
 class Ladder:
     """Of one class of sources, by their names as ``Aiding``.
@@ -34,6 +39,11 @@ class Ladder:
         self.removed, self.tested = removed, tested
         self._rungs = rungs
         self._copies: deque[Copy] = deque(maxlen=rungs.copies)
+
+    @property
+    def max_age_ns(self) -> int | None:
+        """Of the oldest copy [ns]; None: it is never replaced."""
+        return self._rungs.max_age_ns
 
     @property
     def copies(self) -> Sequence[Copy]:
