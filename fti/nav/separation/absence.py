@@ -3,9 +3,10 @@
 The filter has coasted for so long that its gate lets in a lie of its own drift, and copies that are renewed soon after
 that hold the lie, too.  So it begins as after an alignment:
 
-    trial       for TRIAL_NS and TRIAL_COUNT fixes in the gates no copy is renewed: those of before the absence stay in the
-                protection levels, and the filter can go on from them
-    reacquired  then all copies begin anew; until they exist, the levels are those of the filter alone, and it is said
+    trial       for TRIAL_NS and TRIAL_COUNT fixes in the gates the oldest copy, of before the absence, is kept: it stays in
+                the protection levels, and the filter can go on from it; younger copies are replaced in turn
+    reacquired  then copies of before the trial are dropped; until all exist again, the levels are those of the filter
+                alone, and it is said
 
 An absence, a refusal or a doubt begins the trial anew.  Source: the specification in docs/fault-detection.md.
 Checked against: tests/nav/test_absence.py.
@@ -65,14 +66,14 @@ class AbsenceMonitor:
         if self.is_on_trial:
             self.began_ns, self.times = t_ns, 0
 
-    def has_passed(self) -> bool:
-        """Whether the trial has lasted for long enough; it ends with that."""
+    def end_trial(self) -> int | None:
+        """End the trial if it has lasted for long enough; returns when it began, None: there is none, or it goes on."""
         if self.began_ns is None or self.fix_ns is None:
-            return False
+            return None
         if self.fix_ns - self.began_ns < TRIAL_NS or self.times < TRIAL_COUNT:
-            return False
-        self.began_ns = None
-        return True
+            return None
+        began_ns, self.began_ns = self.began_ns, None
+        return began_ns
 
     def clear(self) -> None:
         """Begin anew: nothing was heard yet."""

@@ -125,16 +125,16 @@ class Watched:
         self.refusals.follow(segment, self.tested)
         is_quiet = self.refusals.first_ns is None and not self.is_doubted
         self._follow_absence(segment, is_quiet)
-        may_renew = is_quiet and not self.absence.is_on_trial and is_heard(segment.end, self.tested)
-        self.monitor.follow(segment.end, may_renew=may_renew)
+        may_renew = is_quiet and is_heard(segment.end, self.tested)
+        self.monitor.follow(segment.end, may_renew=may_renew, keep_oldest=self.absence.is_on_trial)
 
     def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
         """What comes back after long begins as after an alignment."""
         self.has_returned = self.absence.follow(segment)
         if not is_quiet or self.monitor.is_suspected:
             self.absence.disturb(segment.end.estimate.t_ns)
-        elif self.absence.has_passed():
-            self.monitor.ladder.clear()
+        elif (trial_ns := self.absence.end_trial()) is not None:
+            self.monitor.ladder.drop_before(trial_ns)
 
     def levels(self, lag_s: float) -> Levels:
         """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
