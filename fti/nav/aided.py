@@ -11,6 +11,7 @@ counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothin
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -19,6 +20,7 @@ from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
 from fti.nav.altimetry.nadir import over_ground
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
@@ -298,6 +300,15 @@ class AidedNavigation:
     def readmit(self, device: str, t_ns: int) -> None:
         """Let a receiver back in because the operator commands it, if it is excluded."""
         self._faults.readmit(device, t_ns)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Receivers, and heights of receivers, that do not aid."""
+        return self._faults.refusals
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process."""
+        self._faults.restore(refusals, t_ns)
 
     def compared(self, t_ns: int) -> Compared | None:
         """What devices are compared with; None while the filter has no position."""

@@ -6,12 +6,13 @@ rate what it has found, needed or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 from fti.config import Config
 from fti.nav.aided import AidedNavigation
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.protection import Compared
@@ -102,6 +103,16 @@ class Fallbacks:
         """Let a receiver aid the filter again because the operator commands it."""
         if self._aided:
             self._aided.readmit(device, t_ns)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of the filter, in force."""
+        return self._aided.refusals if self._aided else []
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process."""
+        if self._aided:
+            self._aided.restore(refusals, t_ns)
 
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
         """Altimeters that alone hold the altitude of the filter, of the vertical channel or of the fix."""

@@ -12,7 +12,7 @@ ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from fti.nav.altimetry.ground_check import GroundCheck
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
@@ -114,6 +115,18 @@ class Pipeline:
         if self._fallbacks:
             self._fallbacks.readmit(device, t_ns)
         return events
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of sources, in force; whoever goes on after this pipeline begins with them (``restore``)."""
+        filtered = self._fallbacks.refusals if self._fallbacks else []
+        return [*self._plausibility.refusals, *self._navigation.refusals, *filtered]
+
+    def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> list[Event]:
+        """Begin with refusals of another process.  The filter tells those of it with its next output."""
+        if self._fallbacks:
+            self._fallbacks.restore(refusals, t_ns)
+        return [*self._plausibility.restore(refusals, t_ns), *self._navigation.restore(refusals, t_ns)]
 
     def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
         """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""

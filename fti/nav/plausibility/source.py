@@ -209,7 +209,8 @@ class SourceTests:
         if axis.is_closed and not self._stands(quantity):
             axis.is_closed = False
             admission.begin_anew()
-            events += self._close(t_ns, quantity, admission)
+            if not admission.is_restored:  # the step does not cancel what was before this process
+                events += self._close(t_ns, quantity, admission)
         if not found and axis is not self._east:  # one pass a fix
             events += self._tell(t_ns, quantity, admission, admission.passes(t_ns))
         return events

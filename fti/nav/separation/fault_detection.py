@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fti.config import Filter
+from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
@@ -47,7 +48,7 @@ from fti.nav.separation.monitor import (
 )
 from fti.nav.separation.protection import Levels, of_copies, of_filter
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
-from fti.types import Event
+from fti.types import Event, Reason
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
@@ -188,6 +189,35 @@ class FaultDetection:
         """Whether the copies are younger than the configured ages."""
         rings = (watched for watched in self._classes if watched.what not in self._several and self._aiding(watched))
         return any(not w.monitor.ladder.is_full or w.absence.is_on_trial for w in rings)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Those in force."""
+        return [
+            CarriedRefusal(
+                refused.device,
+                RefusedPart.AIDING if refused.what == refused.device else RefusedPart.AIDING_HEIGHT,
+                Reason.EXCLUDED,
+                refused.onset_ns,
+                is_standing=True,
+            )
+            for refused in self._refused.values()
+        ]
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process: the filter does not begin with these receivers."""
+        parts = {RefusedPart.AIDING: ("{}", QUANTITIES), RefusedPart.AIDING_HEIGHT: ("{} height", HEIGHT)}
+        known = frozenset[str]().union(*(watched.devices for watched in self._classes))
+        for refusal in refusals:
+            if refusal.part not in parts or refusal.source not in known:
+                continue
+            name, quantities = parts[refusal.part]
+            back = Return({f"{refusal.source}.{q}": Contradiction(QUANTITY_AXES[q]) for q in quantities})
+            back.begin_anew()
+            what = name.format(refusal.source)
+            self._refused[what] = Refused(refusal.source, what, refusal.onset_ns, back)
+            text = f"{what}: still refused after navigation was started again; 'fti readmit' lets it back in"
+            self._tell(t_ns, "warning", text)
 
     def levels(self, t_ns: int) -> Levels | None:
         """Protection levels of the filter at a time; None where there is no filter."""
