@@ -81,7 +81,9 @@ def test_it_is_repeated_as_flown(flown: Flown, tmp_path: Path) -> None:
     (gap,) = flown.world.rows("/fti/gap")
     assert [row["source"] for row in gap["refusals"]] == ["ins"]
     again = reprocessed(flown.world, tmp_path / "again")
-    assert outputs(again) == outputs(flown.world.session.path)
+    flown_again, first = ([o for o in outputs(path) if o[1] >= gap["t_ns"]] for path in (again, flown.world.session.path))
+    assert len(first) > 1000
+    assert flown_again == first
     events = [json.loads(data)["message"] for *_, data in Recording.open(again).messages("/fti/event", kind="derived")]
     assert any("still refused after navigation was started again" in text for text in events)
 
