@@ -232,7 +232,8 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
     for topic, t_ns, _, _, data in recording.messages("/fti/gap", kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
-            restored = Restored(t_ns, parse_refusals(note.get("refusals", ())))
+            refusals = parse_refusals(note.get("refusals", ()))
+            restored = Restored(t_ns, refusals) if refusals else Restored()
             gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"]), restored
         yield gap
 

@@ -10,7 +10,7 @@ The truth is a smooth flight with turns; unit and receivers are drawn here and s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.aided import AidedNavigation
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.types import (
     Attitude,
     Event,
@@ -149,11 +150,17 @@ def draw(number: int, receivers: tuple[str, ...] = ("gnss",)) -> Flight:
     return Flight(truth, t, felt, drawn, np.stack((baro_t, baro), axis=1))
 
 
-def fly(flight: Flight, faults: Mapping[str, Fault] | None = None, baro: bool = True) -> Found:
-    """Through the live filter, with faults of receivers by name."""
+def fly(
+    flight: Flight,
+    faults: Mapping[str, Fault] | None = None,
+    baro: bool = True,
+    restored: Sequence[CarriedRefusal] = (),
+) -> Found:
+    """Through the live filter, with faults of receivers by name.  restored : refusals with which it begins"""
     settings = config(tuple(flight.receivers), baro)
     assert settings.nav.filter is not None
     filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
+    filtered.restore(restored, T0)
     truth, found = flight.truth.state(flight.t), Found()
     queue = _measurements(flight, faults or {}, baro)
     at_s, device, m = next(queue)

@@ -175,10 +175,10 @@ class World:
         if self._next == len(self._frames):
             self.ring.end()
 
-    def navigator(self) -> Navigator:
-        """A navigation process."""
+    def order(self) -> NavigationOrder:
+        """What the next navigation process is told."""
         config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
-        order = NavigationOrder(
+        return NavigationOrder(
             folder=str(self.session.path),
             config=config,
             epoch_ns=START_NS,
@@ -188,6 +188,10 @@ class World:
             attachments={},
             metadata={},
         )
+
+    def navigator(self) -> Navigator:
+        """A navigation process."""
+        order = self.order()
         return Navigator(order, self.clock, Channel(self._near), os.dup(self.ring.fd))  # type: ignore[arg-type]
 
     def run(self) -> Navigator:

@@ -11,6 +11,7 @@ import pytest
 
 from fti.logger.reading.recording import Recording
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart, parse_refusals
+from fti.service.orders import NavigationOrder
 from fti.types import Reason
 from tests.service.slow_navigation import LAT_0, RADIUS, RATE, START_NS, World, north_at, outputs, reprocessed
 
@@ -86,6 +87,13 @@ def test_it_is_repeated_as_flown(flown: Flown, tmp_path: Path) -> None:
     assert flown_again == first
     events = [json.loads(data)["message"] for *_, data in Recording.open(again).messages("/fti/event", kind="derived")]
     assert any("still refused after navigation was started again" in text for text in events)
+
+
+def test_the_order_of_the_next_process_carries_them(flown: Flown) -> None:
+    """Through JSON, as the supervisor sends it."""
+    order = flown.world.order()
+    assert order.refusals == flown.told
+    assert NavigationOrder.model_validate_json(order.model_dump_json()).refusals == flown.told
 
 
 @pytest.mark.parametrize("wrong", [{"part": "all"}, {"reason": "no reason"}, {"onset_ns": "now"}, {"onset_ns": None}])
