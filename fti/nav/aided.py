@@ -48,6 +48,7 @@ from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
 from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
+from fti.nav.witnesses import Confirmation, Size
 from fti.types import (
     Attitude,
     Event,
@@ -305,6 +306,16 @@ class AidedNavigation:
     def refusals(self) -> list[CarriedRefusal]:
         """Receivers, and heights of receivers, that do not aid."""
         return self._faults.refusals
+
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid, by device."""
+        return self._faults.standing_sizes
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver that does not aid."""
+        self._told = None
+        self._faults.confirm(found, t_ns)
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
         """Begin with refusals of before this process."""

@@ -19,6 +19,7 @@ from fti.nav.protection import Compared
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
 from fti.nav.vertical.fallback import VerticalState
+from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, HeightAboveGround, Measurement, Output
 
 #: Ticks of 20 ms between outputs.
@@ -108,6 +109,20 @@ class Fallbacks:
     def refusals(self) -> list[CarriedRefusal]:
         """Of the filter, in force."""
         return self._aided.refusals if self._aided else []
+
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid the filter, by device."""
+        return self._aided.standing_sizes if self._aided else {}
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver that does not aid the filter."""
+        if self._aided:
+            self._aided.confirm(found, t_ns)
+
+    def fix(self, t_ns: int) -> PositionState | None:
+        """By radio."""
+        return self._radio.position(t_ns) if self._radio else None
 
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
         """Begin with refusals of before this process."""

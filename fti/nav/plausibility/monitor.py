@@ -102,6 +102,16 @@ class PlausibilityMonitor:
         return self._tests[device].readmit(t_ns)
 
     @property
+    def standing_sizes(self) -> dict[str, float]:
+        """Contradictions of positions that stand, by source, as far as their sizes are known [m]."""
+        sizes = {name: tests.position_size for name, tests in self._tests.items()}
+        return {name: size for name, size in sizes.items() if size is not None}
+
+    def confirm(self, device: str, t_ns: int) -> list[Event]:
+        """An independent source agrees with the position of a device."""
+        return self._tests[device].confirm_position(t_ns)
+
+    @property
     def _admissions(self) -> dict[tuple[str, RefusedPart], Admission]:
         """Of each source and part."""
         found = {(name, RefusedPart.POSITION): tests.position for name, tests in self._tests.items()}

@@ -48,6 +48,7 @@ from fti.nav.separation.monitor import (
 )
 from fti.nav.separation.protection import Levels, of_copies, of_filter
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
+from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, Reason
 
 SECOND_NS = 1_000_000_000
@@ -442,6 +443,28 @@ class FaultDetection:
         for refused in mine:
             self._readmit(refused, t_ns, 0.0, "the operator commands it", refused.back.size)
 
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid, by device: of position and height, as far as known [m]."""
+        return {r.device: _size(r) for r in self._refused.values() if r.what == r.device}
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver: it is back in, or the filter begins anew."""
+        refused = self._refused.get(found.device)
+        if refused is None:
+            return
+        if found.is_against_filter:
+            self._begin_with(refused, found.witness, t_ns)
+        elif self._end_ns is not None and refused.back.has_agreed(self._end_ns):
+            why = f"{found.witness} agrees with it to {found.tolerance:.0f} m"
+            self._readmit(refused, t_ns, found.tolerance, why)
+
+    def _begin_with(self, refused: Refused, witness: str, t_ns: int) -> None:
+        del self._refused[refused.what]
+        self._navigator.restart(Reason.DIVERGED)
+        text = f"filter: begins anew: {refused.what} and {witness} agree, and contradict it"
+        self._tell(t_ns, "warning", text)
+
     def _tell(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
 
@@ -500,6 +523,14 @@ def _classes(settings: Filter) -> list[Watched]:
 
 def _names(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[str]:
     return frozenset[str]().union(*(receiver_names(receiver, quantities) for receiver in receivers))
+
+
+def _size(refused: Refused) -> Size:
+    """Of position and height; a contradiction of the velocity alone has no size in metres."""
+    found = {name.rpartition(".")[2]: c for name, c in refused.back.contradictions.items()}
+    known = {name: c.size for name, c in found.items() if c.outside_ns is not None}
+    level = known.get("position", 0.0)
+    return Size(level if level > 0.0 else None, known.get("height"))
 
 
 def _describe(what: str, finding: Finding, t_ns: int) -> str:
