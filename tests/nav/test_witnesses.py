@@ -7,7 +7,7 @@ errors of 8 m of which it states 10 m.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -247,3 +247,54 @@ def test_a_lie_that_lasts_and_one_that_the_witness_cannot_see_stay_out(size_m: f
     """80 m: 4.8 sigma of the witness are 48 m, more than half."""
     seen = fly(draw(0), hidden(size_m, ends=ends), ["map"], filtered=False, until_s=150.0)
     assert not seen.is_valid_at(149.0), seen.texts()
+
+
+def spoofed() -> Fault:
+    """East at 8 m/s with the velocity that belongs to it from 120 to 150 s; silent until 156 s."""
+
+    def offset(since: np.ndarray) -> np.ndarray:
+        return np.where(since < 30.0, 8.0 * since, 0.0)[:, None] * [0.0, 1.0, 0.0]
+
+    def velocity(since: np.ndarray) -> np.ndarray:
+        return np.where(since < 30.0, 8.0, 0.0)[:, None] * [0.0, 1.0, 0.0]
+
+    lie = after(120.0, offset, velocity)
+    return lambda fixes: silent(150.0, 156.0)(lie(fixes))
+
+
+@pytest.mark.parametrize("witness", [["map"], None])
+def test_a_receiver_that_the_filter_has_excluded_aids_again_beside_a_witness(witness: list[str] | None) -> None:
+    seen = fly(draw(0), spoofed(), witness, filtered=True, until_s=260.0)
+    assert seen.time_of("gnss: refused") < 130.0
+    print(seen.texts())
+    late = [error for t, error, _ in seen.filtered if t > 250.0]
+    assert all(error < hpl for t, error, hpl in seen.filtered if t > 60.0)
+    if witness is None:
+        assert "aids the filter again" not in seen.texts()
+    else:
+        assert 186.0 < seen.time_of("gnss: aids the filter again: box agrees with it") < 225.0
+        assert max(late) < 6.0
+
+
+def pushed(flight: Flight, acceleration: float) -> Flight:
+    """The inertial unit feels so much too much to the right from 120 to 140 s [m/s^2]."""
+    felt = flight.felt.copy()
+    felt[(flight.t >= 120.0) & (flight.t < 140.0), 1] += acceleration
+    return replace(flight, felt=felt)
+
+
+@pytest.mark.parametrize("witness", [["map"], None])
+def test_two_that_agree_against_the_filter_begin_it_anew(witness: list[str] | None) -> None:
+    """0.5 m/s^2 for 20 s: 10 m/s, in which the filter believes; it refuses the receiver."""
+    seen = fly(pushed(draw(0), 0.5), lambda fixes: fixes, witness, filtered=True, until_s=260.0)
+    print(seen.texts())
+    assert seen.time_of("gnss: refused") < 130.0
+    before = [error for t, error, _ in seen.filtered if 145.0 < t < 150.0]
+    late = [error for t, error, _ in seen.filtered if t > 250.0]
+    assert min(before) > 50.0
+    if witness is None:
+        assert "begins anew" not in seen.texts()
+        assert min(late) > 200.0
+    else:
+        assert seen.time_of("filter: begins anew: gnss and box agree, and contradict it") < 200.0
+        assert max(late) < 6.0
