@@ -181,6 +181,7 @@ class Device(StrictModel):
     use_device_time: bool = True  # once its clock is known against FTI time; false: validity from the arrival alone
     lever_arm_b: Vector = (0.0, 0.0, 0.0)  # reference point P to sensor, body frame [m]
     rpy_bs_deg: Vector = (0.0, 0.0, 0.0)  # mounting: roll, pitch, yaw that turn the sensor frame into the body frame
+    depends_on: tuple[Literal["satellites", "inertial", "map", "pressure"], ...] | None = None  # of a position
     altimeter: Altimeter | None = None
     options: dict[str, Any] = Field(default_factory=dict)
 

@@ -11,6 +11,7 @@ counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothin
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -19,6 +20,7 @@ from fti.config import Device, Filter
 from fti.geodesy.rotations import down_row
 from fti.nav.altimetry.nadir import over_ground
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator
@@ -46,6 +48,7 @@ from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
 from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
+from fti.nav.witnesses import Confirmation, Size
 from fti.types import (
     Attitude,
     Event,
@@ -311,6 +314,25 @@ class AidedNavigation:
     def readmit(self, device: str, t_ns: int) -> None:
         """Let a receiver back in because the operator commands it, if it is excluded."""
         self._faults.readmit(device, t_ns)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Receivers, and heights of receivers, that do not aid."""
+        return self._faults.refusals
+
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid, by device."""
+        return self._faults.standing_sizes
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver that does not aid."""
+        self._told = None
+        self._faults.confirm(found, t_ns)
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process."""
+        self._faults.restore(refusals, t_ns)
 
     def compared(self, t_ns: int) -> Compared | None:
         """What devices are compared with; None while the filter has no position."""

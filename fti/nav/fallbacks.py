@@ -6,18 +6,20 @@ rate what it has found, needed or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 from fti.config import Config
 from fti.nav.aided import AidedNavigation
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
 from fti.nav.protection import Compared
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
 from fti.nav.vertical.fallback import VerticalState
+from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, HeightAboveGround, Measurement, Output
 
 #: Ticks of 20 ms between outputs.
@@ -103,6 +105,30 @@ class Fallbacks:
         """Let a receiver aid the filter again because the operator commands it."""
         if self._aided:
             self._aided.readmit(device, t_ns)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of the filter, in force."""
+        return self._aided.refusals if self._aided else []
+
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid the filter, by device."""
+        return self._aided.standing_sizes if self._aided else {}
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver that does not aid the filter."""
+        if self._aided:
+            self._aided.confirm(found, t_ns)
+
+    def fix(self, t_ns: int) -> PositionState | None:
+        """By radio."""
+        return self._radio.position(t_ns) if self._radio else None
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process."""
+        if self._aided:
+            self._aided.restore(refusals, t_ns)
 
     def altitude_holders(self, source: str | None) -> tuple[str, ...]:
         """Altimeters that alone hold the altitude of the filter, of the vertical channel or of the fix."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from fti.config import AlertLimits
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.protection import Compared, Protection, by_filter, is_beyond, unchecked
 from fti.nav.source_check import SourceCheck
 from fti.nav.sources import AttitudeState, PositionState, Source
@@ -130,6 +131,15 @@ class Navigation:
     def refused(self) -> frozenset[str]:
         """Devices of ``nav.position`` that are not used, because they contradict others."""
         return self._check.refused | (self._fallback.refused if self._fallback else frozenset())
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """By the comparison with the filter, in force."""
+        return self._check.refusals
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
+        """Begin with refusals of before this process."""
+        return self._check.restore(refusals, t_ns)
 
     def compare(self, state: NavState) -> list[Event]:
         """Compare devices that do not aid the filter with it; an event for each that is refused, or used again."""

@@ -12,7 +12,7 @@ ClearanceIntegrity and GlideSlope per update of the monitor.  What has nothing n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,13 +23,15 @@ from fti.nav.altimetry.ground_check import GroundCheck
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
-from fti.nav.navigation import Navigation, solution
+from fti.nav.navigation import Navigation, NavState, solution
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.protection import Protection, unstated_sigmas
 from fti.nav.sources import Source
+from fti.nav.witnesses import Size, WitnessMonitor
 from fti.types import (
     Attitude,
     Event,
@@ -80,6 +82,7 @@ class Pipeline:
         self._protection = Protection(None, None)
         self._protected: str | None = None  # the source of whose position it is
         self._plausibility = PlausibilityMonitor(config)
+        self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
         self._approach = make_channel(config, reference)
         self._ticks = 0
         self._takers: dict[tuple[str, type[Measurement]], tuple[Taker, ...]] = {}
@@ -116,6 +119,18 @@ class Pipeline:
             self._fallbacks.readmit(device, t_ns)
         return events
 
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of sources, in force; whoever goes on after this pipeline begins with them (``restore``)."""
+        filtered = self._fallbacks.refusals if self._fallbacks else []
+        return [*self._plausibility.refusals, *self._navigation.refusals, *filtered]
+
+    def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> list[Event]:
+        """Begin with refusals of another process.  The filter tells those of it with its next output."""
+        if self._fallbacks:
+            self._fallbacks.restore(refusals, t_ns)
+        return [*self._plausibility.restore(refusals, t_ns), *self._navigation.restore(refusals, t_ns)]
+
     def _find_takers(self, device: str, kind: type[Measurement]) -> tuple[Taker, ...]:
         """Who wants measurements of this kind of a device, in order; most are nobody's, so it is asked once."""
         if issubclass(kind, (RadioHeight, Range)):
@@ -139,10 +154,33 @@ class Pipeline:
     ) -> list[Output | Event]:
         """What the tests of one source leave of a measurement goes to all who want it."""
         out: list[Output | Event] = []
-        for admitted in self._plausibility.check(device, m, t_valid_ns):
+        passed = self._plausibility.check(device, m, t_valid_ns)
+        if self._witnesses.is_useful:
+            self._witnesses.take(device, m, passed, t_valid_ns)
+        for admitted in passed:
             for take in takers:
                 out += take(admitted, t_valid_ns) or ()
         return [*out, *self._plausibility.take_events()]
+
+    def _confirm(self, nav: NavState) -> list[Event]:
+        """Receivers whose contradiction stands, and with which an independent source agrees, are back in."""
+        if not self._witnesses.is_useful:
+            return []
+        filtered = self._fallbacks
+        sizes = {name: Size(size) for name, size in self._plausibility.standing_sizes.items()}
+        sizes |= filtered.standing_sizes if filtered else {}
+        refused = {refusal.source: refusal.is_standing for refusal in self._plausibility.refusals}
+        sizes = {name: size for name, size in sizes.items() if refused.get(name, True)}
+        compared = filtered.compared(nav.t_ns) if filtered and sizes else None
+        fix = filtered.fix(nav.t_ns) if filtered and sizes and self._witnesses.is_fixed else None
+        events = list[Event]()
+        for found in self._witnesses.update(nav.t_ns, sizes, nav.attitude, compared, fix):
+            if found.is_against_filter and found.device in refused:
+                continue
+            events += self._plausibility.confirm(found.device, nav.t_ns)
+            if filtered:
+                filtered.confirm(found, nav.t_ns)
+        return events
 
     def _feed_altimeter(
         self, channel: AltimeterChannel, m: RadioHeight | Range, t_valid_ns: int
@@ -187,7 +225,7 @@ class Pipeline:
         out += self._approach.tick(t_ns, nav)
         self._ticks += 1
         if self._ticks % PROTECTION_TICKS == 0:
-            out += self._navigation.compare(nav)
+            out += [*self._navigation.compare(nav), *self._confirm(nav)]
         if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected:
             self._protection, self._protected = self._navigation.protection(nav), nav.position_source
             self._approach.protect(None if self._protection.assumed else self._protection.horizontal)

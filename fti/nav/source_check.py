@@ -8,12 +8,13 @@ A device that is aided by a receiver of its own follows it when it lies: it is n
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.protection import K_AXIS, K_RADIAL, Compared, differences
 from fti.nav.sources import PositionState
-from fti.types import Event
+from fti.types import Event, Reason
 
 HOLD_NS, AGREED_NS = 2_000_000_000, 30_000_000_000
 
@@ -39,6 +40,25 @@ class SourceCheck:
     def refused(self) -> frozenset[str]:
         """Devices that are refused."""
         return frozenset(name for name, standing in self._standings.items() if standing.is_refused)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Those in force."""
+        return [
+            CarriedRefusal(name, RefusedPart.DIFFERENCE, Reason.CONTRADICTION, s.differs_ns or 0, size_m=s.size)
+            for name, s in self._standings.items()
+            if s.is_refused
+        ]
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
+        """Begin with refusals of before this process; those of others are left out."""
+        mine = [r for r in refusals if r.part is RefusedPart.DIFFERENCE and r.source in self._standings]
+        for refusal in mine:
+            self._standings[refusal.source] = _Standing(is_refused=True, size=refusal.size_m)
+        text = (
+            "still refused after navigation was started again; it is used again after 30 s of agreement with the filter"
+        )
+        return [Event(t_ns=t_ns, level="warning", source="nav", text=f"{r.source}: {text}") for r in mine]
 
     def update(self, t_ns: int, positions: Mapping[str, PositionState], compared: Compared) -> list[Event]:
         """Take what devices give at a time; those without a position are as they were."""

@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from fti import config as configuration
 from fti.config import Config, position_sources
@@ -27,6 +27,7 @@ from fti.logger.reading.json_message import parse_table, using_message, whole_nu
 from fti.logger.reading.recording import Recording
 from fti.logger.schemas import READMISSION_TOPIC, TERRAIN_TOPIC
 from fti.logger.session import CONFIG_ATTACHMENT, SessionFolder
+from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
@@ -113,13 +114,24 @@ class Setup:
         return ground
 
 
+class Restored(NamedTuple):
+    """Refusals with which a navigation process begins, and when [ns]."""
+
+    t_ns: int = 0
+    refusals: tuple[CarriedRefusal, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """What one navigation process saw: frames first <= seq <= last (None: to the end) without those in ``lost``."""
+    """What one navigation process saw: frames first <= seq <= last (None: to the end) without those in ``lost``.
+
+    restored : the refusals of the process before with which it began, and when [ns]
+    """
 
     first: int
     last: int | None
     lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: everything between was not seen
+    restored: Restored = Restored()
 
     def holds(self, seq: int) -> bool:
         """Was this frame seen?"""
@@ -205,22 +217,24 @@ def _setup(config: Config, texts: dict[str, str]) -> Setup:
 def flown_segments(recording: Recording) -> list[Segment]:
     """What each navigation process of the flight saw, from the gaps that it noted."""
     segments: list[Segment] = []
-    first, lost = 0, list[tuple[int, int]]()
-    for kind, after, before in _gaps(recording):
+    first, lost, restored = 0, list[tuple[int, int]](), Restored()
+    for kind, after, before, began in _gaps(recording):
         if kind == "restart":
-            segments.append(Segment(first, after, tuple(lost)))
-            first, lost = before, []
+            segments.append(Segment(first, after, tuple(lost), restored))
+            first, lost, restored = before, [], began
         else:
             lost.append((after, before))
-    return [*segments, Segment(first, None, tuple(lost))]
+    return [*segments, Segment(first, None, tuple(lost), restored)]
 
 
-def _gaps(recording: Recording) -> Iterator[tuple[str, int, int]]:
-    """Kind of each gap of navigation, and the frames before and behind it."""
+def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
+    """Kind of each gap of navigation, the frames before and behind it, and what the process behind it began with."""
     for topic, t_ns, _, _, data in recording.messages("/fti/gap", kind="derived"):
         with using_message(topic, t_ns):
             note = parse_table(data)
-            gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"])
+            refusals = parse_refusals(note.get("refusals", ()))
+            restored = Restored(t_ns, refusals) if refusals else Restored()
+            gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"]), restored
         yield gap
 
 
@@ -249,7 +263,9 @@ def reprocess(recording: Recording, setup: Setup, out: Path, *, as_flown: bool, 
         done = 0
         frames = itertools.chain((first,), frames)
         for segment in segments:
-            given = _Readmitting(setup.make_chain(), setup.readmissions_in(segment))
+            fresh = setup.make_chain()
+            _write(fresh.restore(segment.restored.refusals, segment.restored.t_ns), log)
+            given = _Readmitting(fresh, setup.readmissions_in(segment))
             chain = _Grounded(given, ground, setup.ground_in(segment))
             for frame in _feed(frames, segment, chain, log):
                 done += 1

@@ -12,6 +12,7 @@ from typing import Any
 from fti.config import Config
 from fti.drivers import Counters, Decoder, Remembering
 from fti.logger.schemas import DEVICE_CLOCK_TOPIC, READMISSION_TOPIC, TERRAIN_TOPIC
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.integrity.reference import Reference
 from fti.nav.mounted import Mountings
@@ -92,6 +93,15 @@ class Chain:
         products.outputs += events
         products.notes.append((READMISSION_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, "source": source}))
         return products
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Of sources, in force."""
+        return self._pipeline.refusals
+
+    def restore(self, refusals: Sequence[CarriedRefusal], t_ns: int) -> Products:
+        """Begin with what the process before had refused, at the time of the first frame."""
+        return Products(outputs=[*self._pipeline.restore(refusals, t_ns)])
 
     def feed(self, frame: RawFrame) -> Products:
         """Take the next frame; return what follows from it."""

@@ -64,7 +64,7 @@ class Desk:
         if source not in sources:
             return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}
         if not self._navigate({"readmit": source}):
-            return {"fault": "navigation is being started again, and has forgotten what it had refused"}
+            return {"fault": "navigation is being started again; repeat the command when it runs"}
         now = self._clock.now_ns()
         self._bulletin.pass_on({"t_ns": now, "level": "info", "source": "readmit", "text": str(source)}, who)
         return {"t_ns": now}

@@ -13,6 +13,7 @@ from fti.bus.client import Publisher
 from fti.bus.message import stamped
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
@@ -62,6 +63,8 @@ class Navigator:
         self._delay = OutputDelay(self._last_ns)
         self._hurry = False
         self._fault_told: str | None = None
+        self._restored = order.refusals
+        self._refusals: list[CarriedRefusal] = list(order.refusals)
 
     def _open_derived(self, order: NavigationOrder) -> DerivedWriter:
         session, places = order.config.session, order.places()
@@ -163,6 +166,15 @@ class Navigator:
         for output in products.outputs:
             self._derived.output(output)
             self._publish(output)
+        if any(isinstance(output, Event) for output in products.outputs):  # each refusal is one
+            self._tell_refusals()
+
+    def _tell_refusals(self) -> None:
+        """Another process that takes the place of this one begins with them."""
+        refusals = self._chain.refusals
+        if refusals != self._refusals:
+            self._refusals = refusals
+            self._channel.send({"refusals": [dataclasses.asdict(refusal) for refusal in refusals]})
 
     def _tell_ack(self, device: str, ack: Ack) -> None:
         """A device has answered: the supervisor knows what it was asked."""
@@ -182,9 +194,13 @@ class Navigator:
     def _note_gap(self, seq: int, t_ns: int) -> None:
         """What the ring lost, or where another process had stopped: into the file, so that it can be repeated."""
         kind = "restart" if self._resumed else "ring"
-        self._resumed = False
+        gap = {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq}
         self._chain.pass_gap()
-        self._derived.gap(t_ns, {"t_ns": t_ns, "kind": kind, "after_seq": self._last_seq, "before_seq": seq})
+        if self._resumed:
+            gap["refusals"] = [dataclasses.asdict(refusal) for refusal in self._restored]
+            self._deliver(self._chain.restore(self._restored, t_ns))
+        self._resumed = False
+        self._derived.gap(t_ns, gap)
 
     def _listen(self) -> None:
         for message in self._channel.receive():

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from fti.config import Config, StrictModel
 from fti.logger.places import Place
+from fti.nav.carried_refusal import CarriedRefusal
 
 
 class LinkOrder(StrictModel):
@@ -56,6 +57,7 @@ class NavigationOrder(StorageOrder):
     """All that the navigation process is told, once, by the supervisor.
 
     without_terrain : why it is not to load the configured one; None : it is
+    refusals : of sources, when the process before it ended
     """
 
     config: Config
@@ -63,5 +65,6 @@ class NavigationOrder(StorageOrder):
     texts: dict[str, str]
     bus: str  # its socket
     without_terrain: str | None = None
+    refusals: tuple[CarriedRefusal, ...] = ()
     attachments: dict[str, str]
     metadata: dict[str, str]

@@ -15,6 +15,7 @@ from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.places import Place
 from fti.logger.session import CONFIG_ATTACHMENT
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.service import hygiene
 from fti.service.binding import bind_devices, check_inertial, check_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
@@ -51,8 +52,17 @@ class Preparation:
         )
         return order.model_dump_json().encode()
 
-    def navigation_order(self, places: Sequence[Place], bus: Path, without_terrain: str | None = None) -> bytes:
-        """The order of navigation.  bus : its socket; without_terrain : why it is not to load its terrain"""
+    def navigation_order(
+        self,
+        places: Sequence[Place],
+        bus: Path,
+        without_terrain: str | None = None,
+        refusals: tuple[CarriedRefusal, ...] = (),
+    ) -> bytes:
+        """The order of navigation.
+
+        bus : its socket;  without_terrain : why it is not to load its terrain;  refusals : it begins with them
+        """
         order = NavigationOrder(
             config=self._config,
             **_storage(places),
@@ -60,6 +70,7 @@ class Preparation:
             texts=self._texts,
             bus=str(bus),
             without_terrain=without_terrain,
+            refusals=refusals,
             attachments=self._attachments(),
             metadata=self._metadata(),
         )

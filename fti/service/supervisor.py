@@ -19,6 +19,7 @@ from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
+from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.bus_thread import serving
@@ -89,6 +90,8 @@ class Supervisor:
         self._file_numbers = FileNumbers()
         self._result = SessionResult()
         self._trial = TerrainTrial()
+        self._without_terrain: str | None = None
+        self._refusals: tuple[CarriedRefusal, ...] = ()
         self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
         self._commander = self._make_commander()
         self._desk = Desk(
@@ -222,8 +225,11 @@ class Supervisor:
             self._result.add_dead_recorder(self._board.recorder)
             numbers = self._file_numbers
             child.order = self._preparation.recorder_order(self._places.all, numbers.next, numbers.given_up)
-        if child.name == NAVIGATION and (why := self._trial.ended()):
-            child.order = self._preparation.navigation_order(self._places.all, self._hub.path, why)
+        if child.name == NAVIGATION:
+            self._without_terrain = self._trial.ended() or self._without_terrain
+            child.order = self._preparation.navigation_order(
+                self._places.all, self._hub.path, self._without_terrain, self._refusals
+            )
         if child.name == DISPLAY:
             self._page.forget()
             self._publish_info()
@@ -242,6 +248,8 @@ class Supervisor:
         elif "health" in message:
             self._board.navigation = message["health"]
         self._trial.hear(message)
+        if "refusals" in message:
+            self._refusals = parse_refusals(message["refusals"])
         if "port" in message:
             self._page.on_port(message["port"])
             self._announce(self._page.announcement)

@@ -10,7 +10,7 @@ The truth is a smooth flight with turns; unit and receivers are drawn here and s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,19 @@ from fti.hil.flight.trajectory import SplineFlight
 from fti.hil.flight.waypoints import Waypoint, waypoint_flight
 from fti.hil.sensors.inertial import angular_rate_b, specific_force_b
 from fti.nav.aided import AidedNavigation
-from fti.types import Attitude, Event, FilterMode, ImuSample, Measurement, Position, PressureAltitude, Stamp, Velocity
+from fti.nav.carried_refusal import CarriedRefusal
+from fti.types import (
+    Attitude,
+    Event,
+    FilterMode,
+    ImuSample,
+    Measurement,
+    Position,
+    PressureAltitude,
+    Reason,
+    Stamp,
+    Velocity,
+)
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -75,7 +87,7 @@ class Flight:
 
 @dataclass(eq=False)
 class Found:
-    """Every second: time [s], error north, east, up [m], HPL, VPL, horizontal sigma [m], mode; and the events."""
+    """Every second: time [s], error north, east, up [m], HPL, VPL, horizontal sigma [m], mode, ...; and the events."""
 
     t: list[float] = field(default_factory=list)
     error: list[tuple[float, float, float]] = field(default_factory=list)
@@ -85,6 +97,7 @@ class Found:
     mode: list[FilterMode] = field(default_factory=list)
     events: list[tuple[float, Event]] = field(default_factory=list)
     refused: list[frozenset[str]] = field(default_factory=list)
+    unchecked: list[tuple[Reason, ...]] = field(default_factory=list)
 
     @property
     def radial(self) -> Array:
@@ -137,11 +150,17 @@ def draw(number: int, receivers: tuple[str, ...] = ("gnss",)) -> Flight:
     return Flight(truth, t, felt, drawn, np.stack((baro_t, baro), axis=1))
 
 
-def fly(flight: Flight, faults: Mapping[str, Fault] | None = None, baro: bool = True) -> Found:
-    """Through the live filter, with faults of receivers by name."""
+def fly(
+    flight: Flight,
+    faults: Mapping[str, Fault] | None = None,
+    baro: bool = True,
+    restored: Sequence[CarriedRefusal] = (),
+) -> Found:
+    """Through the live filter, with faults of receivers by name.  restored : refusals with which it begins"""
     settings = config(tuple(flight.receivers), baro)
     assert settings.nav.filter is not None
     filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
+    filtered.restore(restored, T0)
     truth, found = flight.truth.state(flight.t), Found()
     queue = _measurements(flight, faults or {}, baro)
     at_s, device, m = next(queue)
@@ -177,6 +196,8 @@ def _note(found: Found, filtered: AidedNavigation, flight: Flight, k: int, t_ns:
     found.sd.append(float(said.horizontal_sd or np.nan))
     found.mode.append(said.mode)
     found.refused.append(filtered.refused)
+    compared = filtered.compared(t_ns)
+    found.unchecked.append(compared.unchecked if compared else ())
 
 
 # ---------------------------------------------------------------------------------------------------------- faults
@@ -213,6 +234,16 @@ def swapped(begin: float, end: float) -> Fault:
     def fault(fixes: Fixes) -> Fixes:
         on = (fixes.t >= begin) & (fixes.t < end)
         return replace(fixes, lat=np.where(on, fixes.lon, fixes.lat), lon=np.where(on, fixes.lat, fixes.lon))
+
+    return fault
+
+
+def silent(begin: float, end: float) -> Fault:
+    """No fixes."""
+
+    def fault(fixes: Fixes) -> Fixes:
+        kept = (fixes.t < begin) | (fixes.t >= end)
+        return Fixes(*(getattr(fixes, name)[kept] for name in ("t", "lat", "lon", "alt", "vel")))
 
     return fault
 

@@ -24,6 +24,7 @@ from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
+from fti.nav.carried_refusal import CarriedRefusal
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.service import navigating
 from fti.service.chain import Chain, Products
@@ -41,6 +42,7 @@ RING_BYTES = 2**16
 #: Frames that come in a second, and those that navigation reads at once.
 RATE, READ_LIMIT = 250, 50
 LAT_0, SPEED, RADIUS = 0.84, 60.0, 6_366_000.0
+LIE_M = 100.0
 
 CONFIG = """
 [session]
@@ -89,25 +91,26 @@ def north_at(t_ns: int) -> float:
     return SPEED * (t_ns - START_NS) / SECOND_NS
 
 
-def _ins(number: int, t_ns: int) -> bytes:
+def _ins(number: int, t_ns: int, lie_m: float) -> bytes:
     at = Stamp(0)
     solution = encode_inssol(
         ImuSample(stamp=at, accel_b=(0.0, 0.0, -9.8), gyro_b=(0.0, 0.0, 0.0)),
         Attitude(stamp=at, roll=0.0, pitch=0.0, heading=0.0),
         Velocity(stamp=at, north=SPEED, east=0.0, down=0.0),
-        Position(stamp=at, lat=LAT_0 + north_at(t_ns) / RADIUS, lon=0.19, alt=900.0),
+        Position(stamp=at, lat=LAT_0 + (north_at(t_ns) + lie_m) / RADIUS, lon=0.19, alt=900.0),
     )
     return encode_frame(NUMBERS["INSSOL"], number, t_ns - GPS_EPOCH_NS, encode_status(HEALTHY), solution)
 
 
-def _frames(duration_s: float) -> list[tuple[int, int, bytes]]:
+def _frames(duration_s: float, lie_from_ns: float) -> list[tuple[int, int, bytes]]:
     """Arrival [ns], link and bytes: ticks, the INS at 100 Hz, the altimeter at 50 Hz, each frame of it cut in two."""
     found = []
     for i in range(round(duration_s * 50)):
         t_ns = START_NS + i * TICK_PERIOD_NS
         height = ra.encode_height(height_at(t_ns), ("in_air",), ra.Options())
         found += [(t_ns, 2, b""), (t_ns, 0, height[:4]), (t_ns + 19_000_000, 0, height[4:])]
-        found += [(at_ns, 1, _ins(2 * i + k, at_ns)) for k, at_ns in enumerate((t_ns + 2_000_000, t_ns + 12_000_000))]
+        for k, at_ns in enumerate((t_ns + 2_000_000, t_ns + 12_000_000)):
+            found.append((at_ns, 1, _ins(2 * i + k, at_ns, LIE_M if at_ns >= lie_from_ns else 0.0)))
     return sorted(found, key=lambda frame: frame[0])
 
 
@@ -118,9 +121,13 @@ class World:
     ages   : of what was published: (time since the start [s], age [ms], valid)
     fed    : the numbers of the frames that the chain has seen
     hurry_at_s : when navigation is told to end at once [s]
+    refusals : with which the next navigation process begins
+    lie_from_s : from then on the INS is 100 m too far north [s]
     """
 
-    def __init__(self, folder: Path, duration_s: float, cost_s: Callable[[float], float]) -> None:
+    def __init__(
+        self, folder: Path, duration_s: float, cost_s: Callable[[float], float], lie_from_s: float = math.inf
+    ) -> None:
         self.clock = FakeClock(START_NS)
         self.ring = Ring.create(RING_BYTES)
         self.session = SessionFolder.create(folder, "slow", START_NS)
@@ -128,7 +135,8 @@ class World:
         self.ages: list[tuple[float, float, bool]] = []
         self.fed: list[int] = []
         self.hurry_at_s: float | None = None
-        self._frames = _frames(duration_s)
+        self.refusals: tuple[CarriedRefusal, ...] = ()
+        self._frames = _frames(duration_s, START_NS + lie_from_s * SECOND_NS)
         self._next = 0
         self._raw = RawLog(
             self.session,
@@ -167,18 +175,23 @@ class World:
         if self._next == len(self._frames):
             self.ring.end()
 
-    def navigator(self) -> Navigator:
-        """A navigation process."""
+    def order(self) -> NavigationOrder:
+        """What the next navigation process is told."""
         config = configuration.parse(tomllib.loads(CONFIG), CONFIG, Path("slow.toml"))
-        order = NavigationOrder(
+        return NavigationOrder(
             folder=str(self.session.path),
             config=config,
             epoch_ns=START_NS,
             texts={},
             bus="nowhere",
+            refusals=self.refusals,
             attachments={},
             metadata={},
         )
+
+    def navigator(self) -> Navigator:
+        """A navigation process."""
+        order = self.order()
         return Navigator(order, self.clock, Channel(self._near), os.dup(self.ring.fd))  # type: ignore[arg-type]
 
     def run(self) -> Navigator:
@@ -229,6 +242,11 @@ class World:
         self._far.close()
         messages = [json.loads(line) for line in told.splitlines()]
         return [message["event"] for message in messages if message.get("event", {}).get("source") == "navigation"]
+
+    def told_refusals(self) -> list[dict[str, Any]]:
+        """What navigation told the supervisor last of its refusals."""
+        messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
+        return [message["refusals"] for message in messages if "refusals" in message][-1]
 
     def rows(self, topic: str) -> list[dict[str, Any]]:
         """What the derived file has on a topic."""

@@ -166,6 +166,10 @@ class Navigator:
             here = self._timeline.first.estimate
             self._timeline.replace_first(widened(here, disagreement), [(name, SOUND) for name in names])
 
+    def restart(self, why: Reason) -> None:
+        """Begin anew: what it holds is known to be wrong."""
+        self._restart(why)
+
     def reaches(self, t_ns: int) -> bool:
         """Whether there is an estimate at t_ns, without making it."""
         timeline = self._timeline

@@ -6,6 +6,8 @@ until the operator readmits it.
 
 Until ESTABLISH_S and ESTABLISH_FIXES have passed after the start nothing is established that a step could contradict:
 a receiver that settles may step.  Such a contradiction refuses, and does not stand.
+
+A contradiction of before this process (``restore``) cannot be followed: the operator alone ends it.
 """
 
 from __future__ import annotations
@@ -34,12 +36,13 @@ class Change(StrEnum):
 
 
 class Admission:
-    """finding : the first one of the refusal in force, None while valid.  is_standing : see the module"""
+    """finding : the first one of the refusal in force, None while valid.  is_standing, is_restored : see the module"""
 
     def __init__(self) -> None:
         self.finding: Finding | None = None
         self.reasons: tuple[Reason, ...] = ()
         self.is_standing = False
+        self.is_restored = False
         self.was_heard = False
         self._passed_since_ns: int | None = None
         self._passed = 0
@@ -56,7 +59,15 @@ class Admission:
         """What would make it valid again."""
         if self.is_valid:
             return ""
-        return f"a step back that cancels it, or fti readmit; then {PASSES}" if self.is_standing else PASSES
+        if not self.is_standing:
+            return PASSES
+        ends = "fti readmit" if self.is_restored else "a step back that cancels it, or fti readmit"
+        return f"{ends}; then {PASSES}"
+
+    def restore(self, finding: Finding) -> None:
+        """Begin with a refusal of before this process."""
+        self.finding, self.reasons = finding, (finding.reason,)
+        self.is_standing = self.is_restored = finding.is_standing
 
     def fail(self, finding: Finding) -> Change | None:
         """A test does not pass."""
@@ -75,7 +86,7 @@ class Admission:
         """The contradiction has ended: the operator says so, or a step of the source has cancelled it."""
         if not self.is_standing:
             return None
-        self.is_standing = False
+        self.is_standing = self.is_restored = False
         return Change.CLOSED
 
     def passes(self, t_ns: int) -> Change | None:

@@ -86,11 +86,24 @@ class _Then(NamedTuple):
 
 @dataclass(slots=True)
 class Standing:
-    """A contradiction that has not ended.  offset : D [m], None once it cannot be followed any more"""
+    """A contradiction that has not ended.
+
+    offset : D [m], None once it cannot be followed any more;  last_offset : D when it could be followed last [m]
+    """
 
     onset_ns: int
     offset: float | None
     path: float
+    last_offset: float | None = None
+
+    @property
+    def size(self) -> float | None:
+        """The newest D that is known [m]; None: none ever was."""
+        return self.last_offset if self.offset is None else self.offset
+
+    def lose(self) -> None:
+        """It cannot be followed any more."""
+        self.last_offset, self.offset = self.size, None
 
 
 class AxisTests:
@@ -212,7 +225,7 @@ class AxisTests:
     def _lose_standing(self) -> None:
         """The contradiction cannot be followed over a break: no step can be known to end it."""
         if self.standing:
-            self.standing.offset = None
+            self.standing.lose()
 
     def _displacement(self, fix: Fix) -> float:
         assert self._last is not None

@@ -16,6 +16,14 @@ def clock_text(t_ns: int) -> str:
     return f"{hours:02d}:{below // 60:02d}:{below % 60:02d}.{rest // 100_000_000}"
 
 
+def describe_restored(t_ns: int, source: str, quantity: str, admission: Admission) -> Event:
+    """Event of a refusal of before this process."""
+    assert admission.finding is not None
+    why, since = admission.finding.reason, clock_text(admission.finding.onset_ns)
+    text = f"{quantity} still refused after navigation was started again: {why}; since {since} UTC; "
+    return Event(t_ns=t_ns, level="warning", source=source, text=f"{text}valid after {admission.needs}")
+
+
 def describe(t_ns: int, source: str, quantity: str, admission: Admission, change: Change) -> Event:
     """Event of a change."""
     if change is Change.VALID:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeVar
 
 from fti.config import Config, Device, position_sources
+from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.plausibility.admission import Admission
 from fti.nav.plausibility.attitude import AttitudeComparison
-from fti.nav.plausibility.events import describe
+from fti.nav.plausibility.events import describe, describe_restored
 from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
+from fti.nav.plausibility.finding import Finding
 from fti.nav.plausibility.heading import HeadingTest
 from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
 from fti.nav.series import SECOND_NS
@@ -104,6 +107,44 @@ class PlausibilityMonitor:
         """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
         return self._tests[device].readmit(t_ns)
 
+    @property
+    def standing_sizes(self) -> dict[str, float]:
+        """Contradictions of positions that stand, by source, as far as their sizes are known [m]."""
+        sizes = {name: tests.position_size for name, tests in self._tests.items()}
+        return {name: size for name, size in sizes.items() if size is not None}
+
+    def confirm(self, device: str, t_ns: int) -> list[Event]:
+        """An independent source agrees with the position of a device."""
+        return self._tests[device].confirm_position(t_ns)
+
+    @property
+    def _admissions(self) -> dict[tuple[str, RefusedPart], Admission]:
+        """Of each source and part."""
+        found = {(name, RefusedPart.POSITION): tests.position for name, tests in self._tests.items()}
+        found |= {(name, RefusedPart.ALTITUDE): tests.altitude for name, tests in self._tests.items()}
+        found |= {(name, RefusedPart.ATTITUDE): admission for name, admission in self._attitudes.items()}
+        return found | {(name, RefusedPart.HEADING): admission for name, admission in self._headings.items()}
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Those in force."""
+        return [
+            CarriedRefusal(name, part, admission.finding.reason, admission.finding.onset_ns, admission.is_standing)
+            for (name, part), admission in self._admissions.items()
+            if admission.finding
+        ]
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
+        """Begin with refusals of before this process; those of others are left out."""
+        events, admissions = [], self._admissions
+        for refusal in refusals:
+            admission = admissions.get((refusal.source, refusal.part))
+            if admission:
+                text = "before navigation was started again"
+                admission.restore(Finding(refusal.reason, refusal.onset_ns, text, refusal.is_standing))
+                events.append(describe_restored(t_ns, refusal.source, refusal.part, admission))
+        return events
+
     # ------------------------------------------------------------------------------------------------------- telling
 
     def tick(self, t_ns: int) -> list[Output | Event]:
@@ -147,8 +188,8 @@ class PlausibilityMonitor:
             return None
         reasons = tuple(dict.fromkeys(reason for part in known for reason in part.all_reasons))
         refused = [part.finding for part in known if part.finding]
-        newest_ns = self._newest_ns[name]
-        is_stale = t_ns - newest_ns > self._max_age_ns[name]
+        newest_ns = self._newest_ns.get(name)  # none of a refusal of before this process
+        is_stale = newest_ns is None or t_ns - newest_ns > self._max_age_ns[name]
         return SourceValidity(
             t_ns=t_ns,
             t_valid_ns=newest_ns,

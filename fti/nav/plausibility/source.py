@@ -113,6 +113,23 @@ class SourceTests:
         return self._close(t_ns, POSITION, self.position) + self._close(t_ns, ALTITUDE, self.altitude)
 
     @property
+    def position_size(self) -> float | None:
+        """Horizontal size of the contradiction of the position that stands [m]; None: there is none, or unknown."""
+        if not self.position.is_standing or self.position.is_restored:
+            return None
+        sizes = [axis.standing.size for axis in (self._north, self._east) if axis.standing]
+        known = [size for size in sizes if size is not None]
+        return math.hypot(*known) if known and len(known) == len(sizes) else None
+
+    def confirm_position(self, t_ns: int) -> list[Event]:
+        """An independent source agrees with the position: its contradiction has ended."""
+        if not self.position.is_standing:
+            return []
+        for axis in (self._north, self._east):
+            axis.readmit()
+        return self._close(t_ns, POSITION, self.position)
+
+    @property
     def is_unconfirmed(self) -> bool:
         """Whether a contradiction stands."""
         return self.position.is_standing or self.altitude.is_standing
@@ -220,7 +237,8 @@ class SourceTests:
         if axis.is_closed and not self._stands(quantity):
             axis.is_closed = False
             admission.begin_anew()
-            events += self._close(t_ns, quantity, admission)
+            if not admission.is_restored:  # the step does not cancel what was before this process
+                events += self._close(t_ns, quantity, admission)
         if not found and axis is not self._east:  # one pass a fix
             events += self._tell(t_ns, quantity, admission, admission.passes(t_ns))
         return events

@@ -23,12 +23,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fti.config import Filter
+from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.segment import Moment, Piece, Segment, cut
+from fti.nav.separation.absence import TRIAL_NS, AbsenceMonitor
 from fti.nav.separation.copies import Separation, separate
 from fti.nav.separation.ladder import Ladder, Rungs
 from fti.nav.separation.monitor import (
@@ -46,7 +48,8 @@ from fti.nav.separation.monitor import (
 )
 from fti.nav.separation.protection import Levels, of_copies, of_filter
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
-from fti.types import Event
+from fti.nav.witnesses import Confirmation, Size
+from fti.types import Event, Reason
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
@@ -91,6 +94,7 @@ class Watched:
     """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
 
     is_doubted : tests of one source suspect a receiver of it
+    has_returned : in the last segment it came back from a long absence
     """
 
     what: str
@@ -99,6 +103,12 @@ class Watched:
     monitor: SeparationMonitor
     refusals: Refusals = field(default_factory=Refusals)
     is_doubted: bool = False
+    has_returned: bool = False
+    absence: AbsenceMonitor = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = _names(self.devices, self.quantities[:1])
+        self.absence = AbsenceMonitor(names, self.monitor.ladder.max_age_ns)
 
     @property
     def tested(self) -> frozenset[str]:
@@ -110,8 +120,17 @@ class Watched:
         self.monitor.ladder.advance(pieces)
         self.refusals.follow(segment, self.tested)
         is_quiet = self.refusals.first_ns is None and not self.is_doubted
+        self._follow_absence(segment, is_quiet)
         may_renew = is_quiet and is_heard(segment.end, self.tested)
-        self.monitor.follow(segment.end, may_renew=may_renew)
+        self.monitor.follow(segment.end, may_renew=may_renew, keep_oldest=self.absence.is_on_trial)
+
+    def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
+        """What comes back after long begins as after an alignment."""
+        self.has_returned = self.absence.follow(segment)
+        if not is_quiet or self.monitor.is_suspected:
+            self.absence.disturb(segment.end.estimate.t_ns)
+        elif (trial_ns := self.absence.end_trial()) is not None:
+            self.monitor.ladder.drop_before(trial_ns)
 
     def levels(self, lag_s: float) -> Levels:
         """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
@@ -126,6 +145,8 @@ class Watched:
         """Begin anew."""
         self.monitor.clear()
         self.refusals = Refusals()
+        self.absence.clear()
+        self.has_returned = False
 
 
 class FaultDetection:
@@ -162,7 +183,36 @@ class FaultDetection:
     def is_reacquired(self) -> bool:
         """Whether the copies are younger than the configured ages."""
         rings = (watched for watched in self._classes if watched.what not in self._several and self._aiding(watched))
-        return any(not watched.monitor.ladder.is_full for watched in rings)
+        return any(not w.monitor.ladder.is_full or w.absence.is_on_trial for w in rings)
+
+    @property
+    def refusals(self) -> list[CarriedRefusal]:
+        """Those in force."""
+        return [
+            CarriedRefusal(
+                refused.device,
+                RefusedPart.AIDING if refused.what == refused.device else RefusedPart.AIDING_HEIGHT,
+                Reason.EXCLUDED,
+                refused.onset_ns,
+                is_standing=True,
+            )
+            for refused in self._refused.values()
+        ]
+
+    def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> None:
+        """Begin with refusals of before this process: the filter does not begin with these receivers."""
+        parts = {RefusedPart.AIDING: ("{}", QUANTITIES), RefusedPart.AIDING_HEIGHT: ("{} height", HEIGHT)}
+        known = frozenset[str]().union(*(watched.devices for watched in self._classes))
+        for refusal in refusals:
+            if refusal.part not in parts or refusal.source not in known:
+                continue
+            name, quantities = parts[refusal.part]
+            back = Return({f"{refusal.source}.{q}": Contradiction(QUANTITY_AXES[q]) for q in quantities})
+            back.begin_anew()
+            what = name.format(refusal.source)
+            self._refused[what] = Refused(refusal.source, what, refusal.onset_ns, back)
+            text = f"{what}: still refused after navigation was started again; 'fti readmit' lets it back in"
+            self._tell(t_ns, "warning", text)
 
     def levels(self, t_ns: int) -> Levels | None:
         """Protection levels of the filter at a time; None where there is no filter."""
@@ -221,6 +271,12 @@ class FaultDetection:
                 watched.clear()
         if not self.is_reacquired:
             self._tolerance = 0.0
+        self._tell_returns(segment)
+
+    def _tell_returns(self, segment: Segment) -> None:
+        for watched in self._classes:
+            if watched.has_returned and watched.what == SATELLITES:
+                self._tell(segment.end.estimate.t_ns, "info", _describe_return(watched))
 
     def _is_bounded(self, watched: Watched, segment: Segment) -> bool:
         """Whether the copies of a class are of use: it aids, and of one of several receivers that another one does."""
@@ -381,6 +437,28 @@ class FaultDetection:
         for refused in mine:
             self._readmit(refused, t_ns, 0.0, "the operator commands it", refused.back.size)
 
+    @property
+    def standing_sizes(self) -> dict[str, Size]:
+        """Contradictions of receivers that do not aid, by device: of position and height, as far as known [m]."""
+        return {r.device: _size(r) for r in self._refused.values() if r.what == r.device}
+
+    def confirm(self, found: Confirmation, t_ns: int) -> None:
+        """An independent source agrees with a receiver: it is back in, or the filter begins anew."""
+        refused = self._refused.get(found.device)
+        if refused is None:
+            return
+        if found.is_against_filter:
+            self._begin_with(refused, found.witness, t_ns)
+        elif self._end_ns is not None and refused.back.has_agreed(self._end_ns):
+            why = f"{found.witness} agrees with it to {found.tolerance:.0f} m"
+            self._readmit(refused, t_ns, found.tolerance, why)
+
+    def _begin_with(self, refused: Refused, witness: str, t_ns: int) -> None:
+        del self._refused[refused.what]
+        self._navigator.restart(Reason.DIVERGED)
+        text = f"filter: begins anew: {refused.what} and {witness} agree, and contradict it"
+        self._tell(t_ns, "warning", text)
+
     def _tell(self, t_ns: int, level: str, text: str) -> None:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
 
@@ -441,6 +519,14 @@ def _names(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[str
     return frozenset[str]().union(*(receiver_names(receiver, quantities) for receiver in receivers))
 
 
+def _size(refused: Refused) -> Size:
+    """Of position and height; a contradiction of the velocity alone has no size in metres."""
+    found = {name.rpartition(".")[2]: c for name, c in refused.back.contradictions.items()}
+    known = {name: c.size for name, c in found.items() if c.outside_ns is not None}
+    level = known.get("position", 0.0)
+    return Size(level if level > 0.0 else None, known.get("height"))
+
+
 def _describe(what: str, finding: Finding, t_ns: int) -> str:
     since_s, age_s, before = (t_ns - finding.onset_ns) / SECOND_NS, 0.0, ""
     if finding.copy is not None:
@@ -449,6 +535,13 @@ def _describe(what: str, finding: Finding, t_ns: int) -> str:
     return (
         f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
         f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit'"
+    )
+
+
+def _describe_return(watched: Watched) -> str:
+    return (
+        f"{' and '.join(watched.devices)}: back after {watched.absence.absence_s:.0f} s; for {TRIAL_NS // SECOND_NS} s the"
+        " protection levels stay those of the filter without satellites; reacquired until all copies exist again"
     )
 
 

@@ -23,6 +23,11 @@ class Rungs:
     copies: int
     step_ns: int | None
 
+    @property
+    def max_age_ns(self) -> int | None:
+        """Age of the oldest copy when it is replaced [ns]; None: never."""
+        return None if self.step_ns is None else self.copies * self.step_ns
+
 
 class Ladder:
     """Of one class of sources, by their names as ``Aiding``.
@@ -34,6 +39,11 @@ class Ladder:
         self.removed, self.tested = removed, tested
         self._rungs = rungs
         self._copies: deque[Copy] = deque(maxlen=rungs.copies)
+
+    @property
+    def max_age_ns(self) -> int | None:
+        """Of the oldest copy [ns]; None: it is never replaced."""
+        return self._rungs.max_age_ns
 
     @property
     def copies(self) -> Sequence[Copy]:
@@ -59,11 +69,18 @@ class Ladder:
         for number, copy in enumerate(self._copies):
             copy.advance(pieces, self.tested if number == 0 else frozenset())
 
-    def renew(self, now: Moment) -> None:
-        """Begin a copy where one is due; the oldest one makes place for it."""
+    def renew(self, now: Moment, *, keep_oldest: bool = False) -> None:
+        """Begin a copy where one is due; the oldest one makes place for it, or the second one where that is kept."""
         step_ns, t_ns = self._rungs.step_ns, now.estimate.t_ns
         if not self._copies or (step_ns is not None and t_ns - self._copies[-1].began_ns >= step_ns):
+            if keep_oldest and self.is_full:
+                del self._copies[1]
             self._copies.append(Copy.begin(now, self.removed))
+
+    def drop_before(self, t_ns: int) -> None:
+        """Forget copies that began before a time."""
+        while self._copies and self._copies[0].began_ns < t_ns:
+            self._copies.popleft()
 
     def separations(self, now: Moment) -> list[Separation]:
         """Of the filter from each copy, the oldest one first."""

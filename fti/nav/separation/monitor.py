@@ -73,10 +73,11 @@ class SeparationMonitor:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
 
-    def follow(self, segment_end: Moment, *, may_renew: bool) -> None:
+    def follow(self, segment_end: Moment, *, may_renew: bool, keep_oldest: bool = False) -> None:
         """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
 
         may_renew : whether the filter is aided by the class, and refuses no source of it
+        keep_oldest : the oldest copy is not replaced
         """
         t_ns = segment_end.estimate.t_ns
         self.separations = self.ladder.separations(segment_end)
@@ -92,7 +93,7 @@ class SeparationMonitor:
         if self._settled_ns is None:
             self._settled_ns = t_ns + SETTLE_NS
         if t_ns >= self._settled_ns and self.ratio < 0.5 * K_FA and may_renew and not is_outside:
-            self.ladder.renew(segment_end)
+            self.ladder.renew(segment_end, keep_oldest=keep_oldest)
 
     def _find_largest(self) -> None:
         self.ratio = 0.0

@@ -1,0 +1,100 @@
+"""Refusals with which a navigation begins: each ends only by what would have ended it in the process before, or later."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.nav.plausibility.finding import Finding
+from fti.nav.protection import Compared
+from fti.nav.source_check import SourceCheck
+from fti.nav.sources import PositionState
+from fti.types import FilterMode, Measurement, Position, Reason
+from tests.nav.healthy_receivers import fly as fly_truth
+from tests.nav.healthy_receivers import measure
+from tests.nav.plausibility.flown import T0, UBX1, Result, S, make_tests, run
+from tests.nav.receiver_flights import draw, fly
+
+RADIUS = 6_366_000.0
+
+
+def excluded(device: str, part: RefusedPart) -> CarriedRefusal:
+    return CarriedRefusal(device, part, Reason.EXCLUDED, T0, is_standing=True)
+
+
+def receiver(refusal: Finding, readmit_s: float | None = None, there_and_back: bool = False) -> Result:
+    """Of four minutes of a sound receiver that was refused; 50 m north from 60 to 80 s where asked for."""
+
+    def change(t: float, m: Measurement) -> Measurement | None:
+        if there_and_back and 60.0 <= t < 80.0 and isinstance(m, Position) and m.lat is not None:
+            return Position(**{**{n: getattr(m, n) for n in m.__dataclass_fields__}, "lat": m.lat + 50.0 / RADIUS})
+        return m
+
+    tests = make_tests()
+    tests.position.restore(refusal)
+    rng = np.random.default_rng(3)
+    return run(measure(rng, fly_truth(rng, 240, 1.5), UBX1, T0), change, tests, readmit_s)
+
+
+STANDING = Finding(Reason.JUMP, T0 - 5 * S, "before", is_standing=True)
+
+
+def test_a_refusal_that_does_not_stand_ends_after_30_s() -> None:
+    found = receiver(Finding(Reason.REPEATED, T0 - 5 * S, "before"))
+    assert not found.is_valid_at(28.0)
+    assert found.is_valid_at(33.0)
+
+
+def test_a_contradiction_that_stood_is_ended_by_the_operator_alone() -> None:
+    assert not any(valid for _, valid, _ in receiver(STANDING).valid)
+    found = receiver(STANDING, readmit_s=100.0)
+    assert not found.is_valid_at(99.0)
+    assert found.is_valid_at(102.0), "time in which the tests have passed before counts"
+
+
+def test_a_step_there_and_back_does_not_end_what_stood_before() -> None:
+    """It cancels itself: nothing is known of the contradiction of before."""
+    found = receiver(STANDING, there_and_back=True)
+    assert not any(valid for _, valid, _ in found.valid)
+
+
+def test_the_filter_does_not_begin_with_a_receiver_that_the_one_before_excluded() -> None:
+    found = fly(draw(0), restored=[excluded("gnss", RefusedPart.AIDING)])
+    assert found.t == []
+    assert "gnss: still refused after navigation was started again" in found.texts()
+
+
+def test_beside_another_receiver_it_stays_excluded() -> None:
+    found = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING)])
+    assert len(found.refused_at("gnss")) == len(found.t) > 500
+    assert found.mode[-1] is FilterMode.AIDED
+    assert found.misled(60.0) == 0.0
+
+
+def test_a_height_alone_stays_excluded() -> None:
+    """A second receiver gives the height; the position of the first one aids."""
+    found = fly(draw(0, ("gnss", "second")), restored=[excluded("gnss", RefusedPart.AIDING_HEIGHT)])
+    assert len(found.refused_at("gnss")) == 0
+    assert found.mode[-1] is FilterMode.AIDED
+    assert "gnss height: still refused" in found.texts()
+    assert "gnss height: aids the filter again" not in found.texts()
+
+
+def test_refusals_of_other_devices_are_left_out() -> None:
+    found = fly(draw(0), restored=[excluded("other", RefusedPart.AIDING)])
+    assert found.mode[-1] is FilterMode.AIDED
+    assert not found.events
+
+
+@pytest.mark.parametrize(("level_m", "is_refused"), [(40.0, False), (60.0, True)])
+def test_a_device_that_differed_is_used_again_where_the_filter_would_see_it(level_m: float, is_refused: bool) -> None:
+    """100 m of difference before: it agrees with a filter that knows it to 40 m, or to 60 m."""
+    check = SourceCheck({"box": (3.0, 3.0)})
+    (event,) = check.restore([CarriedRefusal("box", RefusedPart.DIFFERENCE, Reason.CONTRADICTION, 0, size_m=100.0)], T0)
+    assert event.text.startswith("box: still refused")
+    here = PositionState(0.8, 0.2, 100.0, 1.0, 1.0, None, None, None, T0)
+    for second in range(31):
+        assert check.refused == {"box"}
+        check.update(T0 + second * S, {"box": here}, Compared(here, level_m, 20.0))
+    assert (check.refused == {"box"}) is is_refused
