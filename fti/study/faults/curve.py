@@ -29,8 +29,10 @@ from fti.study.faults.detectable import AGE_S, K_FA, K_MD, filter_response, sepa
 Array = NDArray[np.float64]
 
 GRADES = ("navigation", "tactical", "mems")
-#: Ages of the oldest copy [s].
-MIN_AGE_S, MAX_AGE_S = 4, 160
+#: The largest age of the oldest copy [s].
+MAX_AGE_S = 160
+#: Copies of a ring, which are replaced in turn.
+RENEWALS = 4
 
 
 class Curve(NamedTuple):
@@ -47,7 +49,7 @@ def smallest(grade: str) -> Curve:
     sds = separation_sds(grade, MAX_AGE_S)
     ramp = filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
     acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
-    ages = np.arange(MIN_AGE_S, MAX_AGE_S + 1)
+    ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
     found = np.array([[smallest_seen(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
     return Curve(ages, found[:, 0], found[:, 1])
 
@@ -57,7 +59,7 @@ def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
 
     moved : the filter by a fault of size 1 at 0, 1, ... s, shape (n, 2);  sds : of d at 1, 2, ... s, shape (m, 2)
     """
-    step = max(1, age_s // 4)
+    step = age_s // RENEWALS
     since = np.arange(1, age_s - step + 1)
     largest = float(np.max(np.abs(moved[since]) / sds[since + step - 1], initial=0.0))
     return (K_FA + K_MD) / largest if largest > 0.0 else np.inf
@@ -69,7 +71,7 @@ def table() -> str:
     rows.append("|---|---|---|---|---|---|")
     for grade in GRADES:
         age = AGE_S[grade]
-        found, at = smallest(grade), age - MIN_AGE_S
+        found, at = smallest(grade), age // RENEWALS - 1
         ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
         made = ramp * age, 0.5 * acceleration * age**2
         rows.append(f"| {grade} | {age} | {ramp:.2f} | {made[0]:.0f} | {acceleration:.3f} | {made[1]:.0f} |")
@@ -81,7 +83,7 @@ def draw(file: Path) -> None:
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     axes = figure.subplots(1, 2)
     for grade in GRADES:
-        curve, at = smallest(grade), AGE_S[grade] - MIN_AGE_S
+        curve, at = smallest(grade), AGE_S[grade] // RENEWALS - 1
         for axis, values in zip(axes, (curve.ramp, curve.acceleration), strict=True):
             (line,) = axis.loglog(curve.ages, values, label=grade)
             axis.plot(curve.ages[at], values[at], "o", color=line.get_color())
