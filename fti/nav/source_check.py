@@ -55,7 +55,9 @@ class SourceCheck:
         mine = [r for r in refusals if r.part is RefusedPart.DIFFERENCE and r.source in self._standings]
         for refusal in mine:
             self._standings[refusal.source] = _Standing(is_refused=True, size=refusal.size_m)
-        text = "still refused after navigation was started again; it is used again after 30 s of agreement with the filter"
+        text = (
+            "still refused after navigation was started again; it is used again after 30 s of agreement with the filter"
+        )
         return [Event(t_ns=t_ns, level="warning", source="nav", text=f"{r.source}: {text}") for r in mine]
 
     def update(self, t_ns: int, positions: Mapping[str, PositionState], compared: Compared) -> list[Event]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,5 @@ def test_sigma_of_the_separation_is_that_of_flights() -> None:
 
 
 def test_the_table_has_the_figures_of_the_safety_page() -> None:
-    with open("docs/safety.md", encoding="utf-8") as page:
-        text = page.read()
+    text = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
     assert all(row in text for row in table().splitlines()[2:])

@@ -51,7 +51,7 @@ def smallest(grade: str) -> Curve:
     acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
     ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
     found = np.array([[smallest_seen(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
-    return Curve(ages, found[:, 0], found[:, 1])
+    return Curve(ages.astype(np.float64), found[:, 0], found[:, 1])
 
 
 def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
@@ -97,7 +97,7 @@ def draw(file: Path) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; draw the curves where a file is named."""
     args = sys.argv[1:] if argv is None else argv
-    print(table())
+    sys.stdout.write(table() + "\n")
     if args:
         draw(Path(args[0]))
     return 0
