@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.plausibility.signals import SignalTest
-from fti.types import ReceiverClock, Satellite, Satellites, Stamp
+from fti.types import Event, ReceiverClock, Satellite, Satellites, Stamp
 from tests.nav.receiver_flights import config
 
 S = 1_000_000_000
@@ -93,3 +96,14 @@ def test_receivers_that_aid_the_filter_are_suspected_for_30_s() -> None:
     assert monitor.suspected == {"gnss"}
     monitor.tick(40 * S)
     assert monitor.suspected == frozenset()
+
+
+def test_signals_reach_the_test_through_the_pipeline() -> None:
+    pipeline = Pipeline(config(("gnss",), baro=False), None)
+    stamps = [Stamp(t_ns) for t_ns in (100 * S, 101 * S)]
+    levels = [(40.0, 41.0, 42.0, 39.0), (30.0, 31.0, 32.0, 29.0)]
+    out = [pipeline.feed("gnss", replace(sky(*each), stamp=stamp)) for each, stamp in zip(levels, stamps, strict=True)]
+    assert out[0] == []
+    (event,) = out[1]
+    assert isinstance(event, Event)
+    assert (event.source, event.level) == ("gnss", "info")
