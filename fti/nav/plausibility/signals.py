@@ -1,7 +1,7 @@
 """Signs in the signals of a receiver that another transmitter has taken it over: they suspect it, and refuse nothing.
 
     cn0     C/N0 changes by more than CN0_DB in SPAN_NS, as the mean of MIN_SATELLITES or more that are heard both times
-    clock   offset of the receiver's clock departs from its rate by more than CLOCK_S and K sigma from message to message
+    clock   the receiver's clock departs from its rate by more than CLOCK_S and K sigma between two messages
 
 A suspicion lasts for HOLD_NS: copies of the filter that have gone without the receiver are kept for that time.  A
 receiver may step its clock by whole milliseconds; these steps are no sign.  A bank of 60 deg and a bridge are signs,
