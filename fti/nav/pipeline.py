@@ -139,6 +139,8 @@ class Pipeline:
         source, takers = self._sources.get(device), list[Taker]()
         if self._fallbacks:
             takers += self._fallbacks.takers(device, kind)
+        if self._plausibility.watches_signals(device, kind):
+            takers.append(partial(self._plausibility.take_signals, device))
         if source and issubclass(kind, Attitude):
             takers.append(source.push_attitude)
         elif source and issubclass(kind, Position):

@@ -14,8 +14,9 @@ Source: the specification in docs/fault-detection.md.  Checked against: tests/na
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from fti.config import AlertLimits, Config, position_sources
@@ -116,94 +117,83 @@ class WitnessMonitor:
         sizes : of contradictions by receiver;  compared : the filter;  fix : by DME alone, None where there is none
         """
         found = [
-            confirmation
+            self._compare(t_ns, (device, name), size, (self._at(device, t_ns, attitude), witness), compared)
             for device, size in sizes.items()
             if device in self._sources
-            for name, witness in self._positions(device, sizes, t_ns, attitude, fix)
-            if (confirmation := self._compare(t_ns, device, name, size, witness, attitude, compared))
+            for name, witness in self._positions(device, t_ns, attitude, fix)
+            if name not in sizes
         ]
         self._agreements = {key: agreement for key, agreement in self._agreements.items() if key[0] in sizes}
-        return found
+        return [confirmation for confirmation in found if confirmation]
 
     def _positions(
-        self,
-        device: str,
-        sizes: Mapping[str, Size],
-        t_ns: int,
-        attitude: AttitudeState | None,
-        fix: PositionState | None,
+        self, device: str, t_ns: int, attitude: AttitudeState | None, fix: PositionState | None
     ) -> Iterator[tuple[str, PositionState | None]]:
+        """Of all that share nothing with a receiver."""
         for name in self._witnesses:
-            if name not in sizes and self._depends[name].isdisjoint(self._depends[device]):
-                yield name, self._sources[name].position(t_ns, attitude)
+            if self._depends[name].isdisjoint(self._depends[device]):
+                yield name, self._at(name, t_ns, attitude)
         if self.is_fixed:
             yield "radio", fix
+
+    def _at(self, name: str, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
+        """A position with sigmas, the assumed ones where it states none."""
+        found = self._sources[name].position(t_ns, attitude)
+        if found is None:
+            return None
+        level, height = self._assumed.get(name, (None, None))
+        return replace(found, horizontal_sd=found.horizontal_sd or level, vertical_sd=found.vertical_sd or height)
 
     def _compare(
         self,
         t_ns: int,
-        device: str,
-        name: str,
+        names: tuple[str, str],
         size: Size,
-        witness: PositionState | None,
-        attitude: AttitudeState | None,
+        positions: tuple[PositionState | None, PositionState | None],
         compared: Compared | None,
     ) -> Confirmation | None:
-        here, key = self._sources[device].position(t_ns, attitude), (device, name)
-        tolerance = None
-        if here is not None and witness is not None:
-            tolerance = find_tolerance(
-                here, self._sd(device, here), witness, self._sd(name, witness), size, self._limits
-            )
+        """names, positions : of receiver and witness"""
+        here, witness = positions
+        tolerance = find_tolerance(here, witness, size, self._limits) if here and witness else None
         if here is None or witness is None or tolerance is None:
-            self._agreements.pop(key, None)
+            self._agreements.pop(names, None)
             return None
-        beyond = [_is_beyond(p, self._sd(whose, p), compared) for whose, p in ((device, here), (name, witness))]
-        if beyond[0] != beyond[1]:
-            self._agreements.pop(key, None)
+        is_beyond = _is_beyond(here, compared)
+        if is_beyond != _is_beyond(witness, compared):
+            self._agreements.pop(names, None)
             return None
-        agreement = self._agreements.get(key)
-        if agreement is None or agreement.is_against_filter != beyond[0]:
-            agreement = self._agreements[key] = _Agreement(t_ns, beyond[0])
+        agreement = self._agreements.get(names)
+        if agreement is None or agreement.is_against_filter != is_beyond:
+            agreement = self._agreements[names] = _Agreement(t_ns, is_beyond)
         agreement.take(here.newest_ns)
-        return Confirmation(device, name, tolerance, beyond[0]) if agreement.has_lasted(t_ns) else None
-
-    def _sd(self, name: str, position: PositionState) -> tuple[float, float]:
-        level, height = self._assumed.get(name, (0.0, 0.0))
-        return position.horizontal_sd or level, position.vertical_sd or height
+        return Confirmation(*names, tolerance, is_beyond) if agreement.has_lasted(t_ns) else None
 
 
-def find_tolerance(
-    here: PositionState,
-    sd: tuple[float, float],
-    witness: PositionState,
-    witness_sd: tuple[float, float],
-    size: Size,
-    limits: AlertLimits,
-) -> float | None:
-    """How far a receiver may be wrong that a witness agrees with [m]; None: it does not agree, or proves too little.
-
-    sd, witness_sd : horizontal and vertical [m]
-    """
+def find_tolerance(here: PositionState, witness: PositionState, size: Size, limits: AlertLimits) -> float | None:
+    """How far a receiver may be wrong that a witness agrees with [m]; None: it does not agree, or proves too little."""
     level, height = differences(here, witness)
-    rows = [(size.level, level, K_RADIAL, sd[0], witness_sd[0], limits.position_m)]
-    if size.height is not None:
-        rows.append((size.height, height, K_AXIS, sd[1], witness_sd[1], limits.altitude_m))
-    tolerances = [_tolerance(*row) for row in rows]
-    return None if None in tolerances else max(t for t in tolerances if t is not None)
-
-
-def _tolerance(
-    size: float | None, apart: float | None, k: float, sd: float, witness_sd: float, limit: float
-) -> float | None:
-    if size is None or apart is None or witness_sd <= 0.0 or apart > k * (sd**2 + witness_sd**2) ** 0.5:
+    found = _tolerance(level, (here.horizontal_sd, witness.horizontal_sd), K_RADIAL)
+    if found is None or size.level is None or found >= min(0.5 * size.level, limits.position_m):
         return None
-    found = apart + k * witness_sd
-    return found if found < min(0.5 * size, limit) else None
+    if size.height is None:
+        return found
+    high = None if height is None else _tolerance(height, (here.vertical_sd, witness.vertical_sd), K_AXIS)
+    if high is None or high >= min(0.5 * size.height, limits.altitude_m):
+        return None
+    return max(found, high)
 
 
-def _is_beyond(position: PositionState, sd: tuple[float, float], compared: Compared | None) -> bool:
+def _tolerance(apart: float, sds: tuple[float | None, float | None], k: float) -> float | None:
+    """What a difference leaves possible [m]; None: it is too large, or a sigma is unknown.  sds : receiver, witness"""
+    sd, witness_sd = sds
+    if not sd or not witness_sd or apart > k * math.hypot(sd, witness_sd):
+        return None
+    return apart + k * witness_sd
+
+
+def _is_beyond(position: PositionState, compared: Compared | None) -> bool:
     """Whether a position contradicts the filter horizontally."""
     if compared is None:
         return False
-    return differences(position, compared.position)[0] > compared.horizontal + K_RADIAL * sd[0]
+    apart, _ = differences(position, compared.position)
+    return apart > compared.horizontal + K_RADIAL * (position.horizontal_sd or 0.0)

@@ -121,6 +121,9 @@ class Restored(NamedTuple):
     refusals: tuple[CarriedRefusal, ...] = ()
 
 
+NOTHING_RESTORED = Restored()
+
+
 @dataclass(frozen=True, slots=True)
 class Segment:
     """What one navigation process saw: frames first <= seq <= last (None: to the end) without those in ``lost``.
@@ -131,7 +134,7 @@ class Segment:
     first: int
     last: int | None
     lost: tuple[tuple[int, int], ...] = ()  # (after, before) in order: everything between was not seen
-    restored: Restored = Restored()
+    restored: Restored = NOTHING_RESTORED
 
     def holds(self, seq: int) -> bool:
         """Was this frame seen?"""
@@ -217,7 +220,7 @@ def _setup(config: Config, texts: dict[str, str]) -> Setup:
 def flown_segments(recording: Recording) -> list[Segment]:
     """What each navigation process of the flight saw, from the gaps that it noted."""
     segments: list[Segment] = []
-    first, lost, restored = 0, list[tuple[int, int]](), Restored()
+    first, lost, restored = 0, list[tuple[int, int]](), NOTHING_RESTORED
     for kind, after, before, began in _gaps(recording):
         if kind == "restart":
             segments.append(Segment(first, after, tuple(lost), restored))
@@ -233,7 +236,7 @@ def _gaps(recording: Recording) -> Iterator[tuple[str, int, int, Restored]]:
         with using_message(topic, t_ns):
             note = parse_table(data)
             refusals = parse_refusals(note.get("refusals", ()))
-            restored = Restored(t_ns, refusals) if refusals else Restored()
+            restored = Restored(t_ns, refusals) if refusals else NOTHING_RESTORED
             gap = _text(note["kind"]), whole_number(note["after_seq"]), whole_number(note["before_seq"]), restored
         yield gap
 

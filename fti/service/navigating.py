@@ -13,7 +13,7 @@ from fti.bus.client import Publisher
 from fti.bus.message import stamped
 from fti.clock import SystemClock
 from fti.logger.derived_log import DerivedLog, output_topic
-from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.carried_refusal import parse_refusals
 from fti.service import terrain_trial
 from fti.service.binding import bind_devices, parse_reference
 from fti.service.chain import Chain, Products
@@ -63,8 +63,8 @@ class Navigator:
         self._delay = OutputDelay(self._last_ns)
         self._hurry = False
         self._fault_told: str | None = None
-        self._restored = order.refusals
-        self._refusals: list[CarriedRefusal] = list(order.refusals)
+        self._restored = parse_refusals(order.refusals)
+        self._refusals = list(self._restored)
 
     def _open_derived(self, order: NavigationOrder) -> DerivedWriter:
         session, places = order.config.session, order.places()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from fti.config import Config, StrictModel
 from fti.logger.places import Place
-from fti.nav.carried_refusal import CarriedRefusal
 
 
 class LinkOrder(StrictModel):
@@ -57,7 +57,7 @@ class NavigationOrder(StorageOrder):
     """All that the navigation process is told, once, by the supervisor.
 
     without_terrain : why it is not to load the configured one; None : it is
-    refusals : of sources, when the process before it ended
+    refusals : of sources, when the process before it ended (rows of ``fti.nav.carried_refusal``)
     """
 
     config: Config
@@ -65,6 +65,6 @@ class NavigationOrder(StorageOrder):
     texts: dict[str, str]
     bus: str  # its socket
     without_terrain: str | None = None
-    refusals: tuple[CarriedRefusal, ...] = ()
+    refusals: tuple[dict[str, Any], ...] = ()
     attachments: dict[str, str]
     metadata: dict[str, str]

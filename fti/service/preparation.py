@@ -15,7 +15,6 @@ from fti.errors import ConfigError
 from fti.links import open_link
 from fti.logger.places import Place
 from fti.logger.session import CONFIG_ATTACHMENT
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.service import hygiene
 from fti.service.binding import bind_devices, check_inertial, check_reference, read_texts, sending_on
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
@@ -57,7 +56,7 @@ class Preparation:
         places: Sequence[Place],
         bus: Path,
         without_terrain: str | None = None,
-        refusals: tuple[CarriedRefusal, ...] = (),
+        refusals: tuple[dict[str, Any], ...] = (),
     ) -> bytes:
         """The order of navigation.
 

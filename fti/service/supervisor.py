@@ -19,7 +19,6 @@ from fti.bus.hub import Hub
 from fti.bus.loopback import choose_port, describe_endpoint
 from fti.clock import SystemClock, describe_wrong_time
 from fti.config import Config
-from fti.nav.carried_refusal import CarriedRefusal, parse_refusals
 from fti.service import control, ending, rundir
 from fti.service.bulletin import Announce, Bulletin
 from fti.service.bus_thread import serving
@@ -91,7 +90,7 @@ class Supervisor:
         self._result = SessionResult()
         self._trial = TerrainTrial()
         self._without_terrain: str | None = None
-        self._refusals: tuple[CarriedRefusal, ...] = ()
+        self._refusals: tuple[dict[str, Any], ...] = ()  # of sources by navigation
         self._bulletin = Bulletin(self._clock, self._hub.publish, announce, self._mail.note)
         self._commander = self._make_commander()
         self._desk = Desk(
@@ -249,7 +248,7 @@ class Supervisor:
             self._board.navigation = message["health"]
         self._trial.hear(message)
         if "refusals" in message:
-            self._refusals = parse_refusals(message["refusals"])
+            self._refusals = tuple(message["refusals"])
         if "port" in message:
             self._page.on_port(message["port"])
             self._announce(self._page.announcement)

@@ -47,7 +47,7 @@ def reacquired_at(found: Found) -> np.ndarray:
 
 
 def test_a_receiver_that_was_absent_for_long_is_reacquired_until_all_copies_exist(returned: Found) -> None:
-    """From its return on, 30 s on trial; then the copy of before the absence goes, and 7 s later there are four again."""
+    """30 s on trial; then the copy of before the absence goes, and 7 s later there are four again."""
     times = reacquired_at(returned)
     assert BACK <= times[0] <= BACK + 3.0
     assert BACK + 30.0 <= times[-1] <= BACK + 30.0 + 10.0

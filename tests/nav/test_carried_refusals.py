@@ -1,4 +1,4 @@
-"""Refusals with which a navigation begins: each ends only by what would have ended it in the process before, or later."""
+"""Refusals with which a navigation begins: each ends by what would have ended it before, or later."""
 
 from __future__ import annotations
 

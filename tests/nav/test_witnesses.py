@@ -1,7 +1,7 @@
 """A source that shares nothing with a receiver confirms it: it is back in, or the filter begins anew.
 
-Truth, unit and receivers are those of ``receiver_flights``, through the whole pipeline; the witness is drawn here: 1 Hz,
-errors of 8 m of which it states 10 m.
+Truth, unit and receivers are those of ``receiver_flights``, through the whole pipeline; the witness is drawn here: 1
+Hz, errors of 8 m of which it states 10 m.
 """
 
 from __future__ import annotations
@@ -77,16 +77,16 @@ def test_a_witness_proves_what_half_of_the_contradiction_needs(
     apart_m: float, witness_sd: float, size_m: float, tolerance: float | None
 ) -> None:
     """By hand, with K = 4.80."""
-    found = find_tolerance(at(0.0), (2.0, 2.0), at(apart_m), (witness_sd, 2.0), Size(size_m), LIMITS)
+    found = find_tolerance(at(0.0), at(apart_m, witness_sd), Size(size_m), LIMITS)
     assert found == (None if tolerance is None else pytest.approx(tolerance, abs=0.2))
 
 
 def test_a_height_that_contradicts_needs_a_height_of_the_witness() -> None:
-    """By hand, 4.42: 3 m + 4.42 * 4 m is less than half of 47 m, and of the 30 m of the alert limit."""
+    """By hand: 3 m + 4.42 * 4 m are less than half of 47 m, and than the 30 m of the alert limit."""
     size = Size(200.0, 47.0)
-    assert find_tolerance(at(0.0), (2.0, 2.0), at(0.0, up_m=3.0), (5.0, 4.0), size, LIMITS) == pytest.approx(24.0)
-    assert find_tolerance(at(0.0), (2.0, 2.0), at(0.0, up_m=47.0), (5.0, 4.0), size, LIMITS) is None
-    assert find_tolerance(at(0.0), (2.0, 2.0), at(0.0, up_m=3.0), (5.0, 4.0), Size(None, 47.0), LIMITS) is None
+    assert find_tolerance(at(0.0), at(0.0, 4.0, up_m=3.0), size, LIMITS) == pytest.approx(20.7, abs=0.1)
+    assert find_tolerance(at(0.0), at(0.0, 4.0, up_m=47.0), size, LIMITS) is None
+    assert find_tolerance(at(0.0), at(0.0, 4.0, up_m=3.0), Size(None, 47.0), LIMITS) is None
 
 
 def agreements(depends: list[str] | None, *, witness_s: Sequence[int], seconds: int = 45) -> list[int]:
@@ -126,7 +126,7 @@ def test_a_witness_that_its_own_tests_refuse_confirms_nothing() -> None:
 
 
 def test_one_of_the_two_against_the_filter_is_nothing_and_both_are_told_apart() -> None:
-    """The filter is 90 m from the receiver: beyond its 50 m and 4.8 * 3 m of the receiver, not 4.8 * 10 m of the box."""
+    """The filter is 90 m away: beyond its 50 m and 4.8 * 3 m of the receiver, not beyond 4.8 * 10 m of the box."""
     for sd, expected in ((10.0, []), (3.0, [True])):
         monitor = WitnessMonitor(config({"box": ["map"]}, filtered=False), {})
         found = []
@@ -171,8 +171,8 @@ def fly(flight: Flight, fault: Fault, witness: list[str] | None, *, filtered: bo
         t_ns = T0 + round(t * SECOND_NS)
         stamp, row = Stamp(t_ns), flight.felt[k].tolist()
         out = pipeline.feed("imu", ImuSample(stamp=stamp, accel_b=tuple(row[:3]), gyro_b=tuple(row[3:])))
-        angles = {name: float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading")}
-        out += pipeline.feed("imu", Attitude(stamp=stamp, **angles))
+        roll, pitch, heading = (float(getattr(truth, name)[k]) for name in ("roll", "pitch", "heading"))
+        out += pipeline.feed("imu", Attitude(stamp=stamp, roll=roll, pitch=pitch, heading=heading))
         while taken < len(rows) and rows[taken][0] < t:
             out += pipeline.feed(*rows[taken][1:])
             taken += 1
@@ -210,10 +210,12 @@ def _witness(flight: Flight) -> list[tuple[float, str, Measurement]]:
     errors = rng.normal(0.0, 8.0, (len(t), 3)) / [RADIUS, RADIUS * np.cos(LAT), 1.0]
     found: list[tuple[float, str, Measurement]] = []
     for k, at_s in enumerate(t.tolist()):
-        place = {n: float(getattr(state, n)[k] + errors[k, i]) for i, n in enumerate(("lat", "lon", "alt"))}
+        lat, lon, alt = (float(getattr(state, n)[k] + errors[k, i]) for i, n in enumerate(("lat", "lon", "alt")))
         stamp, (north, east, down) = Stamp(T0 + round(at_s * SECOND_NS)), state.vel_n[k].tolist()
         found.append((at_s, "box", Velocity(stamp=stamp, north=north, east=east, down=down, sd=0.5)))
-        found.append((at_s, "box", Position(stamp=stamp, **place, horizontal_sd=10.0, vertical_sd=10.0)))
+        found.append(
+            (at_s, "box", Position(stamp=stamp, lat=lat, lon=lon, alt=alt, horizontal_sd=10.0, vertical_sd=10.0))
+        )
     return found
 
 

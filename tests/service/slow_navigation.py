@@ -24,7 +24,6 @@ from fti.drivers.imar_ixcom.wire import encode_frame
 from fti.logger.raw_log import RawLog, RawTopic
 from fti.logger.reading.recording import Recording
 from fti.logger.session import SessionFolder
-from fti.nav.carried_refusal import CarriedRefusal
 from fti.post.reprocess import recorded_setup, reprocess
 from fti.service import navigating
 from fti.service.chain import Chain, Products
@@ -135,7 +134,7 @@ class World:
         self.ages: list[tuple[float, float, bool]] = []
         self.fed: list[int] = []
         self.hurry_at_s: float | None = None
-        self.refusals: tuple[CarriedRefusal, ...] = ()
+        self.refusals: tuple[dict[str, Any], ...] = ()
         self._frames = _frames(duration_s, START_NS + lie_from_s * SECOND_NS)
         self._next = 0
         self._raw = RawLog(
@@ -246,7 +245,8 @@ class World:
     def told_refusals(self) -> list[dict[str, Any]]:
         """What navigation told the supervisor last of its refusals."""
         messages = [json.loads(line) for line in self._far.recv(2**24).splitlines()]
-        return [message["refusals"] for message in messages if "refusals" in message][-1]
+        told: list[list[dict[str, Any]]] = [message["refusals"] for message in messages if "refusals" in message]
+        return told[-1]
 
     def rows(self, topic: str) -> list[dict[str, Any]]:
         """What the derived file has on a topic."""

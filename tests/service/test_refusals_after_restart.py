@@ -1,4 +1,4 @@
-"""What a navigation process had refused, the one that takes its place refuses, too, until the operator says otherwise."""
+"""What a navigation process had refused, its successor refuses, too, until the operator says otherwise."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
     world = World(tmp_path_factory.mktemp("again"), DURATION_S, cost, LIE_S)
     world.hurry_at_s = END_S
     world.run()
-    world.refusals = parse_refusals(world.told_refusals())
-    told = world.refusals
+    world.refusals = tuple(world.told_refusals())
+    told = parse_refusals(world.refusals)
     world.run()
     world.finish()
     yield Flown(world, told)
@@ -73,11 +73,8 @@ def test_a_source_that_lies_is_not_valid_in_the_next_process(flown: Flown) -> No
 def test_the_next_process_says_so(flown: Flown) -> None:
     said = [r for r in flown.world.rows("/nav/source_validity/ins") if r["t_ns"] > START_NS + (END_S + 1) * SECOND_NS]
     first = said[0]
-    assert (first["valid"], first["reasons"], first["readmission"][:11]) == (
-        False,
-        ["jump", "unconfirmed"],
-        "fti readmit",
-    )
+    assert (first["valid"], first["reasons"]) == (False, ["jump", "unconfirmed"])
+    assert first["readmission"].startswith("fti readmit")
     texts = [row["message"] for row in flown.world.rows("/fti/event") if row["name"] == "ins"]
     assert any("position still refused after navigation was started again: jump" in text for text in texts)
 
@@ -98,8 +95,7 @@ def test_it_is_repeated_as_flown(flown: Flown, tmp_path: Path) -> None:
 def test_the_order_of_the_next_process_carries_them(flown: Flown) -> None:
     """Through JSON, as the supervisor sends it."""
     order = flown.world.order()
-    assert order.refusals == flown.told
-    assert NavigationOrder.model_validate_json(order.model_dump_json()).refusals == flown.told
+    assert parse_refusals(NavigationOrder.model_validate_json(order.model_dump_json()).refusals) == flown.told
 
 
 @pytest.mark.parametrize("wrong", [{"part": "all"}, {"reason": "no reason"}, {"onset_ns": "now"}, {"onset_ns": None}])

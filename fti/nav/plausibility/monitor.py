@@ -15,10 +15,23 @@ from fti.nav.plausibility.events import describe, describe_restored
 from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
 from fti.nav.plausibility.finding import Finding
 from fti.nav.plausibility.heading import HeadingTest
+from fti.nav.plausibility.signals import HOLD_NS, SignalTest
 from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
 from fti.nav.series import SECOND_NS
 from fti.nav.sources import level_velocity
-from fti.types import Attitude, Event, FilterSolution, Measurement, Output, Position, Reason, SourceValidity, Velocity
+from fti.types import (
+    Attitude,
+    Event,
+    FilterSolution,
+    Measurement,
+    Output,
+    Position,
+    Reason,
+    ReceiverClock,
+    Satellites,
+    SourceValidity,
+    Velocity,
+)
 
 T = TypeVar("T", Position, Velocity, Attitude)
 #: Validities are composed so often, and repeated so often when they have not changed [ns].
@@ -42,6 +55,8 @@ class PlausibilityMonitor:
         self._comparison = AttitudeComparison()
         self._beside_filter = FilterAttitudeTest(self._comparison)
         self._has_filter = config.nav.filter is not None
+        self._signals = {name: SignalTest() for name in (config.nav.filter.gnss if config.nav.filter else ())}
+        self._signs_ns = 0  # the newest time of signals and ticks
         self._events: list[Event] = []
         self._composed_ns: int | None = None
         self._told: dict[str, SourceValidity] = {}
@@ -91,8 +106,22 @@ class PlausibilityMonitor:
 
     @property
     def suspected(self) -> frozenset[str]:
-        """Sources of position that drift by more than half of what refuses them."""
-        return frozenset(name for name, tests in self._tests.items() if tests.is_suspected)
+        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign."""
+        signs = {name for name, test in self._signals.items() if test.is_suspected(self._signs_ns)}
+        return frozenset(name for name, tests in self._tests.items() if tests.is_suspected) | signs
+
+    def watches_signals(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether C/N0 or clock of a device that aids the filter are compared."""
+        return device in self._signals and issubclass(kind, (Satellites, ReceiverClock))
+
+    def take_signals(self, device: str, m: Satellites | ReceiverClock, t_ns: int) -> list[Output | Event]:
+        """Compare the signals of a receiver with those of before."""
+        test, self._signs_ns = self._signals[device], max(self._signs_ns, t_ns)
+        sign = test.take_satellites(t_ns, m) if isinstance(m, Satellites) else test.take_clock(t_ns, m)
+        if sign is None:
+            return []
+        text = f"suspected for {HOLD_NS // SECOND_NS} s: {sign}; copies of the filter without it are kept"
+        return [Event(t_ns=t_ns, level="info", source=device, text=text)]
 
     def take_events(self) -> list[Event]:
         """Events since the last call."""
@@ -149,6 +178,7 @@ class PlausibilityMonitor:
 
     def tick(self, t_ns: int) -> list[Output | Event]:
         """Let time pass: attitudes are compared, the validity of each source is told."""
+        self._signs_ns = max(self._signs_ns, t_ns)
         self._compare_attitudes(t_ns)
         out: list[Output | Event] = [*self.take_events()]
         if self._composed_ns is not None and 0 <= t_ns - self._composed_ns < COMPOSE_NS:

@@ -3,8 +3,8 @@
 The filter has coasted for so long that its gate lets in a lie of its own drift, and copies that are renewed soon after
 that hold the lie, too.  So it begins as after an alignment:
 
-    trial       for TRIAL_NS and TRIAL_COUNT fixes in the gates the oldest copy, of before the absence, is kept: it stays in
-                the protection levels, and the filter can go on from it; younger copies are replaced in turn
+    trial       for TRIAL_NS and TRIAL_COUNT fixes in the gates the oldest copy, of before the absence, is kept: it
+                stays in the protection levels, and the filter can go on from it; younger copies are replaced
     reacquired  then copies of before the trial are dropped; until all exist again, the levels are those of the filter
                 alone, and it is said
 
@@ -47,7 +47,7 @@ class AbsenceMonitor:
     def follow(self, segment: Segment) -> bool:
         """Take what the filter believed in a segment; True when a trial begins that is not the same one again."""
         believed = (e for e in segment.entries if e.aiding.name in self.names and e.judgement is Judgement.BELIEVED)
-        return any([self._take(t_ns) for t_ns in sorted({entry.t_ns for entry in believed})])
+        return True in [self._take(t_ns) for t_ns in sorted({entry.t_ns for entry in believed})]
 
     def _take(self, t_ns: int) -> bool:
         apart_ns = 0 if self.fix_ns is None else t_ns - self.fix_ns

@@ -540,8 +540,8 @@ def _describe(what: str, finding: Finding, t_ns: int) -> str:
 
 def _describe_return(watched: Watched) -> str:
     return (
-        f"{' and '.join(watched.devices)}: back after {watched.absence.absence_s:.0f} s; for {TRIAL_NS // SECOND_NS} s the"
-        " protection levels stay those of the filter without satellites; reacquired until all copies exist again"
+        f"{' and '.join(watched.devices)}: back after {watched.absence.absence_s:.0f} s; for {TRIAL_NS // SECOND_NS} s"
+        " the protection levels stay those of the filter without satellites; reacquired until all copies exist again"
     )
 
 

@@ -89,6 +89,36 @@ def smallest_ramp(grade: str, onset_m_s2: float, with_velocity: bool) -> float:
     return next((cell.magnitude for cell in cells if is_detectable(cell)), np.inf)
 
 
+def separation_sds(grade: str, ages_s: int) -> Array:
+    """Sigma of d on a horizontal axis, position [m] and velocity [m/s], at ages 1, 2, ... of a copy, shape (n, 2).
+
+    Cov(d) = P_i - P_0, where the copy begins as the filter that has been aided for ten minutes and goes without fixes.
+    """
+    axis, P = _steady(grade, is_vertical=False)
+    copied, found = P.copy(), np.empty((ages_s, 2))
+    for row in found:
+        copied = axis.F @ copied @ axis.F.T + axis.Q
+        row[:] = np.sqrt(np.maximum(np.diag(copied - P)[:2], 0.0))
+    return found
+
+
+def filter_response(grade: str, added: Array) -> Array:
+    """How far a fault moves the filter on a horizontal axis, position [m] and velocity [m/s], shape (n, 2).
+
+    added : to position and velocity of the fixes at 0, 1, ... s since its onset, shape (n, 2)
+    """
+    axis, P = _steady(grade, is_vertical=False)
+    moved, found = np.zeros(len(P)), np.empty((len(added), 2))
+    for k, fault in enumerate(np.pad(added, ((0, 0), (0, 1)))):
+        P = axis.F @ P @ axis.F.T + axis.Q
+        moved = axis.F @ moved
+        K = P @ axis.H.T @ np.linalg.inv(axis.H @ P @ axis.H.T + axis.R)
+        moved = moved + K @ (fault - axis.H @ moved)
+        P = P - K @ axis.H @ P
+        found[k] = moved[:2]
+    return found
+
+
 def _signature(cell: Cell, t: Array) -> Array:
     """What the fault adds to position, velocity, and barometer, at times since its onset, shape (n, 3)."""
     found, size = np.zeros((len(t), 3)), cell.magnitude

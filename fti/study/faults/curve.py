@@ -1,0 +1,107 @@
+"""The smallest ramps and accelerations that the ladder of copies sees, by the age at which the oldest copy is replaced.
+
+    python -m fti.study.faults.curve [FILE.png]
+
+A fault of position and velocity moves the filter by m(t); a copy that began before the onset does not move.  Copies
+are renewed every quarter of the age T, so that one of an age of at most t + T/4 has seen the whole fault.  It suspects
+the fault at k_fa = 5.3 sigma of d, and misses it with 1e-3 where it is k_md = 3.09 sigma larger:
+
+    smallest(T) = 8.39 / max over t <= 3T/4, position and velocity, of |m(t)| / sigma_d(t + T/4)     m : of a fault of 1
+
+sigma_d : ``detectable.separation_sds``;  m : ``detectable.filter_response``.  A fault below the curve at the age of the
+oldest copy goes unseen, and is not in the protection level.  Measurements once a second, one receiver.
+Checked against: tests/study/test_faults_curve.py.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from fti.study.faults.detectable import AGE_S, K_FA, K_MD, filter_response, separation_sds
+
+Array = NDArray[np.float64]
+
+GRADES = ("navigation", "tactical", "mems")
+#: The largest age of the oldest copy [s].
+MAX_AGE_S = 160
+#: Copies of a ring, which are replaced in turn.
+RENEWALS = 4
+
+
+class Curve(NamedTuple):
+    """ages [s], ramp [m/s] and acceleration [m/s^2] that are seen at least with a copy so old, each shape (n,)."""
+
+    ages: Array
+    ramp: Array
+    acceleration: Array
+
+
+def smallest(grade: str) -> Curve:
+    """Of a grade of inertial unit with one receiver."""
+    t = np.arange(MAX_AGE_S + 1.0)
+    sds = separation_sds(grade, MAX_AGE_S)
+    ramp = filter_response(grade, np.stack((t, np.ones_like(t)), axis=1))
+    acceleration = filter_response(grade, np.stack((0.5 * t**2, t), axis=1))
+    ages = np.arange(RENEWALS, MAX_AGE_S + 1, RENEWALS)
+    found = np.array([[smallest_seen(moved, sds, int(age)) for moved in (ramp, acceleration)] for age in ages])
+    return Curve(ages.astype(np.float64), found[:, 0], found[:, 1])
+
+
+def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
+    """The size of a fault that is seen by copies that are replaced at an age; infinite where none is.
+
+    moved : the filter by a fault of size 1 at 0, 1, ... s, shape (n, 2);  sds : of d at 1, 2, ... s, shape (m, 2)
+    """
+    step = age_s // RENEWALS
+    since = np.arange(1, age_s - step + 1)
+    largest = float(np.max(np.abs(moved[since]) / sds[since + step - 1], initial=0.0))
+    return (K_FA + K_MD) / largest if largest > 0.0 else np.inf
+
+
+def table() -> str:
+    """At the configured age of the oldest copy, and the error that such a fault has made by then."""
+    rows = ["| unit | oldest copy [s] | ramp [m/s] | made by then [m] | acceleration [m/s^2] | made by then [m] |"]
+    rows.append("|---|---|---|---|---|---|")
+    for grade in GRADES:
+        age = AGE_S[grade]
+        found, at = smallest(grade), age // RENEWALS - 1
+        ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
+        made = ramp * age, 0.5 * acceleration * age**2
+        rows.append(f"| {grade} | {age} | {ramp:.2f} | {made[0]:.0f} | {acceleration:.3f} | {made[1]:.0f} |")
+    return "\n".join(rows)
+
+
+def draw(file: Path) -> None:
+    """Both curves of each grade; a mark at the configured age."""
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    axes = figure.subplots(1, 2)
+    for grade in GRADES:
+        curve, at = smallest(grade), AGE_S[grade] // RENEWALS - 1
+        for axis, values in zip(axes, (curve.ramp, curve.acceleration), strict=True):
+            (line,) = axis.loglog(curve.ages, values, label=grade)
+            axis.plot(curve.ages[at], values[at], "o", color=line.get_color())
+    for axis, title in zip(axes, ("ramp at once [m/s]", "growing velocity [m/s\u00b2]"), strict=True):
+        axis.set(title=f"smallest seen: {title}", xlabel="age of the oldest copy [s]")
+        axis.grid(visible=True, which="both", alpha=0.3)
+    axes[0].legend()
+    figure.savefig(file, dpi=110)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the table; draw the curves where a file is named."""
+    args = sys.argv[1:] if argv is None else argv
+    sys.stdout.write(table() + "\n")
+    if args:
+        draw(Path(args[0]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
