@@ -242,7 +242,9 @@ class Filter(StrictModel):
     @field_validator("baro", mode="before")
     @classmethod
     def _one_is_a_list(cls, value: object) -> object:
-        return (value,) if isinstance(value, str) else value
+        if isinstance(value, str):
+            return (value,)
+        return tuple(value) if isinstance(value, list) else value
 
 
 class Station(StrictModel):
