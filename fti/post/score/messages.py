@@ -18,24 +18,15 @@ from fti.logger.reading.note_states import NoteStates
 from fti.logger.reading.recording import Recording
 from fti.nav.navigation import FILTER, RADIO
 from fti.post.score.flown import PAUSE_S, Flown, Pause
+from fti.post.score.outputs.consistency import OF_PROFILE
 from fti.post.score.said import NOTHING, STATUS, Said, Words
 from fti.service.diagnosis import NO_FRAME_REASONS
 from fti.types import IntegrityState, Reason
 
 EVENT, HEALTH, TICK = "/fti/event", "/fti/health", "/fti/tick"
-#: What only says where the aircraft is, and is no flag.
-PLACE = frozenset(
-    (
-        Reason.OUTSIDE_PROFILE,
-        Reason.END,
-        Reason.GO_AROUND,
-        Reason.NOT_OBSERVABLE,
-        Reason.NO_PROFILE,
-        Reason.ABOVE_RANGE,
-        Reason.BELOW_RANGE,
-        Reason.BELOW_150_M,
-    )
-)
+#: What only says where the aircraft is, and is no flag: of a height, and of what is measured against a profile.
+RANGE = frozenset((Reason.ABOVE_RANGE, Reason.BELOW_RANGE))
+PLACE = RANGE | OF_PROFILE
 #: What is missing when nothing in the configuration has a role.
 NEEDED = {
     "attitude": (Reason.NO_ATTITUDE,),
@@ -113,7 +104,7 @@ class Reader:
 
     def __init__(self, config: Config) -> None:
         self._roles = {"position": config.nav.position[:1], "attitude": config.nav.attitude[:1]}
-        self._idle = PLACE | {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
+        self._missing = {reason for role, reasons in NEEDED.items() for reason in reasons if not self._roles[role]}
         self._devices = {device.name for device in config.device}
         self._counts: dict[str, int] = {}
         self._behind_s = math.inf
@@ -159,13 +150,13 @@ class Reader:
         if topic not in (SOLUTION, INTEGRITY) and not topic.startswith(HEIGHT):
             return
         content = parse_table(data)
-        words = frozenset(content["reasons"]) - self._idle
+        words = frozenset(content["reasons"]) - self._missing
         if topic == SOLUTION:
             words |= frozenset(self._sources(content))
         elif topic.startswith(HEIGHT):
-            words |= UNKNOWN_GROUND & set(content["unchecked"])
+            words = (words - RANGE) | (UNKNOWN_GROUND & set(content["unchecked"]))
         elif topic == INTEGRITY:
-            words |= {content["state"]} & set(JUDGED)
+            words = (words - PLACE) | ({content["state"]} & set(JUDGED))
         yield topic, words
 
     def _sources(self, content: Mapping[str, Any]) -> Iterator[str]:

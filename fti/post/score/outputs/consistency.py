@@ -30,6 +30,17 @@ WINDOW_SHARE = 0.05
 FILTERS = (FILTER_TOPIC, VERTICAL_TOPIC, FIX)
 #: Reasons with which nothing is valid.
 CONTRADICTIONS = frozenset((Reason.STALE, Reason.SILENT, Reason.NO_IMU, Reason.ALIGNING, Reason.DIVERGED))
+#: Reasons of what is measured against the profile of an approach; no other output has them.
+OF_PROFILE = frozenset(
+    (
+        Reason.OUTSIDE_PROFILE,
+        Reason.END,
+        Reason.GO_AROUND,
+        Reason.NOT_OBSERVABLE,
+        Reason.NO_PROFILE,
+        Reason.BELOW_150_M,
+    )
+)
 #: Fields without which a valid message says nothing.
 VALUES = {
     SOLUTION: ("lat", "lon", "alt", "vel_north", "vel_east", "vel_down", "roll", "pitch", "heading"),
@@ -89,6 +100,10 @@ class Consistency:
         found = f"{len(wrong)} messages differ" if wrong else "as it should be"
         at_s = float(self._t[wrong[0]]) if wrong else None
         yield OutputRow(topic, Check.CONSISTENT, "valid and reasons", verdict_of(not wrong), found, LIMITS[fits], at_s)
+        if topic not in (INTEGRITY, GLIDE):
+            foreign = sorted(OF_PROFILE & {str(reason) for row in rows for reason in row.get("reasons") or ()})
+            limit = "none that belongs to an approach"
+            yield OutputRow(topic, Check.CONSISTENT, "reasons", verdict_of(not foreign), ", ".join(foreign), limit)
 
     def _values(self) -> Iterator[OutputRow]:
         """What is valid has its values."""
