@@ -79,12 +79,14 @@ def test_a_lying_source_is_refused_and_announced_and_no_valid_output_is_wrong(na
     fault = scenario.fault[0]
     assert isinstance(fault, OnDevices)
     (device,) = fault.devices
-    refused = [row for row in score.rows if row.flag.startswith(SOLUTION) and row.flag.endswith(f"not from {device}")]
-    assert [row.verdict for row in refused] == [Verdict.FOUND]
+    refusals = [row for row in score.rows if row.flag.startswith(SOLUTION) and row.flag.endswith(f"not from {device}")]
+    (refused,) = refusals
+    assert refused.verdict is Verdict.FOUND
+    assert refused.within_s is not None
     said = [f"{row['name']}: {row['message']}" for row in events(recording)]
     assert any("refused" in text and text.removeprefix("nav: ").startswith(f"{device}:") for text in said)
     # A wrong attitude is valid until its refusal is due; a position never is beyond its protection level.
-    shares = worst_shares(recording, fault.from_s + refused[0].within_s)
+    shares = worst_shares(recording, fault.from_s + refused.within_s)
     assert shares
     assert max(shares.values()) <= 1.0 + CLOSE
     assert levels_hold(recording, fault.from_s)
