@@ -105,6 +105,42 @@ def coast(  # noqa: PLR0917
 
 
 @kernel
+def separate(  # noqa: PLR0917
+    y: Array, P: Array, other_y: Array, other_P: Array, mat_en: Array, min_share: float
+) -> tuple[Array, float]:
+    """How far an estimate is from another one that has had fewer aids: y - other_y in north, east, down.
+
+    Returns : ndarray, shape (3, 6)   difference of position [m] and velocity [m/s]; its sigma, from other_P - P, at
+              least ``min_share`` of that of y; sigma of the other one
+              float   the largest sigma of the other one's horizontal position in any direction [m]
+    """
+    found = np.zeros((3, 6))
+    for i in range(6):
+        at = i - i % 3
+        variance = other_variance = 0.0
+        for j in range(3):
+            turn = mat_en[j, i % 3]
+            found[0, i] += turn * (y[at + j] - other_y[at + j])
+            for k in range(3):
+                variance += turn * P[at + j, at + k] * mat_en[k, i % 3]
+                other_variance += turn * other_P[at + j, at + k] * mat_en[k, i % 3]
+        found[1, i] = np.sqrt(max(other_variance - variance, min_share**2 * variance))
+        found[2, i] = np.sqrt(other_variance)
+    across = 0.0
+    for j in range(3):
+        for k in range(3):
+            across += mat_en[j, 0] * other_P[j, k] * mat_en[k, 1]
+    return found, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, across)
+
+
+@kernel
+def largest_sd(north: float, east: float, across: float) -> float:
+    """The largest sigma in any direction of a covariance of two axes: its variances, and what is across."""
+    half = 0.5 * np.hypot(north - east, 2.0 * across)
+    return float(np.sqrt(max(0.0, 0.5 * (north + east) + half)))
+
+
+@kernel
 def _shake(P: Array, began: Array, ended: Array, seconds: float) -> None:
     """What is felt has jumped: how much of it was flown between two samples, and how much a bit that fell over, nobody
     knows.

@@ -275,6 +275,7 @@ def warm_up() -> None:
     )
     rows = np.zeros((1, 6))
     kernels.coast(y, P, rows, rows, rows, Model().unit.table, Model().drifts, np.full(1, 0.01))
+    kernels.separate(y, P, y, P, estimate.mat_en, 0.1)
     kernels.within(np.zeros(6), MOST_FELT)
     kernels.health(y, P)
     place.warm_up()

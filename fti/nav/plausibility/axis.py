@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 from fti.config import SourceLimits
@@ -344,14 +344,11 @@ class AxisTests:
 
     def _find_drift(self, fix: Fix, at: Integral) -> list[Finding]:
         self.is_suspected = False
-        for window in WINDOWS_S:
-            past = self._past(fix.t_ns - window * SECOND_NS)
-            if past is None:
-                break
+        for past, acceleration in self._window_begins(fix.t_ns):
             seconds, drift = (fix.t_ns - past.t_ns) / SECOND_NS, self._c - past.c
             then = _Then(seconds, past.speed, abs(at.path - past.path), past.sigma)
             sd = math.sqrt(self._variance(fix, at, then))
-            allowance = self._acceleration_since(past) * self.velocity.interval_s**2 / 6.0
+            allowance = acceleration * self.velocity.interval_s**2 / 6.0
             self.is_suspected = self.is_suspected or abs(drift) > 0.5 * K_FALSE * sd + allowance
             if abs(drift) > K_FALSE * sd + allowance:
                 text = f"{self.name}: {drift:+.1f} m in {seconds:.0f} s beside the path of its velocity, "
@@ -360,17 +357,20 @@ class AxisTests:
                 return [self._stand(finding, drift, past.t_ns, past.path)]
         return []
 
-    def _past(self, t_ns: int) -> _Past | None:
-        """The newest entry that is not younger."""
-        if not self._history or self._history[0].t_ns > t_ns:
-            return None
-        return next(past for past in reversed(self._history) if past.t_ns <= t_ns)
+    def _window_begins(self, t_ns: int) -> Iterator[tuple[_Past, float]]:
+        """The newest entry that is as old as each window, as far as the history goes; the acceleration since then.
 
-    def _acceleration_since(self, past: _Past) -> float:
-        """The largest change of the velocity from second to second, at most the limit of the aircraft [m/s^2]."""
-        recent = [entry for entry in self._history if entry.t_ns >= past.t_ns]
-        changes = (abs(b.speed - a.speed) for a, b in pairwise(recent))
-        return min(max(changes, default=0.0), self._acceleration)
+        That is the largest change of the velocity from entry to entry, at most the limit of the aircraft [m/s^2].
+        """
+        begins_ns = [t_ns - window * SECOND_NS for window in reversed(WINDOWS_S)]
+        change, speed = 0.0, self._history[-1].speed if self._history else 0.0
+        for past in reversed(self._history):
+            change, speed = max(change, abs(past.speed - speed)), past.speed
+            while begins_ns and past.t_ns <= begins_ns[-1]:
+                begins_ns.pop()
+                yield past, min(change, self._acceleration)
+            if not begins_ns:
+                return
 
     def _find_scatter(self, fix: Fix) -> list[Finding]:
         history, sigma = list(self._history)[-SCATTER_ENTRIES:], fix.sigma

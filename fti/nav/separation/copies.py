@@ -8,7 +8,6 @@ Checked against: tests/nav/test_separation.py.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -91,17 +90,10 @@ class Separation(NamedTuple):
 
 def separate(filtered: Estimate, copy: Estimate) -> Separation:
     """How far the filter is from a copy of the same time."""
-    to_n = filtered.mat_en.T
-    d = np.concatenate((to_n @ (filtered.y[:3] - copy.y[:3]), to_n @ (filtered.y[3:6] - copy.y[3:6])))
-    both = np.zeros((6, 6))
-    both[:3, :3] = both[3:, 3:] = to_n
-    cov, cov_copy = both @ filtered.P[:6, :6] @ both.T, both @ copy.P[:6, :6] @ both.T
-    variances = np.diag(cov_copy) - np.diag(cov)
-    d_sd = np.sqrt(np.maximum(variances, MIN_SHARE**2 * np.diag(cov)))
-    return Separation(d, d_sd, np.sqrt(np.diag(cov_copy)), largest_sd(cov_copy[:2, :2]))
+    found, radial_sd = kernels.separate(filtered.y, filtered.P, copy.y, copy.P, filtered.mat_en, MIN_SHARE)
+    return Separation(found[0], found[1], found[2], radial_sd)
 
 
 def largest_sd(cov: Array) -> float:
     """The largest sigma in any direction of a covariance, shape (2, 2)."""
-    middle, half = 0.5 * (cov[0, 0] + cov[1, 1]), 0.5 * (cov[0, 0] - cov[1, 1])
-    return math.sqrt(max(0.0, float(middle + math.hypot(half, cov[0, 1]))))
+    return kernels.largest_sd(cov[0, 0], cov[1, 1], cov[0, 1])
