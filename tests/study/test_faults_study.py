@@ -78,7 +78,7 @@ def test_the_distance_is_that_of_all_measurements_at_once(cell: Cell) -> None:
     """s^T C^-1 s with the covariance C of all measurements after the onset: no filter, no innovation."""
     is_vertical = cell.kind is Kind.BARO_STEP
     axis, P = detectable._steady(cell.grade, is_vertical)
-    steps = 61 if is_vertical else detectable.AGE_S[cell.grade] + 1
+    steps = 61 if is_vertical else detectable.oldest_age_s(cell) + 1
     signature = detectable._signature(cell, np.arange(steps, dtype=np.float64)).ravel()
     powers = [np.linalg.matrix_power(axis.F, k) for k in range(steps + 1)]
     from_start = np.vstack([axis.H @ powers[k + 1] for k in range(steps)])

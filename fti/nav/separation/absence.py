@@ -1,4 +1,4 @@
-"""A class of sources that comes back after an absence that is longer than its oldest copy gets old.
+"""A class of sources that comes back after a long absence.
 
 The filter has coasted for so long that its gate lets in a lie of its own drift, and copies that are renewed soon after
 that hold the lie, too.  So it begins as after an alignment:
@@ -26,14 +26,14 @@ MAX_GAP_NS = 2_000_000_000
 
 @dataclass(slots=True)
 class AbsenceMonitor:
-    """Of one class.  names : of ``Aiding``, what bounds;  max_age_ns : of its oldest copy, None: it has no limit
+    """Of one class.  names : of ``Aiding``, what bounds;  long_ns : what is more is a long absence, None: never
 
     fix_ns : time of the last believed fix;  began_ns, times : of the trial, None: there is none
     absence_s : the last absence that began a trial [s]
     """
 
     names: frozenset[str]
-    max_age_ns: int | None
+    long_ns: int | None
     fix_ns: int | None = None
     began_ns: int | None = None
     times: int = 0
@@ -52,7 +52,7 @@ class AbsenceMonitor:
     def _take(self, t_ns: int) -> bool:
         apart_ns = 0 if self.fix_ns is None else t_ns - self.fix_ns
         self.fix_ns = t_ns
-        is_long = self.max_age_ns is not None and apart_ns > self.max_age_ns
+        is_long = self.long_ns is not None and apart_ns > self.long_ns
         is_new = is_long and not self.is_on_trial
         if is_new:
             self.absence_s = apart_ns * 1e-9

@@ -53,8 +53,12 @@ from fti.types import Event, Reason
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
-STEPS_NS = {"navigation": 20 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
+STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 5 * SECOND_NS, "mems": SECOND_NS}
+#: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
+STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
 COPIES = 4
+#: What is longer is a long absence: after it the filter has coasted for longer than most copies do [ns].
+LONG_ABSENCE_NS = {"navigation": 60 * SECOND_NS, "tactical": 20 * SECOND_NS, "mems": 8 * SECOND_NS}
 HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
 #: A receiver that was believed within so long bounds the filter without another one [ns].
@@ -93,6 +97,7 @@ class Refused:
 class Watched:
     """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
 
+    long_absence_ns : after an absence of more than that it is on trial; None: never
     is_doubted : tests of one source suspect a receiver of it
     has_returned : in the last segment it came back from a long absence
     """
@@ -101,6 +106,7 @@ class Watched:
     devices: tuple[str, ...]
     quantities: tuple[str, ...]
     monitor: SeparationMonitor
+    long_absence_ns: int | None = None
     refusals: Refusals = field(default_factory=Refusals)
     is_doubted: bool = False
     has_returned: bool = False
@@ -108,7 +114,7 @@ class Watched:
 
     def __post_init__(self) -> None:
         names = _names(self.devices, self.quantities[:1])
-        self.absence = AbsenceMonitor(names, self.monitor.ladder.max_age_ns)
+        self.absence = AbsenceMonitor(names, self.long_absence_ns)
 
     @property
     def tested(self) -> frozenset[str]:
@@ -501,14 +507,16 @@ def _classes(settings: Filter) -> list[Watched]:
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
-    ring = Rungs(COPIES, STEPS_NS[settings.unit])
+    ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
     others = altimeters | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
-    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes))]
+    long_ns = LONG_ABSENCE_NS[settings.unit]
+    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns)]
     if settings.baro:
         names = _names(receivers, HEIGHT)
         ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
-        found.append(Watched(HEIGHTS, receivers, HEIGHT, SeparationMonitor(ladder, DOWN_AXIS)))
+        monitor = SeparationMonitor(ladder, DOWN_AXIS)
+        found.append(Watched(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RUNGS.max_age_ns))
     for name in several:
         ladder = Ladder(receiver_names(name), receiver_names(name), RECEIVER_RUNGS)
         found.append(Watched(name, (name,), QUANTITIES, SeparationMonitor(ladder, ALL_AXES)))

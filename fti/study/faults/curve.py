@@ -24,7 +24,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from fti.study.faults.detectable import AGE_S, K_FA, K_MD, filter_response, separation_sds
+from fti.study.faults.detectable import (
+    AGE_OF_SEVERAL_S,
+    AGE_S,
+    K_FA,
+    K_MD,
+    filter_response,
+    level_ratio,
+    separation_sds,
+)
 
 Array = NDArray[np.float64]
 
@@ -66,16 +74,21 @@ def smallest_seen(moved: Array, sds: Array, age_s: int) -> float:
 
 
 def table() -> str:
-    """At the configured age of the oldest copy, and the error that such a fault has made by then."""
-    rows = ["| unit | oldest copy [s] | ramp [m/s] | made by then [m] | acceleration [m/s^2] | made by then [m] |"]
-    rows.append("|---|---|---|---|---|---|")
-    for grade in GRADES:
-        age = AGE_S[grade]
-        found, at = smallest(grade), age // RENEWALS - 1
-        ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
-        made = ramp * age, 0.5 * acceleration * age**2
-        rows.append(f"| {grade} | {age} | {ramp:.2f} | {made[0]:.0f} | {acceleration:.3f} | {made[1]:.0f} |")
+    """At the configured age of the oldest copy; the error that such a fault has made by then; HPL without a fault."""
+    titles = ("unit", "oldest copy [s]", "ramp [m/s]", "made by then [m]", "acceleration [m/s^2]", "made by then [m]")
+    rows = [f"| {' | '.join((*titles, 'HPL [sigma]'))} |", "|---|---|---|---|---|---|---|"]
+    rows += [_row(grade, grade, AGE_S[grade]) for grade in GRADES]
+    several = (grade for grade in GRADES if AGE_OF_SEVERAL_S[grade] != AGE_S[grade])
+    rows += [_row(f"{grade}, all of several receivers", grade, AGE_OF_SEVERAL_S[grade]) for grade in several]
     return "\n".join(rows)
+
+
+def _row(title: str, grade: str, age: int) -> str:
+    found, at = smallest(grade), age // RENEWALS - 1
+    ramp, acceleration = float(found.ramp[at]), float(found.acceleration[at])
+    made = ramp * age, 0.5 * acceleration * age**2
+    level = level_ratio(grade, age)
+    return f"| {title} | {age} | {ramp:.2f} | {made[0]:.0f} | {acceleration:.3f} | {made[1]:.0f} | {level:.1f} |"
 
 
 def draw(file: Path) -> None:

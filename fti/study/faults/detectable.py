@@ -14,8 +14,9 @@ misses with 1e-3 (k_md = 3.09) has delta = 8.39; it is in the table when two thi
 
     delta(T) >= 1.5 x 8.39
 
-T: age of the oldest copy (tactical 28 s, navigation 80 s, industrial and MEMS 8 s), within which the protection levels
-are to hold; where position and velocity of one receiver contradict each other (tests of one source) 60 s.
+T: age of the oldest copy (tactical 20 s, navigation 60 s, industrial and MEMS 4 s; of several receivers that lie alike
+12, 36 and 4 s), within which the protection levels are to hold; where position and velocity of one receiver contradict
+each other (tests of one source) 60 s.
 
 Numbers: the grade as the product is configured (``fti.nav.inertial.errors``: a test must allow for what it is told of
 the unit), a turn with 25 deg of bank, and the middle of what ``receiver`` draws; before any flight was flown.
@@ -44,9 +45,10 @@ from fti.study.faults.shapes import ramp
 Array = NDArray[np.float64]
 
 MARGIN = 1.5
-K_FA, K_MD = 5.3, 3.09
-#: Ages of the oldest copy [s] (decision 41); what tests of one source look back on.
-AGE_S = {"navigation": 80, "tactical": 28, "industrial": 8, "mems": 8}
+K_FA, K_MD, K_MD_RADIAL = 5.3, 3.09, 3.72
+#: Ages of the oldest copy [s] (decision 41), with one receiver and with several; what tests of one source look back on.
+AGE_S = {"navigation": 60, "tactical": 20, "industrial": 4, "mems": 4}
+AGE_OF_SEVERAL_S = {"navigation": 36, "tactical": 12, "industrial": 4, "mems": 4}
 ONE_SOURCE_S = 60
 SPEED_M_S = 53.0  # the slowest that is flown: 88 % of 60 m/s
 #: A turn with 25 deg of bank [m/s^2], and how long it lasts [s].
@@ -72,9 +74,14 @@ def distance(cell: Cell) -> float:
         return 0.0
     is_vertical = cell.kind in BARO_KINDS | {Kind.UNDULATION_ZERO, Kind.MSL_HEIGHT, Kind.HEIGHT}
     is_of_one = cell.kind is Kind.RAMP and not cell.with_velocity
-    end_s = max(AGE_S[cell.grade], ONE_SOURCE_S if is_of_one or is_vertical else 0)
+    end_s = max(oldest_age_s(cell), ONE_SOURCE_S if is_of_one or is_vertical else 0)
     t = np.arange(end_s + 1, dtype=np.float64)
     return _distance(_signature(cell, t), *_steady(cell.grade, is_vertical))
+
+
+def oldest_age_s(cell: Cell) -> int:
+    """Age of the oldest copy; a fault of one of two receivers is seen for at least as long as with one receiver."""
+    return (AGE_OF_SEVERAL_S if cell.liars > 1 else AGE_S)[cell.grade]
 
 
 def is_detectable(cell: Cell) -> bool:
@@ -100,6 +107,12 @@ def separation_sds(grade: str, ages_s: int) -> Array:
         copied = axis.F @ copied @ axis.F.T + axis.Q
         row[:] = np.sqrt(np.maximum(np.diag(copied - P)[:2], 0.0))
     return found
+
+
+def level_ratio(grade: str, age_s: int) -> float:
+    """HPL of a filter that does not differ from a copy so old, in sigmas of the filter: 3.72 sigma of the copy."""
+    _, P = _steady(grade, is_vertical=False)
+    return float(K_MD_RADIAL * np.hypot(1.0, separation_sds(grade, age_s)[-1, 0] / np.sqrt(P[0, 0])))
 
 
 def filter_response(grade: str, added: Array) -> Array:
