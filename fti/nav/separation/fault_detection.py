@@ -53,12 +53,10 @@ from fti.types import Event, Reason
 
 SECOND_NS = 1_000_000_000
 #: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
-STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 5 * SECOND_NS, "mems": SECOND_NS}
+STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
 #: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
 STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
 COPIES = 4
-#: What is longer is a long absence: after it the filter has coasted for longer than most copies do [ns].
-LONG_ABSENCE_NS = {"navigation": 60 * SECOND_NS, "tactical": 20 * SECOND_NS, "mems": 8 * SECOND_NS}
 HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
 RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
 #: A receiver that was believed within so long bounds the filter without another one [ns].
@@ -510,7 +508,7 @@ def _classes(settings: Filter) -> list[Watched]:
     ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
     others = altimeters | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
-    long_ns = LONG_ABSENCE_NS[settings.unit]
+    long_ns = COPIES * STEPS_NS[settings.unit]
     found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns)]
     if settings.baro:
         names = _names(receivers, HEIGHT)

@@ -78,8 +78,7 @@ def table() -> str:
     titles = ("unit", "oldest copy [s]", "ramp [m/s]", "made by then [m]", "acceleration [m/s^2]", "made by then [m]")
     rows = [f"| {' | '.join((*titles, 'HPL [sigma]'))} |", "|---|---|---|---|---|---|---|"]
     rows += [_row(grade, grade, AGE_S[grade]) for grade in GRADES]
-    several = (grade for grade in GRADES if AGE_OF_SEVERAL_S[grade] != AGE_S[grade])
-    rows += [_row(f"{grade}, all of several receivers", grade, AGE_OF_SEVERAL_S[grade]) for grade in several]
+    rows += [_row(f"{grade}, all of several receivers", grade, AGE_OF_SEVERAL_S[grade]) for grade in GRADES]
     return "\n".join(rows)
 
 

@@ -14,7 +14,7 @@ misses with 1e-3 (k_md = 3.09) has delta = 8.39; it is in the table when two thi
 
     delta(T) >= 1.5 x 8.39
 
-T: age of the oldest copy (tactical 20 s, navigation 60 s, industrial and MEMS 4 s; of several receivers that lie alike
+T: age of the oldest copy (tactical 28 s, navigation 60 s, industrial and MEMS 8 s; of several receivers that lie alike
 12, 36 and 4 s), within which the protection levels are to hold; where position and velocity of one receiver contradict
 each other (tests of one source) 60 s.
 
@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 MARGIN = 1.5
 K_FA, K_MD, K_MD_RADIAL = 5.3, 3.09, 3.72
 #: Ages of the oldest copy [s] (decision 41), with one receiver and with several; what tests of one source look back on.
-AGE_S = {"navigation": 60, "tactical": 20, "industrial": 4, "mems": 4}
+AGE_S = {"navigation": 60, "tactical": 28, "industrial": 8, "mems": 8}
 AGE_OF_SEVERAL_S = {"navigation": 36, "tactical": 12, "industrial": 4, "mems": 4}
 ONE_SOURCE_S = 60
 SPEED_M_S = 53.0  # the slowest that is flown: 88 % of 60 m/s
