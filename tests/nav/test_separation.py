@@ -5,6 +5,8 @@ The truth is that of ``receiver_flights``.  What a copy must be comes from the f
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,21 @@ def test_one_transition_for_all_steps_is_that_of_many() -> None:
     kernels.coast(*one, felt[:-1], felt[1:], np.zeros((20, 6)), table, drifts, np.full(20, 0.01))
     np.testing.assert_allclose(one[0], many[0], rtol=1e-12)
     np.testing.assert_allclose(np.sqrt(np.diag(one[1])), np.sqrt(np.diag(many[1])), rtol=1e-4)
+
+
+def test_a_heading_that_is_far_off_is_in_the_sigma_along_the_force() -> None:
+    """A turn of 20 s at 5 m/s^2 with 35 deg of heading sigma: what (1 - cos psi) makes of drawn headings, along it."""
+    sd, force, seconds = math.radians(35.0), 5.0, 20
+    start = Start(0.8, 0.2, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1e-3,) * 3, (1e-3,) * 3, (1e-4, 1e-4, sd))
+    here = start.estimate(0, np.zeros(6), MODEL)
+    y, P, felt = here.y.copy(), here.P.copy(), np.array([force, 0.0, -9.8, 0.0, 0.0, 0.0])
+    for _ in range(10 * seconds):
+        kernels.step(y, P, felt, felt, np.zeros(6), MODEL.unit.table, MODEL.drifts, 0.1)
+    north_e = here.mat_en[:, 0]
+    found = math.sqrt(float(north_e @ P[3:6, 3:6] @ north_e))
+    drawn = np.random.default_rng(3).normal(0.0, sd, 100_000)
+    true = force * seconds * math.sqrt(float(np.mean((1.0 - np.cos(drawn)) ** 2)))
+    assert true < found < 1.3 * true
 
 
 def test_a_copy_that_goes_without_nothing_is_the_filter() -> None:

@@ -54,6 +54,14 @@ def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
     assert (struck.misled, struck.hazardous) == (0, 0), struck.worst
 
 
+def test_a_heading_that_has_drifted_on_a_straight_leg_excludes_no_receiver_in_the_first_turn() -> None:
+    """A MEMS unit on a leg of five minutes; an industrial one whose heading is tens of degrees off when it turns."""
+    for grade, number, pattern in (("mems", 6, "legs"), ("industrial", 1, "turns")):
+        task = Task(31, number, Group(grade, 1, pattern), (), 900.0)
+        record = Product(Cell(grade, Kind.NONE, pattern=pattern)).fly(nominal_flight(task).between(0.0, 330.0))
+        assert not [text for _, text in record.events if "refused" in text]
+
+
 def test_a_copy_of_the_product_goes_on_as_the_product_does() -> None:
     task = Task(17, 3, TACTICAL, (), 120.0)
     flight, product = nominal_flight(task), Product(CELLS[BY_NAME[SAMPLE[0]]])
