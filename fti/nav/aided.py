@@ -202,6 +202,8 @@ class AidedNavigation:
         alt = ellipsoidal(m)
         if m.lat is None or m.lon is None:
             return
+        if self._faults.refuses_height(device) and not self._navigator.is_aligned:
+            alt = None  # the filter does not begin with a height that contradicted it
         level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
         high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
         arm = self._arms[device]

@@ -180,6 +180,22 @@ def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradi
     assert found.misled(SETTLED) == 0.0
 
 
+def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradicted_it() -> None:
+    """47 m of height at 300 s, a gap of the inertial unit at 400 s: the altitude was 49 m off, its level 25 m."""
+    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert "gnss height: refused" in found.texts()
+    assert max(found.t) == pytest.approx(399.0, abs=1.1)
+    assert found.misled(SETTLED) == 0.0
+
+
+def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted() -> None:
+    flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
+    found = fly(flight, {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert max(found.t) == pytest.approx(599.0, abs=1.1)
+    assert "gnss height: still refused after the filter began again" in found.texts()
+    assert found.misled(SETTLED) == 0.0
+
+
 def test_a_filter_that_begins_again_with_another_receiver_still_refuses_the_one_that_lied() -> None:
     flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
     found = fly(flight, {"gnss": STANDING["step"][0]})
