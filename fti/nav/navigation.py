@@ -141,6 +141,10 @@ class Navigation:
         """Begin with refusals of before this process."""
         return self._check.restore(refusals, t_ns)
 
+    def readmit(self, device: str, t_ns: int) -> list[Event]:
+        """Use a device again that the filter contradicted, because the operator commands it."""
+        return self._check.readmit(device, t_ns)
+
     def compare(self, state: NavState) -> list[Event]:
         """Compare devices that do not aid the filter with it; an event for each that is refused, or used again."""
         compared = self._fallback.compared(state.t_ns) if self._fallback else None
