@@ -106,9 +106,14 @@ class PlausibilityMonitor:
 
     @property
     def suspected(self) -> frozenset[str]:
-        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign."""
+        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign.
+
+        The drift of one that has fallen silent is not known any more.
+        """
         signs = {name for name, test in self._signals.items() if test.is_suspected(self._signs_ns)}
-        return frozenset(name for name, tests in self._tests.items() if tests.is_suspected) | signs
+        drifting = {name: tests.newest_ns for name, tests in self._tests.items() if tests.is_suspected}
+        heard = {name for name, then_ns in drifting.items() if self._signs_ns - (then_ns or 0) <= HEARD_NS}
+        return frozenset(signs | heard)
 
     def watches_signals(self, device: str, kind: type[Measurement]) -> bool:
         """Whether C/N0 or clock of a device that aids the filter are compared."""

@@ -23,6 +23,7 @@ from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import (
     ARRIVAL_SD_S,
     CLOCK_SD_S,
+    MAX_SIGMA,
     MIN_HORIZONTAL_M,
     MIN_VELOCITY,
     MIN_VERTICAL_M,
@@ -89,9 +90,9 @@ class SourceTests:
     def _wants(self, m: Position, t_ns: int) -> bool:
         """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
         return (
-            (m.lat is not None and self._north.wants(t_ns, ""))
-            or (m.lon is not None and self._east.wants(t_ns, ""))
-            or self._up.wants(t_ns, _height_of(m)[1])
+            (m.lat is not None and self._north.wants(t_ns, m.lat, ""))
+            or (m.lon is not None and self._east.wants(t_ns, m.lon, ""))
+            or self._up.wants(t_ns, *_height_of(m))
         )
 
     def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
@@ -154,7 +155,7 @@ class SourceTests:
         time_sd, self._time_sd = self._time_sd, CLOCK_SD_S if by_clock else ARRIVAL_SD_S
         time_sd = max(time_sd, self._time_sd)
         self._lat = m.lat if m.lat is not None else self._lat
-        if self._lat is None or abs(self._lat) > MAX_LAT:
+        if self._lat is None:
             return []
         return self._test_level(m, t_ns, time_sd) + self._test_altitude(m, t_ns, time_sd)
 
@@ -162,10 +163,13 @@ class SourceTests:
         assert self._lat is not None
         meridian, normal = radii(self._lat)
         metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
-        sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        is_polar = abs(self._lat) > MAX_LAT
+        if is_polar:
+            self._east.leave()
         events: list[Event] = []
         for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
-            if value is not None:
+            if value is not None and not (is_polar and axis is self._east):
                 found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd), ""))
                 events += self._conclude(t_ns, POSITION, self.position, axis, found)
         return events
@@ -175,7 +179,7 @@ class SourceTests:
         if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
             return []
         self._alt = value
-        sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
+        sd = _bounded_sigma(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
         found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
@@ -195,7 +199,7 @@ class SourceTests:
         return math.hypot(steps["ground_speed"].step or 0.0, speed[1] * (steps["track"].step or 0.0))
 
     def _test_velocity(self, m: Velocity, t_ns: int) -> list[Event]:
-        self._velocity_sd = _at_least(m.sd, UNSTATED_VELOCITY, MIN_VELOCITY)
+        self._velocity_sd = _bounded_sigma(m.sd, UNSTATED_VELOCITY, MIN_VELOCITY)
         events: list[Event] = []
         north, east = self._level_velocity(m, t_ns)
         if north is not None and east is not None:
@@ -291,11 +295,11 @@ def _height_of(m: Position) -> tuple[float | None, str]:
     return (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
 
 
-def _at_least(stated: float | None, unstated: float, floor: float) -> float:
-    """A sigma that is stated and positive, at least the floor; else the one for none."""
+def _bounded_sigma(stated: float | None, unstated: float, floor: float) -> float:
+    """A sigma that is stated and positive, at least the floor; else the one for none.  Its square is a number."""
     if stated is None or not 0.0 < stated < math.inf:
         return max(unstated, floor)
-    return max(stated, floor)
+    return min(max(stated, floor), MAX_SIGMA)
 
 
 def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:
