@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.types import FilterMode
-from tests.nav.receiver_flights import Fault, Flight, Found, after, draw, fly, frozen, swapped
+from tests.nav.receiver_flights import Fault, Fixes, Flight, Found, after, draw, fly, frozen, silent, swapped
 
 Array = NDArray[np.float64]
 
@@ -165,6 +165,36 @@ def test_of_two_receivers_that_part_slowly_the_sound_one_is_not_refused(lying: s
     assert "contradiction: " in found.texts()
     assert len(found.refused_at(sound)) == 0, found.texts()
     assert found.misled(SETTLED) == 0.0
+
+
+def silent_after_an_outlier(at_s: float) -> Fault:
+    """One fix 500 m off, then none."""
+
+    def fault(fixes: Fixes) -> Fixes:
+        last = np.arange(len(fixes.t)) == np.searchsorted(fixes.t, at_s)
+        moved = fixes.moved(last[:, None] * np.array([0.0, 500.0, 0.0]), np.zeros((len(fixes.t), 3)))
+        return silent(float(fixes.t[last][0]) + 0.01, np.inf)(moved)
+
+    return fault
+
+
+def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies() -> None:
+    """The gate refused it for ever; no copy was replaced, and HPL was 8 km beside a sound receiver."""
+    found = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)})
+    assert max(found.hpl[-60:]) < 30.0
+    assert not found.events, found.texts()
+
+
+@pytest.mark.parametrize("from_s", [0.0, 200.0])
+def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float) -> None:
+    """It was refused with it, unconfirmed for ever, and its old copy made the lie a draw for 14 s."""
+    faults = {"gnss": STANDING["sharp ramp"][0], "second": silent(from_s, 400.0)}
+    found = fly(draw(0, ("gnss", "second")), faults)
+    assert found.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], found.texts()
+    assert len(found.refused_at("second")) == 0
+    assert found.misled(SETTLED) == 0.0
+    assert found.mode[-1] is FilterMode.AIDED
+    assert found.radial[-1] < 8.0
 
 
 def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
