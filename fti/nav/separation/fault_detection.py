@@ -170,9 +170,10 @@ class FaultDetection:
         """Since when receivers that are excluded as a whole have contradicted, by device."""
         return {r.device: r.onset_ns for r in self._refused.values() if r.what == r.device}
 
-    def refuses_height(self, device: str) -> bool:
-        """Whether the height of a receiver does not aid, alone or with its position."""
-        return any(f"{device}.height" in refused.names for refused in self._refused.values())
+    @property
+    def refused_heights(self) -> frozenset[str]:
+        """Receivers whose heights do not aid, alone or with their positions."""
+        return frozenset(r.device for r in self._refused.values() if f"{r.device}.height" in r.names)
 
     @property
     def is_drawn(self) -> bool:

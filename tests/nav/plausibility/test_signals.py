@@ -84,7 +84,9 @@ def test_without_a_rate_or_across_a_gap_a_clock_says_nothing() -> None:
     assert test.take_clock(20 * S, clock(1e-3 / 3)) is None
 
 
-@pytest.mark.parametrize(("offset", "drift", "sd"), [(0.0, math.inf, 0.0), (1e308, -1.7e308, 0.0), (3.3e-4, 0.0, math.nan)])
+@pytest.mark.parametrize(
+    ("offset", "drift", "sd"), [(0.0, math.inf, 0.0), (1e308, -1.7e308, 0.0), (3.3e-4, 0.0, math.nan)]
+)
 def test_what_is_no_number_is_no_sign(offset: float, drift: float, sd: float) -> None:
     """An infinite step raised a ValueError."""
     test = SignalTest()
