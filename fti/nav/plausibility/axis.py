@@ -53,14 +53,13 @@ WHITE_FIXES = 200.0
 class Fix:
     """One position along the axis.
 
-    value : as the device states it [rad, m]; metres : per unit of value; kind : only values of one are compared
+    value : as the device states it [rad, m]; metres : per unit of value
     """
 
     t_ns: int
     value: float
     metres: float
     sigma: FixSigma
-    kind: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,16 +140,16 @@ class AxisTests:
         self._pending = None
         return self._judge(pending)
 
-    def wants(self, t_ns: int, value: float | None, kind: str) -> bool:
-        """Whether a fix of this time and kind is judged, or ends that one waits: not all are that come often.
+    def wants(self, t_ns: int, value: float) -> bool:
+        """Whether a fix of this time is judged, or ends that one waits: not all are that come often.
 
         One that comes sooner is judged where it is farther away than the aircraft and its sigma make: otherwise every
         second one could be anywhere.
         """
         last = self._last
-        if self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS or kind != last.kind:
+        if self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS:
             return True
-        return value is not None and t_ns >= last.t_ns and abs(self._difference(value, last)) > self._reach
+        return t_ns >= last.t_ns and abs(self._difference(value, last)) > self._reach
 
     def take_fix(self, fix: Fix) -> list[Finding] | None:
         """Take a fix.  None: nothing was judged"""
@@ -158,7 +157,7 @@ class AxisTests:
         if self._pending:
             pending, self._pending = self._pending, None
             found += self._judge(pending) or ()
-        if not self.wants(fix.t_ns, fix.value, fix.kind):
+        if not self.wants(fix.t_ns, fix.value):
             return found or None
         at = self.velocity.at(fix.t_ns)
         if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):
@@ -169,7 +168,7 @@ class AxisTests:
 
     def _is_gross(self, fix: Fix, at: Integral) -> bool:
         """Whether it is a step even with any acceleration since the newest velocity, so that it need not wait."""
-        if self._last is None or self._last_at is None or self._last.kind != fix.kind:
+        if self._last is None or self._last_at is None:
             return False
         return abs(self._residual(fix, at)) > self._jump_limit(fix, at)
 
@@ -193,7 +192,7 @@ class AxisTests:
         step = self._resolution.step
         step_m = UNKNOWN_STEP_M if step is None else step * fix.metres
         fix.sigma.step = step_m
-        if last is None or last.kind != fix.kind:
+        if last is None:
             self._follow(fix, at)
             self._lose_standing()
             return []

@@ -41,6 +41,8 @@ TOGETHER_NS = SECOND_NS // 2
 #: Closer to a pole a longitude is no axis [rad].
 MAX_LAT = math.radians(89.0)
 POSITION, ALTITUDE = "position", "altitude"
+#: What a height is above; a device may state both in turns (MAVLink does).
+ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class SourceTests:
         self._unstated = unstated
         self._north = AxisTests("north", limits, limits.speed_mps, is_angle=False)
         self._east = AxisTests("east", limits, limits.speed_mps, is_angle=True)
-        self._up = AxisTests("up", limits, limits.climb_mps, is_angle=False)
+        self._ups = {kind: AxisTests("up", limits, limits.climb_mps, is_angle=False) for kind in (ELLIPSOID, SEA)}
         self._motion = MotionTest(limits)
         self._undulation = UndulationTest(limits.undulation_m)
         self._times: dict[TimeScale, DeviceTimeTest] = {}
@@ -89,10 +91,11 @@ class SourceTests:
 
     def _wants(self, m: Position, t_ns: int) -> bool:
         """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
+        height, kind = _height_of(m)
         return (
-            (m.lat is not None and self._north.wants(t_ns, m.lat, ""))
-            or (m.lon is not None and self._east.wants(t_ns, m.lon, ""))
-            or self._up.wants(t_ns, *_height_of(m))
+            (m.lat is not None and self._north.wants(t_ns, m.lat))
+            or (m.lon is not None and self._east.wants(t_ns, m.lon))
+            or (height is not None and self._ups[kind].wants(t_ns, height))
         )
 
     def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
@@ -109,7 +112,7 @@ class SourceTests:
         if not self.is_unconfirmed:
             text = "nothing to readmit: no contradiction stands against it"
             return [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
-        for axis in (self._north, self._east, self._up):
+        for axis in (self._north, self._east, *self._ups.values()):
             axis.readmit()
         return self._close(t_ns, POSITION, self.position) + self._close(t_ns, ALTITUDE, self.altitude)
 
@@ -170,7 +173,7 @@ class SourceTests:
         events: list[Event] = []
         for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
             if value is not None and not (is_polar and axis is self._east):
-                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd), ""))
+                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
                 events += self._conclude(t_ns, POSITION, self.position, axis, found)
         return events
 
@@ -178,16 +181,16 @@ class SourceTests:
         value, kind = _height_of(m)
         if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
             return []
-        self._alt = value
+        self._alt, up = value, self._ups[kind]
         sd = _bounded_sigma(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-        found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
+        found = up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
             found = [*(found or ()), *undulation]
-        return self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+        return self._conclude(t_ns, ALTITUDE, self.altitude, up, found)
 
     def _sigma(self, sd: float, axis: AxisTests, time_sd: float) -> FixSigma:
-        step = 0.0 if axis is self._up else self._polar_resolution()
+        step = self._polar_resolution() if axis in {self._north, self._east} else 0.0
         return FixSigma(sd, self._velocity_sd, time_sd, 0.0, max(step, axis.velocity.step), self._arm)
 
     def _polar_resolution(self) -> float:
@@ -212,8 +215,8 @@ class SourceTests:
         if m.down is not None:
             vertical = self._motion.update_vertical(t_ns, m.down, self._velocity_sd)
             events += self._fail(t_ns, ALTITUDE, self.altitude, vertical)
-            found = self._up.take_velocity(t_ns, -m.down)
-            events += self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+            for up in self._ups.values():
+                events += self._conclude(t_ns, ALTITUDE, self.altitude, up, up.take_velocity(t_ns, -m.down))
         return events
 
     def _level_velocity(self, m: Velocity, t_ns: int) -> tuple[float | None, float | None]:
@@ -251,7 +254,7 @@ class SourceTests:
         return any(axis.standing for axis in self._axes(quantity))
 
     def _axes(self, quantity: str) -> tuple[AxisTests, ...]:
-        return (self._up,) if quantity == ALTITUDE else (self._north, self._east)
+        return tuple(self._ups.values()) if quantity == ALTITUDE else (self._north, self._east)
 
     def _fail(self, t_ns: int, quantity: str, admission: Admission, found: Iterable[Finding]) -> list[Event]:
         events: list[Event] = []
@@ -292,7 +295,7 @@ class SourceTests:
 def _height_of(m: Position) -> tuple[float | None, str]:
     """Height above the ellipsoid, else above the sea [m], and which; only heights of one kind are compared."""
     alt = ellipsoidal(m)
-    return (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
+    return (alt, ELLIPSOID) if alt is not None else (m.alt_msl, SEA)
 
 
 def _bounded_sigma(stated: float | None, unstated: float, floor: float) -> float:

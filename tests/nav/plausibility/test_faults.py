@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -279,7 +280,8 @@ def test_a_flight_past_a_pole_is_sound() -> None:
 @pytest.mark.parametrize(("kind", "field"), [(Position, "horizontal_sd"), (Position, "vertical_sd"), (Velocity, "sd")])
 def test_a_sigma_whose_square_is_no_number_refuses_nothing(kind: type[Measurement], field: str) -> None:
     """It raised an OverflowError with each fix."""
-    result = flown(lambda t, m: replace(m, **{field: 1e200}) if isinstance(m, kind) and t >= BEGIN else m)
+    sigma: dict[str, Any] = {field: 1e200}
+    result = flown(lambda t, m: replace(m, **sigma) if isinstance(m, kind) and t >= BEGIN else m)
     assert result.refused_s is None
     assert result.is_valid_at(239.0)
 
@@ -311,6 +313,24 @@ def test_an_epoch_of_two_sound_fixes_is_sound() -> None:
                 admitted, events = tests.take_position(replace(m, lat=m.lat + moved * METRE), t_ns)
                 assert admitted[0].valid
                 assert not events
+
+
+@pytest.mark.parametrize("metres", [0.0, 100.0])
+def test_heights_of_two_kinds_in_turns_are_tested_each_for_itself(metres: float) -> None:
+    """MAVLink: GPS_RAW_INT and GLOBAL_POSITION_INT.  Each fix began anew, and a step was valid."""
+    fixes = 0
+
+    def change(t: float, m: Measurement) -> Measurement:
+        nonlocal fixes
+        if not isinstance(m, Position) or m.alt is None:
+            return m
+        fixes += 1
+        alt = m.alt + (metres if t >= BEGIN else 0.0)
+        return replace(m, alt=alt) if fixes % 2 else replace(m, alt=None, alt_msl=alt - 46.0)
+
+    result = flown(change)
+    assert result.refused_s == (pytest.approx(BEGIN, abs=2.0) if metres else None)
+    assert {valid for t, _, valid in result.valid if t > BEGIN + 2.0} == {metres == 0.0}
 
 
 def straight_measurements(seconds: int) -> list[tuple[int, Measurement]]:
