@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -239,9 +238,7 @@ def test_the_event_names_test_onset_comparison_and_what_readmits() -> None:
 
 def test_no_two_events_of_one_refusal() -> None:
     result: Result = flown(moved_north(rate=3.0), receiver=UBX10, truth=straight(240))
-    texts = [event.text for _, event in result.events]
-    assert len(texts) == 1
-    assert all(a != b for a, b in pairwise(texts))
+    assert len(result.events) == 1
 
 
 @pytest.mark.parametrize("lat_deg", [89.5, -90.0])
