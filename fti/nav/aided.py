@@ -202,6 +202,9 @@ class AidedNavigation:
         alt = ellipsoidal(m)
         if m.lat is None or m.lon is None:
             return
+        refuses_height = device in self.refused_heights
+        if refuses_height and not self._navigator.is_aligned:
+            alt = None  # the filter does not begin with a height that contradicted it
         level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
         high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
         arm = self._arms[device]
@@ -210,7 +213,7 @@ class AidedNavigation:
         )  # fmt: skip
         own = own_drifts(device) if len(self._settings.gnss) > 1 else ()
         self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, f"{device}.position", slow, own))
-        if alt is not None and not self._faults.refuses_height(device):
+        if alt is not None and not refuses_height:
             self._alts[device].push(t_ns, alt)
             self._vertical.take_satellites(t_ns, alt + self._below(arm), high, *self._climb_at(device, t_ns))
 
@@ -305,6 +308,11 @@ class AidedNavigation:
     def refused(self) -> frozenset[str]:
         """Receivers that the tests between sources exclude."""
         return frozenset(self._faults.refused)
+
+    @property
+    def refused_heights(self) -> frozenset[str]:
+        """Receivers whose heights the tests between sources exclude."""
+        return self._faults.refused_heights
 
     @property
     def separations(self) -> dict[str, list[Separation]]:

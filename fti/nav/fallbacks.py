@@ -101,6 +101,11 @@ class Fallbacks:
         """Receivers that the filter excludes."""
         return self._aided.refused if self._aided else frozenset()
 
+    @property
+    def refused_heights(self) -> frozenset[str]:
+        """Receivers whose heights the filter excludes."""
+        return self._aided.refused_heights if self._aided else frozenset()
+
     def readmit(self, device: str, t_ns: int) -> None:
         """Let a receiver aid the filter again because the operator commands it."""
         if self._aided:

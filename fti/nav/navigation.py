@@ -63,6 +63,10 @@ class Fallback(Protocol):
     def refused(self) -> frozenset[str]:
         """Devices whose positions are excluded."""
 
+    @property
+    def refused_heights(self) -> frozenset[str]:
+        """Devices whose altitudes are excluded."""
+
 
 class Navigation:
     """The roles ``nav.attitude`` and ``nav.position``: the first device in order of preference that has an answer.
@@ -116,9 +120,11 @@ class Navigation:
     def _find_position(self, t_ns: int, attitude: AttitudeState | None) -> tuple[PositionState | None, str | None]:
         """A whole position if any device has one, or the fallback, else the first horizontal one."""
         flat: tuple[PositionState | None, str | None] = (None, None)
-        refused = self.refused
+        refused, without_height = self.refused, self._fallback.refused_heights if self._fallback else frozenset()
         for source in self._position:
             found = source.position(t_ns, attitude) if source.name not in refused else None
+            if found and source.name in without_height:
+                found = replace(found, alt=None, vertical_sd=None)
             if found and found.alt is not None:
                 return found, source.name
             if found and flat[0] is None:
@@ -140,6 +146,10 @@ class Navigation:
     def restore(self, refusals: Iterable[CarriedRefusal], t_ns: int) -> list[Event]:
         """Begin with refusals of before this process."""
         return self._check.restore(refusals, t_ns)
+
+    def readmit(self, device: str, t_ns: int) -> list[Event]:
+        """Use a device again that the filter contradicted, because the operator commands it."""
+        return self._check.readmit(device, t_ns)
 
     def compare(self, state: NavState) -> list[Event]:
         """Compare devices that do not aid the filter with it; an event for each that is refused, or used again."""

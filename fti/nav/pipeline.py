@@ -110,11 +110,11 @@ class Pipeline:
         return out
 
     def readmit(self, device: str, t_ns: int) -> list[Event]:
-        """The operator has confirmed a source of position whose tests had found a contradiction.  Raises KeyError.
+        """The operator has confirmed a source of position that contradicts itself or others.  Raises KeyError.
 
         The filter tells it with its next output.
         """
-        events = self._plausibility.readmit(device, t_ns)
+        events = [*self._plausibility.readmit(device, t_ns), *self._navigation.readmit(device, t_ns)]
         if self._fallbacks:
             self._fallbacks.readmit(device, t_ns)
         return events

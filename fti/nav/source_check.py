@@ -1,7 +1,8 @@
 """Devices that give a position and do not aid the filter are compared with it.
 
     refused    the difference is larger than the filter's protection level and K sigma of the device, for HOLD_NS
-    back in    it is smaller for AGREED_NS, while the filter's level is below half of the difference before
+    back in    it is smaller for AGREED_NS, while the filter's level is below half of the difference before; or the
+               operator commands it
 
 A device that is aided by a receiver of its own follows it when it lies: it is never a witness for that receiver.
 """
@@ -59,6 +60,15 @@ class SourceCheck:
             "still refused after navigation was started again; it is used again after 30 s of agreement with the filter"
         )
         return [Event(t_ns=t_ns, level="warning", source="nav", text=f"{r.source}: {text}") for r in mine]
+
+    def readmit(self, device: str, t_ns: int) -> list[Event]:
+        """Use a device again because the operator commands it, if it is refused: a small difference never resolves."""
+        standing = self._standings.get(device)
+        if standing is None or not standing.is_refused:
+            return []
+        self._standings[device] = _Standing()
+        text = f"{device}: is used again: the operator commands it"
+        return [Event(t_ns=t_ns, level="info", source="nav", text=text)]
 
     def update(self, t_ns: int, positions: Mapping[str, PositionState], compared: Compared) -> list[Event]:
         """Take what devices give at a time; those without a position are as they were."""

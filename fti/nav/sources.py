@@ -216,7 +216,7 @@ def ellipsoidal(m: Position) -> float | None:
 
 def level_velocity(m: Velocity) -> tuple[float | None, float | None]:
     """North and east [m/s], from ground speed and track of the same message if need be."""
-    if m.north is None and m.ground_speed is not None and m.track is not None:
+    if m.north is None and m.ground_speed is not None and m.track is not None and math.isfinite(m.track):
         return m.ground_speed * math.cos(m.track), m.ground_speed * math.sin(m.track)
     return m.north, m.east
 

@@ -302,8 +302,8 @@ class _Readmitting:
         """What follows from readmissions and from the frame."""
         out: list[Products] = []
         while self._waiting and frame.seq > self._waiting[0].after_seq:
-            told = self._waiting.popleft()
-            out.append(self._chain.readmit(told.source, told.after_seq, told.t_ns))
+            due = self._waiting.popleft()
+            out.append(self._chain.readmit(due.source, due.after_seq, due.t_ns))
         return [*out, self._chain.feed(frame)]
 
 

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.finding import Finding
 from fti.nav.protection import Compared
 from fti.nav.source_check import SourceCheck
 from fti.nav.sources import PositionState
-from fti.types import FilterMode, Measurement, Position, Reason
+from fti.types import Attitude, Event, FilterMode, Measurement, NavSolution, Output, Position, Reason, Stamp, Velocity
 from tests.nav.healthy_receivers import fly as fly_truth
 from tests.nav.healthy_receivers import measure
 from tests.nav.plausibility.flown import T0, UBX1, Result, S, make_tests, run
-from tests.nav.receiver_flights import draw, fly
+from tests.nav.receiver_flights import config, draw, fly
 
 RADIUS = 6_366_000.0
 
@@ -79,6 +80,25 @@ def test_a_height_alone_stays_excluded() -> None:
     assert found.mode[-1] is FilterMode.AIDED
     assert "gnss height: still refused" in found.texts()
     assert "gnss height: aids the filter again" not in found.texts()
+
+
+def test_the_altitude_of_a_receiver_whose_height_is_excluded_is_not_used() -> None:
+    """Without a filter it was valid: 47 m off with a level of 12 m."""
+    pipeline, out = Pipeline(config(("gnss",), baro=True), None), list[Output | Event]()
+    pipeline.restore([excluded("gnss", RefusedPart.AIDING_HEIGHT)], T0)
+    for k in range(250):
+        t_ns = T0 + k * S // 50
+        stamp, north = Stamp(t_ns), 60.0 * k / 50.0
+        if k % 10 == 0:
+            pipeline.feed("gnss", Velocity(stamp=stamp, north=60.0, east=0.0, down=0.0, sd=0.1))
+            place = Position(stamp=stamp, lat=0.8 + north / RADIUS, lon=0.1, alt=547.0, horizontal_sd=2.0)
+            pipeline.feed("gnss", place)
+        pipeline.feed("imu", Attitude(stamp=stamp, roll=0.0, pitch=0.0, heading=0.0))
+        out += pipeline.tick(t_ns)
+    solutions = [o for o in out if isinstance(o, NavSolution) and o.position_source == "gnss"]
+    assert len(solutions) > 100
+    assert {(o.valid, o.alt, o.vpl) for o in solutions} == {(False, None, None)}
+    assert all(Reason.NO_ALTITUDE in o.reasons for o in solutions)
 
 
 def test_refusals_of_other_devices_are_left_out() -> None:

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fti.types import FilterMode
-from tests.nav.receiver_flights import Fault, Flight, Found, after, draw, fly, frozen, swapped
+from tests.nav.receiver_flights import Fault, Fixes, Flight, Found, after, draw, fly, frozen, silent, swapped
 
 Array = NDArray[np.float64]
 
@@ -167,6 +167,36 @@ def test_of_two_receivers_that_part_slowly_the_sound_one_is_not_refused(lying: s
     assert found.misled(SETTLED) == 0.0
 
 
+def silent_after_an_outlier(at_s: float) -> Fault:
+    """One fix 500 m off, then none."""
+
+    def fault(fixes: Fixes) -> Fixes:
+        last = np.arange(len(fixes.t)) == np.searchsorted(fixes.t, at_s)
+        moved = fixes.moved(last[:, None] * np.array([0.0, 500.0, 0.0]), np.zeros((len(fixes.t), 3)))
+        return silent(float(fixes.t[last][0]) + 0.01, np.inf)(moved)
+
+    return fault
+
+
+def test_a_receiver_that_falls_silent_after_a_wrong_fix_does_not_hold_the_copies() -> None:
+    """The gate refused it for ever; no copy was replaced, and HPL was 8 km beside a sound receiver."""
+    found = fly(draw(0, ("gnss", "second")), {"second": silent_after_an_outlier(200.0)})
+    assert max(found.hpl[-60:]) < 30.0
+    assert not found.events, found.texts()
+
+
+@pytest.mark.parametrize("from_s", [0.0, 200.0])
+def test_a_receiver_that_is_silent_while_another_one_lies_is_not_refused(from_s: float) -> None:
+    """It was refused with it, unconfirmed for ever, and its old copy made the lie a draw for 14 s."""
+    faults = {"gnss": STANDING["sharp ramp"][0], "second": silent(from_s, 400.0)}
+    found = fly(draw(0, ("gnss", "second")), faults)
+    assert found.refused_at("gnss")[0] - BEGIN <= STANDING["sharp ramp"][1], found.texts()
+    assert len(found.refused_at("second")) == 0
+    assert found.misled(SETTLED) == 0.0
+    assert found.mode[-1] is FilterMode.AIDED
+    assert found.radial[-1] < 8.0
+
+
 def without_samples(flight: Flight, from_s: float, to_s: float) -> Flight:
     """The same flight with a gap of the inertial unit: the filter begins anew."""
     kept = (flight.t < from_s) | (flight.t >= to_s)
@@ -177,6 +207,22 @@ def test_a_filter_that_begins_again_does_not_begin_with_a_receiver_that_contradi
     """A step of 100 m at 300 s, a gap of the inertial unit at 400 s: no position rather than a wrong one."""
     found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": STANDING["step"][0]})
     assert max(found.t) == pytest.approx(399.0, abs=1.1)
+    assert found.misled(SETTLED) == 0.0
+
+
+def test_a_filter_that_begins_again_does_not_begin_with_a_height_that_contradicted_it() -> None:
+    """47 m of height at 300 s, a gap of the inertial unit at 400 s: the altitude was 49 m off, its level 25 m."""
+    found = fly(without_samples(draw(0), 400.0, 400.5), {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert "gnss height: refused" in found.texts()
+    assert max(found.t) == pytest.approx(399.0, abs=1.1)
+    assert found.misled(SETTLED) == 0.0
+
+
+def test_a_filter_that_begins_again_with_another_height_still_refuses_the_one_that_contradicted() -> None:
+    flight = without_samples(draw(0, ("gnss", "second")), 400.0, 400.5)
+    found = fly(flight, {"gnss": after(BEGIN, constant(0.0, 0.0, 47.0))})
+    assert max(found.t) == pytest.approx(599.0, abs=1.1)
+    assert "gnss height: still refused after the filter began again" in found.texts()
     assert found.misled(SETTLED) == 0.0
 
 

@@ -78,12 +78,12 @@ def metres_off(navigator: Navigator, state: State, k: int = -1) -> float:
     return math.hypot((lat - float(state.lat[k])) * (meridian + alt), east, alt - float(state.alt[k]))
 
 
-def begun(state: State, model: Model | None = None) -> Navigator:
+def begun(state: State, model: Model | None = None, level_sd: float = 2.0) -> Navigator:
     navigator = Navigator(model or Model())
     north, east, down = state.vel_n[0].tolist()
     start = Start(
         float(state.lat[0]), float(state.lon[0]), float(state.alt[0]), (north, east, down), float(state.roll[0]),
-        float(state.pitch[0]), float(state.heading[0]), (2.0,) * 3, (0.2,) * 3, (0.01, 0.01, 0.02),
+        float(state.pitch[0]), float(state.heading[0]), (level_sd, level_sd, 2.0), (0.2,) * 3, (0.01, 0.01, 0.02),
     )  # fmt: skip
     navigator.begin(ns(0.0) - 1, start, specific_force_b(state)[0], angular_rate_b(state)[0])
     return navigator
@@ -332,6 +332,22 @@ def test_time_that_goes_backwards_is_refused_and_a_clock_that_jumped_begins_anew
     mode, reasons = navigator.mode(ns(10.0 + 29 * STEP))
     assert mode in {FilterMode.ALIGNING, FilterMode.WAITING}
     assert Reason.RESET in reasons
+
+
+def test_a_position_that_was_lost_is_not_corrected_along_the_tangent(flight: State) -> None:
+    """57 km off with a sigma of 20 km, as after an hour without satellites: the altitude was 255 m off, sigma 2 m."""
+    navigator = begun(flight, level_sd=20_000.0)
+    fly(navigator, flight, east=lambda t: 57_000.0)
+    here = navigator.output(ns(float(flight.t[-1])))
+    assert here.mode is FilterMode.AIDED
+    assert here.alt == pytest.approx(float(flight.alt[-1]), abs=2.0)
+    assert here.reasons == ()
+
+
+def test_a_fix_outside_the_gate_of_a_lost_position_does_not_begin_it_anew(flight: State) -> None:
+    navigator = begun(flight, level_sd=2100.0)
+    modes = fly(navigator, flight, east=lambda t: 57_000.0, watch=True)
+    assert set(modes) == {FilterMode.INVALID}
 
 
 def test_a_gap_of_inertial_samples_begins_anew_and_finds_back(flight: State) -> None:

@@ -111,6 +111,23 @@ def test_it_is_used_again_after_30_s_where_the_filter_would_see_the_same_again()
     assert "agrees" in events[0].text
 
 
+def test_the_operator_ends_a_difference_that_is_too_small_to_resolve() -> None:
+    """25 m beside levels of 15 and 20 m: agreement never ended it, and neither did 'fti readmit'."""
+    check = SourceCheck(ASSUMED)
+    for second in range(5):
+        check.update(second * SECOND, {"ins": moved(25.0)}, FILTER)
+    for second in range(5, 600):
+        assert check.update(second * SECOND, {"ins": HERE}, FILTER) == []
+    assert check.refused == {"ins"}
+    (event,) = check.readmit("ins", 600 * SECOND)
+    assert "ins: is used again" in event.text
+    assert check.refused == frozenset()
+    assert check.readmit("ins", 601 * SECOND) == []
+    for second in range(601, 605):
+        check.update(second * SECOND, {"ins": moved(25.0)}, FILTER)
+    assert check.refused == {"ins"}, "one that goes on contradicting is refused again"
+
+
 def test_a_wrong_altitude_alone_is_a_contradiction() -> None:
     check = SourceCheck(ASSUMED)
     for second in range(5):

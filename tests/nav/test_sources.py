@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fti.config import Device
-from fti.nav.sources import AttitudeState, PositionState, Source
+from fti.nav.sources import AttitudeState, PositionState, Source, level_velocity
 from fti.types import Attitude, Position, Stamp, Velocity
 
 MS = 1_000_000
@@ -120,3 +120,10 @@ def test_an_attitude_that_is_held_is_less_certain_with_its_age() -> None:
     assert roll_sd_deg([0, 100], 50) == pytest.approx(0.2)
     assert roll_sd_deg([0, 800], 400) == pytest.approx(4.0, rel=0.01)
     assert roll_sd_deg([0], 10, sd=None) is None
+
+
+@pytest.mark.parametrize("track", [math.inf, -math.inf])
+def test_a_track_that_is_no_angle_makes_no_velocity(track: float) -> None:
+    """Its cosine raised a ValueError."""
+    assert position(speed={"ground_speed": 60.0, "track": track}) is not None
+    assert level_velocity(Velocity(stamp=Stamp(0), ground_speed=60.0, track=track)) == (None, None)

@@ -12,8 +12,8 @@ out of order is refused and counted (``refused``); nothing raises.
 
 Mode: WAITING for inputs, ALIGNING when they come and until the next position, height and velocity agree, AIDED,
 COASTING where nothing has bounded the horizontal or the height for ``COAST_NS``, INVALID where nothing is felt any more
-or the position has become too uncertain.  A gap of inertial samples, a clock that jumps, or numbers that leave the
-world begin anew, with the reason RESET until it is aligned.
+or the position has become too uncertain.  A gap of inertial samples, a clock that jumps, numbers that leave the world,
+or a fix inside the gate of a position that is too uncertain begin anew, with the reason RESET until it is aligned.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,8 @@ from fti.nav.filter.aiding import Aiding, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start, widened
 from fti.nav.filter.exclusion import SOUND, Cause, Exclusion
-from fti.nav.filter.gate import excluded, rejected
+from fti.nav.filter.gate import LIMITS, excluded, rejected
+from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.segment import Segment
 from fti.nav.filter.states import Model
 from fti.nav.filter.timeline import Timeline, Verdict
@@ -105,6 +107,8 @@ class Navigator:
         if not _known(aiding):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
+        if self._is_lost(aiding):
+            self._restart(Reason.COASTING)
         if self._timeline is None:
             self._aligner.note(t_ns, aiding)
         elif not self._timeline.take(t_ns, *(aiding.apart() if isinstance(aiding, GnssPosition) else (aiding,))):
@@ -219,6 +223,20 @@ class Navigator:
         )  # fmt: skip
 
     # -------------------------------------------------------------------------------------------------- in here
+
+    def _is_lost(self, aiding: Aiding) -> bool:
+        """Whether the filter has no position any more, and a fix of a believed receiver would give it one.
+
+        A correction by tens of kilometres is along the tangent of the Earth: 57 km raise the altitude by 255 m.
+        """
+        if self._timeline is None or not isinstance(aiding, GnssPosition):
+            return False
+        here, standings = self._timeline.newest
+        standing = standings.get(aiding.name)
+        if max(here.sd_n[:2]) <= MOST_SD or (standing is not None and standing.exclusion.cause is not None):
+            return False
+        level = replace(aiding, alt=None).compute_matrices(here)
+        return normalised_squared(here, level) <= LIMITS[2]
 
     def _bounded(self, t_ns: int) -> frozenset[str]:
         """Which axes something has bounded lately."""

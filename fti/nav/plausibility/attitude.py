@@ -60,8 +60,8 @@ class AttitudeComparison:
         for name in LIMITS:
             value, sd = getattr(m, name), getattr(m, f"{name}_sd")
             if value is not None and abs(value) <= LARGEST[name]:
-                told = sd is not None and 0.0 < sd < math.inf
-                parts[name].push(t_ns, value if m.valid else None, sd if told else None)
+                is_stated = sd is not None and 0.0 < sd < math.inf
+                parts[name].push(t_ns, value if m.valid else None, sd if is_stated else None)
 
     def compare(self, t_ns: int) -> list[tuple[Pair, str, bool]] | None:
         """Disputes that began (True) or ended (False) at a tick; None when no comparison was due."""

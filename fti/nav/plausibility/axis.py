@@ -53,14 +53,13 @@ WHITE_FIXES = 200.0
 class Fix:
     """One position along the axis.
 
-    value : as the device states it [rad, m]; metres : per unit of value; kind : only values of one are compared
+    value : as the device states it [rad, m]; metres : per unit of value
     """
 
     t_ns: int
     value: float
     metres: float
     sigma: FixSigma
-    kind: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +121,7 @@ class AxisTests:
         self._repetition = RepetitionTest()
         self._last: Fix | None = None
         self._last_at: Integral | None = None
+        self._reach = 0.0  # in units of the value, until the next fix that is judged in any case
         self._pending: Fix | None = None
         self._seen: Integral | None = None
         self._c = 0.0
@@ -140,10 +140,16 @@ class AxisTests:
         self._pending = None
         return self._judge(pending)
 
-    def wants(self, t_ns: int, kind: str) -> bool:
-        """Whether a fix of this time and kind is judged, or ends that one waits: not all are that come often."""
+    def wants(self, t_ns: int, value: float) -> bool:
+        """Whether a fix of this time is judged, or ends that one waits: not all are that come often.
+
+        One that comes sooner is judged where it is farther away than the aircraft and its sigma make: otherwise every
+        second one could be anywhere.
+        """
         last = self._last
-        return self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS or kind != last.kind
+        if self._pending is not None or not last or t_ns - last.t_ns >= MIN_STEP_NS:
+            return True
+        return t_ns >= last.t_ns and abs(self._difference(value, last)) > self._reach
 
     def take_fix(self, fix: Fix) -> list[Finding] | None:
         """Take a fix.  None: nothing was judged"""
@@ -151,7 +157,7 @@ class AxisTests:
         if self._pending:
             pending, self._pending = self._pending, None
             found += self._judge(pending) or ()
-        if not self.wants(fix.t_ns, fix.kind):
+        if not self.wants(fix.t_ns, fix.value):
             return found or None
         at = self.velocity.at(fix.t_ns)
         if at and at.age_s > MAX_AGE_S and not self._is_gross(fix, at):
@@ -162,7 +168,7 @@ class AxisTests:
 
     def _is_gross(self, fix: Fix, at: Integral) -> bool:
         """Whether it is a step even with any acceleration since the newest velocity, so that it need not wait."""
-        if self._last is None or self._last_at is None or self._last.kind != fix.kind:
+        if self._last is None or self._last_at is None:
             return False
         return abs(self._residual(fix, at)) > self._jump_limit(fix, at)
 
@@ -170,6 +176,12 @@ class AxisTests:
         """The operator takes the source as it is now."""
         self.standing = None
         self._restart()
+
+    def leave(self) -> None:
+        """The source is where the axis is none: what comes behind that is not compared with what was before."""
+        self._last = self._last_at = self._pending = self._seen = None
+        self._restart()
+        self._lose_standing()
 
     # ----------------------------------------------------------------------------------------------------- judging
 
@@ -180,7 +192,7 @@ class AxisTests:
         step = self._resolution.step
         step_m = UNKNOWN_STEP_M if step is None else step * fix.metres
         fix.sigma.step = step_m
-        if last is None or last.kind != fix.kind:
+        if last is None:
             self._follow(fix, at)
             self._lose_standing()
             return []
@@ -219,6 +231,9 @@ class AxisTests:
 
     def _follow(self, fix: Fix, at: Integral | None) -> None:
         self._last, self._last_at = fix, at
+        speed = abs(at.speed) + self._acceleration * MIN_STEP_NS / SECOND_NS if at else self._max_speed
+        reach = speed * MIN_STEP_NS / SECOND_NS + K_JUMP * math.sqrt(2.0) * fix.sigma.position + fix.sigma.step
+        self._reach = reach / fix.metres
         if at is None:
             self._restart()
 
@@ -227,10 +242,12 @@ class AxisTests:
         if self.standing:
             self.standing.lose()
 
+    def _difference(self, value: float, last: Fix) -> float:
+        return wrap(value - last.value) if self._is_angle else value - last.value
+
     def _displacement(self, fix: Fix) -> float:
         assert self._last is not None
-        difference = fix.value - self._last.value
-        return (wrap(difference) if self._is_angle else difference) * fix.metres
+        return self._difference(fix.value, self._last) * fix.metres
 
     def _residual(self, fix: Fix, at: Integral) -> float:
         assert self._last_at is not None

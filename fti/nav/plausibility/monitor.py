@@ -59,7 +59,7 @@ class PlausibilityMonitor:
         self._signs_ns = 0  # the newest time of signals and ticks
         self._events: list[Event] = []
         self._composed_ns: int | None = None
-        self._told: dict[str, SourceValidity] = {}
+        self._published: dict[str, SourceValidity] = {}
 
     def wants(self, device: str, kind: type[Measurement]) -> bool:
         """Whether measurements of this kind of a device are tested."""
@@ -106,9 +106,14 @@ class PlausibilityMonitor:
 
     @property
     def suspected(self) -> frozenset[str]:
-        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign."""
+        """Sources of position that drift by more than half of what refuses them, or whose signals show a sign.
+
+        The drift of one that has fallen silent is not known any more.
+        """
         signs = {name for name, test in self._signals.items() if test.is_suspected(self._signs_ns)}
-        return frozenset(name for name, tests in self._tests.items() if tests.is_suspected) | signs
+        drifting = {name: tests.newest_ns for name, tests in self._tests.items() if tests.is_suspected}
+        heard = {name for name, then_ns in drifting.items() if self._signs_ns - (then_ns or 0) <= HEARD_NS}
+        return frozenset(signs | heard)
 
     def watches_signals(self, device: str, kind: type[Measurement]) -> bool:
         """Whether C/N0 or clock of a device that aids the filter are compared."""
@@ -174,10 +179,10 @@ class PlausibilityMonitor:
                 events.append(describe_restored(t_ns, refusal.source, refusal.part, admission))
         return events
 
-    # ------------------------------------------------------------------------------------------------------- telling
+    # -------------------------------------------------------------------------------------------------------- output
 
     def tick(self, t_ns: int) -> list[Output | Event]:
-        """Let time pass: attitudes are compared, the validity of each source is told."""
+        """Let time pass: attitudes are compared, the validity of each source is given out."""
         self._signs_ns = max(self._signs_ns, t_ns)
         self._compare_attitudes(t_ns)
         out: list[Output | Event] = [*self.take_events()]
@@ -185,12 +190,12 @@ class PlausibilityMonitor:
             return out
         self._composed_ns = t_ns
         for name in dict.fromkeys((*self._tests, *self._attitudes)):
-            validity, last = self._validity(name, t_ns), self._told.get(name)
+            validity, last = self._validity(name, t_ns), self._published.get(name)
             if validity is None:
                 continue
             is_same = last is not None and replace(last, t_ns=t_ns, t_valid_ns=validity.t_valid_ns) == validity
             if last is None or not is_same or t_ns - last.t_ns >= REPEAT_NS:
-                self._told[name] = validity
+                self._published[name] = validity
                 out.append(validity)
         return out
 
@@ -227,10 +232,10 @@ class PlausibilityMonitor:
             valid=not refused and not is_stale,
             reasons=(*reasons, Reason.STALE) if is_stale else reasons,
             unchecked=() if refused or is_stale else self._unchecked(name, t_ns),
-            position_valid=_told_valid(heard[0]),
-            altitude_valid=_told_valid(heard[1], heard[0]),
-            attitude_valid=_told_valid(heard[2]),
-            heading_valid=_told_valid(heard[3], heard[2]),
+            position_valid=_part_is_valid(heard[0]),
+            altitude_valid=_part_is_valid(heard[1], heard[0]),
+            attitude_valid=_part_is_valid(heard[2]),
+            heading_valid=_part_is_valid(heard[3], heard[2]),
             onset_ns=min((finding.onset_ns for finding in refused), default=None),
             readmission="; ".join(dict.fromkeys(part.needs for part in known if not part.is_valid)),
         )
@@ -245,7 +250,7 @@ class PlausibilityMonitor:
         return (*found, Reason.NOTHING_TO_COMPARE) if is_alone else found
 
 
-def _told_valid(part: Admission | None, *also: Admission | None) -> bool | None:
+def _part_is_valid(part: Admission | None, *also: Admission | None) -> bool | None:
     """Whether a part is valid, and what it depends on; None where it is not given."""
     return None if part is None else part.is_valid and all(one is None or one.is_valid for one in also)
 

@@ -25,6 +25,8 @@ SCALE = 1e-4
 #: No stated sigma is believed below these: position horizontal, vertical [m]; velocity [m/s].
 MIN_HORIZONTAL_M, MIN_VERTICAL_M, MIN_VELOCITY = 1.0, 1.5, 0.05
 UNSTATED_VELOCITY = 0.1
+#: A larger sigma counts as this one [m, m/s]: the radius of the Earth.
+MAX_SIGMA = 6.4e6
 #: Sigma of the time of a fix [s]: by the clock of the device, and by arrival (``device_clock.ARRIVAL_SD_NS``).
 CLOCK_SD_S, ARRIVAL_SD_S = 0.005, 0.025
 

@@ -62,7 +62,8 @@ class SignalTest:
             return None
         dt = (t_ns - last[0]) / SECOND_NS
         step = m.offset - last[1].offset - 0.5 * ((m.drift or 0.0) + (last[1].drift or 0.0)) * dt
-        if m.drift is None or abs(step) <= CLOCK_S + K_CLOCK * math.hypot(m.offset_sd or 0.0, last[1].offset_sd or 0.0):
+        sd = math.hypot(m.offset_sd or 0.0, last[1].offset_sd or 0.0)
+        if m.drift is None or not math.isfinite(step + sd) or abs(step) <= CLOCK_S + K_CLOCK * sd:
             return None
         if abs(step) > STEP_SD_S and abs(math.remainder(step, MILLISECOND_S)) <= STEP_SD_S:
             return None

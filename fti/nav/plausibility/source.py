@@ -23,6 +23,7 @@ from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import (
     ARRIVAL_SD_S,
     CLOCK_SD_S,
+    MAX_SIGMA,
     MIN_HORIZONTAL_M,
     MIN_VELOCITY,
     MIN_VERTICAL_M,
@@ -40,6 +41,8 @@ TOGETHER_NS = SECOND_NS // 2
 #: Closer to a pole a longitude is no axis [rad].
 MAX_LAT = math.radians(89.0)
 POSITION, ALTITUDE = "position", "altitude"
+#: What a height is above; a device may state both in turns (MAVLink does).
+ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,7 @@ class SourceTests:
         self._unstated = unstated
         self._north = AxisTests("north", limits, limits.speed_mps, is_angle=False)
         self._east = AxisTests("east", limits, limits.speed_mps, is_angle=True)
-        self._up = AxisTests("up", limits, limits.climb_mps, is_angle=False)
+        self._ups = {kind: AxisTests("up", limits, limits.climb_mps, is_angle=False) for kind in (ELLIPSOID, SEA)}
         self._motion = MotionTest(limits)
         self._undulation = UndulationTest(limits.undulation_m)
         self._times: dict[TimeScale, DeviceTimeTest] = {}
@@ -88,10 +91,11 @@ class SourceTests:
 
     def _wants(self, m: Position, t_ns: int) -> bool:
         """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
+        height, kind = _height_of(m)
         return (
-            (m.lat is not None and self._north.wants(t_ns, ""))
-            or (m.lon is not None and self._east.wants(t_ns, ""))
-            or self._up.wants(t_ns, _height_of(m)[1])
+            (m.lat is not None and self._north.wants(t_ns, m.lat))
+            or (m.lon is not None and self._east.wants(t_ns, m.lon))
+            or (height is not None and self._ups[kind].wants(t_ns, height))
         )
 
     def take_velocity(self, m: Velocity, t_ns: int) -> tuple[list[Velocity], list[Event]]:
@@ -108,7 +112,7 @@ class SourceTests:
         if not self.is_unconfirmed:
             text = "nothing to readmit: no contradiction stands against it"
             return [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
-        for axis in (self._north, self._east, self._up):
+        for axis in (self._north, self._east, *self._ups.values()):
             axis.readmit()
         return self._close(t_ns, POSITION, self.position) + self._close(t_ns, ALTITUDE, self.altitude)
 
@@ -154,7 +158,7 @@ class SourceTests:
         time_sd, self._time_sd = self._time_sd, CLOCK_SD_S if by_clock else ARRIVAL_SD_S
         time_sd = max(time_sd, self._time_sd)
         self._lat = m.lat if m.lat is not None else self._lat
-        if self._lat is None or abs(self._lat) > MAX_LAT:
+        if self._lat is None:
             return []
         return self._test_level(m, t_ns, time_sd) + self._test_altitude(m, t_ns, time_sd)
 
@@ -162,11 +166,14 @@ class SourceTests:
         assert self._lat is not None
         meridian, normal = radii(self._lat)
         metres = (meridian + self._alt, (normal + self._alt) * math.cos(self._lat))
-        sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        is_polar = abs(self._lat) > MAX_LAT
+        if is_polar:
+            self._east.leave()
         events: list[Event] = []
         for axis, value, unit in ((self._north, m.lat, metres[0]), (self._east, m.lon, metres[1])):
-            if value is not None:
-                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd), ""))
+            if value is not None and not (is_polar and axis is self._east):
+                found = axis.take_fix(Fix(t_ns, value, unit, self._sigma(sd, axis, time_sd)))
                 events += self._conclude(t_ns, POSITION, self.position, axis, found)
         return events
 
@@ -174,16 +181,16 @@ class SourceTests:
         value, kind = _height_of(m)
         if value is None or not math.isfinite(value) or abs(value) > LARGEST["alt"]:
             return []
-        self._alt = value
-        sd = _at_least(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
-        found = self._up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, self._up, time_sd), kind))
+        self._alt, up = value, self._ups[kind]
+        sd = _bounded_sigma(m.vertical_sd, self._unstated.vertical, MIN_VERTICAL_M)
+        found = up.take_fix(Fix(t_ns, value, 1.0, self._sigma(sd, up, time_sd)))
         undulation = self._undulation.update(t_ns, m)
         if undulation:
             found = [*(found or ()), *undulation]
-        return self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+        return self._conclude(t_ns, ALTITUDE, self.altitude, up, found)
 
     def _sigma(self, sd: float, axis: AxisTests, time_sd: float) -> FixSigma:
-        step = 0.0 if axis is self._up else self._polar_resolution()
+        step = self._polar_resolution() if axis in {self._north, self._east} else 0.0
         return FixSigma(sd, self._velocity_sd, time_sd, 0.0, max(step, axis.velocity.step), self._arm)
 
     def _polar_resolution(self) -> float:
@@ -195,7 +202,7 @@ class SourceTests:
         return math.hypot(steps["ground_speed"].step or 0.0, speed[1] * (steps["track"].step or 0.0))
 
     def _test_velocity(self, m: Velocity, t_ns: int) -> list[Event]:
-        self._velocity_sd = _at_least(m.sd, UNSTATED_VELOCITY, MIN_VELOCITY)
+        self._velocity_sd = _bounded_sigma(m.sd, UNSTATED_VELOCITY, MIN_VELOCITY)
         events: list[Event] = []
         north, east = self._level_velocity(m, t_ns)
         if north is not None and east is not None:
@@ -208,8 +215,8 @@ class SourceTests:
         if m.down is not None:
             vertical = self._motion.update_vertical(t_ns, m.down, self._velocity_sd)
             events += self._fail(t_ns, ALTITUDE, self.altitude, vertical)
-            found = self._up.take_velocity(t_ns, -m.down)
-            events += self._conclude(t_ns, ALTITUDE, self.altitude, self._up, found)
+            for up in self._ups.values():
+                events += self._conclude(t_ns, ALTITUDE, self.altitude, up, up.take_velocity(t_ns, -m.down))
         return events
 
     def _level_velocity(self, m: Velocity, t_ns: int) -> tuple[float | None, float | None]:
@@ -247,7 +254,7 @@ class SourceTests:
         return any(axis.standing for axis in self._axes(quantity))
 
     def _axes(self, quantity: str) -> tuple[AxisTests, ...]:
-        return (self._up,) if quantity == ALTITUDE else (self._north, self._east)
+        return tuple(self._ups.values()) if quantity == ALTITUDE else (self._north, self._east)
 
     def _fail(self, t_ns: int, quantity: str, admission: Admission, found: Iterable[Finding]) -> list[Event]:
         events: list[Event] = []
@@ -288,14 +295,14 @@ class SourceTests:
 def _height_of(m: Position) -> tuple[float | None, str]:
     """Height above the ellipsoid, else above the sea [m], and which; only heights of one kind are compared."""
     alt = ellipsoidal(m)
-    return (alt, "ellipsoid") if alt is not None else (m.alt_msl, "msl")
+    return (alt, ELLIPSOID) if alt is not None else (m.alt_msl, SEA)
 
 
-def _at_least(stated: float | None, unstated: float, floor: float) -> float:
-    """A sigma that is stated and positive, at least the floor; else the one for none."""
+def _bounded_sigma(stated: float | None, unstated: float, floor: float) -> float:
+    """A sigma that is stated and positive, at least the floor; else the one for none.  Its square is a number."""
     if stated is None or not 0.0 < stated < math.inf:
         return max(unstated, floor)
-    return max(stated, floor)
+    return min(max(stated, floor), MAX_SIGMA)
 
 
 def _is_conceivable(m: Position | Velocity, names: Iterable[str]) -> bool:

@@ -44,7 +44,6 @@ from fti.nav.separation.monitor import (
     Finding,
     Refusals,
     SeparationMonitor,
-    refused_since,
 )
 from fti.nav.separation.protection import Levels, of_copies, of_filter
 from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
@@ -166,6 +165,7 @@ class FaultDetection:
         self._drawn_ns: int | None = None
         self._several = settings.gnss if len(settings.gnss) > 1 else ()
         self._is_restarted = False
+        self._step_ns = STEPS_NS[settings.unit]
 
     # ---------------------------------------------------------------------------------------------------- telling
 
@@ -174,9 +174,10 @@ class FaultDetection:
         """Since when receivers that are excluded as a whole have contradicted, by device."""
         return {r.device: r.onset_ns for r in self._refused.values() if r.what == r.device}
 
-    def refuses_height(self, device: str) -> bool:
-        """Whether the height of a receiver does not aid, alone or with its position."""
-        return any(f"{device}.height" in refused.names for refused in self._refused.values())
+    @property
+    def refused_heights(self) -> frozenset[str]:
+        """Receivers whose heights do not aid, alone or with their positions."""
+        return frozenset(r.device for r in self._refused.values() if f"{r.device}.height" in r.names)
 
     @property
     def is_drawn(self) -> bool:
@@ -288,9 +289,21 @@ class FaultDetection:
             return False
         if watched.what not in self._several:
             return True
+        if self._is_silent(watched.what, segment.end):
+            return False
         others = (segment.end.standings.get(f"{name}.position") for name in self._several if name != watched.what)
         believed = [other.believed_ns for other in others if other is not None and other.believed_ns is not None]
         return any(segment.end.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
+
+    def _is_silent(self, device: str, now: Moment) -> bool:
+        """Whether the filter has believed no position of a receiver for as long as the oldest copy gets old.
+
+        A copy that goes without it is then the filter itself but for rounding, and would contradict it for nothing.
+        """
+        standing = now.standings.get(f"{device}.position")
+        if standing is None or standing.believed_ns is None:
+            return True
+        return now.estimate.t_ns - standing.believed_ns > COPIES * self._step_ns
 
     def _begin_anew(self) -> None:
         """The filter has begun again: what was known of its copies is not true of it; who was excluded still is."""
@@ -349,7 +362,8 @@ class FaultDetection:
 
     def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
         """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
-        devices = self._aiding(watched)
+        aiding = self._aiding(watched)
+        devices = tuple(d for d in aiding if _is_heard_since(d, watched, finding, segment.end)) or aiding
         if len(devices) > 1 and watched.what == SATELLITES and (self.is_drawn or not finding.refused):
             devices = self._blamed(devices, finding)
         elif len(devices) > 1:
@@ -363,8 +377,10 @@ class FaultDetection:
         """The one receiver without which the filter agrees with the copy; all where it does so without none.
 
         Receivers that lie alike agree with each other: without any one of them the filter still contradicts.
-        None while it is not clear.
+        None while it is not clear, as without a copy.
         """
+        if finding.copy is None:
+            return ()
         ratios = {device: self._ratio_without(device, finding) for device in devices}
         still = tuple(device for device in devices if ratios[device] >= K_FA)
         ending = tuple(device for device in devices if ratios[device] < 0.5 * K_FA)
@@ -476,6 +492,17 @@ def is_heard(now: Moment, names: Iterable[str]) -> bool:
     return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
 
 
+def _is_heard_since(device: str, watched: Watched, finding: Finding, now: Moment) -> bool:
+    """Whether the filter has taken anything of a receiver since the copy began, or refuses it now.
+
+    One that was silent, or was never there, has not made the filter wrong.
+    """
+    began_ns = finding.copy.began_ns if finding.copy else 0
+    believed = (now.standings[name].believed_ns for name in receiver_names(device) if name in now.standings)
+    is_believed = any(then_ns is not None and then_ns >= began_ns for then_ns in believed)
+    return is_believed or watched.refusals.since(now, receiver_names(device)) is not None
+
+
 def _contradiction(device: str, quantity: str, finding: Finding, segment: Segment) -> Contradiction:
     """As it was when the source was excluded: its last innovation that the filter refused, or the separation.
 
@@ -491,7 +518,7 @@ def _contradiction(device: str, quantity: str, finding: Finding, segment: Segmen
 def _contradicts(device: str, watched: Watched, finding: Finding, segment: Segment) -> bool:
     """Whether one of several receivers is refused by the filter, or its last one is outside the gate of the copy."""
     if finding.refused:
-        since = refused_since(segment.end.standings, receiver_names(device) & watched.tested)
+        since = watched.refusals.since(segment.end, receiver_names(device) & watched.tested)
         return since is not None and segment.end.estimate.t_ns - since >= REFUSED_NS
     last = [e for e in segment.entries if e.aiding.name in receiver_names(device, watched.quantities[:1])]
     if not last:

@@ -11,12 +11,12 @@ stays inside its gate.  K_FA = 5.3: a budget of 1e-3 false exclusions an hour fo
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from fti.nav.filter.gate import Judgement, Standings
+from fti.nav.filter.gate import Judgement
 from fti.nav.filter.segment import Moment, Segment
 from fti.nav.separation.copies import Copy, Separation
 from fti.nav.separation.ladder import Ladder
@@ -24,6 +24,8 @@ from fti.nav.separation.ladder import Ladder
 K_FA = 5.3
 HOLD_NS = 2_000_000_000
 REFUSED_NS, REFUSED_COUNT = 5_000_000_000, 5
+#: A refusal that no other one has followed for so long is that of a source that has fallen silent [ns].
+SILENT_REFUSAL_NS = 10_000_000_000
 #: Copies begin so long after the filter: velocity and tilt of a filter that has just begun are less certain.
 SETTLE_NS = 20_000_000_000
 #: A contradiction that nobody can attribute ends after so long below half of K_FA.
@@ -136,29 +138,38 @@ class SeparationMonitor:
         return f"{AXES[axis]} {size:+.1f} {unit} from the filter without it (sd {sd:.1f} {unit})"
 
 
-def refused_since(standings: Standings, names: Iterable[str]) -> int | None:
-    """Since when the filter refuses the first of these sources that it refuses now; None where it refuses none."""
-    since = (standings[name].refused_since_ns for name in names if name in standings)
-    return min((t_ns for t_ns in since if t_ns is not None), default=None)
-
-
 @dataclass(slots=True)
 class Refusals:
-    """Of a class by the filter without a break: times of the first and the last one [ns], and how many."""
+    """Of a class by the filter without a break: times of the first and the last one [ns], and how many.
+
+    newest_ns : of the last one of each source, by name
+    """
 
     first_ns: int | None = None
     last_ns: int = 0
     times: int = 0
+    newest_ns: dict[str, int] = field(default_factory=dict)
 
     def follow(self, segment: Segment, names: frozenset[str]) -> None:
         """Take what the filter made of these sources in a segment."""
-        self.first_ns = refused_since(segment.end.standings, names)
+        refused = [e for e in segment.entries if e.aiding.name in names and e.judgement is Judgement.REFUSED]
+        self.newest_ns.update((entry.aiding.name, entry.t_ns) for entry in refused)
+        self.first_ns = self.since(segment.end, names)
         if self.first_ns is None:
             self.times = 0
             return
-        refused = [e.t_ns for e in segment.entries if e.aiding.name in names and e.judgement is Judgement.REFUSED]
         self.times += len(refused)
-        self.last_ns = max((self.last_ns, *refused))
+        self.last_ns = max((self.last_ns, *(entry.t_ns for entry in refused)))
+
+    def since(self, now: Moment, names: Iterable[str]) -> int | None:
+        """Since when the filter refuses the first of these sources that it refuses now; None where it refuses none.
+
+        The gate goes on refusing a source that falls silent after one wrong fix; that says nothing of the others.
+        """
+        t_ns, standings = now.estimate.t_ns, now.standings
+        newest = ((name, self.newest_ns[name]) for name in names if name in self.newest_ns and name in standings)
+        since = (standings[name].refused_since_ns for name, then_ns in newest if t_ns - then_ns < SILENT_REFUSAL_NS)
+        return min((then_ns for then_ns in since if then_ns is not None), default=None)
 
     @property
     def is_lasting(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from fti.nav.pipeline import Pipeline
 from fti.nav.plausibility.monitor import PlausibilityMonitor
 from fti.nav.plausibility.signals import SignalTest
-from fti.types import Event, ReceiverClock, Satellite, Satellites, Stamp
+from fti.types import Event, Position, ReceiverClock, Satellite, Satellites, Stamp, Velocity
 from tests.nav.receiver_flights import config
 
 S = 1_000_000_000
@@ -81,6 +82,32 @@ def test_without_a_rate_or_across_a_gap_a_clock_says_nothing() -> None:
     assert test.take_clock(S, clock(1e-5, drift=None)) is None
     test.take_clock(2 * S, clock(0.0))
     assert test.take_clock(20 * S, clock(1e-3 / 3)) is None
+
+
+@pytest.mark.parametrize(
+    ("offset", "drift", "sd"), [(0.0, math.inf, 0.0), (1e308, -1.7e308, 0.0), (3.3e-4, 0.0, math.nan)]
+)
+def test_what_is_no_number_is_no_sign(offset: float, drift: float, sd: float) -> None:
+    """An infinite step raised a ValueError."""
+    test = SignalTest()
+    test.take_clock(0, clock(0.0, drift=0.0))
+    assert test.take_clock(4 * S, clock(offset, drift, sd)) is None
+
+
+def test_the_drift_of_a_receiver_that_falls_silent_is_forgotten() -> None:
+    """Half of the limit of the drift in its last minute, and no fix since: its copies were kept for ever."""
+    monitor = PlausibilityMonitor(config(("gnss",), baro=False))
+    for second in range(61):
+        stamp, north = Stamp(second * S), 60.0 * second
+        speed = Velocity(stamp=stamp, north=60.0, east=0.0, down=0.0, sd=0.1)
+        lat = 0.8 + (north + 0.25 * max(second - 20, 0)) / 6_367_000.0
+        monitor.check("gnss", speed, stamp.t_rx_ns)
+        monitor.check("gnss", Position(stamp=stamp, lat=lat, lon=0.1, horizontal_sd=1.0), stamp.t_rx_ns)
+        monitor.tick(stamp.t_rx_ns)
+    assert monitor.suspected == {"gnss"}
+    assert monitor._tests["gnss"].position.is_valid
+    monitor.tick(70 * S)
+    assert monitor.suspected == frozenset()
 
 
 def test_receivers_that_aid_the_filter_are_suspected_for_30_s() -> None:
