@@ -87,7 +87,7 @@ def _tilt(
     own: AttitudeState, others: Sequence[AttitudeState], assumed: float, limit: float
 ) -> tuple[float, tuple[Reason, ...], bool]:
     """Level, ``unchecked`` and ``is_judged`` of ``AttitudeLevels``."""
-    found = [_Bound(_apart(own, b), b.tilt_sd or assumed, b.tilt_sd is not None) for b in others]
+    found = [_Bound(_apart(own, b), _grown_sd(b, assumed), b.tilt_sd is not None) for b in others]
     sharp = [bound for bound in found if bound.is_stated and K_RADIAL * bound.sd <= limit / 2.0]
     own_sd = own.tilt_sd or assumed
     if sharp:
@@ -105,6 +105,11 @@ def _heading(own: AttitudeState, others: Sequence[AttitudeState], assumed: float
     found = [(b.heading_sd or assumed, abs(wrap(b.heading - own.heading))) for b in others if b.heading is not None]
     sd, apart = min(found, default=(own.heading_sd or assumed, 0.0))
     return min(math.pi, apart + K_AXIS * sd)
+
+
+def _grown_sd(other: AttitudeState, assumed: float) -> float:
+    """Sigma of a tilt, with its age: who falls silent in a roll contradicts nobody."""
+    return max(other.tilt_sd or assumed, other.roll_sd or 0.0, other.pitch_sd or 0.0)
 
 
 def _apart(one: AttitudeState, other: AttitudeState) -> float:

@@ -72,6 +72,16 @@ def test_an_uncertain_source_makes_it_invalid_only_where_it_contradicts(off: flo
     assert bool(found.reasons(AlertLimits())) is is_judged
 
 
+def test_a_source_that_fell_silent_in_a_roll_contradicts_nobody() -> None:
+    """Held for 0.3 s at 20 deg/s it is 6 deg off; its sigma has grown by 3 deg."""
+    held = AttitudeState(6.0 * DEG, 0.0, 0.0, 3.0 * DEG, 3.0 * DEG, 0.02 * DEG, 0.02 * DEG)
+    found = levels(state(tilt_sd=0.02), [held], ASSUMED, LIMIT)
+    assert found.reasons(AlertLimits()) == ()
+    assert found.unchecked == (Reason.UNCERTAIN,)
+    beside = levels(state(tilt_sd=0.02), [held, state(tilt_sd=0.05)], ASSUMED, LIMIT)
+    assert beside.tilt == pytest.approx(0.05 * RADIAL * DEG, rel=1e-3)
+
+
 def test_a_drawn_error_is_beyond_its_level_no_more_often_than_promised() -> None:
     """One source that is wrong by anything, beside one that errs as it states: never in 2000."""
     rng = np.random.default_rng(5)
