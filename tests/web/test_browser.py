@@ -115,6 +115,9 @@ async def test_a_small_screen_hides_no_part_of_an_instrument(page: Page, daemon:
     await page.wait_for(f"{by_testid('attitude-lon-sd')}.textContent === 'HPL 1066 · VPL 120'")
     assert await page.eval("document.documentElement.scrollHeight") == 800
     assert await page.eval(HIDDEN_PARTS) == []
+    daemon.breakers = {}
+    await page.wait_for("!document.getElementById('laboratory').hidden")
+    assert await page.eval(HIDDEN_PARTS) == []
 
 
 #: Numbers that reach beyond their panel, remarks that are shortened, panels that hide a part of what is in them.
