@@ -429,7 +429,8 @@ class Reason(StrEnum):
     OFF_TRACK = "off_track"
     GAPS = "gaps"
     NOT_INDEPENDENT = "not_independent"  # the altitude is held by the altimeter that would be judged with it
-    PROTECTION_LEVEL = "protection_level"  # above the alert limit
+    PROTECTION_LEVEL = "protection_level"  # of position or altitude, above the alert limit
+    ATTITUDE_LEVEL = "attitude_level"  # the protection level of the attitude, above the alert limit
     ASSUMPTION = "assumption"  # navigation or altimeter is worse than, or another one than, the limits assume
     POSITION_UNCERTAIN = "position_uncertain"  # by its own sigma, which the ground beside the track cannot make up for
     END = "end"  # past the glide path intercept
@@ -671,6 +672,9 @@ class NavSolution:
                 a source is wrong, below 1e-5 while none is;  valid only below ``[nav.alert_limits]``
     unchecked : why hpl and vpl rest on what the source states of itself, or do not yet look back as far as they can
     refused   : devices of the role ``nav.position`` that are excluded because they contradict others
+    tilt_pl, heading_pl : protection levels of roll and pitch together, and of the heading [rad]
+    attitude_valid, attitude_reasons : of the attitude alone; the reasons are among ``reasons``, too
+    attitude_unchecked  : the same as ``unchecked``, of tilt_pl
     """
 
     t_ns: int
@@ -695,6 +699,11 @@ class NavSolution:
     vpl: float | None = None
     unchecked: tuple[Reason, ...] = ()
     refused: tuple[str, ...] = ()
+    tilt_pl: float | None = None
+    heading_pl: float | None = None
+    attitude_valid: bool = False
+    attitude_reasons: tuple[Reason, ...] = ()
+    attitude_unchecked: tuple[Reason, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -149,7 +149,11 @@ def _add_solution(table: Table, output: Fields) -> None:
     style, verdict = STRUCK if output["late"] else "", _verdict(output)
     altitude = _metres(output.get("alt"), 1)
     roles = (("position", "", "horizontal_sd"), ("altitude", altitude, "vertical_sd"), ("attitude", "", ""))
-    levels = {"position": _level("HPL", output.get("hpl")), "altitude": _level("VPL", output.get("vpl"))}
+    levels = {
+        "position": _level("HPL", output.get("hpl")),
+        "altitude": _level("VPL", output.get("vpl")),
+        "attitude": _angle("tilt PL", output.get("tilt_pl")) + _angle("heading PL", output.get("heading_pl")),
+    }
     for role, value, sigma in roles:
         source = f"from {output.get(f'{role}_source') or UNKNOWN}{levels.get(role, '')}"
         told = (value, _sigma(output.get(sigma), "m"), source)
@@ -160,6 +164,11 @@ def _add_solution(table: Table, output: Fields) -> None:
 def _level(name: str, metres: float | None) -> str:
     """A protection level, as it stands behind a source."""
     return "" if metres is None else f", {name} {_metres(metres, 0)}"
+
+
+def _angle(name: str, level: float | None) -> str:
+    """The same of an angle [rad]."""
+    return "" if level is None else f", {name} {math.degrees(level):.1f}°"
 
 
 def _verdict(output: Fields) -> Text:

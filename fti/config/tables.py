@@ -273,6 +273,7 @@ class UnstatedSd(StrictModel):
     """``[nav.unstated_sd]``: sigma of a place, horizontal and vertical [m], that counts where its source states none.
 
     satellites : of a receiver      inertial : of a device that gives attitude as well
+    attitude_deg : of an attitude, tilt and heading, as a small MEMS unit has them in motion
 
     The defaults are the 95 % errors of the service, 8 m and 13 m (GPS Standard Positioning Service Performance
     Standard 2020, table 3.8-3: global average), over 2.45 and 1.96; an inertial system is held by satellites, and
@@ -281,16 +282,18 @@ class UnstatedSd(StrictModel):
 
     satellites: tuple[Positive, Positive] = (3.3, 6.6)
     inertial: tuple[Positive, Positive] = (5.0, 10.0)
+    attitude_deg: tuple[Positive, Positive] = (1.0, 2.0)
 
 
 class AlertLimits(StrictModel):
-    """``[nav.alert_limits]``: position and altitude are valid while their protection levels are below these [m].
+    """``[nav.alert_limits]``: position, altitude and tilt are valid while their protection levels are below these.
 
-    compared : and only while another source, or the filter, is there to compare the position with
+    compared : and only while another source, or the filter, is there to compare position and attitude with
     """
 
     position_m: Positive = 200.0
     altitude_m: Positive = 30.0
+    attitude_deg: Positive = 2.0
     compared: bool = False
 
 

@@ -366,7 +366,8 @@ class AidedNavigation:
         told = self.solution(t_ns)
         if not told.valid or told.roll is None or told.pitch is None:
             return None
-        return AttitudeState(told.roll, told.pitch, told.heading, told.tilt_sd, told.tilt_sd)
+        tilt_sd = told.tilt_sd
+        return AttitudeState(told.roll, told.pitch, told.heading, tilt_sd, tilt_sd, tilt_sd, told.heading_sd)
 
     def altitude(self, t_ns: int) -> VerticalState | None:
         """Of the vertical channel, for who has no other."""

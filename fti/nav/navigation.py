@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from fti.config import AlertLimits
+from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.protection import Compared, Protection, by_filter, is_beyond, unchecked
 from fti.nav.source_check import SourceCheck
@@ -213,12 +214,16 @@ def _hold_event(t_ns: int, altimeters: tuple[str, ...]) -> Event:
     return Event(t_ns=t_ns, level="warning", source="nav", text=text)
 
 
-def solution(state: NavState, protection: Protection, limits: AlertLimits, refused: frozenset[str]) -> NavSolution:
-    """The state as an output: valid when position, height, velocity and attitude are all known, and well enough."""
+def solution(
+    state: NavState, protection: Protection, tilted: AttitudeLevels, limits: AlertLimits, refused: frozenset[str]
+) -> NavSolution:
+    """The state as an output: valid when position, height, velocity and attitude are all known, and well enough.
+
+    protection, tilted : protection levels of the position and of the attitude
+    """
     position, attitude = state.position, state.attitude
-    reasons = _missing(state) + ((Reason.PROTECTION_LEVEL,) if is_beyond(protection, limits) else ())
-    if limits.compared and Reason.NOTHING_TO_COMPARE in protection.unchecked:
-        reasons += (Reason.NOTHING_TO_COMPARE,)
+    of_attitude = tilted.reasons(limits)
+    reasons = tuple(dict.fromkeys((*_of_position(state, protection, limits), *of_attitude)))
     return NavSolution(
         t_ns=state.t_ns,
         t_valid_ns=state.t_ns if position or attitude else None,
@@ -242,15 +247,23 @@ def solution(state: NavState, protection: Protection, limits: AlertLimits, refus
         vpl=protection.vertical if position and position.alt is not None else None,
         unchecked=protection.unchecked if position else (),
         refused=tuple(sorted(refused)),
+        tilt_pl=tilted.tilt,
+        heading_pl=tilted.heading,
+        attitude_valid=not of_attitude,
+        attitude_reasons=of_attitude,
+        attitude_unchecked=tilted.unchecked,
     )
 
 
-def _missing(state: NavState) -> tuple[Reason, ...]:
+def _of_position(state: NavState, protection: Protection, limits: AlertLimits) -> tuple[Reason, ...]:
+    """Why position, altitude or velocity are not valid."""
     position = state.position
+    is_alone = limits.compared and Reason.NOTHING_TO_COMPARE in protection.unchecked
     table = (
         (Reason.NO_POSITION, position is None),
         (Reason.NO_ALTITUDE, position is not None and position.alt is None),
         (Reason.NO_VELOCITY, position is not None and (position.north is None or position.down is None)),
-        (Reason.NO_ATTITUDE, state.attitude is None),
+        (Reason.PROTECTION_LEVEL, is_beyond(protection, limits)),
+        (Reason.NOTHING_TO_COMPARE, is_alone),
     )
-    return tuple(reason for reason, missing in table if missing)
+    return tuple(reason for reason, holds in table if holds)

@@ -23,6 +23,7 @@ from fti.nav.altimetry.ground_check import GroundCheck
 from fti.nav.altimetry.heights import AltimeterChannel
 from fti.nav.altimetry.refusals import RefusalEvents
 from fti.nav.altimetry.selection import HeightSelector
+from fti.nav.attitude_protection import AttitudeProtection
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.integrity.channel import make_channel
@@ -81,6 +82,7 @@ class Pipeline:
         self._limits = roles.alert_limits
         self._protection = Protection(None, None)
         self._protected: str | None = None  # the source of whose position it is
+        self._attitude_protection = AttitudeProtection(config, self._sources)
         self._plausibility = PlausibilityMonitor(config)
         self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
         self._approach = make_channel(config, reference)
@@ -232,13 +234,15 @@ class Pipeline:
             self._protection, self._protected = self._navigation.protection(nav), nav.position_source
             self._approach.protect(None if self._protection.assumed else self._protection.horizontal)
         if self._ticks % SOLUTION_TICKS == 0:
-            out.append(solution(nav, self._protection, self._limits, self._navigation.refused))
+            tilted = self._attitude_protection.at(t_ns, nav.attitude, nav.attitude_source)
+            out.append(solution(nav, self._protection, tilted, self._limits, self._navigation.refused))
         if self._fallbacks:
             self._fallbacks.doubt(self._plausibility.suspected)
             fallback = self._fallbacks.tick(t_ns, nav)
             for solved in fallback:
                 if isinstance(solved, FilterSolution):
                     self._plausibility.take_filter(solved)
+                    self._attitude_protection.take_filter(solved)
             out += fallback
         return out
 

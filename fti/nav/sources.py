@@ -37,6 +37,8 @@ LARGEST = {
 VELOCITY_SD_UNKNOWN = 1.0
 #: One sigma of a rate of roll and pitch that nobody states [rad/s]: 30 deg/s are three.  Stated.
 RATE_SD = math.radians(10.0)
+#: Roll, pitch and heading that are held go on turning at the rate of so long before [ns].
+RATE_SPAN_NS = SECOND_NS // 4
 #: One interval of 50 Hz: an attitude that is held for no longer, or lies between two entries that are no farther apart
 #: than MAX_BETWEEN_NS, is as good as stated.  Between those 60 deg/s^2 make 0.08 deg, a_max T^2 / 8 [ns].
 MAX_HELD_NS, MAX_BETWEEN_NS = SECOND_NS // 50, SECOND_NS // 10
@@ -46,13 +48,19 @@ ATTITUDE_SD_UNKNOWN = math.radians(0.5)
 
 @dataclass(frozen=True, slots=True)
 class AttitudeState:
-    """Attitude at one time [rad]; heading may be unknown.  roll_sd, pitch_sd : one sigma, grown by the age"""
+    """Attitude at one time [rad]; heading may be unknown.
+
+    roll_sd, pitch_sd   : one sigma, grown by the age
+    tilt_sd, heading_sd : as the source states them, the larger one of roll and pitch; None where it states none
+    """
 
     roll: float
     pitch: float
     heading: float | None
     roll_sd: float | None
     pitch_sd: float | None
+    tilt_sd: float | None = None
+    heading_sd: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +138,22 @@ class Source:
         heading = self._at("heading", t_ns)
         turned = heading.value % (2 * math.pi) if heading else None
         level = roll.value if abs(roll.value) <= math.pi else wrap(roll.value)  # between two entries beside 180 deg
-        return AttitudeState(level, pitch.value, turned, _held_sd(roll), _held_sd(pitch))
+        tilt_sd = None if roll.sd is None or pitch.sd is None else max(roll.sd, pitch.sd)
+        heading_sd = heading.sd if heading else None
+        return AttitudeState(level, pitch.value, turned, _held_sd(roll), _held_sd(pitch), tilt_sd, heading_sd)
+
+    def turned(self, t_ns: int) -> tuple[float, float]:
+        """How far tilt and heading may have turned since their newest entries [rad], not negative."""
+        return math.hypot(self._turned("roll", t_ns), self._turned("pitch", t_ns)), self._turned("heading", t_ns)
+
+    def _turned(self, part: str, t_ns: int) -> float:
+        """At the rate of the last RATE_SPAN_NS; at the sigma of an unknown one where there are no two entries in it."""
+        series = self._parts[part]
+        newest_ns = series.newest_ns
+        if newest_ns is None or newest_ns >= t_ns:
+            return 0.0
+        rate = series.slope(newest_ns, RATE_SPAN_NS, 1)
+        return (RATE_SD if rate is None else abs(rate)) * (t_ns - newest_ns) / SECOND_NS
 
     def position(self, t_ns: int, attitude: AttitudeState | None) -> PositionState | None:
         """Position of P at t_ns; None unless latitude and longitude are both known."""

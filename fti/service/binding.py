@@ -136,6 +136,19 @@ def check_inertial(config: Config, devices: Sequence[BoundDevice]) -> None:
         raise ConfigError(f"{config.path}: {said}")
 
 
+def check_alert_limits(config: Config) -> None:
+    """Whether a position can be valid by ``[nav.alert_limits]``.  Raises ConfigError.
+
+    Asked before a flight alone, as ``check_reference``.  What levels a flight reaches is not known before it.
+    """
+    aided = config.nav.filter is not None and bool(config.nav.filter.gnss)
+    if config.nav.alert_limits.compared and not aided:
+        raise ConfigError(
+            f"{config.path}: nav.alert_limits.compared = true: no position would ever be valid, as positions are "
+            "compared with [nav.filter] alone, and none is aided by gnss"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Sending:
     """What the recorder sends on a link by itself, and never understands."""

@@ -16,7 +16,14 @@ from fti.links import open_link
 from fti.logger.places import Place
 from fti.logger.session import CONFIG_ATTACHMENT
 from fti.service import hygiene
-from fti.service.binding import bind_devices, check_inertial, check_reference, read_texts, sending_on
+from fti.service.binding import (
+    bind_devices,
+    check_alert_limits,
+    check_inertial,
+    check_reference,
+    read_texts,
+    sending_on,
+)
 from fti.service.orders import LinkOrder, NavigationOrder, RecorderOrder
 
 
@@ -33,6 +40,7 @@ class Preparation:
         self._texts = read_texts(config)
         self.devices = bind_devices(config, self._texts)
         check_inertial(config, self.devices)
+        check_alert_limits(config)
         check_reference(config, self._texts)
         for link in config.link:
             _check_link(config, link)

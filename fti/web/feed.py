@@ -26,6 +26,8 @@ TOPICS_KEPT = 256
 DEFAULT_MAX_AGE_MS = 1000.0
 #: Without these a message is not of an emulator.
 HIL_FIELDS = frozenset(("scenario", "flight_s", "duration_s", "devices", "faults", "supply_v", "lateness", "holds"))
+#: Fields of the navigation solution that hold reasons of its attitude.
+OF_ATTITUDE = ("attitude_reasons", "attitude_unchecked")
 INTEGRITY_TOPIC, SOLUTION_TOPIC = "/nav/clearance_integrity", "/nav/nav_solution"
 
 
@@ -161,8 +163,8 @@ def _shown(received: Received, now_ns: int, stopped: bool) -> dict[str, Any]:
     fields = _aged(received, now_ns)
     fields["late"] = late = fields["late"] or stopped
     fields["valid"] = bool(fields.get("valid")) and not late
-    fields["reasons_text"] = describe_reasons(fields.get("reasons"))
-    fields["unchecked_text"] = describe_reasons(fields.get("unchecked"))
+    for key in ("reasons", "unchecked", *(key for key in OF_ATTITUDE if key in fields)):
+        fields[f"{key}_text"] = describe_reasons(fields.get(key))
     if "state" in fields:
         fields["state_text"] = STATES.get(str(fields["state"]), "")
     return fields

@@ -26,6 +26,7 @@ REASONS: dict[str, str] = {
     Reason.GAPS: "gaps in the window",
     Reason.NOT_INDEPENDENT: "altitude rests on this altimeter",
     Reason.PROTECTION_LEVEL: "protection level above alert limit",
+    Reason.ATTITUDE_LEVEL: "attitude protection level above alert limit",
     Reason.ASSUMPTION: "navigation or altimeter beyond what the profile assumes",
     Reason.POSITION_UNCERTAIN: "position too uncertain",
     Reason.END: "past the glide path intercept",

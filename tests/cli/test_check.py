@@ -160,6 +160,11 @@ def test_the_worst_load_of_a_link(link: config.Link, rate_hz: float, message_byt
             f'[nav]\napproach = {{ profile = "{REFERENCE}" }}',
             "alert_v_m: 5 m is below the least protection level ",
         ),
+        (
+            "[nav]",
+            "[nav]\nalert_limits = { compared = true }",
+            "nav.alert_limits.compared = true: no position would ever be valid, ",
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence_on_standard_error(

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -146,6 +147,7 @@ def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known
     feed = make_feed()
     sources = {"position_source": "radio", "altitude_source": "radio", "attitude_source": "ahrs"}
     numbers = {"alt": 431.2, "horizontal_sd": 222.0, "vertical_sd": 2.5, "hpl": 1066.0, "vpl": 11.05}
+    numbers |= {"tilt_pl": math.radians(0.42), "heading_pl": math.radians(6.4)}
     fields = {"t_ns": 0, "valid": False, "reasons": ["no_velocity"], **sources, **numbers}
     feed.take("/nav/nav_solution", fields, 0)
     text = rendered(feed, 0)
@@ -153,6 +155,7 @@ def test_the_sources_of_navigation_are_shown_with_their_sigmas_and_nothing_known
         assert words in text
     assert "HPL 1066 m" in text
     assert "VPL 11 m" in text
+    assert "from ahrs, tilt PL 0.4°, heading PL 6.4°" in text
     assert "\x1b[9;90m431.2 m" not in text
 
 

@@ -10,6 +10,7 @@ from scipy.stats import norm, rayleigh
 
 from fti.config import AlertLimits
 from fti.geodesy.wgs84 import radii
+from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.navigation import NavState, solution
 from fti.nav.protection import K_AXIS, K_RADIAL, Compared, Protection, by_filter, differences, is_beyond, unchecked
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
@@ -76,7 +77,10 @@ def test_alert_limits_are_of_levels_that_are_known() -> None:
 def test_a_configuration_can_demand_that_positions_are_compared(why: Reason) -> None:
     state = NavState(0, AttitudeState(0.0, 0.0, 0.0, None, None), HERE, "ins", "ins", "ins")
     alone = Protection(5.0, 5.0, (why,))
-    told = {demand: solution(state, alone, AlertLimits(compared=demand), frozenset()) for demand in (False, True)}
+    tilted = AttitudeLevels(0.001, 0.01)
+    told = {
+        demand: solution(state, alone, tilted, AlertLimits(compared=demand), frozenset()) for demand in (False, True)
+    }
     assert told[False].valid
     assert told[True].valid is (why is not Reason.NOTHING_TO_COMPARE)
     assert told[True].reasons == ((why,) if why is Reason.NOTHING_TO_COMPARE else ())

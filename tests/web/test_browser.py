@@ -1,6 +1,7 @@
 """The page in a real browser, fed by the real display process over the real bus."""
 
 import asyncio
+import math
 import os
 import pwd
 import signal
@@ -99,6 +100,26 @@ async def test_it_stands_on_one_screen_and_a_narrow_one_scrolls_down_only(page: 
     assert await page.eval("document.documentElement.scrollWidth") == 1024
 
 
+#: Instruments that hide a part of themselves; cells of the attitude that need a second line; verdicts without a height.
+HIDDEN_PARTS = """[
+    ...[...document.querySelectorAll('main .panel')].filter((e) => e.scrollHeight > e.clientHeight),
+    ...[...document.querySelectorAll('#attitude dt')].filter((e) => e.clientHeight > 20),
+    ...[...document.querySelectorAll('main .verdict')].filter((e) => e.textContent && e.clientHeight < 10),
+    ...[...document.querySelectorAll('.below .big')].filter((e) => e.scrollWidth > e.clientWidth),
+].map((e) => e.id || e.textContent)"""
+
+
+async def test_a_small_screen_hides_no_part_of_an_instrument(page: Page, daemon: FakeDaemon) -> None:
+    daemon.solution = {"hpl": 1066.0, "vpl": 120.0, "heading_pl": math.radians(179.0), "tilt_pl": math.radians(12.0)}
+    await page.resize(1280, 800)
+    await page.wait_for(f"{by_testid('attitude-lon-sd')}.textContent === 'HPL 1066 · VPL 120'")
+    assert await page.eval("document.documentElement.scrollHeight") == 800
+    assert await page.eval(HIDDEN_PARTS) == []
+    daemon.breakers = {}
+    await page.wait_for("!document.getElementById('laboratory').hidden")
+    assert await page.eval(HIDDEN_PARTS) == []
+
+
 #: Numbers that reach beyond their panel, remarks that are shortened, panels that hide a part of what is in them.
 CUT_OFF = """[
     ...[...document.querySelectorAll('b, dd, td.number, span.ground, .fallbacks span')].filter((e) =>
@@ -129,6 +150,32 @@ async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stay
     assert not await page.eval("document.querySelector('.horizon').classList.contains('unusable')")
     await page.wait_for(f"{by_testid('alarm-position_source')} !== null")
     assert "± 222 m" in await page.text("alarm-position_source")
+
+
+async def test_the_attitude_shows_its_protection_level_and_whether_it_is_valid(page: Page, daemon: FakeDaemon) -> None:
+    assert await page.text("attitude-state") == "ATT VALID"
+    levels = [await page.text(f"attitude-{name}-sd") for name in ("roll", "pitch", "heading")]
+    assert levels == ["PL 0.4", "PL 0.4", "PL 6.4"]
+    daemon.solution = {"attitude_unchecked": ["nothing_to_compare"], "tilt_pl": math.radians(4.8)}
+    await page.wait_for(f"{by_testid('attitude-state')}.textContent === 'ATT UNCHECKED'")
+    assert await page.text("attitude-roll-sd") == "PL 4.8"
+    assert await page.eval("document.querySelector('.cells .roll .sd').classList.contains('unchecked')")
+    assert await page.eval(f"{by_testid('attitude-state')}.title") == "nothing to compare with"
+    why = {"reasons": ["attitude_level"], "attitude_reasons": ["attitude_level"]}
+    daemon.solution = {"valid": False, "attitude_valid": False, **why, "tilt_pl": math.radians(3.36)}
+    await page.wait_for(f"{by_testid('attitude-state')}.textContent === 'ATT NOT VALID'")
+    assert await page.text("attitude-verdict") == "attitude protection level above alert limit"
+    daemon.muted.add("/nav/nav_solution")
+    await page.wait_for(f"{by_testid('attitude-state')}.textContent === ''")
+
+
+async def test_the_height_below_has_the_vertical_protection_level_beside_it(page: Page, daemon: FakeDaemon) -> None:
+    assert await page.text("height-below-vpl") == "alt VPL 20 m"
+    daemon.solution = {"vpl": 44.2, "unchecked": ["nothing_to_compare"]}
+    await page.wait_for(f"{by_testid('height-below-vpl')}.textContent === 'alt VPL 44 m'")
+    assert await page.eval(f"{by_testid('height-below-vpl')}.classList.contains('unchecked')")
+    daemon.solution = {"vpl": None}
+    await page.wait_for(f"{by_testid('height-below-vpl')}.textContent === ''")
 
 
 async def test_one_height_is_large_and_says_whose_it_is(page: Page) -> None:

@@ -111,6 +111,11 @@ class Affected:
             if duty.place == SOLUTION
         ]
 
+    def begun(self, within_s: float) -> list[Interval]:
+        """So long from the beginning of each such fault [s of the flight]."""
+        begins = [fault.from_s for fault in self._faults if isinstance(fault, OnDevices) and is_compared(fault)]
+        return [(from_s, from_s + within_s) for from_s in begins]
+
     def _is_compared(self, fault: OnDevices | BusOff | Babbling, name: str) -> bool:
         return is_compared(fault, on_source=name in self._craft.sources or name in self._craft.filter_gnss)
 

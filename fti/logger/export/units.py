@@ -15,7 +15,7 @@ NONE = "1"
 
 _BY_NAME = {
     "rad": "roll pitch heading roll_sd pitch_sd heading_sd tilt_sd track aoa aos deflection azimuth elevation lat lon "
-    "deviation",
+    "deviation tilt_pl heading_pl",
     "m": "alt alt_msl alt_press undulation horizontal_sd vertical_sd hpl vpl slant_range height_agl height_error "
     "height_error_sd shift shift_sd s_begin s_end alert_limit_v alert_limit_s protection_level_v "
     "protection_level_s s y dh dh_sd dh_nav pseudorange "

@@ -27,7 +27,9 @@ export class Attitude {
     const cells = Object.values(this.cells);
     this.values = cells.map((cell) => cell.value);
     setAttribute(this.cells.alt.root, "title", "above the ellipsoid WGS84, and one sigma");
-    root.append(heading, this.verdict, this.horizon.root, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
+    this.state = h("span", { class: "state", "data-testid": "attitude-state" });
+    const picture = h("div", { class: "picture" }, this.horizon.root, this.state);
+    root.append(heading, this.verdict, picture, h("dl", { class: "cells" }, ...cells.map((cell) => cell.root)), this.fallbacks.root);
   }
 
   show({ outputs }) {
@@ -35,6 +37,7 @@ export class Attitude {
     showValidity(output, [], this.verdict);
     for (const value of this.values) setClass(value, "struck", Boolean(output?.late)); // what is missing is a dash
     this.horizon.show(output);
+    this.#showState(output);
     for (const [name, text] of Object.entries(read(output ?? {}))) setText(this.cells[name].value, text);
     setText(this.cells.alt.sd, plusMinus(output?.vertical_sd, 1));
     setText(this.cells.lat.sd, metres(output?.horizontal_sd));
@@ -46,17 +49,41 @@ export class Attitude {
   }
 
   // Protection levels; why they rest on what the source says of itself stands in the title, and colours them.
-  showLevels({ hpl, vpl, unchecked_text: unchecked = [] }) {
-    const { sd, root } = this.cells.lon;
-    setText(sd, [level("HPL", hpl), level("VPL", vpl)].filter(Boolean).join(" · "));
-    setClass(sd, "unchecked", isNumber(hpl) && unchecked.length > 0);
-    setAttribute(root, "title", [LEVELS, ...unchecked].join("; "));
+  showLevels({ hpl, vpl, unchecked_text: unchecked = [], tilt_pl: tilt, heading_pl: heading, attitude_unchecked_text: alone = [] }) {
+    this.#showLevel("lon", [level("HPL", hpl), level("VPL", vpl)].filter(Boolean).join(" · "), [LEVELS, ...unchecked]);
+    for (const name of ["roll", "pitch"]) this.#showLevel(name, angle(tilt), [TILT_LEVEL, ...alone]);
+    this.#showLevel("heading", angle(heading), [HEADING_LEVEL]);
   }
+
+  #showState(output) {
+    const { text, kind, why } = stateOf(output);
+    setText(this.state, text);
+    setAttribute(this.state, "data-kind", kind);
+    setAttribute(this.state, "title", why.join(", "));
+  }
+
+  #showLevel(name, text, [what, ...unchecked]) {
+    const { sd, root } = this.cells[name];
+    setText(sd, text);
+    setClass(sd, "unchecked", text !== "" && unchecked.length > 0);
+    setAttribute(root, "title", [what, ...unchecked].join("; "));
+  }
+}
+
+// Of the attitude alone.
+function stateOf(output) {
+  if (!output || output.late || output.attitude_valid === undefined) return { text: "", kind: "none", why: [] };
+  if (!output.attitude_valid) return { text: "ATT NOT VALID", kind: "invalid", why: output.attitude_reasons_text };
+  const why = output.attitude_unchecked_text;
+  return why.length ? { text: "ATT UNCHECKED", kind: "unchecked", why } : { text: "ATT VALID", kind: "valid", why };
 }
 
 const metres = (sd) => (isNumber(sd) ? `± ${sd.toFixed(sd < 10 ? 1 : 0)} m` : "");
 
 const LEVELS = "horizontal and vertical protection level [m]: the error is larger with a probability below 0.001, even while a source is wrong";
+const TILT_LEVEL = "protection level of roll and pitch together [deg]";
+const HEADING_LEVEL = "protection level of the heading [deg]";
+const angle = (pl) => (isNumber(pl) ? `PL ${degrees(pl).toFixed(degrees(pl) < 10 ? 1 : 0)}` : "");
 const level = (name, value) => (isNumber(value) ? `${name} ${value.toFixed(0)}` : "");
 
 // One name where all is from one, else who gives what.
@@ -69,12 +96,12 @@ function sourcesOf({ attitude_source: attitude, position_source: position, altit
 const CELLS = [
   ["roll", "roll", "°"],
   ["pitch", "pitch", "°"],
-  ["heading", "heading", "°"],
-  ["speed", "ground speed", "kt"],
-  ["climb", "vertical", "ft/min"],
+  ["heading", "hdg", "°"],
+  ["speed", "GS", "kt"],
+  ["climb", "VS", "fpm"],
   ["alt", "alt", "m"],
-  ["lat", "latitude", ""],
-  ["lon", "longitude", ""],
+  ["lat", "lat", ""],
+  ["lon", "lon", ""],
 ];
 
 function makeCell(name, label, unit) {

@@ -2,13 +2,14 @@
 // what it measured; and their history.
 
 import { fixed, isNumber, plusMinus, title } from "./format.js";
-import { h, Keyed, panelTitle, setText } from "./dom.js";
+import { h, Keyed, panelTitle, setAttribute, setClass, setText } from "./dom.js";
 import { marksOf } from "./marks.js";
 import { HistoryPlot } from "./plot.js";
 import { showValidity } from "./validity.js";
 
 const PREFIX = "/nav/height_above_ground/";
 const BELOW = "/nav/height_below_aircraft";
+const SOLUTION = "/nav/nav_solution";
 const COLOURS = ["#4cc9f0", "#f0a6ff", "#ffd23f", "#7ae582"];
 
 // The first is broad, so that those on top of it leave it visible.
@@ -36,7 +37,7 @@ export class Heights {
   show({ outputs, events, t_ns: tNs }) {
     const topics = Object.keys(outputs).filter((topic) => topic.startsWith(PREFIX));
     if (topics.join() !== this.topics.join()) this.#arrange(topics);
-    this.below.show(outputs[BELOW]);
+    this.below.show(outputs[BELOW], outputs[SOLUTION]);
     const rows = this.rows.sync(topics);
     topics.forEach((topic, place) => rows.get(topic).show(outputs[topic], colourOf(place)));
     if (this.plot) this.plot.marks = marksOf(events);
@@ -81,23 +82,33 @@ class Below {
   constructor() {
     this.value = h("b", { "data-testid": "height-below" }, "–");
     this.sd = h("span", { class: "sd", "data-testid": "height-below-sd" });
+    this.level = h("span", { class: "level", "data-testid": "height-below-vpl" });
     this.source = h("span", { class: "remark", "data-testid": "height-below-source" });
     this.verdict = h("span", { class: "verdict", "data-testid": "height-below-verdict" });
     this.root = h(
       "div",
       { class: "below" },
       h("div", { class: "label" }, h("strong", {}, "Below the aircraft"), this.source, this.verdict),
-      h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), this.sd),
+      h("div", { class: "big" }, this.value, h("span", { class: "unit" }, "m"), h("span", { class: "bounds" }, this.sd, this.level)),
     );
   }
 
-  show(output) {
+  show(output, solution) {
     this.root.hidden = output === undefined;
     if (output === undefined) return;
+    this.#showLevel(solution ?? {});
     setText(this.value, fixed(output.height_agl, 1));
     setText(this.sd, plusMinus(output.sd, 1));
     setText(this.source, output.valid ? `by ${title(output.sensor)}` : "");
     showValidity(output, [this.value, this.sd], this.verdict);
+  }
+
+  // Of the altitude above the ellipsoid, which the known ground is compared with.
+  #showLevel({ vpl, late, unchecked_text: unchecked = [] }) {
+    const known = isNumber(vpl) && !late;
+    setText(this.level, known ? `alt VPL ${vpl.toFixed(0)} m` : "");
+    setClass(this.level, "unchecked", known && unchecked.length > 0);
+    setAttribute(this.level, "title", ["vertical protection level of the altitude", ...unchecked].join("; "));
   }
 }
 

@@ -43,6 +43,8 @@ END_S, EARTH_M, SECOND_NS = 40.0, 6.371e6, 1_000_000_000
 #: [limits] as they are by default: horizontal [m], roll, pitch and heading [deg]; or the protection level, ten sigmas.
 LIMITS = {"horizontal": 20.0, "roll": 2.0, "pitch": 2.0, "heading": 4.0}
 STATED = {"roll": "tilt_sd", "pitch": "tilt_sd", "heading": "heading_sd"}
+#: Attitudes are compared five times a second.
+COMPARED_S = 0.5
 #: So close to the limit the two computations may differ.
 CLOSE = 0.02
 
@@ -90,6 +92,7 @@ def test_a_lying_source_is_refused_and_announced_and_no_valid_output_is_wrong(na
     assert shares
     assert max(shares.values()) <= 1.0 + CLOSE
     assert levels_hold(recording, fault.from_s)
+    assert tilt_levels_hold(recording, fault.from_s + COMPARED_S)
 
 
 def events(recording: Recording) -> list[dict[str, Any]]:
@@ -101,6 +104,17 @@ def levels_hold(recording: Recording, from_s: float) -> bool:
     """Whether each valid solution is within its protection level of the true position."""
     truth, valid = true_and_valid(recording, from_s)
     return all(_error("horizontal", row, _true_place(truth, row)) <= row["hpl"] for row in valid)
+
+
+def tilt_levels_hold(recording: Recording, from_s: float) -> bool:
+    """Whether roll and pitch together are within their protection level, and 2 deg, in each valid solution."""
+    truth, valid = true_and_valid(recording, from_s)
+    for row in valid:
+        true = _true_place(truth, row)
+        tilt = math.hypot(_error("roll", row, true), _error("pitch", row, true))
+        if tilt > min(math.degrees(row["tilt_pl"]), LIMITS["roll"]):
+            return False
+    return bool(valid)
 
 
 def test_the_score_says_what_is_true_of_the_outputs(flown: str, tmp_path: Path) -> None:

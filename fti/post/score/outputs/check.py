@@ -24,7 +24,15 @@ from fti.post.score.outputs.evidence import FlightEvidence
 from fti.post.score.outputs.measured import measured, unsent
 from fti.post.score.outputs.pairs import PAIRS
 from fti.post.score.outputs.presence import presence
-from fti.post.score.outputs.protection import height_error, navigated_error, protected, protection, stated_level
+from fti.post.score.outputs.protection import (
+    ANGLES,
+    ANGLES_COMPARED_S,
+    height_error,
+    navigated_error,
+    protected,
+    protection,
+    stated_level,
+)
 from fti.post.score.outputs.row import OutputRow
 from fti.post.score.series import Array, Mask, TopicSeries, read_series
 from fti.types import Reason
@@ -92,14 +100,16 @@ class _Checks:
         judged, asked = free & ~by_fault, free & by_fault
         limits, excused = evidence.scenario.limits, valid & ~judged & ~asked
         undetected = inside(t, self._affected.undetected())  # what states no protection level may be wrong until then
+        begun = inside(t, self._affected.begun(ANGLES_COMPARED_S))
         for quantity in Comparison(
             series, evidence.table, limits, self._arm_b(output), stated=self._stated, fix_m=self._fix_m
         ).errors():
             yield from accuracy(output.topic, quantity, judged, t, limits, lost=lost)
             level = stated_level(series, self._series, quantity.name)
-            due = asked & (np.isfinite(level) | ~undetected)
+            held = ~begun if quantity.name in ANGLES else np.ones_like(begun)
+            due = asked & (np.isfinite(level) & held | ~undetected)
             yield from compared(output.topic, quantity, due, t, limits, level=level)
-            yield from protected(output.topic, quantity, free, t, level)
+            yield from protected(output.topic, quantity, free & held, t, level)
             yield from explained(output.topic, quantity, excused, t, limits)
         yield from self._measured(output, series)
         yield from Consistency(series, judged, t, evidence.config, self._glide).rows(evidence.table)

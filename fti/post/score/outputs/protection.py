@@ -1,4 +1,6 @@
-"""Errors beside protection levels: position and altitude of navigation, its altitude beside what the monitor says."""
+"""Errors beside protection levels: position, altitude and attitude of navigation; its altitude beside what the monitor
+says.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +16,21 @@ from fti.post.score.series import Array, Mask, TopicSeries
 from fti.post.score.truth_table import TruthTable
 
 #: Where each quantity has its protection level.
-LEVELS = {"horizontal": "hpl", "altitude": "vpl"}
+LEVELS = {"horizontal": "hpl", "altitude": "vpl", "roll": "tilt_pl", "pitch": "tilt_pl", "heading": "heading_pl"}
+ANGLES = frozenset(("roll", "pitch", "heading"))
+#: Attitudes are compared five times a second, with what was there until 0.4 s before: so long their level may miss a
+#: fault [s].
+ANGLES_COMPARED_S = 1.0
 
 
 def stated_level(series: TopicSeries, others: Mapping[str, TopicSeries], quantity: str) -> Array:
-    """Protection level of a quantity in each message [m], shape (n,), NaN where none; a location has its solution's."""
+    """Protection level of a quantity in each message [m, deg], shape (n,), NaN where none.
+
+    others : series by topic; a location has the level of its solution
+    """
     field = LEVELS.get(quantity, "")
+    if quantity in ANGLES:
+        return np.asarray(np.rad2deg(series.column(field)))
     if series.topic != LOCATION or SOLUTION not in others:
         return series.column(field)
     solution = others[SOLUTION]
@@ -30,10 +41,11 @@ def stated_level(series: TopicSeries, others: Mapping[str, TopicSeries], quantit
 def protected(topic: str, quantity: QuantityError, judged: Mask, t: Array, level: Array) -> Iterator[OutputRow]:
     """One row: no valid value is wrong by more than the protection level that it states.
 
-    judged : valid messages, shape (n,); t : their times [s of the flight]; level : [m], NaN where none, same shape
+    judged : valid messages, shape (n,); t : their times [s of the flight]; level : in the unit of the quantity, NaN
+    where none, same shape
     """
     if topic != LOCATION:
-        yield from _beyond((topic, quantity.name), quantity.error, level, judged, t)
+        yield from _beyond((topic, quantity.name, quantity.unit), quantity.error, level, judged, t)
 
 
 def navigated_error(integrity: TopicSeries, solution: TopicSeries, table: TruthTable) -> Array:
@@ -63,22 +75,22 @@ def protection(integrity: TopicSeries, error: Array, judged: Mask, t: Array) -> 
     flight]
     """
     level = integrity.column("protection_level_v")
-    yield from _beyond((integrity.topic, "navigated altitude"), error, level, judged, t)
+    yield from _beyond((integrity.topic, "navigated altitude", "m"), error, level, judged, t)
 
 
-def _beyond(of: tuple[str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
+def _beyond(of: tuple[str, str, str], error: Array, level: Array, judged: Mask, t: Array) -> Iterator[OutputRow]:
     at = np.flatnonzero(judged & np.isfinite(level) & np.isfinite(error))
     if not len(at):
         return
     excess = np.abs(error[at]) - level[at]
     worst = int(np.argmax(excess))
-    topic, what = of
+    topic, what, unit = of
     yield OutputRow(
         topic,
         Check.PROTECTED,
         what,
         verdict_of(not bool(np.any(excess > 0.0))),
-        f"error {abs(error[at][worst]):.3g} m",
-        f"<= {level[at][worst]:.3g} m",
+        f"error {abs(error[at][worst]):.3g} {unit}",
+        f"<= {level[at][worst]:.3g} {unit}",
         float(t[at[worst]]),
     )
