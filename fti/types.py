@@ -310,6 +310,48 @@ class Pseudoranges:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Ephemeris:
+    """Orbit and clock of a GPS satellite as it broadcasts them: IS-GPS-200, tables 20-I and 20-III.
+
+    week : in which it was sent, modulo 1024;  issue : IODE
+    toc, toe : reference times of clock and orbit [s of the week];  af0 [s], af1 [s/s], af2 [s/s^2];  tgd [s]
+    sqrt_a [m^0.5], e [1];  m0, omega0, i0, omega [rad];  delta_n, omega_dot, idot [rad/s]
+    cuc, cus, cic, cis [rad];  crc, crs [m]
+    accuracy : upper bound of the accuracy that it states [m]; None where it predicts none
+    healthy  : neither its health nor its alert flag warns of it
+    """
+
+    stamp: Stamp
+    system: str
+    number: int
+    week: int
+    issue: int
+    toc: float
+    af0: float
+    af1: float
+    af2: float
+    tgd: float
+    toe: float
+    sqrt_a: float
+    e: float
+    m0: float
+    delta_n: float
+    omega0: float
+    omega_dot: float
+    i0: float
+    idot: float
+    omega: float
+    cuc: float
+    cus: float
+    cic: float
+    cis: float
+    crc: float
+    crs: float
+    accuracy: float | None
+    healthy: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverClock:
     """Clock of a GNSS receiver: receiver time minus the time of the scale [s], its rate [s/s], and their sigma."""
 
@@ -395,6 +437,7 @@ Measurement = (
     | DmeRange
     | Satellites
     | Pseudoranges
+    | Ephemeris
     | ReceiverClock
     | Deviation
     | Reading
@@ -483,6 +526,8 @@ class Reason(StrEnum):
     DRIFT = "drift"  # position and integral of velocity part
     SCATTER = "scatter"  # it scatters more than its stated sigma
     UNDULATION = "undulation"  # the stated one is not that of EGM96
+    RANGES_DISAGREE = "ranges_disagree"  # its pseudoranges with each other, and which of them is wrong is unknown
+    RANGES_CONTRADICT = "ranges_contradict"  # its pseudoranges give another position than it states
     DEVICE_TIME = "device_time"  # its time steps, stands still or goes back
     ATTITUDES_DISAGREE = "attitudes_disagree"  # with the other attitude sources
     HEADING_TRACK = "heading_track"  # farther from the track than any wind makes it

@@ -143,6 +143,8 @@ class Pipeline:
             takers += self._fallbacks.takers(device, kind)
         if self._plausibility.watches_signals(device, kind):
             takers.append(partial(self._plausibility.take_signals, device))
+        if self._plausibility.watches_ranges(device, kind):
+            takers.append(partial(self._plausibility.take_ranges, device))
         if source and issubclass(kind, Attitude):
             takers.append(source.push_attitude)
         elif source and issubclass(kind, Position):

@@ -18,8 +18,8 @@ from fti.geodesy.local import LocalFrame
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
 from fti.hil.sensors.constellation import Constellation
+from fti.nav.least_squares import Altitude, Slant, solve
 from fti.nav.radio.accuracy import UNIFORM, AltitudeSource, altimeter_sd, choose
-from fti.nav.radio.least_squares import Altitude, Slant, solve
 
 Array = NDArray[np.float64]
 

@@ -75,6 +75,8 @@ REASONS: dict[str, str] = {
     Reason.DRIFT: "position drifts from its velocity",
     Reason.SCATTER: "scatter above the stated sigma",
     Reason.UNDULATION: "geoid undulation wrong",
+    Reason.RANGES_DISAGREE: "pseudoranges disagree with each other",
+    Reason.RANGES_CONTRADICT: "pseudoranges give another position",
     Reason.DEVICE_TIME: "device time wrong",
     Reason.ATTITUDES_DISAGREE: "attitude sources disagree",
     Reason.HEADING_TRACK: "heading off the track",

@@ -9,8 +9,8 @@ import pytest
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.nav.least_squares import Altitude, Place, Slant, covariance, solve
 from fti.nav.radio.accuracy import HG9550, UNIFORM, AltitudeSource, altimeter_sd, choose, fix_covariance
-from fti.nav.radio.least_squares import Altitude, Place, Slant, covariance, solve
 
 LAT, LON, ALT = 0.84, 0.2, 2500.0
 HERE_E = ecef_from_geodetic(LAT, LON, ALT)

@@ -13,8 +13,8 @@ body, CRC-32 (reflected 0xEDB88320, begun at 0, not inverted at the end) over he
 
 The bodies are taken apart by tables of our own, and not by the maker's package, so that the package can judge them
 (docs/decisions/0010-novatel.md).  One file per family: ``solution`` (BESTPOS, BESTVEL), ``sky`` (PSRDOP, SATVIS,
-SATVIS2), ``observations`` (RANGE, RANGECMP), ``clock`` (TIME, CLOCKMODEL), ``status`` (RXSTATUS), ``commands``.  The
-header of OEM4 and OEMV receivers is the same; its length is taken as it says.
+SATVIS2), ``observations`` (RANGE, RANGECMP), ``ephemeris`` (RAWEPHEM), ``clock`` (TIME, CLOCKMODEL), ``status``
+(RXSTATUS), ``commands``.  The header of OEM4 and OEMV receivers is the same; its length is taken as it says.
 
 t_dev_ns is the GPS time of the header where the receiver knows it (FREEWHEELING, FINE, FINEBACKUPSTEERING,
 FINESTEERING), less the latency of a velocity.  A position is valid when a solution was computed, in WGS84, and neither
@@ -62,6 +62,7 @@ MESSAGES = {
     "CLOCKMODEL": "offset and drift of the receiver's clock, with sigma",
     "RANGE": "pseudorange, carrier phase, Doppler and C/N0 of every signal",
     "RANGECMP": "the same, compressed",
+    "RAWEPHEM": "ephemeris of a GPS satellite",
     "PSRDOP": "dilution of precision and the satellites used",
     "SATVIS": "azimuth and elevation of the satellites above the horizon",
     "SATVIS2": "the same, a message for each system",

@@ -46,8 +46,8 @@ class Shape(NamedTuple):
 
 #: Shapes by message number, of the messages that are decoded, and of others that have many entries.
 SHAPES = {
-    5: Shape(4, 32), 16: Shape(132), 42: Shape(72), 43: Shape(4, 44), 48: Shape(12, 40, 8), 73: Shape(4, 112),
-    83: Shape(16, 40, 12), 93: Shape(8, 16, 4), 99: Shape(44), 101: Shape(44), 140: Shape(4, 24),
+    5: Shape(4, 32), 16: Shape(132), 41: Shape(102), 42: Shape(72), 43: Shape(4, 44), 48: Shape(12, 40, 8),
+    73: Shape(4, 112), 83: Shape(16, 40, 12), 93: Shape(8, 16, 4), 99: Shape(44), 101: Shape(44), 140: Shape(4, 24),
     174: Shape(28, 4, 24), 1043: Shape(16, 40, 12), 1194: Shape(4, 16), 1451: Shape(4, 72),
 }  # fmt: skip
 

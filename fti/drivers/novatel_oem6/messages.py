@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from fti.drivers.novatel_oem6.clock import decode_clockmodel, decode_time
+from fti.drivers.novatel_oem6.ephemeris import decode_rawephem
 from fti.drivers.novatel_oem6.framing import Header
 from fti.drivers.novatel_oem6.observations import decode_range, decode_rangecmp
 from fti.drivers.novatel_oem6.sky import decode_psrdop, decode_satvis, decode_satvis2
@@ -15,7 +16,7 @@ from fti.types import Measurement, Stamp
 Reader = Callable[[bytes, Header, Stamp], list[Measurement]]
 
 CLOCKMODEL, BESTPOS, RANGE, RXSTATUS, BESTVEL, TIME, PSRDOP, SATVIS2 = 16, 42, 43, 93, 99, 101, 174, 1043
-SATVIS, RANGECMP = 48, 140
+RAWEPHEM, SATVIS, RANGECMP = 41, 48, 140
 LOG, RESET, UNLOG, UNLOGALL, ANTENNAPOWER = 1, 18, 36, 38, 98
 
 READERS: dict[int, Reader] = {
@@ -26,6 +27,7 @@ READERS: dict[int, Reader] = {
     RANGE: decode_range,
     RANGECMP: decode_rangecmp,
     PSRDOP: decode_psrdop,
+    RAWEPHEM: decode_rawephem,
     SATVIS: decode_satvis,
     SATVIS2: decode_satvis2,
     RXSTATUS: decode_rxstatus,

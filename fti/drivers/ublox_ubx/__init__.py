@@ -18,6 +18,7 @@ little-endian:
     02 15 RXM-RAWX        0 rcvTow f64 [s] | 8 week u16 | 10 leapS i8 | 11 n | 12 recStat | 16 n x: prMes f64 [m],
                           cpMes f64 [cycles], doMes f32 [Hz], gnssId, svId, sigId, freqId, locktime u16 [ms], cno,
                           prStdev [0.01 m x 2^n], cpStdev [0.004 cycles], doStdev, trkStat (0 range, 1 phase valid)
+    02 13 RXM-SFRBX       0 gnssId, svId, sigId u8 | 4 numWords | 8 n x word u32: subframes of GPS L1 C/A
     05 01 ACK-ACK, 05 00 ACK-NAK   class, id of what was asked
     older: NAV-SOL 01 06, NAV-POSLLH 01 02, NAV-VELNED 01 12, NAV-STATUS 01 03, NAV-SVINFO 01 30, RXM-RAW 02 10
 
@@ -43,7 +44,7 @@ from typing import NamedTuple
 from fti.drivers import Counters
 from fti.drivers._framing import Framer
 from fti.drivers._nmea_sentences import Sentences
-from fti.drivers.ublox_ubx import answers, navigation, raw, sky, times
+from fti.drivers.ublox_ubx import answers, navigation, raw, sky, subframes, times
 from fti.drivers.ublox_ubx.commands import COMMANDS, Options, command, on_connect, poll
 from fti.drivers.ublox_ubx.device import Encoder
 from fti.drivers.ublox_ubx.frames import HEADER, LIMIT, RTCM_START, SYNC, Line, Shape, rtcm_name
@@ -78,6 +79,7 @@ READ = {
     (0x01, 0x30): Message("NAV-SVINFO", "satellites in view", sky.read_svinfo, sky.SVINFO_SHAPE),
     (0x01, 0x35): Message("NAV-SAT", "satellites in view", sky.read_sat, sky.SAT_SHAPE),
     (0x02, 0x10): Message("RXM-RAW", "pseudoranges", raw.read_raw, raw.RAW_SHAPE),
+    (0x02, 0x13): Message("RXM-SFRBX", "ephemerides of GPS satellites", subframes.read_sfrbx, subframes.SFRBX_SHAPE),
     (0x02, 0x15): Message("RXM-RAWX", "pseudoranges, carrier phases, dopplers", raw.read_rawx, raw.RAWX_SHAPE),
     (0x05, 0x00): Message("ACK-NAK", "a command was refused", answers.read_nak, Shape(2)),
     (0x05, 0x01): Message("ACK-ACK", "a command was taken", answers.read_ack, Shape(2)),

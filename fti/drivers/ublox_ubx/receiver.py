@@ -1,7 +1,8 @@
-"""What a u-blox receiver has told so far: the GPS week, and whether it has a fix."""
+"""What a u-blox receiver has told so far: the GPS week, whether it has a fix, and parts of ephemerides."""
 
 from __future__ import annotations
 
+from fti.drivers._lnav import Subframe
 from fti.drivers._times import SECOND_NS, WEEK_S, gps_ns
 from fti.types import Stamp, TimeScale
 
@@ -20,6 +21,18 @@ class Receiver:
         self.fix: bool | None = None
         self._week: int | None = None
         self._itow_ms = 0
+        self._subframes: dict[int, dict[int, Subframe]] = {}  # by satellite and number
+
+    def take_subframe(self, satellite: int, subframe: Subframe) -> tuple[Subframe, ...]:
+        """Subframes 1, 2 and 3 of a GPS satellite with the one that completes them; else none."""
+        if subframe.issue is None:
+            return ()
+        parts = self._subframes.setdefault(satellite, {})
+        parts[subframe.number] = subframe
+        if len(parts) < 3 or len({part.issue for part in parts.values()}) != 1:
+            return ()
+        del self._subframes[satellite]
+        return parts[1], parts[2], parts[3]
 
     def tell_week(self, week: int, itow_ms: int) -> None:
         """The receiver has said the week of this time."""

@@ -31,6 +31,7 @@ from fti.types import (
     Calibration,
     DeviceStatus,
     DeviceTime,
+    Ephemeris,
     ImuSample,
     Measurement,
     Pseudoranges,
@@ -40,7 +41,7 @@ from fti.types import (
 
 OfNumber = Bias | Ramp | Noise | WrongUnit | Scale | Forced
 OnDevice = Stuck | Invalid | Fog | OfNumber | OfNavigation | Latency
-WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, DeviceTime, Ack, Calibration)
+WITHOUT_VALIDITY = (ImuSample, Satellites, Pseudoranges, Ephemeris, DeviceTime, Ack, Calibration)
 
 
 def random_of(seed: int, device: str, index: int) -> np.random.Generator:

@@ -45,6 +45,14 @@ _BY_CLASS: dict[str, dict[str, str]] = {
     "calibration": {"raw": NONE},
     "reading": {"value": "unit"},  # as the column of that name says
     "receiver_clock": {"offset": "s", "offset_sd": "s", "drift": "s/s", "drift_sd": "s/s"},
+    "ephemeris": {
+        **dict.fromkeys(("week", "issue", "e"), NONE),
+        **dict.fromkeys(("toc", "toe", "af0", "tgd"), "s"),
+        **{"af1": "s/s", "af2": "s/s^2", "sqrt_a": "m^0.5"},
+        **dict.fromkeys(("m0", "omega0", "i0", "omega", "cuc", "cus", "cic", "cis"), "rad"),
+        **dict.fromkeys(("delta_n", "omega_dot", "idot"), "rad/s"),
+        **dict.fromkeys(("crc", "crs", "accuracy"), "m"),
+    },
     "height_above_ground": {"raw": "m", "sd": "m"},
     "glide_slope": {"sd": "rad"},
 }

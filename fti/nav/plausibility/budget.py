@@ -7,6 +7,8 @@ Decisions an hour are independent ones: a window of w seconds is counted as 4 in
     drift        3 axes x 4 x 3600 / w, five  5.5 sigma    3.3e-4
                  windows w: 8,640
     scatter      3 axes x 360 (every 10 s)    1e-8         1.1e-5
+    ranges       residuals and position, each  1e-8 and     1.0e-4
+                 360 (every 10 s)              2.7e-7
     repeated     3 steps and 5.5 sigma of the noise without a change of digit, in 3 fixes: below 1e-7
     impossible   limits of the aircraft plus 5.5 sigma: below jump
     undulation   a constant of the place: no random part

@@ -21,11 +21,13 @@ from fti.nav.series import SECOND_NS
 from fti.nav.sources import level_velocity
 from fti.types import (
     Attitude,
+    Ephemeris,
     Event,
     FilterSolution,
     Measurement,
     Output,
     Position,
+    Pseudoranges,
     Reason,
     ReceiverClock,
     Satellites,
@@ -127,6 +129,14 @@ class PlausibilityMonitor:
             return []
         text = f"suspected for {HOLD_NS // SECOND_NS} s: {sign}; copies of the filter without it are kept"
         return [Event(t_ns=t_ns, level="info", source=device, text=text)]
+
+    def watches_ranges(self, device: str, kind: type[Measurement]) -> bool:
+        """Whether raw observations of a device are compared with its position."""
+        return device in self._tests and issubclass(kind, (Pseudoranges, Ephemeris))
+
+    def take_ranges(self, device: str, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
+        """Take raw observations or an ephemeris of a receiver."""
+        self._tests[device].take_ranges(m, t_ns)
 
     def take_events(self) -> list[Event]:
         """Events since the last call."""

@@ -19,6 +19,7 @@ from fti.nav.plausibility.device_time import DeviceTimeTest
 from fti.nav.plausibility.events import describe
 from fti.nav.plausibility.finding import Finding
 from fti.nav.plausibility.motion import MotionTest
+from fti.nav.plausibility.range_test import RangeTest, StatedFix
 from fti.nav.plausibility.resolution import ResolutionEstimator
 from fti.nav.plausibility.sigmas import (
     ARRIVAL_SD_S,
@@ -34,10 +35,12 @@ from fti.nav.plausibility.undulation import UndulationTest
 from fti.nav.plausibility.velocity_integral import MIN_STEP_NS
 from fti.nav.series import SECOND_NS
 from fti.nav.sources import LARGEST, ellipsoidal, level_velocity
-from fti.types import Event, Position, Stamp, TimeScale, Velocity
+from fti.types import Ephemeris, Event, Position, Pseudoranges, Stamp, TimeScale, Velocity
 
 #: Ground speed and track of different messages make a velocity when they are no farther apart [ns].
 TOGETHER_NS = SECOND_NS // 2
+#: A velocity that is older does not move a fix [ns].
+MAX_VELOCITY_AGE_NS = 2 * SECOND_NS
 #: Closer to a pole a longitude is no axis [rad].
 MAX_LAT = math.radians(89.0)
 POSITION, ALTITUDE = "position", "altitude"
@@ -68,6 +71,8 @@ class SourceTests:
         self._ups = {kind: AxisTests("up", limits, limits.climb_mps, is_angle=False) for kind in (ELLIPSOID, SEA)}
         self._motion = MotionTest(limits)
         self._undulation = UndulationTest(limits.undulation_m)
+        self._ranges = RangeTest(limits.speed_mps)
+        self._velocity: tuple[int, float, float] | None = None
         self._times: dict[TimeScale, DeviceTimeTest] = {}
         self._lat: float | None = None
         self._alt = 0.0
@@ -86,8 +91,15 @@ class SourceTests:
             if m.lat is not None:
                 self.newest_ns = t_ns
             if self._wants(m, t_ns):
-                events += self._test_position(m, t_ns)
+                events += self._test_ranges(m, t_ns) + self._test_position(m, t_ns)
         return self._admitted_position(m), events
+
+    def take_ranges(self, m: Pseudoranges | Ephemeris, t_ns: int) -> None:
+        """Take raw observations of a time, or an ephemeris; the next position is compared with them."""
+        if isinstance(m, Ephemeris):
+            self._ranges.take_ephemeris(t_ns, m)
+        else:
+            self._ranges.take_ranges(t_ns, m)
 
     def _wants(self, m: Position, t_ns: int) -> bool:
         """Whether any axis judges a fix of this time: of fixes that come often not all are tested."""
@@ -109,6 +121,10 @@ class SourceTests:
 
     def readmit(self, t_ns: int) -> list[Event]:
         """The operator says that the contradiction has ended."""
+        if self._ranges.release():
+            text = "what its pseudoranges have found does not count any more"
+            released = [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
+            return released + (self.readmit(t_ns) if self.is_unconfirmed else [])
         if not self.is_unconfirmed:
             text = "nothing to readmit: no contradiction stands against it"
             return [Event(t_ns=t_ns, level="info", source=self.name, text=text)]
@@ -162,6 +178,14 @@ class SourceTests:
             return []
         return self._test_level(m, t_ns, time_sd) + self._test_altitude(m, t_ns, time_sd)
 
+    def _test_ranges(self, m: Position, t_ns: int) -> list[Event]:
+        if m.lat is None or m.lon is None or not self._ranges.is_useful:
+            return []
+        known = self._velocity if self._velocity and abs(t_ns - self._velocity[0]) <= MAX_VELOCITY_AGE_NS else None
+        sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        fix = StatedFix(t_ns, m.stamp, m.lat, m.lon, sd, known[1:] if known else None)
+        return self._fail(t_ns, POSITION, self.position, self._ranges.take_fix(fix))
+
     def _test_level(self, m: Position, t_ns: int, time_sd: float) -> list[Event]:
         assert self._lat is not None
         meridian, normal = radii(self._lat)
@@ -206,6 +230,7 @@ class SourceTests:
         events: list[Event] = []
         north, east = self._level_velocity(m, t_ns)
         if north is not None and east is not None:
+            self._velocity = t_ns, north, east
             events += self._fail(
                 t_ns, POSITION, self.position, self._motion.update_level(t_ns, north, east, self._velocity_sd)
             )

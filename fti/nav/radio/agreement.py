@@ -14,7 +14,7 @@ import numpy as np
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import geodetic_from_ecef
-from fti.nav.radio.least_squares import Array, Observation, Place, Slant, Solution, covariance, solve
+from fti.nav.least_squares import Array, Observation, Place, Slant, Solution, covariance, solve
 
 #: A test beyond this is a fault: one in 16 000 of normally distributed ones.
 TEST = 4.0

@@ -29,9 +29,9 @@ import numpy as np
 
 from fti.geodesy.rotations import mat_en
 from fti.geodesy.wgs84 import ecef_from_geodetic, geodetic_from_ecef
+from fti.nav.least_squares import Altitude, Array, Observation, Place, Slant, Solution
 from fti.nav.radio.accuracy import AltitudeSource, altimeter_sd, choose, fix_covariance, no_better
 from fti.nav.radio.agreement import FIX, TEST, UNAMBIGUOUS, has_a_twin, height_sd, solve_agreeing
-from fti.nav.radio.least_squares import Altitude, Array, Observation, Place, Slant, Solution
 from fti.nav.series import SECOND_NS
 from fti.types import Reason
 

@@ -26,6 +26,8 @@ UNITS = {
     "cycles",
     "s",
     "s/s",
+    "s/s^2",
+    "m^0.5",
     "ns",
     "1",
     "unit",

@@ -1,0 +1,38 @@
+"""RXM-SFRBX: words of the navigation message; of GPS L1 C/A an ephemeris follows from subframes 1 to 3.
+
+    02 13 RXM-SFRBX       0 gnssId | 1 svId | 2 sigId (0 up to u-blox 8) | 3 freqId | 4 numWords | 8 n x: word u32
+
+A word of GPS L1 C/A is 30 bits at the lower end, of which the last six are the parity; the receiver has checked it, and
+has undone the inversion of the data.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from fti.drivers._lnav import PREAMBLE, Subframe, read_ephemeris
+from fti.drivers.ublox_ubx.frames import Shape
+from fti.drivers.ublox_ubx.receiver import Receiver
+from fti.types import Measurement, Stamp
+
+HEAD = struct.Struct("<BBBxBxxx")
+WORDS = struct.Struct("<10I")
+SFRBX_SHAPE = Shape(HEAD.size, 4, 4)
+GPS, L1_CA = 0, 0
+PARITY_BITS, WORD_MASK, WORD_BYTES = 6, 0xFFFFFF, 3
+
+
+def read_sfrbx(p: bytes, receiver: Receiver, t_rx_ns: int) -> list[Measurement]:
+    """RXM-SFRBX: the ephemeris, with the subframe that completes it."""
+    gnss_id, number, signal_id, count = HEAD.unpack_from(p)
+    if len(p) != SFRBX_SHAPE.size + count * SFRBX_SHAPE.step:
+        raise ValueError("the count of words is not that of the bytes")
+    if (gnss_id, signal_id, count) != (GPS, L1_CA, 10):
+        return []
+    words = WORDS.unpack_from(p, HEAD.size)
+    data = b"".join((word >> PARITY_BITS & WORD_MASK).to_bytes(WORD_BYTES, "big") for word in words)
+    if data[0] != PREAMBLE:
+        return []
+    found = receiver.take_subframe(number, Subframe(data))
+    ephemeris = read_ephemeris(number, found, Stamp(t_rx_ns)) if found else None
+    return [ephemeris] if ephemeris else []
