@@ -182,7 +182,7 @@ class SourceTests:
         if m.lat is None or m.lon is None or not self._ranges.is_useful:
             return []
         known = self._velocity if self._velocity and abs(t_ns - self._velocity[0]) <= MAX_VELOCITY_AGE_NS else None
-        sd = _at_least(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
+        sd = _bounded_sigma(m.horizontal_sd, self._unstated.horizontal, MIN_HORIZONTAL_M)
         fix = StatedFix(t_ns, m.stamp, m.lat, m.lon, sd, known[1:] if known else None)
         return self._fail(t_ns, POSITION, self.position, self._ranges.take_fix(fix))
 
