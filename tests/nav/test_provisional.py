@@ -117,6 +117,12 @@ def assert_never_valid_and_covered(seen: Seen) -> None:
         assert "fti readmit" in said.readmission
 
 
+def numbers(said: ProvisionalSolution | FilterSolution, *names: str) -> dict[str, float]:
+    found = {name: getattr(said, name) for name in names}
+    assert None not in found.values()
+    return found
+
+
 def filtered(seen: Seen, from_s: float, to_s: float) -> list[Row]:
     return [row for row in seen.rows if isinstance(row.said, FilterSolution) and from_s <= row.t < to_s]
 
@@ -150,18 +156,16 @@ def test_its_level_is_the_distance_from_the_filter_and_what_that_may_be_wrong(st
     """3.72 and 3.09 sigma of the filter, or more where its copies have drifted further."""
     places = {row.said.t_ns: row.said for row in filtered(stepped, BEGIN, 75.0)}
     for _, said in stepped.provisional:
-        here = places[said.t_ns]
-        assert isinstance(here, FilterSolution)
-        assert None not in (here.lat, here.lon, here.alt, here.hpl, here.vpl, here.horizontal_sd, here.vertical_sd)
-        meridian, normal = (float(r) for r in radii(here.lat))
-        north = (said.lat - here.lat) * (meridian + here.alt)
-        east = (said.lon - here.lon) * (normal + here.alt) * np.cos(here.lat)
-        assert said.distance == pytest.approx(np.hypot(north, east), abs=0.01)
-        assert said.height_difference == pytest.approx(said.alt - here.alt, abs=1e-6)
-        assert said.hpl - said.distance >= 3.72 * here.horizontal_sd - 1e-6
-        assert said.hpl - said.distance <= 1.02 * here.hpl
-        assert said.vpl - abs(said.height_difference) >= 3.09 * here.vertical_sd - 1e-6
-        assert said.vpl - abs(said.height_difference) <= 1.02 * here.vpl
+        here = numbers(places[said.t_ns], "lat", "lon", "alt", "horizontal_sd", "vertical_sd", "hpl", "vpl")
+        found = numbers(said, "lat", "lon", "alt", "distance", "height_difference", "hpl", "vpl")
+        meridian, normal = (float(r) for r in radii(here["lat"]))
+        north = (found["lat"] - here["lat"]) * (meridian + here["alt"])
+        east = (found["lon"] - here["lon"]) * (normal + here["alt"]) * np.cos(here["lat"])
+        assert found["distance"] == pytest.approx(np.hypot(north, east), abs=0.01)
+        assert found["height_difference"] == pytest.approx(found["alt"] - here["alt"], abs=1e-6)
+        horizontal, vertical = found["hpl"] - found["distance"], found["vpl"] - abs(found["height_difference"])
+        assert 3.72 * here["horizontal_sd"] - 1e-6 <= horizontal <= 1.02 * here["hpl"]
+        assert 3.09 * here["vertical_sd"] - 1e-6 <= vertical <= 1.02 * here["vpl"]
 
 
 def test_a_receiver_that_steps_back_is_not_unconfirmed_any_more() -> None:
