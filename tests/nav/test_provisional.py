@@ -248,6 +248,9 @@ def test_measurements_that_are_no_numbers_aid_nothing() -> None:
     assert_never_valid_and_covered(seen)
 
 
-@pytest.mark.parametrize("fault", [lambda fixes: fixes, silent(20.0, 45.0)], ids=["sound", "silent"])
-def test_a_receiver_that_nothing_refuses_has_none(fault: Fault) -> None:
-    assert not fly(draw(0), fault, 80.0).provisional
+FAR = after(BEGIN, constant(0.0, 3000.0, 0.0))
+
+
+@pytest.mark.parametrize("fault", [lambda fixes: fixes, silent(20.0, 45.0), FAR], ids=["sound", "silent", "far"])
+def test_a_receiver_that_nothing_refuses_or_that_is_kilometres_away_has_none(fault: Fault) -> None:
+    assert not fly(draw(0), fault, 66.0).provisional
