@@ -850,6 +850,40 @@ class SourceValidity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ProvisionalSolution:
+    """What the filter would give if an unconfirmed source were right; for comparison, navigation does not use it.
+
+    source     : the device;  quantities : with which it aids here alone: position, height, velocity
+    valid, reasons : never valid, ``unconfirmed``
+    lat, lon [rad], alt [m], vel_* [m/s] and their sigmas : of point P, as in FilterSolution
+    distance, height_difference : from the filter: horizontal [m], >= 0; vertical [m], positive: above the filter
+    hpl, vpl   : distance from the filter, and what the filter itself may be wrong [m]
+    readmission : what would readmit the source
+    """
+
+    t_ns: int
+    t_valid_ns: int | None
+    source: str
+    valid: bool
+    reasons: tuple[Reason, ...]
+    quantities: tuple[str, ...] = ()
+    lat: float | None = None
+    lon: float | None = None
+    alt: float | None = None
+    horizontal_sd: float | None = None
+    vertical_sd: float | None = None
+    vel_north: float | None = None
+    vel_east: float | None = None
+    vel_down: float | None = None
+    vel_sd: float | None = None
+    distance: float | None = None
+    height_difference: float | None = None
+    hpl: float | None = None
+    vpl: float | None = None
+    readmission: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that a person should know: a source changed, a device came back, a mark was set."""
 
@@ -869,4 +903,5 @@ Output = (
     | VerticalSolution
     | PositionFix
     | SourceValidity
+    | ProvisionalSolution
 )

@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from fti.logger.derived_log import snake_case
-from fti.types import HeightAboveGround, Output
+from fti.types import HeightAboveGround, Output, ProvisionalSolution, SourceValidity
 
 
 class Maybe(NamedTuple):
@@ -104,6 +104,9 @@ HEALTH: Table = {
     },
 }
 
+#: Outputs whose topics have a name behind them, of an altimeter or a source.
+NAMED = (HeightAboveGround, SourceValidity, ProvisionalSolution)
+
 
 @lru_cache(TOPICS_CACHED)
 def shape_of(topic: str) -> Shape | None:
@@ -115,7 +118,7 @@ def shape_of(topic: str) -> Shape | None:
         return None
     name, _, sensor = topic.removeprefix("/nav/").partition("/")
     cls = _outputs().get(name)
-    if cls is None or bool(sensor) != (cls is HeightAboveGround):
+    if cls is None or bool(sensor) != (cls in NAMED):
         return ANY_OUTPUT
     hints = typing.get_type_hints(cls)
     shapes = {f.name + ("" if f.default is MISSING else "?"): _shape_of_hint(hints[f.name]) for f in fields(cls)}

@@ -27,6 +27,8 @@ FALLBACKS = {
     "/nav/vertical_solution": "vertical channel",
     "/nav/position_fix": "satellites and DME",
 }
+#: With unconfirmed sources, beside the filter.
+PROVISIONAL = "/nav/provisional_solution/"
 STRUCK = "strike bright_black"
 UNKNOWN = "–"
 ALARM_STYLES = {"red": "bold white on red", "amber": "bold black on yellow"}
@@ -126,7 +128,17 @@ def _outputs(outputs: Fields) -> Table:
             sigma = _sigma(found.get("vertical_sd"), "m")
             told = str(found.get("mode") or found.get("altitude_source") or found.get("altimeter") or "")
             _add(table, name, found, (_metres(found["alt"], 1), sigma, told))
+    _add_provisional(table, outputs)
     return table
+
+
+def _add_provisional(table: Table, outputs: Fields) -> None:
+    """How far the filter would be with each unconfirmed source; those that have ended are late, and left out."""
+    for topic, found in outputs.items():
+        if topic.startswith(PROVISIONAL) and not found["late"]:
+            off = f"{_metres(found['distance'], 0)} off, height {_metres(found['height_difference'], 0, '+')}"
+            values = (off, _sigma(found["horizontal_sd"], "m"), f"HPL {_metres(found['hpl'], 0)}")
+            _add(table, f"  {topic.removeprefix(PROVISIONAL)}, provisional", found, values)
 
 
 def _over_ground(output: Fields) -> tuple[str | Text, ...]:

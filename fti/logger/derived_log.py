@@ -26,6 +26,7 @@ from fti.types import (
     Measurement,
     NavSolution,
     Output,
+    ProvisionalSolution,
     Reading,
     SourceValidity,
     SurfaceDeflection,
@@ -69,7 +70,7 @@ def snake_case(name: str) -> str:
 def output_topic(output: Output) -> str:
     """``/nav/<class>``, with the sensor behind it where there are several; the bus uses it too."""
     topic = f"/nav/{snake_case(type(output).__name__)}"
-    if isinstance(output, SourceValidity):
+    if isinstance(output, SourceValidity | ProvisionalSolution):
         return f"{topic}/{output.source}"
     return f"{topic}/{output.sensor}" if isinstance(output, HeightAboveGround) else topic
 

@@ -23,7 +23,7 @@ from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
-from fti.nav.filter.navigator import Navigator
+from fti.nav.filter.navigator import Navigator, is_known
 from fti.nav.filter.states import (
     ALTIMETER_BIAS,
     ALTIMETER_SCALE,
@@ -40,9 +40,11 @@ from fti.nav.filter.states import (
 from fti.nav.ground import Ground
 from fti.nav.inertial.errors import UNITS
 from fti.nav.navigation import NavState
+from fti.nav.plausibility.source import Unconfirmed
 from fti.nav.protection import Compared
 from fti.nav.separation.copies import Separation
 from fti.nav.separation.fault_detection import FaultDetection
+from fti.nav.separation.provisional import make_solution
 from fti.nav.series import SECOND_NS, Series
 from fti.nav.sources import LARGEST as MOST
 from fti.nav.sources import AttitudeState, PositionState, ellipsoidal, level_velocity
@@ -58,6 +60,7 @@ from fti.types import (
     Measurement,
     Position,
     PressureAltitude,
+    ProvisionalSolution,
     Reason,
     Velocity,
     VerticalSolution,
@@ -99,6 +102,7 @@ class AidedNavigation:
         self._alts = {name: Series() for name in settings.gnss}
         self._used_ns: dict[str, int] = {}
         self._velocity_ns: dict[str, int] = {}
+        self._unconfirmed_ns: dict[str, int] = {}  # of velocities that aid provisional filters alone
         self._pressure_ns: dict[str, int] = {}
         self._barometer: str | None = None
         self._climbs: dict[str, tuple[int, float | None, float | None]] = {}
@@ -163,6 +167,20 @@ class AidedNavigation:
         elif device in settings.baro and isinstance(m, PressureAltitude) and m.valid:
             self._take_pressure(device, m.alt_press, t_ns)
 
+    def take_unconfirmed(self, device: str, m: Measurement, what: Unconfirmed, t_ns: int) -> None:
+        """Take a measurement of an unconfirmed receiver, true at t_ns: it aids a provisional filter alone."""
+        if device not in self._settings.gnss or not _conceivable(m):
+            return
+        aiding: GnssPosition | GnssVelocity | None = None
+        if isinstance(m, Position) and m.valid:
+            aiding = self._position_aiding(device, m)
+        elif isinstance(m, Velocity) and m.valid:
+            level = m if "height" in what.quantities else replace(m, down=None)
+            aiding = self._velocity_aiding(device, level, self._lasting(self._unconfirmed_ns, device, t_ns))
+        if aiding is not None and is_known(aiding):
+            parts = aiding.apart() if isinstance(aiding, GnssPosition) else (aiding,)
+            self._faults.take_unconfirmed(device, what, t_ns, parts)
+
     def _take_pressure(self, device: str, alt: float, t_ns: int) -> None:
         """One barometer aids: the first one of the list that was heard lately; each has an offset of its own."""
         self._pressure_ns[device] = t_ns
@@ -180,42 +198,58 @@ class AidedNavigation:
             self._vertical.take_imu(t_ns, m.accel_b, *self._tilt, self._place)
 
     def _take_velocity(self, device: str, m: Velocity, t_ns: int) -> None:
-        north, east = level_velocity(m)
         self._climbs[device] = t_ns, -m.down if m.down is not None else None, m.sd
-        if north is None or east is None:
+        if None in level_velocity(m):
             return
-        down, sd = m.down, VELOCITY_SD if m.sd is None else m.sd
-        if down is None and not self._navigator.reaches(t_ns):  # it begins with a climb, if only that of the positions
-            climb = self._alts[device].slope(t_ns)
-            down, sd = None if climb is None else -climb, max(sd, CLIMB_SD)
-        sd *= self._lasting(device, t_ns)
-        self._navigator.take(t_ns, GnssVelocity(north, east, down, sd, self._arms[device], name=f"{device}.velocity"))
+        if m.down is None and not self._navigator.reaches(t_ns):  # it begins with a climb, if only of the positions
+            climb, sd = self._alts[device].slope(t_ns), VELOCITY_SD if m.sd is None else m.sd
+            m = replace(m, down=None if climb is None else -climb, sd=max(sd, CLIMB_SD))
+        aiding = self._velocity_aiding(device, m, self._lasting(self._velocity_ns, device, t_ns))
+        if aiding is not None:
+            self._navigator.take(t_ns, aiding)
 
-    def _lasting(self, device: str, t_ns: int) -> float:
+    def _velocity_aiding(self, device: str, m: Velocity, factor: float) -> GnssVelocity | None:
+        """None where it has no horizontal velocity.  factor : so many times its sigma counts"""
+        north, east = level_velocity(m)
+        if north is None or east is None:
+            return None
+        sd = factor * (VELOCITY_SD if m.sd is None else m.sd)
+        return GnssVelocity(north, east, m.down, sd, self._arms[device], name=f"{device}.velocity")
+
+    @staticmethod
+    def _lasting(velocity_ns: dict[str, int], device: str, t_ns: int) -> float:
         """How many times its sigma a velocity counts, whose error hangs together with the last one's."""
-        last = self._velocity_ns.get(device)
-        self._velocity_ns[device] = t_ns
+        last = velocity_ns.get(device)
+        velocity_ns[device] = t_ns
         apart_s = (t_ns - last) / SECOND_NS if last is not None and t_ns > last else 1.0
         return math.sqrt(max(1.0, 2.0 * VELOCITY_TAU_S / apart_s))
 
     def _take_position(self, device: str, m: Position, t_ns: int) -> None:
-        alt = ellipsoidal(m)
-        if m.lat is None or m.lon is None:
+        aiding = self._position_aiding(device, m)
+        if aiding is None:
             return
         refuses_height = device in self.refused_heights
         if refuses_height and not self._navigator.is_aligned:
-            alt = None  # the filter does not begin with a height that contradicted it
+            aiding = replace(aiding, alt=None)  # the filter does not begin with a height that contradicted it
+        self._navigator.take(t_ns, aiding)
+        if aiding.alt is not None and not refuses_height:
+            self._alts[device].push(t_ns, aiding.alt)
+            alt = aiding.alt + self._below(aiding.lever_arm_b)
+            self._vertical.take_satellites(t_ns, alt, aiding.vertical_sd, *self._climb_at(device, t_ns))
+
+    def _position_aiding(self, device: str, m: Position) -> GnssPosition | None:
+        """None where it has no place."""
+        if m.lat is None or m.lon is None:
+            return None
         level = POSITION_SD if m.horizontal_sd is None else m.horizontal_sd
         high = HEIGHT_SD if m.vertical_sd is None else m.vertical_sd
-        arm = self._arms[device]
         slow = (
             _at_least_once(level, GNSS_DRIFTS[Extra.GNSS_NORTH]), _at_least_once(high, GNSS_DRIFTS[Extra.GNSS_DOWN])
         )  # fmt: skip
         own = own_drifts(device) if len(self._settings.gnss) > 1 else ()
-        self._navigator.take(t_ns, GnssPosition(m.lat, m.lon, alt, level, high, arm, f"{device}.position", slow, own))
-        if alt is not None and not refuses_height:
-            self._alts[device].push(t_ns, alt)
-            self._vertical.take_satellites(t_ns, alt + self._below(arm), high, *self._climb_at(device, t_ns))
+        return GnssPosition(
+            m.lat, m.lon, ellipsoidal(m), level, high, self._arms[device], f"{device}.position", slow, own
+        )  # fmt: skip
 
     def _below(self, arm: Vector) -> float:
         """How far below P the antenna is [m], as the aircraft lies now."""
@@ -275,6 +309,12 @@ class AidedNavigation:
     def _protected(self, found: FilterSolution) -> FilterSolution:
         levels = self._faults.levels(found.t_ns) if found.valid else None
         return found if levels is None else replace(found, hpl=levels.horizontal, vpl=levels.vertical)
+
+    def provisional_solutions(self, t_ns: int) -> list[ProvisionalSolution]:
+        """What the filter would give with each unconfirmed receiver; none while the filter is invalid."""
+        running = self._faults.provisional(t_ns)
+        here = self.solution(t_ns) if running else None
+        return [make_solution(here, each) for each in running] if here is not None and here.valid else []
 
     def vertical_solution(self, t_ns: int) -> VerticalSolution:
         """What the vertical channel says."""

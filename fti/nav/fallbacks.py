@@ -15,6 +15,7 @@ from fti.nav.aided import AidedNavigation
 from fti.nav.carried_refusal import CarriedRefusal
 from fti.nav.ground import Ground
 from fti.nav.navigation import FILTER, RADIO, VERTICAL, NavState
+from fti.nav.plausibility.source import Unconfirmed
 from fti.nav.protection import Compared
 from fti.nav.radioed import RadioPosition
 from fti.nav.sources import AttitudeState, PositionState
@@ -46,6 +47,11 @@ class Fallbacks:
         parts = [part for part in (self._aided, self._radio) if part and part.wants(device, kind)]
         return [partial(part.feed, device) for part in parts]
 
+    def take_unconfirmed(self, device: str, m: Measurement, what: Unconfirmed, t_ns: int) -> None:
+        """Take a measurement of a source that is unconfirmed: it aids a provisional filter alone."""
+        if self._aided:
+            self._aided.take_unconfirmed(device, m, what, t_ns)
+
     def take_height(self, height: HeightAboveGround, nav: NavState) -> None:
         """Take an output of an altimeter."""
         for part in (self._aided, self._radio):
@@ -68,7 +74,7 @@ class Fallbacks:
             self._aided.note(nav)
         out: list[Output | Event] = []
         if self._aided and self._ticks % FILTER_TICKS == 0:
-            out += [*self._aided.events(t_ns), self._aided.solution(t_ns)]
+            out += [*self._aided.events(t_ns), self._aided.solution(t_ns), *self._aided.provisional_solutions(t_ns)]
         if self._aided and self._ticks % VERTICAL_TICKS == 0:
             out.append(self._aided.vertical_solution(t_ns))
         if self._radio and self._ticks % FIX_TICKS == 0:

@@ -163,6 +163,8 @@ class Pipeline:
         passed = self._plausibility.check(device, m, t_valid_ns)
         if self._witnesses.is_useful:
             self._witnesses.take(device, m, passed, t_valid_ns)
+        if self._fallbacks and (unconfirmed := self._plausibility.find_unconfirmed(device)):
+            self._fallbacks.take_unconfirmed(device, m, unconfirmed, t_valid_ns)
         for admitted in passed:
             for take in takers:
                 out += take(admitted, t_valid_ns) or ()

@@ -101,6 +101,17 @@ def make_feed(**height: Any) -> Feed:
     return feed
 
 
+def test_a_provisional_filter_is_shown_struck_out_until_it_is_late() -> None:
+    feed = make_feed()
+    fields = {"distance": 103.8, "height_difference": -1.2, "horizontal_sd": 1.8, "hpl": 154.4, "quantities": []}
+    said = {"t_ns": 0, "valid": False, "reasons": ["unconfirmed"], "readmission": "", "max_age_ms": 500.0}
+    feed.take("/nav/provisional_solution/gnss", fields | said, 0)
+    text = rendered(feed, 0)
+    for words in ("gnss, provisional", "\x1b[9;90m104 m off, height -1 m", "HPL 154 m", "not confirmed after a fault"):
+        assert words in text
+    assert "provisional" not in rendered(feed, 600_000_000)
+
+
 def test_values_links_and_origin_are_shown() -> None:
     text = rendered(make_feed(), 0)
     for words in ("HIL", "recording", "120.0 m", "± 0.50 m", "raw 123.0 m", "gnss_line", "/dev/ttyUSB3 does not exist"):

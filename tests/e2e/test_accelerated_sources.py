@@ -10,11 +10,14 @@ from typing import Any
 
 import pytest
 
+from fti.logger.reading.recording import Recording
+from fti.post.reprocess import recorded_setup, reprocess
 from tests.e2e.flights import Flight, fly_faster
 from tests.helpers import ROOT
 
 pytestmark = pytest.mark.timeout(300)
 
+PROVISIONAL = "/nav/provisional_solution/receiver"
 HEAD = f"""
 title = "A receiver that lies"
 description = "A fault of the satellite receiver, which is the only device of position."
@@ -69,3 +72,27 @@ def test_a_step_of_100_m_is_refused_at_once_and_its_end_is_a_closure(tmp_path: P
     assert largest_error_m(flown, 20.4, 75.0) < 25.0
     standing = [row for row in flown.outputs("/nav/source_validity/receiver") if 25.0 <= row["t"] < 39.0]
     assert {tuple(row["reasons"]) for row in standing} == {("jump", "unconfirmed")}
+
+
+def test_an_unconfirmed_receiver_has_a_provisional_solution_that_reprocessing_repeats(tmp_path: Path) -> None:
+    """A step of 100 m from 25 s on; its tests have passed for 30 s at 55 s."""
+    flown = fly_faster("gnss_step", tmp_path / "session", 70.0)
+    found = list(flown.outputs(PROVISIONAL))
+    assert 55.0 <= found[0]["t"] <= 58.5
+    assert found[-1]["t"] > 69.0
+    assert {(row["valid"], tuple(row["reasons"])) for row in found} == {(False, ("unconfirmed",))}
+    for row in found:
+        true = flown.truth_at(float(row["t"]))
+        north = (row["lat"] - true["lat"]) * 6.37e6
+        east = (row["lon"] - true["lon"]) * 6.38e6 * math.cos(true["lat"])
+        assert 90.0 < north < 110.0
+        assert math.hypot(north, east) < row["hpl"]
+    recording = flown.recording
+    setup = recorded_setup(recording, flown.session)
+    again = reprocess(recording, setup, tmp_path / "again", as_flown=False, progress=lambda seq: None)
+    assert messages(Recording.open(again)) == messages(recording)
+
+
+def messages(recording: Recording) -> list[tuple[int, bytes]]:
+    """Time and bytes of each provisional solution."""
+    return [(t_ns, data) for _, t_ns, *_, data in recording.messages(PROVISIONAL)]

@@ -94,6 +94,7 @@ def expecting(tmp_path: Path, channel: str) -> Scenario:
         ("/nav/glideslope.dots", "/nav has no 'glideslope'; it may have height_above_ground, "),
         ("/nav/height_above_ground/ins.raw", "it must name one of nav.altimeters: altimeter, autopilot"),
         ("/nav/height_above_ground.raw", "it must name one of nav.altimeters"),
+        ("/nav/provisional_solution/ins.hpl", "it must name one of nav.filter.gnss: "),
         ("/laser/range.slant_range", "there is no 'laser'; there are nav, fti, altimeter"),
         ("/gnss/position/gga.lat", "nothing is below it: 'gga'"),
     ],

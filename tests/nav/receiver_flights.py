@@ -162,7 +162,7 @@ def fly(
     filtered = AidedNavigation(settings.nav.filter, {device.name: device for device in settings.device})
     filtered.restore(restored, T0)
     truth, found = flight.truth.state(flight.t), Found()
-    queue = _measurements(flight, faults or {}, baro)
+    queue = measurements(flight, faults or {}, baro)
     at_s, device, m = next(queue)
     for k, t in enumerate(flight.t.tolist()):
         t_ns = T0 + round(t * SECOND_NS)
@@ -286,7 +286,7 @@ def _receiver(rng: Rng, truth: SplineFlight, t: Array, common: Array, *, alone: 
     return sound.moved(slow + WHITE_SD * rng.standard_normal(slow.shape), vel)
 
 
-def _measurements(flight: Flight, faults: Mapping[str, Fault], baro: bool) -> Iterator[tuple[float, str, Measurement]]:
+def measurements(flight: Flight, faults: Mapping[str, Fault], baro: bool) -> Iterator[tuple[float, str, Measurement]]:
     """Time [s], device, measurement, in order."""
     found: list[tuple[float, str, Measurement]] = []
     for number, (name, sound) in enumerate(flight.receivers.items()):

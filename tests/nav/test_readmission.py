@@ -10,6 +10,7 @@ from fti.nav.filter.estimate import Estimate, Start
 from fti.nav.filter.gate import LIMITS
 from fti.nav.filter.segment import Entry
 from fti.nav.filter.states import Model
+from fti.nav.separation.fault_detection import Refused, describe_readmission
 from fti.nav.separation.monitor import QUANTITY_AXES
 from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, Return
 
@@ -103,3 +104,21 @@ def test_all_quantities_must_agree() -> None:
     right = Entry(42 * SECOND, VELOCITY, nis=0.0, innovation=np.zeros(3))
     back.compare(right, here(5.0))
     assert back.has_agreed(round(agree(back, 42.5, 31.0, sd=5.0) * SECOND))
+
+
+def test_what_would_readmit_it_is_named_as_far_as_it_is_known() -> None:
+    """An eighth of 100 m; a height is confirmed by no witness; without a size the operator alone."""
+    back = returning()
+    feed(back, {0.0: 100.0}, sd=5.0)
+    outside = describe_readmission(Refused("gnss", "gnss", 0, back))
+    for part in ("a step back", "a sigma of the filter below 12.5 m (position)", "independent source", "readmit gnss'"):
+        assert part in outside
+    agree(back, 3.0, 31.0, sd=5.0)
+    assert "a step back" not in describe_readmission(Refused("gnss", "gnss", 0, back))
+    height = Return({HEIGHT.name: Contradiction(QUANTITY_AXES["height"], 47.0, 0, is_outside=True)})
+    alone = describe_readmission(Refused("gnss", "gnss height", 0, height))
+    assert "below 5.9 m (height)" in alone
+    assert "readmit gnss'" in alone
+    assert "independent" not in alone
+    back.begin_anew()
+    assert describe_readmission(Refused("gnss", "gnss", 0, back)) == "'fti readmit gnss'"

@@ -34,6 +34,7 @@ from fti.types import (
     NavSolution,
     Output,
     PositionFix,
+    ProvisionalSolution,
     Reason,
     VerticalSolution,
 )
@@ -49,6 +50,7 @@ GLIDE_ANGLE = math.radians(3.0)
 SPEED = 45.0  # m/s
 START_S_M = 6500.0
 DEG = math.pi / 180
+PROVISIONAL = "/nav/provisional_solution/gnss"
 
 Messages = dict[str, dict[str, Any]]
 
@@ -139,6 +141,17 @@ class Approach:
             "/nav/filter_solution": filtered,
             "/nav/vertical_solution": VerticalSolution(alt=640.0, vertical_sd=1.2, **common),
             "/nav/position_fix": PositionFix(**gone),
+            PROVISIONAL: ProvisionalSolution(
+                source="gnss",
+                quantities=("position", "height", "velocity"),
+                horizontal_sd=1.8,
+                distance=103.8,
+                height_difference=-1.2,
+                hpl=154.4,
+                vpl=18.7,
+                readmission="a step back that cancels it, or fti readmit",
+                **{**common, "valid": False, "reasons": (Reason.UNCONFIRMED,)},
+            ),
         }
 
     def _solution(self, t: float, s: float, dh: float, roll: float, common: dict[str, Any]) -> NavSolution:
@@ -306,7 +319,7 @@ EVENTS = (
 class FakeDaemon:
     """Publishes outputs at 10 Hz and health at 2 Hz from a thread, through a hub of its own.
 
-    muted : topics that are not sent
+    muted : topics that are not sent; at first that of an unconfirmed source
     change_health, change_integrity : may rewrite each message
     solution : fields of the navigation solution that are other ones
     breakers : states of those that are not on, while an emulator plays the sensors; None: there is none
@@ -316,7 +329,7 @@ class FakeDaemon:
     def __init__(self, lead_s: float = 0.0, path: Path | None = None) -> None:
         self._running = RunningHub(path)
         self.hub = self._running.hub
-        self.muted: set[str] = set()
+        self.muted: set[str] = {PROVISIONAL}
         self.change_health: Callable[[dict[str, Any]], None] = lambda health: None
         self.change_integrity: Callable[[dict[str, Any]], dict[str, Any]] = lambda fields: fields
         self.solution: dict[str, Any] = {}

@@ -14,7 +14,7 @@ import pytest
 
 from tests.run_dirs import running_daemon
 from tests.web.chromium import Chromium, Page, by_testid
-from tests.web.fake_feed import KEY, SESSION, DisplayProcess, FakeDaemon, make_clock
+from tests.web.fake_feed import KEY, PROVISIONAL, SESSION, DisplayProcess, FakeDaemon, make_clock
 
 pytestmark = [pytest.mark.browser, pytest.mark.e2e]
 
@@ -127,6 +127,23 @@ CUT_OFF = """[
     ...[...document.querySelectorAll('.sensor span, h2 .note')].filter((e) => e.scrollWidth > e.clientWidth),
     ...[...document.querySelectorAll('.panel')].filter((e) => e.scrollHeight > e.clientHeight),
 ].map((e) => e.id || e.textContent)"""
+
+
+async def test_how_far_an_unconfirmed_source_is_off_is_shown_as_long_as_it_is_published(
+    page: Page, daemon: FakeDaemon
+) -> None:
+    row = by_testid("fallback-provisional-gnss")
+    assert await page.eval(f"{row} === null")
+    daemon.muted.discard(PROVISIONAL)
+    await page.wait_for(f"{row} !== null")
+    assert await page.text("fallback-provisional-gnss-sd") == "104 m off, height −1 m · HPL 154"
+    assert await page.text("fallback-provisional-gnss-verdict") == "not confirmed after a fault"
+    assert "used again after a step back that cancels it, or fti readmit" in await page.eval(f"{row}.title")
+    await page.resize(1440, 900)
+    assert await page.eval("document.documentElement.scrollHeight") == 900
+    assert await page.eval(CUT_OFF) == []
+    daemon.muted.add(PROVISIONAL)
+    await page.wait_for(f"{row} === null")
 
 
 async def test_what_takes_the_place_of_devices_is_told_and_a_known_attitude_stays(

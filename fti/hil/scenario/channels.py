@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 from fti.config import Config
 from fti.logger.derived_log import snake_case
-from fti.types import HeightAboveGround, Measurement, Output
+from fti.types import HeightAboveGround, Measurement, Output, ProvisionalSolution
 
 OUTPUTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Output)}
 MEASUREMENTS: Mapping[str, Any] = {snake_case(kind.__name__): kind for kind in get_args(Measurement)}
@@ -33,10 +33,16 @@ def why_not(channel: str, config: Config) -> str:
 
 
 def _wrong_part(kind: Any, parts: Sequence[str], config: Config) -> str:
-    """Heights have the name of their altimeter behind them, nothing else has anything."""
-    if kind is HeightAboveGround and (len(parts) != 1 or parts[0] not in config.nav.altimeters):
-        return f"it must name one of nav.altimeters: {_listed(config.nav.altimeters)}"
-    return f"nothing is below it: {'/'.join(parts)!r}" if parts and kind is not HeightAboveGround else ""
+    """Heights and provisional solutions have a name behind them, nothing else has anything."""
+    receivers = config.nav.filter.gnss if config.nav.filter else ()
+    named = {
+        HeightAboveGround: ("nav.altimeters", config.nav.altimeters),
+        ProvisionalSolution: ("nav.filter.gnss", receivers),
+    }
+    role, names = named.get(kind, ("", ()))
+    if role and (len(parts) != 1 or parts[0] not in names):
+        return f"it must name one of {role}: {_listed(names)}"
+    return f"nothing is below it: {'/'.join(parts)!r}" if parts and not role else ""
 
 
 def _wrong_field(kind: Any, field: str) -> str:

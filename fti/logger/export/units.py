@@ -18,7 +18,7 @@ _BY_NAME = {
     "deviation tilt_pl heading_pl",
     "m": "alt alt_msl alt_press undulation horizontal_sd vertical_sd hpl vpl slant_range height_agl height_error "
     "height_error_sd shift shift_sd s_begin s_end alert_limit_v alert_limit_s protection_level_v "
-    "protection_level_s s y dh dh_sd dh_nav pseudorange "
+    "protection_level_s s y dh dh_sd dh_nav distance height_difference pseudorange "
     "pseudorange_sd predicted predicted_sd nearest nearest_sd compensated compensated_sd wheels",
     "m/s": "north east down ground_speed cas ias tas vel_north vel_east vel_down vel_sd vel_down_sd",
     "m/s^2": "accel_b",

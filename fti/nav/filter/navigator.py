@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fti.nav.filter import kernels, place
-from fti.nav.filter.aiding import Aiding, GnssPosition, SlantRange
+from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start, widened
 from fti.nav.filter.exclusion import SOUND, Cause, Exclusion
@@ -104,7 +104,7 @@ class Navigator:
 
     def take(self, t_ns: int, aiding: Aiding) -> None:
         """What aids, true at t_ns; level and height of a position are judged each for itself."""
-        if not _known(aiding):
+        if not is_known(aiding):
             self.refused[Reason.DEVICE_FLAG] += 1
             return
         if self._is_lost(aiding):
@@ -153,6 +153,11 @@ class Navigator:
     def take_segments(self) -> list[Segment]:
         """What became final since the last call, a second behind; see ``fti.nav.filter.segment``."""
         return self._timeline.take_segments() if self._timeline is not None else []
+
+    @property
+    def last_final(self) -> Estimate | None:
+        """The estimate where the last segment ends: the one that exclusions and readmissions replace."""
+        return self._timeline.first.estimate if self._timeline is not None else None
 
     def exclude(self, names: Iterable[str], since_ns: int, estimate: Estimate | None) -> None:
         """Exclude sources, and go on without them from an estimate at the end of the last segment.
@@ -303,16 +308,18 @@ def warm_up() -> None:
     kernels.correct(y, x, 0)
 
 
-def _known(aiding: Aiding) -> bool:
+def is_known(aiding: Aiding) -> bool:
     """Every number of it is one and conceivable, every sigma is positive, and what it says can be solved for."""
     if isinstance(aiding, SlantRange) and not aiding.meets:
         return False
+    if isinstance(aiding, GnssHeight):
+        return is_known(aiding.position)
     fields = aiding.__dataclass_fields__  # type: ignore[attr-defined]
     return all(_conceivable(name, getattr(aiding, name)) for name in fields if name != "own_drifts")
 
 
 def _conceivable(name: str, value: object) -> bool:
-    """Names and what is not told are; of numbers see ``_known``."""
+    """Names and what is not told are; of numbers see ``is_known``."""
     if isinstance(value, str) or value is None:
         return True
     numbers = (value,) if isinstance(value, float) else np.ravel(np.asarray(value, dtype=np.float64)).tolist()

@@ -36,9 +36,13 @@ class Change(StrEnum):
 
 
 class Admission:
-    """finding : the first one of the refusal in force, None while valid.  is_standing, is_restored : see the module"""
+    """finding : the first one of the refusal in force, None while valid.  is_standing, is_restored : see the module
 
-    def __init__(self) -> None:
+    has_witness : whether an independent source that agrees ends its contradiction
+    """
+
+    def __init__(self, *, has_witness: bool = False) -> None:
+        self._has_witness = has_witness
         self.finding: Finding | None = None
         self.reasons: tuple[Reason, ...] = ()
         self.is_standing = False
@@ -61,8 +65,20 @@ class Admission:
             return ""
         if not self.is_standing:
             return PASSES
-        ends = "fti readmit" if self.is_restored else "a step back that cancels it, or fti readmit"
-        return f"{ends}; then {PASSES}"
+        if self.is_restored:
+            return f"fti readmit; then {PASSES}"
+        witness = ", an independent source that agrees" if self._has_witness else ""
+        return f"a step back that cancels it{witness}, or fti readmit; then {PASSES}"
+
+    @property
+    def is_unconfirmed(self) -> bool:
+        """Whether a contradiction stands, and all tests have passed for long enough since."""
+        return self.is_standing and self._has_passed
+
+    @property
+    def _has_passed(self) -> bool:
+        since_ns = self._passed_since_ns
+        return since_ns is not None and self._newest_ns - since_ns >= PASS_S * SECOND_NS and self._passed >= PASS_FIXES
 
     def restore(self, finding: Finding) -> None:
         """Begin with a refusal of before this process."""
@@ -102,7 +118,7 @@ class Admission:
         lasted_ns = t_ns - self._passed_since_ns
         if self._established_ns is None and lasted_ns >= ESTABLISH_S * SECOND_NS and self._passed >= ESTABLISH_FIXES:
             self._established_ns = t_ns
-        if self.is_standing or lasted_ns < PASS_S * SECOND_NS or self._passed < PASS_FIXES:
+        if self.is_standing or not self._has_passed:
             return None
         was_refused, self.finding, self.reasons = self.finding is not None, None, ()
         return Change.VALID if was_refused else None

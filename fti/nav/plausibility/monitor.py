@@ -16,7 +16,7 @@ from fti.nav.plausibility.filter_attitude import FilterAttitudeTest
 from fti.nav.plausibility.finding import Finding
 from fti.nav.plausibility.heading import HeadingTest
 from fti.nav.plausibility.signals import HOLD_NS, SignalTest
-from fti.nav.plausibility.source import SourceTests, UnstatedSigmas
+from fti.nav.plausibility.source import SourceTests, Unconfirmed, UnstatedSigmas
 from fti.nav.series import SECOND_NS
 from fti.nav.sources import level_velocity
 from fti.types import (
@@ -150,6 +150,11 @@ class PlausibilityMonitor:
     def readmit(self, device: str, t_ns: int) -> list[Event]:
         """The operator has confirmed a source; its contradiction does not count any more.  Raises KeyError."""
         return self._tests[device].readmit(t_ns)
+
+    def find_unconfirmed(self, device: str) -> Unconfirmed | None:
+        """What of a source is unconfirmed, and agrees with itself; None: nothing, or it is no source of position."""
+        tests = self._tests.get(device)
+        return tests.unconfirmed if tests else None
 
     @property
     def standing_sizes(self) -> dict[str, float]:

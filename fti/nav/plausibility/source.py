@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from fti.config import Device, SourceLimits
 from fti.geodesy.one_point import radii
@@ -48,6 +49,16 @@ POSITION, ALTITUDE = "position", "altitude"
 ELLIPSOID, SEA = "ellipsoid", "sea"
 
 
+class Unconfirmed(NamedTuple):
+    """A source whose contradiction stands while its tests pass again.
+
+    quantities : position, height, velocity, as far as nothing else refuses them;  readmission : what would end it
+    """
+
+    quantities: tuple[str, ...]
+    readmission: str
+
+
 @dataclass(frozen=True, slots=True)
 class UnstatedSigmas:
     """Sigma of a position that states none [m]."""
@@ -61,7 +72,7 @@ class SourceTests:
 
     def __init__(self, device: Device, limits: SourceLimits, unstated: UnstatedSigmas) -> None:
         self.name = device.name
-        self.position, self.altitude = Admission(), Admission()
+        self.position, self.altitude = Admission(has_witness=True), Admission()
         self.newest_ns: int | None = None
         self._latency_ns = round(device.latency_ms * 1e6)
         self._arm = math.hypot(*device.lever_arm_b)
@@ -153,6 +164,16 @@ class SourceTests:
     def is_unconfirmed(self) -> bool:
         """Whether a contradiction stands."""
         return self.position.is_standing or self.altitude.is_standing
+
+    @property
+    def unconfirmed(self) -> Unconfirmed | None:
+        """What of it is unconfirmed, and has passed its tests for 30 s; None: nothing."""
+        if self.position.is_unconfirmed:
+            is_high = self.altitude.is_valid or self.altitude.is_unconfirmed
+            return Unconfirmed(("position", "velocity", "height")[: 2 + is_high], self.position.needs)
+        if self.position.is_valid and self.altitude.is_unconfirmed:
+            return Unconfirmed(("height",), self.altitude.needs)
+        return None
 
     @property
     def is_suspected(self) -> bool:

@@ -25,11 +25,13 @@ import numpy as np
 from fti.config import Filter
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
 from fti.nav.exclusion_events import altitude_name
+from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
 from fti.nav.filter.segment import Moment, Piece, Segment, cut
+from fti.nav.plausibility.source import Unconfirmed
 from fti.nav.separation.absence import TRIAL_NS, AbsenceMonitor
 from fti.nav.separation.copies import Separation, separate
 from fti.nav.separation.ladder import Ladder, Rungs
@@ -45,8 +47,9 @@ from fti.nav.separation.monitor import (
     Refusals,
     SeparationMonitor,
 )
-from fti.nav.separation.protection import Levels, of_copies, of_filter
-from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, RESOLVED_SHARE, Contradiction, Return
+from fti.nav.separation.protection import Levels, of_copies, of_filter, of_provisional
+from fti.nav.separation.provisional import Provisional, ProvisionalFilters
+from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, Contradiction, Return
 from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, Reason
 
@@ -62,6 +65,7 @@ RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
 BOUNDED_NS = 2 * SECOND_NS
 #: The filter separates so much farther without a wrong receiver than without any other one.
 ALONE = 1.5
+COMMANDED = "the operator commands it"
 HEIGHTS, SATELLITES = "heights", "satellites"
 QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
 
@@ -166,6 +170,7 @@ class FaultDetection:
         self._several = settings.gnss if len(settings.gnss) > 1 else ()
         self._is_restarted = False
         self._step_ns = STEPS_NS[settings.unit]
+        self._provisional = ProvisionalFilters()
 
     # ---------------------------------------------------------------------------------------------------- telling
 
@@ -216,7 +221,8 @@ class FaultDetection:
             back.begin_anew()
             what = name.format(refusal.source)
             self._refused[what] = Refused(refusal.source, what, refusal.onset_ns, back)
-            text = f"{what}: still refused after navigation was started again; 'fti readmit' lets it back in"
+            text = f"{what}: still refused after navigation was started again"
+            text += f"; it aids again after {describe_readmission(self._refused[what])}"
             self._tell(t_ns, "warning", text)
 
     def levels(self, t_ns: int) -> Levels | None:
@@ -224,12 +230,37 @@ class FaultDetection:
         here = self._navigator.at(t_ns)
         if here is None:
             return None
-        lag_s = 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
-        found = [of_filter(here), *(w.levels(lag_s) for w in self._classes)]
+        found = [of_filter(here), *self._levels_of_copies(t_ns)]
         return Levels(
             max(level.horizontal for level in found) + self._tolerance,
             max(level.vertical for level in found) + self._tolerance,
         )
+
+    def _lag_s(self, t_ns: int) -> float:
+        """How old the copies are at a time."""
+        return 0.0 if self._end_ns is None else max(0.0, (t_ns - self._end_ns) / SECOND_NS)
+
+    def _levels_of_copies(self, t_ns: int) -> list[Levels]:
+        return [watched.levels(self._lag_s(t_ns)) for watched in self._classes]
+
+    def provisional(self, t_ns: int) -> list[Provisional]:
+        """Provisional filters of unconfirmed receivers at a time; none where there is no filter."""
+        final = self._navigator.last_final
+        here = self._navigator.at(t_ns) if self._provisional.is_any else None
+        if final is None or here is None:
+            return []
+        copies, added = self._levels_of_copies(t_ns), self._tolerance
+        found = []
+        for device, offset in self._provisional.find_offsets(final, self._lag_s(t_ns)):
+            horizontal, vertical = of_provisional(offset.offset_n, here, copies)
+            levels = Levels(horizontal + added, vertical + added)
+            found.append(Provisional(device, offset, levels, self._readmission(device)))
+        return found
+
+    def _readmission(self, device: str) -> str:
+        """What would readmit a receiver that the filter excludes, its own tests refuse, or both."""
+        texts = [describe_readmission(r) for r in self._refused.values() if r.device == device]
+        return "; ".join(filter(None, (*texts, self._provisional.own_readmission(device))))
 
     @property
     def separations(self) -> dict[str, list[Separation]]:
@@ -247,6 +278,11 @@ class FaultDetection:
         """Receivers that tests of one source suspect from now on."""
         for watched in self._classes:
             watched.is_doubted = watched.what != HEIGHTS and not devices.isdisjoint(watched.devices)
+
+    def take_unconfirmed(self, device: str, what: Unconfirmed, t_ns: int, parts: Iterable[Aiding]) -> None:
+        """Take a measurement of a receiver that its own tests refuse, and that is unconfirmed."""
+        if self._navigator.is_aligned:
+            self._provisional.take(device, receiver_names(device, what.quantities), what.readmission, t_ns, parts)
 
     def update(self, t_ns: int) -> None:
         """Follow the filter to its last segment; exclude what contradicts, let back in what agrees."""
@@ -269,6 +305,7 @@ class FaultDetection:
             return
         self._compare_refused(segment)
         pieces = cut(segment)
+        self._provisional.follow(segment, pieces, self._unconfirmed)
         for watched in self._classes:
             if self._is_bounded(watched, segment) or (self.is_drawn and watched.what in self._several):
                 watched.follow(segment, pieces)
@@ -277,6 +314,15 @@ class FaultDetection:
         if not self.is_reacquired:
             self._tolerance = 0.0
         self._tell_returns(segment)
+
+    @property
+    def _unconfirmed(self) -> dict[str, frozenset[str]]:
+        """Names with which receivers that are excluded agree with themselves, by device."""
+        found = dict[str, frozenset[str]]()
+        for refused in self._refused.values():
+            if refused.back.has_passed:
+                found[refused.device] = found.get(refused.device, frozenset()) | refused.names
+        return found
 
     def _tell_returns(self, segment: Segment) -> None:
         for watched in self._classes:
@@ -308,6 +354,7 @@ class FaultDetection:
     def _begin_anew(self) -> None:
         """The filter has begun again: what was known of its copies is not true of it; who was excluded still is."""
         self._forget_copies()
+        self._provisional.clear()
         self._drawn_ns, self._tolerance, self._is_restarted = None, 0.0, True
         for refused in self._refused.values():
             refused.back.begin_anew()
@@ -317,7 +364,8 @@ class FaultDetection:
         self._is_restarted = False
         for refused in self._refused.values():
             self._navigator.exclude(refused.names, refused.onset_ns, None)
-            text = f"{refused.what}: still refused after the filter began again; 'fti readmit' lets it back in"
+            text = f"{refused.what}: still refused after the filter began again"
+            text += f"; it aids again after {describe_readmission(refused)}"
             self._tell(t_ns, "warning", text)
 
     # --------------------------------------------------------------------------------------------------- judging
@@ -402,7 +450,7 @@ class FaultDetection:
             what = device if quantities == QUANTITIES else f"{device} height"
             back = Return({f"{device}.{q}": _contradiction(device, q, finding, segment) for q in quantities})
             self._refused[what] = Refused(device, what, finding.onset_ns, back)
-            self._tell(t_ns, "warning", _describe(what, finding, t_ns))
+            self._tell(t_ns, "warning", _describe(device, what, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
         self._navigator.exclude(_names(devices, quantities), finding.onset_ns, copy)
         for watched in self._classes:  # copies without satellites go without their heights, too
@@ -446,16 +494,31 @@ class FaultDetection:
 
     def _readmit(self, refused: Refused, t_ns: int, tolerance: float, why: str, disagreement: float = 0.0) -> None:
         del self._refused[refused.what]
+        self._provisional.end(refused.device)
         self._navigator.readmit(refused.names, disagreement)
         self._tolerance = max(self._tolerance, tolerance)
         self._forget_copies()
         self._tell(t_ns, "info", f"{refused.what}: aids the filter again: {why}")
 
     def readmit(self, device: str, t_ns: int) -> None:
-        """Let a receiver back in because the operator commands it, if it is excluded."""
+        """Let a receiver back in because the operator commands it, if it is excluded or its own tests refuse it."""
         mine = [r for r in self._refused.values() if r.device == device]
+        if not mine:
+            self._admit(device, t_ns)
         for refused in mine:
-            self._readmit(refused, t_ns, 0.0, "the operator commands it", refused.back.size)
+            self._readmit(refused, t_ns, 0.0, COMMANDED, refused.back.size)
+
+    def _admit(self, device: str, t_ns: int) -> None:
+        """The filter, which has coasted, is to follow a receiver that only its own tests have refused."""
+        distance, waiting = self._provisional.distance(device), self._provisional.end(device)
+        if distance is None:
+            return
+        self._navigator.readmit((), distance)
+        for entry in waiting:
+            if self._navigator.reaches(entry.t_ns):
+                self._navigator.take(entry.t_ns, entry.aiding)
+        self._forget_copies()
+        self._tell(t_ns, "info", f"{device}: aids the filter again: {COMMANDED}")
 
     @property
     def standing_sizes(self) -> dict[str, Size]:
@@ -466,6 +529,7 @@ class FaultDetection:
         """An independent source agrees with a receiver: it is back in, or the filter begins anew."""
         refused = self._refused.get(found.device)
         if refused is None:
+            self._provisional.end(found.device)
             return
         if found.is_against_filter:
             self._begin_with(refused, found.witness, t_ns)
@@ -560,14 +624,28 @@ def _size(refused: Refused) -> Size:
     return Size(level if level > 0.0 else None, known.get("height"))
 
 
-def _describe(what: str, finding: Finding, t_ns: int) -> str:
+def describe_readmission(refused: Refused) -> str:
+    """What would let a receiver back in, or its height, as far as it is known."""
+    back, command = refused.back, f"'fti readmit {refused.device}'"
+    ways = ["a step back that ends the contradiction"] if back.is_known and back.is_outside else []
+    if back.is_known:
+        ways.append(f"a sigma of the filter below {back.describe_resolved()}")
+    if refused.what == refused.device and (_size(refused).level or 0.0) > 0.0:
+        ways.append("agreement of an independent source")
+    if not ways:
+        return command
+    agreed = f"{AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes inside the gate of the filter"
+    return f"{agreed} and {' or '.join(ways)}; or {command}"
+
+
+def _describe(device: str, what: str, finding: Finding, t_ns: int) -> str:
     since_s, age_s, before = (t_ns - finding.onset_ns) / SECOND_NS, 0.0, ""
     if finding.copy is not None:
         age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
         before = "" if finding.onset_ns >= finding.copy.began_ns else "; it may have contradicted before that"
     return (
         f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
-        f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit'"
+        f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit {device}'"
     )
 
 
@@ -580,6 +658,6 @@ def _describe_return(watched: Watched) -> str:
 
 def _describe_unconfirmed(refused: Refused) -> str:
     return (
-        f"{refused.what}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed: the filter"
-        f" is not certain to {RESOLVED_SHARE * refused.back.size:.1f} m; 'fti readmit' lets it back in"
+        f"{refused.what}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed; it aids"
+        f" again after {describe_readmission(refused)}"
     )

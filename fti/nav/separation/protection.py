@@ -16,9 +16,14 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fti.nav.filter.estimate import Estimate
 from fti.nav.protection import K_AXIS, K_RADIAL
 from fti.nav.separation.copies import Separation, largest_sd
+
+Array = NDArray[np.float64]
 
 K_MD_RADIAL, K_MD_AXIS = 3.72, 3.09
 
@@ -33,6 +38,18 @@ class Levels(NamedTuple):
 def of_filter(here: Estimate) -> Levels:
     """Without any copy."""
     return Levels(K_RADIAL * largest_sd(here.cov_n[:2, :2]), K_AXIS * float(here.sd_n[2]))
+
+
+def of_provisional(offset_n: Array, here: Estimate, copies: Iterable[Levels]) -> Levels:
+    """Of a provisional filter, so far from the filter ``here``.
+
+    offset_n : (6,) [m, m/s], north, east, down;  copies : levels of the copies of the filter, by class
+    """
+    known = [Levels(K_MD_RADIAL * largest_sd(here.cov_n[:2, :2]), K_MD_AXIS * float(here.sd_n[2])), *copies]
+    return Levels(
+        math.hypot(offset_n[0], offset_n[1]) + max(level.horizontal for level in known),
+        abs(float(offset_n[2])) + max(level.vertical for level in known),
+    )
 
 
 def of_copies(separations: Iterable[Separation], lag_s: float) -> Levels:

@@ -22,6 +22,8 @@ from fti.nav.filter.gate import LIMITS
 from fti.nav.filter.segment import Entry
 
 AGREED_NS, AGREED_COUNT = 30_000_000_000, 30
+#: Fixes that are farther apart do not follow each other [ns].
+MAX_GAP_NS = 3_000_000_000
 #: A contradiction that ends within so long of its last measurement ended by a step of the source.
 STEP_NS = 2_000_000_000
 K_STEP = 4.2
@@ -60,15 +62,20 @@ class Return:
 
     agreed_ns, times : since when, and in how many fixes, all quantities have been inside the gate
     tolerance : of the step that ended the contradiction [m], None: no step has ended it
+    passed_ns, passes, newest_ns : since when, and in how many fixes, its own tests have passed; its newest fix
     """
 
     contradictions: dict[str, Contradiction]
     agreed_ns: int | None = None
     times: int = 0
     tolerance: float | None = None
+    passed_ns: int | None = None
+    passes: int = 0
+    newest_ns: int = 0
 
     def compare(self, entry: Entry, here: Estimate) -> None:
         """Take one more measurement of the source.  here : the filter at about its time"""
+        self._note_pass(entry)
         self.contradictions[entry.aiding.name].compare(entry)
         if any(c.is_outside for c in self.contradictions.values()):
             self.agreed_ns, self.times, self.tolerance = None, 0, None
@@ -77,11 +84,27 @@ class Return:
             self.agreed_ns, self.tolerance = entry.t_ns, self._find_tolerance(entry.t_ns, here)
         self.times += bool(entry.aiding.bounds)
 
+    def _note_pass(self, entry: Entry) -> None:
+        """Count a fix; those that the tests of one source refuse do not arrive here."""
+        if not entry.aiding.bounds or entry.t_ns == self.newest_ns:
+            return
+        if self.passed_ns is None or entry.t_ns - self.newest_ns > MAX_GAP_NS:
+            self.passed_ns, self.passes = entry.t_ns, 0
+        self.newest_ns = entry.t_ns
+        self.passes += 1
+
+    @property
+    def has_passed(self) -> bool:
+        """Whether its own tests have passed for long enough, in enough fixes, inside the gate of the filter or not."""
+        lasts = self.passed_ns is not None and self.newest_ns - self.passed_ns >= AGREED_NS
+        return lasts and self.passes >= AGREED_COUNT
+
     def begin_anew(self) -> None:
         """The filter has begun again, and may have begun with anything: only the operator lets the source back in."""
         for contradiction in self.contradictions.values():
             contradiction.size, contradiction.outside_ns = 0.0, contradiction.outside_ns or 0
         self.agreed_ns, self.times, self.tolerance = None, 0, None
+        self.passed_ns = None
 
     def _find_tolerance(self, t_ns: int, here: Estimate) -> float | None:
         """Where a step of the source has ended the contradiction: how large a lie of position could still be.
@@ -102,6 +125,22 @@ class Return:
     def size(self) -> float:
         """The largest contradiction just before it ended [m, m/s]."""
         return max((c.size for c in self._real), default=0.0)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the sizes of its contradictions are known; else neither a step nor the filter ends them."""
+        return bool(self._real) and all(c.size > 0.0 for c in self._real)
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether it contradicts the filter at present."""
+        return any(c.is_outside for c in self.contradictions.values())
+
+    def describe_resolved(self) -> str:
+        """Sigmas of the filter that would show its contradictions."""
+        real = {name.rpartition(".")[2]: c.size for name, c in self.contradictions.items() if c.outside_ns is not None}
+        parts = [(part, RESOLVED_SHARE * size, "m/s" if part == "velocity" else "m") for part, size in real.items()]
+        return ", ".join(f"{limit:.1f} {unit} ({part})" for part, limit, unit in parts)
 
     def has_agreed(self, t_ns: int) -> bool:
         """For long enough, in enough fixes."""

@@ -1,7 +1,8 @@
 // What stands ready in place of devices, or has taken it: how good it is, and why it is not better.
+// Below it the provisional filters of unconfirmed sources: how far each is from the filter, and its protection level.
 
 import { h, Keyed, setAttribute, setText } from "./dom.js";
-import { plusMinus } from "./format.js";
+import { fixed, plusMinus } from "./format.js";
 import { describe } from "./validity.js";
 
 const NAMES = {
@@ -9,6 +10,8 @@ const NAMES = {
   "/nav/vertical_solution": ["vertical", "vertical channel"],
   "/nav/position_fix": ["fix", "satellites, DME"],
 };
+
+const PROVISIONAL = "/nav/provisional_solution/";
 
 export class Fallbacks {
   constructor() {
@@ -18,7 +21,10 @@ export class Fallbacks {
 
   show(outputs) {
     const topics = Object.keys(NAMES).filter((topic) => topic in outputs);
-    const rows = this.rows.sync(topics);
+    // One that has ended is not published any more.
+    const provisional = Object.keys(outputs).filter((topic) => topic.startsWith(PROVISIONAL) && !outputs[topic].late);
+    const rows = this.rows.sync([...topics, ...provisional]);
+    for (const topic of provisional) showProvisional(rows.get(topic), outputs[topic]);
     for (const topic of topics) {
       const { sd, verdict, root } = rows.get(topic);
       const output = outputs[topic];
@@ -33,8 +39,18 @@ export class Fallbacks {
   }
 }
 
+function showProvisional({ sd, verdict, root }, output) {
+  const { text, kind } = describe(output);
+  const height = fixed(output.height_difference, 0, { sign: true });
+  setText(sd, `${fixed(output.distance, 0)} m off, height ${height} m · HPL ${fixed(output.hpl, 0)}`);
+  setText(verdict, text);
+  setAttribute(verdict, "data-kind", kind);
+  setAttribute(root, "title", `provisional filter with ${output.quantities.join(", ")}; used again after ${output.readmission}`);
+}
+
 function makeRow(topic) {
-  const [id, name] = NAMES[topic];
+  const source = topic.slice(PROVISIONAL.length);
+  const [id, name] = NAMES[topic] ?? [`provisional-${source}`, source];
   const sd = h("span", { class: "sd", "data-testid": `fallback-${id}-sd` });
   const verdict = h("span", { class: "verdict", "data-testid": `fallback-${id}-verdict` });
   return { root: h("div", { "data-testid": `fallback-${id}` }, h("strong", {}, name), sd, verdict), sd, verdict };
