@@ -2,10 +2,11 @@
 
 Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude, altimeters over known
 ground, airspeed and magnetic heading, and takes the place of devices that give no position, altitude or attitude any
-more; the vertical channel gives the altitude when the filter gives none either.  Heights of altimeters count once a second: samples that follow see the
-same ground.  What a receiver states of its position, and what is known of the ground, is for the most part one error
-that lasts: it sizes the slow state, or many fixes would average away what they have in common; a velocity every dt
-counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of this runs.
+more; the vertical channel gives the altitude when the filter gives none either.  Heights of altimeters count once a
+second: samples that follow see the same ground.  What a receiver states of its position, and what is known of the
+ground, is for the most part one error that lasts: it sizes the slow state, or many fixes would average away what they
+have in common; a velocity every dt counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of
+this runs.
 """
 
 from __future__ import annotations

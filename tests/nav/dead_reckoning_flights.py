@@ -206,7 +206,7 @@ class Found:
     @property
     def radial(self) -> Array:
         """Horizontal error [m]."""
-        return np.hypot(*np.array(self.error).T)
+        return np.asarray(np.hypot(*np.array(self.error).T))
 
     def at(self, t: float) -> int:
         """Row of a time."""
