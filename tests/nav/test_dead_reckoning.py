@@ -119,6 +119,16 @@ def test_a_tactical_heading_does_not_follow_a_wrong_magnetometer() -> None:
         assert not any(found.refused)
 
 
+def test_sound_ones_are_not_blamed_when_satellites_come_back(request: pytest.FixtureRequest) -> None:
+    lost, back = 110.0, 170.0
+    for number in numbers(request):
+        found = fly(draw(number, back + 40.0), Case(lost=(lost, back)))
+        assert misled(found) == 0.0
+        assert not any(found.refused)
+        assert [event.level for _, event in found.events] == ["info"], found.texts()
+        assert found.radial[-1] < 6.0
+
+
 LIES: dict[str, tuple[Fault | None, Fault | None]] = {
     "airspeed 30 % low within a minute": (icing(130.0, 60.0, 0.3), None),
     "magnetometer 30 deg off": (None, turned_field(130.0, 30.0)),
