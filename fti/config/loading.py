@@ -111,9 +111,16 @@ def _check_filter(config: Config, devices: list[str], file: str) -> None:
     if nav.filter is None:
         return
     named = {"imu": (nav.filter.imu,), "gnss": nav.filter.gnss, "baro": nav.filter.baro}
+    single = {"airspeed": nav.filter.airspeed, "heading": nav.filter.heading}
+    named |= {key: (name,) for key, name in single.items() if name is not None}
     for key, names in named.items():
         if unknown := [name for name in names if name not in devices]:
             raise ConfigError(f"{file}: nav.filter.{key}: {unknown[0]!r} is no device; there are {_listed(devices)}")
+    if nav.filter.heading is not None and nav.filter.declination_deg is None:
+        said = "missing; nav.filter.heading needs it: -180 to 180, magnetic north east of true north is positive"
+        raise ConfigError(f"{file}: nav.filter.declination_deg: {said}")
+    if nav.filter.heading is None and nav.filter.declination_deg is not None:
+        raise ConfigError(f"{file}: nav.filter.declination_deg: belongs to nav.filter.heading, which is missing")
     for i, device in enumerate(config.device):
         if device.name == nav.filter.imu and device.altimeter and any(device.rpy_bs_deg):
             raise ConfigError(

@@ -229,6 +229,8 @@ class Filter(StrictModel):
     gnss       : devices whose positions and velocities aid
     baro       : the device whose pressure altitude aids, or several in order of preference
     altimeters : those whose heights aid over known terrain
+    airspeed   : the device whose true airspeed aids, with a wind that is estimated
+    heading    : the device whose magnetic field aids the heading;  declination_deg : of the area, east positive
     states     : with or without the biases of the unit
     """
 
@@ -237,6 +239,9 @@ class Filter(StrictModel):
     gnss: tuple[Name, ...] = ()
     baro: tuple[Name, ...] = ()
     altimeters: tuple[Name, ...] = ()
+    airspeed: Name | None = None
+    heading: Name | None = None
+    declination_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
     states: Literal[9, 15] = 15
 
     @field_validator("baro", mode="before")

@@ -1,11 +1,12 @@
 """Inertial navigation of our own, live: the error-state filter and the vertical channel, fed by devices.
 
-Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude and altimeters over known
-ground, and takes the place of devices that give no position, altitude or attitude any more; the vertical channel gives
-the altitude when the filter gives none either.  Heights of altimeters count once a second: samples that follow see the
-same ground.  What a receiver states of its position, and what is known of the ground, is for the most part one error
-that lasts: it sizes the slow state, or many fixes would average away what they have in common; a velocity every dt
-counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of this runs.
+Both take the inertial samples of one device.  The filter is aided by GNSS, pressure altitude, altimeters over known
+ground, airspeed and magnetic heading, and takes the place of devices that give no position, altitude or attitude any
+more; the vertical channel gives the altitude when the filter gives none either.  Heights of altimeters count once a
+second: samples that follow see the same ground.  What a receiver states of its position, and what is known of the
+ground, is for the most part one error that lasts: it sizes the slow state, or many fixes would average away what they
+have in common; a velocity every dt counts with sigma^2 2 T / dt.  Configured by ``[nav.filter]``; without it nothing of
+this runs.
 """
 
 from __future__ import annotations
@@ -21,16 +22,19 @@ from fti.geodesy.rotations import down_row
 from fti.nav.altimetry.nadir import over_ground
 from fti.nav.altitude_hold import HOLD_NS, HoldMonitor
 from fti.nav.carried_refusal import CarriedRefusal
+from fti.nav.dead_reckoning_aids import DeadReckoningAids
 from fti.nav.exclusion_events import ExclusionEvents, altitude_name, own_states
 from fti.nav.filter.aiding import BaroAltitude, GnssPosition, GnssVelocity, TerrainAltitude, Vector
 from fti.nav.filter.navigator import Navigator, is_known
 from fti.nav.filter.states import (
+    AIRSPEED_DRIFTS,
     ALTIMETER_BIAS,
     ALTIMETER_SCALE,
     BARO_DRIFT,
     BARO_SCALE_DRIFT,
     DEM_DRIFT,
     GNSS_DRIFTS,
+    HEADING_DRIFTS,
     Drift,
     Extra,
     Model,
@@ -52,11 +56,13 @@ from fti.nav.vertical.fallback import Aiding, VerticalFallback, VerticalState
 from fti.nav.vertical.inertial import Place
 from fti.nav.witnesses import Confirmation, Size
 from fti.types import (
+    Airspeed,
     Attitude,
     Event,
     FilterSolution,
     HeightAboveGround,
     ImuSample,
+    MagneticField,
     Measurement,
     Position,
     PressureAltitude,
@@ -75,7 +81,7 @@ VELOCITY_TAU_S = 5.0
 #: No altitude, speed or sigma in SI units is larger.
 LARGEST = 1e6
 BOUNDED = (
-    "alt", "alt_msl", "alt_press", "north", "east", "down", "ground_speed", "sd", "horizontal_sd", "vertical_sd"
+    "alt", "alt_msl", "alt_press", "north", "east", "down", "ground_speed", "sd", "horizontal_sd", "vertical_sd", "tas"
 )  # fmt: skip
 #: A climb belongs to the height of a receiver that is true within so long of it [ns].
 CLIMB_NS = 500_000_000
@@ -94,6 +100,7 @@ class AidedNavigation:
         self._navigator = Navigator(_model(settings))
         self._exclusions = ExclusionEvents(self._navigator, settings.altimeters)
         self._faults = FaultDetection(self._navigator, settings)
+        self._dead_reckoning = DeadReckoningAids(settings)
         self._vertical = VerticalFallback()
         self._filter_hold, self._vertical_hold = HoldMonitor(), HoldMonitor()
         self._ground: Ground | None = None
@@ -146,6 +153,8 @@ class AidedNavigation:
             Velocity: settings.gnss,
             Position: settings.gnss,
             PressureAltitude: settings.baro,
+            Airspeed: (settings.airspeed,),
+            MagneticField: (settings.heading,),
         }
         return issubclass(kind, Attitude) or any(issubclass(kind, of) and device in by for of, by in fed.items())
 
@@ -166,6 +175,8 @@ class AidedNavigation:
             self._take_position(device, m, t_ns)
         elif device in settings.baro and isinstance(m, PressureAltitude) and m.valid:
             self._take_pressure(device, m.alt_press, t_ns)
+        elif (aiding := self._dead_reckoning.make(device, m, t_ns)) is not None:
+            self._navigator.take(t_ns, aiding)
 
     def take_unconfirmed(self, device: str, m: Measurement, what: Unconfirmed, t_ns: int) -> None:
         """Take a measurement of an unconfirmed receiver, true at t_ns: it aids a provisional filter alone."""
@@ -443,4 +454,6 @@ def _model(settings: Filter) -> Model:
         extras[Extra.DEM] = DEM_DRIFT
     for sensor in settings.altimeters:
         extras |= dict(zip(own_states(sensor), (ALTIMETER_BIAS, ALTIMETER_SCALE), strict=True))
+    extras |= AIRSPEED_DRIFTS if settings.airspeed else {}
+    extras |= HEADING_DRIFTS if settings.heading else {}
     return Model(UNITS[settings.unit], settings.states == 15, extras)

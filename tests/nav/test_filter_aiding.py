@@ -20,6 +20,7 @@ from fti.nav.filter.aiding import (
     SlantRange,
     TerrainAltitude,
 )
+from fti.nav.filter.dead_reckoning import TrueAirspeed
 from fti.nav.filter.estimate import Estimate, Start
 from fti.nav.filter.measurement_update import updated
 from fti.nav.filter.states import Drift, Extra, Model
@@ -54,6 +55,7 @@ AIDS: list[Aiding] = [
     BaroAltitude(690.0, 1.0),
     TerrainAltitude(702.0, 1.0, 150.0, dem_factor=3.0),
     SlantRange(163.0, 0.5, 160.0, 0.8, 0.2, 700.0, U, N),
+    TrueAirspeed(58.0, 1.0, 2.0),
 ]
 
 
@@ -63,7 +65,8 @@ def test_h_is_what_an_error_does_to_the_innovation(aiding: Aiding) -> None:
     here = made()
     z, H, R = aiding.compute_matrices(here)
     assert np.linalg.eigvalsh(R).min() > 0.0
-    sizes = np.concatenate((np.full(3, 0.1), np.full(3, 1e-2), np.full(3, 1e-5), np.full(6, 1e-5), np.full(7, 1e-2)))
+    sizes = np.concatenate((np.full(3, 0.1), np.full(3, 1e-2), np.full(3, 1e-5), np.full(6, 1e-5)))
+    sizes = np.concatenate((sizes, np.full(len(MODEL.extras), 1e-2)))
     for k, size in enumerate(sizes):
         if isinstance(aiding, SlantRange) and 6 <= k < 9:
             continue

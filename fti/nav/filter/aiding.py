@@ -52,11 +52,15 @@ class Aiding(Protocol):
     def is_other(self) -> bool:
         """Whether its own states are those of another source until now, and are estimated anew."""
 
+    @property
+    def yields(self) -> bool:
+        """Whether it corrects its own states alone while others bound the horizontal."""
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z, H, R at the estimate of its time."""
 
 
-class _LastingErrors:
+class LastingErrors:
     """A source whose own errors, if any, do not change at once."""
 
     __slots__ = ()
@@ -71,8 +75,13 @@ class _LastingErrors:
         """Never: its states are its own."""
         return False
 
+    @property
+    def yields(self) -> bool:
+        """Never."""
+        return False
 
-class _NothingOfItsOwn(_LastingErrors):
+
+class _NothingOfItsOwn(LastingErrors):
     """A source whose errors are shared, or no states."""
 
     __slots__ = ()
@@ -122,7 +131,7 @@ class GnssPosition(_NothingOfItsOwn):
         H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
         for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)):
             for name in (extra, *self.own_drifts[row : row + 1]):
-                z[row] -= _drifting(here, name, H[row], self.drift_factors[row // 2])
+                z[row] -= drifting(here, name, H[row], self.drift_factors[row // 2])
         R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
         rows = 2 if self.alt is None else 3
         return z[:rows], H[:rows], np.ascontiguousarray(R[:rows, :rows])
@@ -212,14 +221,19 @@ class BaroAltitude:
         """A new pressure setting is a new offset."""
         return True
 
+    @property
+    def yields(self) -> bool:
+        """Never."""
+        return False
+
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = alt_measured - alt - drift - scale alt_measured."""
         z, H, R = _altitude(here, self.alt, self.sd, Extra.BARO)
-        return z - _drifting(here, Extra.BARO_SCALE, H[0], self.alt), H, R
+        return z - drifting(here, Extra.BARO_SCALE, H[0], self.alt), H, R
 
 
 @dataclass(frozen=True, slots=True)
-class TerrainAltitude(_LastingErrors):
+class TerrainAltitude(LastingErrors):
     """Altitude of P [m] from a height above ground, compensated outside the filter, and the elevation below.
 
     sd         : white part [m]; what is correlated belongs to the states ``bias`` and ``scale`` and the extra DEM
@@ -247,12 +261,12 @@ class TerrainAltitude(_LastingErrors):
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = h_agl + h_dem - alt - drifts."""
         z, H, R = _altitude(here, self.alt, self.sd, self.bias)
-        z -= _drifting(here, Extra.DEM, H[0], self.dem_factor)
-        return z - _drifting(here, self.scale, H[0], self.height_agl), H, R
+        z -= drifting(here, Extra.DEM, H[0], self.dem_factor)
+        return z - drifting(here, self.scale, H[0], self.height_agl), H, R
 
 
 @dataclass(frozen=True, slots=True)
-class SlantRange(_LastingErrors):
+class SlantRange(LastingErrors):
     """A range as it was measured, compensated inside H: the row of errata 3.13.
 
         expected = d + (d range / d pos) (pos - pos at which it was predicted) + drifts
@@ -299,8 +313,8 @@ class SlantRange(_LastingErrors):
         H[0, TURN : TURN + 3] = -self.predicted * here.mat_en @ np.cross(u, n) / along
         moved_e = here.y[:3] - ecef_from_geodetic(self.lat, self.lon, self.alt)
         z = np.array([self.slant_range - self.predicted - H[0, POS : POS + 3] @ moved_e])
-        z[0] -= _drifting(here, Extra.ALTIMETER, H[0], 1.0) + _drifting(here, Extra.DEM, H[0], float(n[2]) / along)
-        z[0] -= _drifting(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
+        z[0] -= drifting(here, Extra.ALTIMETER, H[0], 1.0) + drifting(here, Extra.DEM, H[0], float(n[2]) / along)
+        z[0] -= drifting(here, Extra.ALTIMETER_SCALE, H[0], self.predicted)
         return z, H, np.array([[self.sd**2]])
 
 
@@ -313,12 +327,12 @@ def skew(v: Array | Vector) -> Array:
 def _altitude(here: Estimate, alt: float, sd: float, extra: str) -> Matrices:
     H = np.zeros((1, here.model.size))
     H[0, POS : POS + 3] = here.mat_en @ _UP_N
-    z = alt - here.place[2] - _drifting(here, extra, H[0], 1.0)
+    z = alt - here.place[2] - drifting(here, extra, H[0], 1.0)
     return np.array([z]), H, np.array([[sd**2]])
 
 
-def _drifting(here: Estimate, extra: str, row: Array, factor: float) -> float:
-    """What an extra adds to the measurement [m]; its column is entered."""
+def drifting(here: Estimate, extra: str, row: Array, factor: float) -> float:
+    """What an extra adds to the measurement; its column is entered."""
     column = here.model.column(extra)
     if column is None:
         return 0.0

@@ -10,7 +10,8 @@ when another source bounds the height and, for ``HOLD_NS`` and at least ``HOLD_C
 While it is excluded its heights correct its own states alone (a Schmidt-Kalman update, ``kernels.consider``): position,
 velocity and what others have in common stay as the other sources have them, and its errors go on being known.  After
 innovations outside the gate these states begin anew, for what was known of them is not true any more.  It comes back
-when |e| < AGREED sqrt(s^2 + P_e), inside the gate, for ``BACK_NS`` while another source bounds the height.
+when |e| < AGREED sqrt(s^2 + P_e), inside the gate, for ``BACK_NS`` while another source bounds the height.  A source of
+which nothing says what a sound one has comes back inside the gate alone, while the filter could contradict it.
 
 LIMIT: the errors of satellites' heights are independent after some 200 s; 4 sigma are 1.1e-3 false exclusions an hour
 (6.3e-5 of 18).  Source: Schmidt 1966 (consider states); Brown, Hwang 2012, section 5.6.
@@ -97,12 +98,26 @@ def inconsistency(here: Estimate, own: tuple[str, ...], h: Array) -> float:
     return abs(error) / math.sqrt(variance) if variance > 0.0 else 0.0
 
 
+def is_testable(here: Estimate, own: tuple[str, ...], h: Array) -> bool:
+    """Whether the filter predicts a measurement better than the source's own errors leave it, so that it can disagree.
+
+    h : (n,), what an error of each state does to the measurement
+    """
+    rest, prior = h.copy(), 0.0
+    for name in own:
+        column = here.model.column(name)
+        if column is not None:
+            rest[column] = 0.0
+            prior += float(h[column] * here.model.extras[name].sd) ** 2
+    return float(rest @ here.P @ rest) < prior
+
+
 def considered(here: Estimate, own: tuple[str, ...], z: Array, H: Array, R: Array) -> tuple[Estimate, float]:
-    """The estimate after one scalar (z (1,), H (1, n), R (1, 1)) that corrects own states alone, and its NIS."""
+    """The estimate after a measurement that corrects own states alone, and its NIS.  R : diagonal (m, m)"""
     y, P, x = here.y.copy(), here.P.copy(), np.zeros(here.model.size)
     mine = np.zeros(here.model.size)
     mine[[column for name in own if (column := here.model.column(name)) is not None]] = 1.0
-    nis = kernels.consider(x, P, z[0], H[0], R[0, 0], mine)
+    nis = sum(kernels.consider(x, P, z[i], H[i], R[i, i], mine) for i in range(len(z)))
     kernels.correct(y, x, len(here.model.extras))
     return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
 

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import NamedTuple
 
-from fti.nav.filter.aiding import Aiding
+from fti.nav.filter.aiding import HORIZONTAL, Aiding
 from fti.nav.filter.exclusion import SOUND, Exclusion
 
 #: 1e-4 quantiles of chi-square with 1, 2, 3 degrees of freedom.
@@ -58,10 +58,13 @@ def judge(standings: Standings, aiding: Aiding, t_ns: int, nis: float, dof: int)
 
 
 def is_bounded_by_others(standings: Standings, aiding: Aiding, t_ns: int) -> bool:
-    """Whether others that were believed within ``LOCKOUT_NS`` bound every axis that this one bounds."""
+    """Whether others that were believed within ``LOCKOUT_NS`` bound every axis that this one bounds.
+
+    One that bounds nothing is judged beside others that bound the horizontal.
+    """
     others = (s for name, s in standings.items() if name != aiding.name and s.believed_ns is not None)
     vouched = frozenset[str]().union(*(s.bounds for s in others if t_ns - (s.believed_ns or 0) < LOCKOUT_NS))
-    return aiding.bounds <= vouched
+    return (aiding.bounds or HORIZONTAL) <= vouched
 
 
 def noted(standings: Standings, aiding: Aiding, t_ns: int, judgement: Judgement) -> dict[str, Standing]:

@@ -24,6 +24,7 @@ from fti.nav.filter.exclusion import (
     begun_anew,
     considered,
     inconsistency,
+    is_testable,
     is_watched,
 )
 from fti.nav.filter.gate import (
@@ -57,7 +58,10 @@ def update_estimate(here: Estimate, standings: Standings, aiding: Aiding, t_ns: 
     if standing is not None and standing.exclusion.cause is not None:
         return _consider(here, standings, aiding, t_ns, matrices)
     z, H, R = matrices
-    after, nis = updated(here, here.P.copy(), z, H, R)
+    if aiding.yields and is_bounded_by_others(standings, aiding, t_ns):
+        after, nis = considered(here, aiding.own, z, H, R)
+    else:
+        after, nis = updated(here, here.P.copy(), z, H, R)
     judgement, watched = judge(standings, aiding, t_ns, nis, len(z)), is_watched(here, aiding.own)
     if watched and nis > BELIEVED_AGAIN and _is_doubted(standings, aiding, t_ns):
         judgement = Judgement.REFUSED
@@ -131,7 +135,10 @@ def _consider(here: Estimate, standings: Standings, aiding: Aiding, t_ns: int, m
     else:
         after, since = here, t_ns if since is None else since
     agrees = (
-        inside and inconsistency(after, aiding.own, H[0]) < AGREED and is_bounded_by_others(standings, aiding, t_ns)
+        inside
+        and inconsistency(after, aiding.own, H[0]) < AGREED
+        and is_bounded_by_others(standings, aiding, t_ns)
+        and (is_watched(here, aiding.own) or is_testable(here, aiding.own, H[0]))
     )
     found = standing.exclusion.noted(t_ns, agrees)
     if found.lasts(t_ns, BACK_NS, BACK_COUNT):

@@ -22,7 +22,11 @@ Array = NDArray[np.float64]
 
 
 class Extra(StrEnum):
-    """A slow error of something that aids: what it says minus what is [m]; of a scale its share of the height."""
+    """A slow error of something that aids: what it says minus what is [m]; of a scale its share of the height.
+
+    WIND_NORTH, WIND_EAST : the wind itself, where the air moves to [m/s];  AIRSPEED_SCALE : share of the airspeed
+    SIDESLIP, MAGNETIC_HEADING : steady angles [rad], wind from the right, measured minus true heading
+    """
 
     GNSS_NORTH = "gnss_north"
     GNSS_EAST = "gnss_east"
@@ -32,13 +36,18 @@ class Extra(StrEnum):
     ALTIMETER = "altimeter"
     ALTIMETER_SCALE = "altimeter_scale"
     DEM = "dem"
+    WIND_NORTH = "wind_north"
+    WIND_EAST = "wind_east"
+    AIRSPEED_SCALE = "airspeed_scale"
+    SIDESLIP = "sideslip"
+    MAGNETIC_HEADING = "magnetic_heading"
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
     """A first-order Gauss-Markov error, correlated over time, or over the way flown, or both.
 
-    sd [m, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
+    sd [m, m/s, rad, of a scale 1]; period_s [s]: correlation time; length_m [m]: correlation length over the ground
     first_sd : sigma at the start, None: sd.  An offset that is not known at all at first, and hardly changes then
     sound_sd : of a sound source, where one whose error is not like that is to be excluded (``exclusion``); None: never
     Raises ValueError where one is not positive.
@@ -85,6 +94,26 @@ ALTIMETER_SCALE = Drift(0.03, period_s=32_400.0, sound_sd=0.01)
 BARO_DRIFT = Drift(10.0, period_s=1800.0, first_sd=150.0)
 #: The air is warmer or colder than the standard atmosphere: 9 K make 3 % of each climb.
 BARO_SCALE_DRIFT = Drift(0.03, period_s=3600.0)
+
+#: Horizontal wind.  It is not known at all at first.  Over 18 km (300 s at 60 m/s) each component changes by 2.7 m/s,
+#: one sigma; measured at one altitude are 1.6 m/s (Lindborg 1999, J. Fluid Mech. 388, eq. 45: 3.6e-3 r^(2/3) m^2/s^2).
+#: The rest is for climbs: 1 km of them makes 2 m/s and more.
+WIND_DRIFT = Drift(20.0, length_m=2e6)
+#: What is left of the position error of pitot and static ports, and of the air temperature: FAR 23.1323(b) allows 3 %.
+AIRSPEED_SCALE_DRIFT = Drift(0.03, period_s=3600.0)
+#: Trim, a propeller's swirl, mounting of the inertial unit: assumed.
+SIDESLIP_DRIFT = Drift(math.radians(1.5), period_s=600.0)
+#: Iron that is not compensated, declination, current in wires: assumed, 4 deg.  Of iron the error changes with the
+#: heading, so within the time of a turn.
+MAGNETIC_HEADING_DRIFT = Drift(math.radians(4.0), period_s=200.0)
+#: Slow errors beside which an airspeed and a magnetic heading aid.
+AIRSPEED_DRIFTS: dict[str, Drift] = {
+    Extra.WIND_NORTH: WIND_DRIFT,
+    Extra.WIND_EAST: WIND_DRIFT,
+    Extra.AIRSPEED_SCALE: AIRSPEED_SCALE_DRIFT,
+    Extra.SIDESLIP: SIDESLIP_DRIFT,
+}
+HEADING_DRIFTS: dict[str, Drift] = {Extra.MAGNETIC_HEADING: MAGNETIC_HEADING_DRIFT}
 
 
 def receiver_drifts(receivers: Sequence[str]) -> dict[str, Drift]:

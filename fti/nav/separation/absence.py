@@ -44,6 +44,10 @@ class AbsenceMonitor:
         """Whether the class is back, and has not agreed for long enough."""
         return self.began_ns is not None
 
+    def is_absent(self, t_ns: int) -> bool:
+        """Whether the filter has believed no fix for longer than the oldest copy gets old."""
+        return self.fix_ns is not None and self.long_ns is not None and t_ns - self.fix_ns > self.long_ns
+
     def follow(self, segment: Segment) -> bool:
         """Take what the filter believed in a segment; True when a trial begins that is not the same one again."""
         believed = (e for e in segment.entries if e.aiding.name in self.names and e.judgement is Judgement.BELIEVED)

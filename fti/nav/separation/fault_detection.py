@@ -10,6 +10,11 @@ Copies of the first two go without altimeters, too: these are judged against sat
 (``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
 the same reason copies without satellites go without the barometer: what it errs by tilts them.  Heights that separate
 while the filter refuses none of them are a draw: satellites or barometer may be wrong.
+
+Copies without satellites go without airspeed and magnetic heading, too.  Without satellites these two move the filter
+away from its copies, which says nothing of the satellites: separations count only while positions are believed.  Where
+the filter refuses satellites that come back, and the copy from before agrees with them, airspeed and heading are
+excluded.
 A class that is faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several
 receivers only those that contradict.  It comes back by ``readmission``.  Source: the specification in
 docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
@@ -24,6 +29,7 @@ import numpy as np
 
 from fti.config import Filter
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
+from fti.nav.dead_reckoning_aids import dead_reckoning_names
 from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
@@ -101,6 +107,7 @@ class Watched:
     long_absence_ns : after an absence of more than that it is on trial; None: never
     is_doubted : tests of one source suspect a receiver of it
     has_returned : in the last segment it came back from a long absence
+    dead_reckoning : names of what aids the filter without the class, and its copies not at all
     """
 
     what: str
@@ -108,6 +115,7 @@ class Watched:
     quantities: tuple[str, ...]
     monitor: SeparationMonitor
     long_absence_ns: int | None = None
+    dead_reckoning: frozenset[str] = frozenset()
     refusals: Refusals = field(default_factory=Refusals)
     is_doubted: bool = False
     has_returned: bool = False
@@ -128,8 +136,12 @@ class Watched:
         self.refusals.follow(segment, self.tested)
         is_quiet = self.refusals.first_ns is None and not self.is_doubted
         self._follow_absence(segment, is_quiet)
-        may_renew = is_quiet and is_heard(segment.end, self.tested)
-        self.monitor.follow(segment.end, may_renew=may_renew, keep_oldest=self.absence.is_on_trial)
+        self.monitor.follow(
+            segment.end,
+            may_renew=is_quiet and is_heard(segment.end, self.tested),
+            is_comparable=not self.dead_reckoning or is_heard(segment.end, self.absence.names),
+            keep_oldest=self.absence.is_on_trial,
+        )
 
     def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
         """What comes back after long begins as after an alignment."""
@@ -147,6 +159,19 @@ class Watched:
     def find(self, segment: Segment) -> Finding | None:
         """Why the class is faulty at the end of a segment; None while it is not."""
         return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
+
+    def was_misled(self, finding: Finding, t_ns: int) -> bool:
+        """Whether the filter refuses the class after an absence, and the copy of before the absence does not.
+
+        Then what has aided the filter meanwhile is wrong.
+        """
+        is_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
+        return is_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
+
+    def go_on_from_oldest(self) -> None:
+        """The filter goes on from the oldest copy: younger ones are copies of what it was."""
+        self.monitor.ladder.keep_oldest()
+        self.refusals = Refusals()
 
     def clear(self) -> None:
         """Begin anew."""
@@ -171,6 +196,7 @@ class FaultDetection:
         self._is_restarted = False
         self._step_ns = STEPS_NS[settings.unit]
         self._provisional = ProvisionalFilters()
+        self._excluded_aids = frozenset[str]()
 
     # ---------------------------------------------------------------------------------------------------- telling
 
@@ -289,6 +315,8 @@ class FaultDetection:
         segments = self._navigator.take_segments()
         for segment in segments:
             self._follow(segment)
+        if self._excluded_aids:
+            self._tell_aids(t_ns)
         if segments and self._navigator.is_aligned:  # the filter can only be changed where the last one ends
             if self._is_restarted:
                 self._exclude_again(t_ns)
@@ -374,7 +402,11 @@ class FaultDetection:
         """Exclude at most one class at a time: its exclusion changes what the others are compared with."""
         found = {watched.what: (watched, finding) for watched in self._classes if (finding := watched.find(segment))}
         if SATELLITES in found:
-            self._attribute(*found[SATELLITES], segment, t_ns)
+            watched, finding = found[SATELLITES]
+            if watched.was_misled(finding, segment.end.estimate.t_ns) and self._aids_of(watched):
+                self._exclude_aids(watched, finding, t_ns)
+            else:
+                self._attribute(watched, finding, segment, t_ns)
             return
         if HEIGHTS in found:
             watched, finding = found[HEIGHTS]
@@ -456,6 +488,30 @@ class FaultDetection:
         for watched in self._classes:  # copies without satellites go without their heights, too
             if quantities == QUANTITIES or watched.what != SATELLITES:
                 watched.clear()
+
+    def _aids_of(self, watched: Watched) -> frozenset[str]:
+        """What aids the filter without satellites, and is not excluded."""
+        return watched.dead_reckoning - self._navigator.exclusions.keys()
+
+    def _exclude_aids(self, watched: Watched, finding: Finding, t_ns: int) -> None:
+        """Go on without what has aided while satellites were gone, from the oldest copy."""
+        assert finding.copy is not None
+        names = self._aids_of(watched)
+        self._navigator.exclude(names, finding.onset_ns, finding.copy.estimate)
+        self._excluded_aids |= names
+        for each in self._classes:
+            if each is watched:
+                each.go_on_from_oldest()
+            else:
+                each.clear()
+        self._tell(t_ns, "warning", _describe_misled(watched, names, finding, t_ns))
+
+    def _tell_aids(self, t_ns: int) -> None:
+        """Say which aids that were excluded aid again."""
+        back = self._excluded_aids - self._navigator.exclusions.keys()
+        self._excluded_aids -= back
+        for name in sorted(back):
+            self._tell(t_ns, "info", f"{name}: aids the filter again")
 
     def _draw(self, finding: Finding, t_ns: int) -> None:
         if self._drawn_ns is None:
@@ -597,10 +653,11 @@ def _classes(settings: Filter) -> list[Watched]:
     altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
     tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
     ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
-    others = altimeters | frozenset(altitude_name(device) for device in settings.baro)
+    aids = dead_reckoning_names(settings)
+    others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
     long_ns = COPIES * STEPS_NS[settings.unit]
-    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns)]
+    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns, aids)]
     if settings.baro:
         names = _names(receivers, HEIGHT)
         ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
@@ -646,6 +703,15 @@ def _describe(device: str, what: str, finding: Finding, t_ns: int) -> str:
     return (
         f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
         f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit {device}'"
+    )
+
+
+def _describe_misled(watched: Watched, names: Iterable[str], finding: Finding, t_ns: int) -> str:
+    assert finding.copy is not None
+    age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
+    return (
+        f"{' and '.join(sorted(names))}: excluded: {' and '.join(watched.devices)} came back outside the gate of the"
+        f" filter, and agrees with the filter without them; it goes on as it was without them for {age_s:.0f} s"
     )
 
 

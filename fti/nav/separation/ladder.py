@@ -64,6 +64,11 @@ class Ladder:
         """Forget all copies."""
         self._copies.clear()
 
+    def keep_oldest(self) -> None:
+        """Forget all copies but the oldest one."""
+        while len(self._copies) > 1:
+            self._copies.pop()
+
     def advance(self, pieces: Sequence[Piece]) -> None:
         """Follow the filter through a segment."""
         for number, copy in enumerate(self._copies):

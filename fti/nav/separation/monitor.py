@@ -75,15 +75,19 @@ class SeparationMonitor:
         """Whether d is larger than noise explains."""
         return self._suspected_ns is not None
 
-    def follow(self, segment_end: Moment, *, may_renew: bool, keep_oldest: bool = False) -> None:
+    def follow(
+        self, segment_end: Moment, *, may_renew: bool, is_comparable: bool = True, keep_oldest: bool = False
+    ) -> None:
         """Compare at the end of a segment, after the ladder has followed it; renew where nothing is suspected.
 
         may_renew : whether the filter is aided by the class, and refuses no source of it
+        is_comparable : whether it is the class that the filter separates by; if not, the last ratio stands
         keep_oldest : the oldest copy is not replaced
         """
         t_ns = segment_end.estimate.t_ns
         self.separations = self.ladder.separations(segment_end)
-        self._find_largest()
+        if is_comparable:
+            self._find_largest()
         if self.ratio < 1.0:
             self._calm_ns = t_ns
         if self.ratio <= K_FA:
