@@ -10,7 +10,7 @@ from fti.nav.filter.estimate import Estimate, Start
 from fti.nav.filter.gate import LIMITS
 from fti.nav.filter.segment import Entry
 from fti.nav.filter.states import Model
-from fti.nav.separation.fault_detection import Refused, describe_readmission
+from fti.nav.separation.exclusions import ExcludedReceiver, describe_readmission
 from fti.nav.separation.monitor import QUANTITY_AXES
 from fti.nav.separation.readmission import AGREED_COUNT, Contradiction, Return
 
@@ -110,15 +110,15 @@ def test_what_would_readmit_it_is_named_as_far_as_it_is_known() -> None:
     """An eighth of 100 m; a height is confirmed by no witness; without a size the operator alone."""
     back = returning()
     feed(back, {0.0: 100.0}, sd=5.0)
-    outside = describe_readmission(Refused("gnss", "gnss", 0, back))
+    outside = describe_readmission(ExcludedReceiver("gnss", "gnss", 0, back))
     for part in ("a step back", "a sigma of the filter below 12.5 m (position)", "independent source", "readmit gnss'"):
         assert part in outside
     agree(back, 3.0, 31.0, sd=5.0)
-    assert "a step back" not in describe_readmission(Refused("gnss", "gnss", 0, back))
+    assert "a step back" not in describe_readmission(ExcludedReceiver("gnss", "gnss", 0, back))
     height = Return({HEIGHT.name: Contradiction(QUANTITY_AXES["height"], 47.0, 0, is_outside=True)})
-    alone = describe_readmission(Refused("gnss", "gnss height", 0, height))
+    alone = describe_readmission(ExcludedReceiver("gnss", "gnss height", 0, height))
     assert "below 5.9 m (height)" in alone
     assert "readmit gnss'" in alone
     assert "independent" not in alone
     back.begin_anew()
-    assert describe_readmission(Refused("gnss", "gnss", 0, back)) == "'fti readmit gnss'"
+    assert describe_readmission(ExcludedReceiver("gnss", "gnss", 0, back)) == "'fti readmit gnss'"

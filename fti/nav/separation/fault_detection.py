@@ -1,184 +1,65 @@
 """Fault detection and exclusion between the sources that aid the filter.
 
-Classes of sources, each with copies of the filter that go without it:
+Each class of sources (``source_class``) is compared with copies of the filter that go without it.  A class that is
+faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several receivers only
+those that contradict.  It comes back by ``readmission``.  Heights that separate while the filter refuses none of them
+are a contradiction without a culprit: satellites or barometer may be wrong.
 
-    satellites  positions and velocities of all receivers: a ring of copies, for nothing else bounds the position
-    heights     heights of all receivers, where a barometer bounds the altitude without them
-    receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
-
-Copies of the first two go without altimeters, too: these are judged against satellites by their own states
-(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
-the same reason copies without satellites go without the barometer: what it errs by tilts them.  Heights that separate
-while the filter refuses none of them are a draw: satellites or barometer may be wrong.
-
-Copies without satellites go without airspeed and magnetic heading, too.  Without satellites these two move the filter
-away from its copies, which says nothing of the satellites: separations count only while positions are believed.  Where
-the filter refuses satellites that come back, and the copy from before agrees with them, airspeed and heading are
-excluded.
-A class that is faulty (``monitor``) is excluded, and the filter goes on from the oldest copy without it; of several
-receivers only those that contradict.  It comes back by ``readmission``.  Source: the specification in
-docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
+Without satellites airspeed and magnetic heading move the filter away from its copies, which says nothing of the
+satellites: separations count only while positions are believed.  Where the filter refuses satellites that come back,
+and the copy from before agrees with them, airspeed and heading are excluded.
+Source: the specification in docs/fault-detection.md.  Checked against: tests/nav/test_fault_detection.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from fti.config import Filter
 from fti.nav.carried_refusal import CarriedRefusal, RefusedPart
-from fti.nav.dead_reckoning_aids import dead_reckoning_names
-from fti.nav.exclusion_events import altitude_name
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import LIMITS, Judgement
 from fti.nav.filter.measurement_update import normalised_squared
 from fti.nav.filter.navigator import Navigator
-from fti.nav.filter.segment import Moment, Piece, Segment, cut
+from fti.nav.filter.segment import Moment, Segment, cut
 from fti.nav.plausibility.source import Unconfirmed
-from fti.nav.separation.absence import TRIAL_NS, AbsenceMonitor
 from fti.nav.separation.copies import Separation, separate
-from fti.nav.separation.ladder import Ladder, Rungs
-from fti.nav.separation.monitor import (
-    ALL_AXES,
-    DOWN_AXIS,
-    DRAW_END_NS,
-    HORIZONTAL_AXES,
-    K_FA,
-    QUANTITY_AXES,
-    REFUSED_NS,
-    Finding,
-    Refusals,
-    SeparationMonitor,
+from fti.nav.separation.exclusions import (
+    ExcludedReceiver,
+    describe_exclusion,
+    describe_misled,
+    describe_readmission,
+    describe_return,
+    describe_unconfirmed,
+    size_of,
 )
-from fti.nav.separation.protection import Levels, of_copies, of_filter, of_provisional
+from fti.nav.separation.monitor import DRAW_END_NS, HORIZONTAL_AXES, K_FA, QUANTITY_AXES, REFUSED_NS, Finding
+from fti.nav.separation.protection import Levels, of_filter, of_provisional
 from fti.nav.separation.provisional import Provisional, ProvisionalFilters
-from fti.nav.separation.readmission import AGREED_COUNT, AGREED_NS, Contradiction, Return
+from fti.nav.separation.readmission import Contradiction, Return
+from fti.nav.separation.source_class import (
+    BOUNDED_NS,
+    COPIES,
+    HEIGHT,
+    HEIGHTS,
+    QUANTITIES,
+    SATELLITES,
+    SECOND_NS,
+    STEPS_NS,
+    SourceClass,
+    make_classes,
+    names_of,
+    receiver_names,
+)
 from fti.nav.witnesses import Confirmation, Size
 from fti.types import Event, Reason
 
-SECOND_NS = 1_000_000_000
-#: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
-STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
-#: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
-STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
-COPIES = 4
-HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
-RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
-#: A receiver that was believed within so long bounds the filter without another one [ns].
-BOUNDED_NS = 2 * SECOND_NS
 #: The filter separates so much farther without a wrong receiver than without any other one.
 ALONE = 1.5
 COMMANDED = "the operator commands it"
-HEIGHTS, SATELLITES = "heights", "satellites"
-QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
-
-
-def receiver_names(device: str, quantities: Iterable[str] = QUANTITIES) -> frozenset[str]:
-    """Names under which the filter knows what a receiver aids with."""
-    return frozenset(f"{device}.{quantity}" for quantity in quantities)
-
-
-@dataclass(slots=True)
-class Refused:
-    """A receiver, or its heights alone, that does not aid.
-
-    what : for texts;  announced : whether it was said that it agrees and stays unconfirmed
-    """
-
-    device: str
-    what: str
-    onset_ns: int
-    back: Return
-    announced: bool = False
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Of ``Aiding``."""
-        return frozenset(self.back.contradictions)
-
-
-@dataclass(slots=True)
-class Watched:
-    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
-
-    long_absence_ns : after an absence of more than that it is on trial; None: never
-    is_doubted : tests of one source suspect a receiver of it
-    has_returned : in the last segment it came back from a long absence
-    dead_reckoning : names of what aids the filter without the class, and its copies not at all
-    """
-
-    what: str
-    devices: tuple[str, ...]
-    quantities: tuple[str, ...]
-    monitor: SeparationMonitor
-    long_absence_ns: int | None = None
-    dead_reckoning: frozenset[str] = frozenset()
-    refusals: Refusals = field(default_factory=Refusals)
-    is_doubted: bool = False
-    has_returned: bool = False
-    absence: AbsenceMonitor = field(init=False)
-
-    def __post_init__(self) -> None:
-        names = _names(self.devices, self.quantities[:1])
-        self.absence = AbsenceMonitor(names, self.long_absence_ns)
-
-    @property
-    def tested(self) -> frozenset[str]:
-        """Names of what is compared with the filter and the oldest copy."""
-        return self.monitor.ladder.tested
-
-    def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
-        """Compare the filter with the copies at the end of a segment."""
-        self.monitor.ladder.advance(pieces)
-        self.refusals.follow(segment, self.tested)
-        is_quiet = self.refusals.first_ns is None and not self.is_doubted
-        self._follow_absence(segment, is_quiet)
-        self.monitor.follow(
-            segment.end,
-            may_renew=is_quiet and is_heard(segment.end, self.tested),
-            is_comparable=not self.dead_reckoning or is_heard(segment.end, self.absence.names),
-            keep_oldest=self.absence.is_on_trial,
-        )
-
-    def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
-        """What comes back after long begins as after an alignment."""
-        self.has_returned = self.absence.follow(segment)
-        if not is_quiet or self.monitor.is_suspected:
-            self.absence.disturb(segment.end.estimate.t_ns)
-        elif (trial_ns := self.absence.end_trial()) is not None:
-            self.monitor.ladder.drop_before(trial_ns)
-
-    def levels(self, lag_s: float) -> Levels:
-        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
-        found = of_copies(self.monitor.separations, lag_s)
-        return Levels(*(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True)))
-
-    def find(self, segment: Segment) -> Finding | None:
-        """Why the class is faulty at the end of a segment; None while it is not."""
-        return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
-
-    def was_misled(self, finding: Finding, t_ns: int) -> bool:
-        """Whether the filter refuses the class after an absence, and the copy of before the absence does not.
-
-        Then what has aided the filter meanwhile is wrong.
-        """
-        is_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
-        return is_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
-
-    def go_on_from_oldest(self) -> None:
-        """The filter goes on from the oldest copy: younger ones are copies of what it was."""
-        self.monitor.ladder.keep_oldest()
-        self.refusals = Refusals()
-
-    def clear(self) -> None:
-        """Begin anew."""
-        self.monitor.clear()
-        self.refusals = Refusals()
-        self.absence.clear()
-        self.has_returned = False
 
 
 class FaultDetection:
@@ -186,8 +67,8 @@ class FaultDetection:
 
     def __init__(self, navigator: Navigator, settings: Filter) -> None:
         self._navigator = navigator
-        self._classes = _classes(settings) if settings.gnss else []
-        self._refused: dict[str, Refused] = {}  # by what
+        self._classes = make_classes(settings) if settings.gnss else []
+        self._refused: dict[str, ExcludedReceiver] = {}  # by what
         self._events: list[Event] = []
         self._end_ns: int | None = None
         self._tolerance = 0.0
@@ -246,7 +127,7 @@ class FaultDetection:
             back = Return({f"{refusal.source}.{q}": Contradiction(QUANTITY_AXES[q]) for q in quantities})
             back.begin_anew()
             what = name.format(refusal.source)
-            self._refused[what] = Refused(refusal.source, what, refusal.onset_ns, back)
+            self._refused[what] = ExcludedReceiver(refusal.source, what, refusal.onset_ns, back)
             text = f"{what}: still refused after navigation was started again"
             text += f"; it aids again after {describe_readmission(self._refused[what])}"
             self._tell(t_ns, "warning", text)
@@ -355,9 +236,9 @@ class FaultDetection:
     def _tell_returns(self, segment: Segment) -> None:
         for watched in self._classes:
             if watched.has_returned and watched.what == SATELLITES:
-                self._tell(segment.end.estimate.t_ns, "info", _describe_return(watched))
+                self._tell(segment.end.estimate.t_ns, "info", describe_return(watched))
 
-    def _is_bounded(self, watched: Watched, segment: Segment) -> bool:
+    def _is_bounded(self, watched: SourceClass, segment: Segment) -> bool:
         """Whether the copies of a class are of use: it aids, and of one of several receivers that another one does."""
         if not self._aiding(watched):
             return False
@@ -424,7 +305,7 @@ class FaultDetection:
         elif self._drawn_ns is not None:
             self._end_draw(t_ns)
 
-    def _is_alone(self, watched: Watched, finding: Finding) -> bool:
+    def _is_alone(self, watched: SourceClass, finding: Finding) -> bool:
         """Whether one of several receivers is wrong, and not one of two of which either may be.
 
         Without either of two that contradict each other the filter separates alike; without the wrong one of three
@@ -435,12 +316,12 @@ class FaultDetection:
         others = (w.monitor.ratio for w in self._classes if w.what in self._several and w is not watched)
         return watched.monitor.ratio > ALONE * max(others, default=0.0)
 
-    def _aiding(self, watched: Watched) -> tuple[str, ...]:
+    def _aiding(self, watched: SourceClass) -> tuple[str, ...]:
         """Devices of a class that are not excluded."""
         out = frozenset[str]().union(*(r.names for r in self._refused.values()))
         return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
 
-    def _attribute(self, watched: Watched, finding: Finding, segment: Segment, t_ns: int) -> None:
+    def _attribute(self, watched: SourceClass, finding: Finding, segment: Segment, t_ns: int) -> None:
         """Of several receivers exclude the one whose removal ends the contradiction; where it is unknown, none."""
         aiding = self._aiding(watched)
         devices = tuple(d for d in aiding if _is_heard_since(d, watched, finding, segment.end)) or aiding
@@ -481,19 +362,19 @@ class FaultDetection:
         for device in devices:
             what = device if quantities == QUANTITIES else f"{device} height"
             back = Return({f"{device}.{q}": _contradiction(device, q, finding, segment) for q in quantities})
-            self._refused[what] = Refused(device, what, finding.onset_ns, back)
-            self._tell(t_ns, "warning", _describe(device, what, finding, t_ns))
+            self._refused[what] = ExcludedReceiver(device, what, finding.onset_ns, back)
+            self._tell(t_ns, "warning", describe_exclusion(device, what, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
-        self._navigator.exclude(_names(devices, quantities), finding.onset_ns, copy)
+        self._navigator.exclude(names_of(devices, quantities), finding.onset_ns, copy)
         for watched in self._classes:  # copies without satellites go without their heights, too
             if quantities == QUANTITIES or watched.what != SATELLITES:
                 watched.clear()
 
-    def _aids_of(self, watched: Watched) -> frozenset[str]:
+    def _aids_of(self, watched: SourceClass) -> frozenset[str]:
         """What aids the filter without satellites, and is not excluded."""
         return watched.dead_reckoning - self._navigator.exclusions.keys()
 
-    def _exclude_aids(self, watched: Watched, finding: Finding, t_ns: int) -> None:
+    def _exclude_aids(self, watched: SourceClass, finding: Finding, t_ns: int) -> None:
         """Go on without what has aided while satellites were gone, from the oldest copy."""
         assert finding.copy is not None
         names = self._aids_of(watched)
@@ -504,7 +385,7 @@ class FaultDetection:
                 each.go_on_from_oldest()
             else:
                 each.clear()
-        self._tell(t_ns, "warning", _describe_misled(watched, names, finding, t_ns))
+        self._tell(t_ns, "warning", describe_misled(watched, names, finding, t_ns))
 
     def _tell_aids(self, t_ns: int) -> None:
         """Say which aids that were excluded aid again."""
@@ -539,16 +420,18 @@ class FaultDetection:
                 if entry.aiding.name in refused.names and entry.judgement is Judgement.EXCLUDED:
                     refused.back.compare(entry, segment.end.estimate)
 
-    def _try_readmission(self, refused: Refused, here: Estimate, t_ns: int) -> None:
+    def _try_readmission(self, refused: ExcludedReceiver, here: Estimate, t_ns: int) -> None:
         if not refused.back.has_agreed(here.t_ns):
             refused.announced = False
         elif refused.back.is_confirmed(here):
             self._readmit(refused, t_ns, refused.back.tolerance or 0.0, "its contradiction has ended")
         elif not refused.announced:
             refused.announced = True
-            self._tell(t_ns, "warning", _describe_unconfirmed(refused))
+            self._tell(t_ns, "warning", describe_unconfirmed(refused))
 
-    def _readmit(self, refused: Refused, t_ns: int, tolerance: float, why: str, disagreement: float = 0.0) -> None:
+    def _readmit(
+        self, refused: ExcludedReceiver, t_ns: int, tolerance: float, why: str, disagreement: float = 0.0
+    ) -> None:
         del self._refused[refused.what]
         self._provisional.end(refused.device)
         self._navigator.readmit(refused.names, disagreement)
@@ -579,7 +462,7 @@ class FaultDetection:
     @property
     def standing_sizes(self) -> dict[str, Size]:
         """Contradictions of receivers that do not aid, by device: of position and height, as far as known [m]."""
-        return {r.device: _size(r) for r in self._refused.values() if r.what == r.device}
+        return {r.device: size_of(r) for r in self._refused.values() if r.what == r.device}
 
     def confirm(self, found: Confirmation, t_ns: int) -> None:
         """An independent source agrees with a receiver: it is back in, or the filter begins anew."""
@@ -593,7 +476,7 @@ class FaultDetection:
             why = f"{found.witness} agrees with it to {found.tolerance:.0f} m"
             self._readmit(refused, t_ns, found.tolerance, why)
 
-    def _begin_with(self, refused: Refused, witness: str, t_ns: int) -> None:
+    def _begin_with(self, refused: ExcludedReceiver, witness: str, t_ns: int) -> None:
         del self._refused[refused.what]
         self._navigator.restart(Reason.DIVERGED)
         text = f"filter: begins anew: {refused.what} and {witness} agree, and contradict it"
@@ -603,16 +486,7 @@ class FaultDetection:
         self._events.append(Event(t_ns=t_ns, level=level, source="nav", text=text))
 
 
-def is_heard(now: Moment, names: Iterable[str]) -> bool:
-    """Whether the filter has believed one of these sources lately.
-
-    The tests of one source may have refused it, after the filter has followed it: the copies know better.
-    """
-    believed = [now.standings[name].believed_ns for name in names if name in now.standings]
-    return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
-
-
-def _is_heard_since(device: str, watched: Watched, finding: Finding, now: Moment) -> bool:
+def _is_heard_since(device: str, watched: SourceClass, finding: Finding, now: Moment) -> bool:
     """Whether the filter has taken anything of a receiver since the copy began, or refuses it now.
 
     One that was silent, or was never there, has not made the filter wrong.
@@ -635,7 +509,7 @@ def _contradiction(device: str, quantity: str, finding: Finding, segment: Segmen
     return Contradiction(QUANTITY_AXES[quantity], size, segment.end.estimate.t_ns if size > 0.0 else None)
 
 
-def _contradicts(device: str, watched: Watched, finding: Finding, segment: Segment) -> bool:
+def _contradicts(device: str, watched: SourceClass, finding: Finding, segment: Segment) -> bool:
     """Whether one of several receivers is refused by the filter, or its last one is outside the gate of the copy."""
     if finding.refused:
         since = watched.refusals.since(segment.end, receiver_names(device) & watched.tested)
@@ -646,84 +520,3 @@ def _contradicts(device: str, watched: Watched, finding: Finding, segment: Segme
     here = finding.copy.estimate if finding.copy else segment.end.estimate
     matrices = last[-1].aiding.compute_matrices(here)
     return normalised_squared(here, matrices) > LIMITS[len(matrices[0])]
-
-
-def _classes(settings: Filter) -> list[Watched]:
-    receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
-    altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
-    tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
-    ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
-    aids = dead_reckoning_names(settings)
-    others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
-    satellites = Ladder(_names(receivers, QUANTITIES) | others, _names(receivers, tested), ring)
-    long_ns = COPIES * STEPS_NS[settings.unit]
-    found = [Watched(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns, aids)]
-    if settings.baro:
-        names = _names(receivers, HEIGHT)
-        ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
-        monitor = SeparationMonitor(ladder, DOWN_AXIS)
-        found.append(Watched(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RUNGS.max_age_ns))
-    for name in several:
-        ladder = Ladder(receiver_names(name), receiver_names(name), RECEIVER_RUNGS)
-        found.append(Watched(name, (name,), QUANTITIES, SeparationMonitor(ladder, ALL_AXES)))
-    return found
-
-
-def _names(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[str]:
-    return frozenset[str]().union(*(receiver_names(receiver, quantities) for receiver in receivers))
-
-
-def _size(refused: Refused) -> Size:
-    """Of position and height; a contradiction of the velocity alone has no size in metres."""
-    found = {name.rpartition(".")[2]: c for name, c in refused.back.contradictions.items()}
-    known = {name: c.size for name, c in found.items() if c.outside_ns is not None}
-    level = known.get("position", 0.0)
-    return Size(level if level > 0.0 else None, known.get("height"))
-
-
-def describe_readmission(refused: Refused) -> str:
-    """What would let a receiver back in, or its height, as far as it is known."""
-    back, command = refused.back, f"'fti readmit {refused.device}'"
-    ways = ["a step back that ends the contradiction"] if back.is_known and back.is_outside else []
-    if back.is_known:
-        ways.append(f"a sigma of the filter below {back.describe_resolved()}")
-    if refused.what == refused.device and (_size(refused).level or 0.0) > 0.0:
-        ways.append("agreement of an independent source")
-    if not ways:
-        return command
-    agreed = f"{AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes inside the gate of the filter"
-    return f"{agreed} and {' or '.join(ways)}; or {command}"
-
-
-def _describe(device: str, what: str, finding: Finding, t_ns: int) -> str:
-    since_s, age_s, before = (t_ns - finding.onset_ns) / SECOND_NS, 0.0, ""
-    if finding.copy is not None:
-        age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
-        before = "" if finding.onset_ns >= finding.copy.began_ns else "; it may have contradicted before that"
-    return (
-        f"{what}: refused: {finding.text}, for {since_s:.0f} s; the filter goes on as it was without it for"
-        f" {age_s:.0f} s{before}; it aids again when the contradiction ends by a step, or by 'fti readmit {device}'"
-    )
-
-
-def _describe_misled(watched: Watched, names: Iterable[str], finding: Finding, t_ns: int) -> str:
-    assert finding.copy is not None
-    age_s = (t_ns - finding.copy.began_ns) / SECOND_NS
-    return (
-        f"{' and '.join(sorted(names))}: excluded: {' and '.join(watched.devices)} came back outside the gate of the"
-        f" filter, and agrees with the filter without them; it goes on as it was without them for {age_s:.0f} s"
-    )
-
-
-def _describe_return(watched: Watched) -> str:
-    return (
-        f"{' and '.join(watched.devices)}: back after {watched.absence.absence_s:.0f} s; for {TRIAL_NS // SECOND_NS} s"
-        " the protection levels stay those of the filter without satellites; reacquired until all copies exist again"
-    )
-
-
-def _describe_unconfirmed(refused: Refused) -> str:
-    return (
-        f"{refused.what}: agrees again for {AGREED_NS // SECOND_NS} s and {AGREED_COUNT} fixes, unconfirmed; it aids"
-        f" again after {describe_readmission(refused)}"
-    )

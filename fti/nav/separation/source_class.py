@@ -1,0 +1,161 @@
+"""Classes of sources that aid the filter, and the copies of the filter that go without each.
+
+    satellites  positions and velocities of all receivers: a ring of copies, for nothing else bounds the position
+    heights     heights of all receivers, where a barometer bounds the altitude without them
+    receivers   where there are several, each of them: one copy that is never replaced, while another one bounds it
+
+Copies of the first two go without altimeters, too: these are judged against satellites by their own states
+(``fti.nav.filter.exclusion``), and a copy that a wrong altimeter holds would contradict the satellites instead.  For
+the same reason copies without satellites go without the barometer: what it errs by tilts them; and without airspeed and
+magnetic heading.  Source: the specification in docs/fault-detection.md.
+Checked against: tests/nav/test_fault_detection.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from fti.config import Filter
+from fti.nav.dead_reckoning_aids import dead_reckoning_names
+from fti.nav.exclusion_events import altitude_name
+from fti.nav.filter.segment import Moment, Piece, Segment
+from fti.nav.separation.absence import AbsenceMonitor
+from fti.nav.separation.ladder import Ladder, Rungs
+from fti.nav.separation.monitor import ALL_AXES, DOWN_AXIS, HORIZONTAL_AXES, Finding, Refusals, SeparationMonitor
+from fti.nav.separation.protection import Levels, of_copies
+
+SECOND_NS = 1_000_000_000
+#: Age of a copy of each grade of inertial unit when the next one begins [ns]; four of them.  Of the heights two.
+STEPS_NS = {"navigation": 15 * SECOND_NS, "tactical": 7 * SECOND_NS, "mems": 2 * SECOND_NS}
+#: The same with several receivers: one that is wrong alone is found beside the others, whatever these copies are.
+STEPS_OF_SEVERAL_NS = {"navigation": 9 * SECOND_NS, "tactical": 3 * SECOND_NS, "mems": SECOND_NS}
+COPIES = 4
+HEIGHT_RUNGS = Rungs(copies=2, step_ns=30 * SECOND_NS)
+RECEIVER_RUNGS = Rungs(copies=1, step_ns=None)
+#: A receiver that was believed within so long bounds the filter without another one [ns].
+BOUNDED_NS = 2 * SECOND_NS
+HEIGHTS, SATELLITES = "heights", "satellites"
+QUANTITIES, LEVEL, HEIGHT = ("position", "height", "velocity"), ("position", "velocity"), ("height",)
+
+
+def receiver_names(device: str, quantities: Iterable[str] = QUANTITIES) -> frozenset[str]:
+    """Names under which the filter knows what a receiver aids with."""
+    return frozenset(f"{device}.{quantity}" for quantity in quantities)
+
+
+def names_of(receivers: Iterable[str], quantities: Iterable[str]) -> frozenset[str]:
+    """``receiver_names`` of several."""
+    return frozenset[str]().union(*(receiver_names(receiver, quantities) for receiver in receivers))
+
+
+@dataclass(slots=True)
+class SourceClass:
+    """A class: its monitor; what it consists of, for texts; refusals by the filter without a break.
+
+    long_absence_ns : after an absence of more than that it is on trial; None: never
+    is_doubted : tests of one source suspect a receiver of it
+    has_returned : in the last segment it came back from a long absence
+    dead_reckoning : names of what aids the filter without the class, and its copies not at all
+    """
+
+    what: str
+    devices: tuple[str, ...]
+    quantities: tuple[str, ...]
+    monitor: SeparationMonitor
+    long_absence_ns: int | None = None
+    dead_reckoning: frozenset[str] = frozenset()
+    refusals: Refusals = field(default_factory=Refusals)
+    is_doubted: bool = False
+    has_returned: bool = False
+    absence: AbsenceMonitor = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = names_of(self.devices, self.quantities[:1])
+        self.absence = AbsenceMonitor(names, self.long_absence_ns)
+
+    @property
+    def tested(self) -> frozenset[str]:
+        """Names of what is compared with the filter and the oldest copy."""
+        return self.monitor.ladder.tested
+
+    def follow(self, segment: Segment, pieces: Sequence[Piece]) -> None:
+        """Compare the filter with the copies at the end of a segment."""
+        self.monitor.ladder.advance(pieces)
+        self.refusals.follow(segment, self.tested)
+        is_quiet = self.refusals.first_ns is None and not self.is_doubted
+        self._follow_absence(segment, is_quiet)
+        self.monitor.follow(
+            segment.end,
+            may_renew=is_quiet and is_heard(segment.end, self.tested),
+            is_comparable=not self.dead_reckoning or is_heard(segment.end, self.absence.names),
+            keep_oldest=self.absence.is_on_trial,
+        )
+
+    def _follow_absence(self, segment: Segment, is_quiet: bool) -> None:
+        """What comes back after long begins as after an alignment."""
+        self.has_returned = self.absence.follow(segment)
+        if not is_quiet or self.monitor.is_suspected:
+            self.absence.disturb(segment.end.estimate.t_ns)
+        elif (trial_ns := self.absence.end_trial()) is not None:
+            self.monitor.ladder.drop_before(trial_ns)
+
+    def levels(self, lag_s: float) -> Levels:
+        """Protection levels of its copies, on the axes that it tests; zeros on others.  lag_s : how old they are"""
+        found = of_copies(self.monitor.separations, lag_s)
+        return Levels(*(level if axis in self.monitor.axes else 0.0 for level, axis in zip(found, (0, 2), strict=True)))
+
+    def find(self, segment: Segment) -> Finding | None:
+        """Why the class is faulty at the end of a segment; None while it is not."""
+        return self.monitor.find(segment.end.estimate.t_ns, self.refusals)
+
+    def was_misled(self, finding: Finding, t_ns: int) -> bool:
+        """Whether the filter refuses the class after an absence, and the copy of before the absence does not.
+
+        Then what has aided the filter meanwhile is wrong.
+        """
+        is_back = self.absence.is_on_trial or self.absence.is_absent(t_ns)
+        return is_back and finding.refused and finding.copy is not None and finding.copy.outside_ns is None
+
+    def go_on_from_oldest(self) -> None:
+        """The filter goes on from the oldest copy: younger ones are copies of what it was."""
+        self.monitor.ladder.keep_oldest()
+        self.refusals = Refusals()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.monitor.clear()
+        self.refusals = Refusals()
+        self.absence.clear()
+        self.has_returned = False
+
+
+def make_classes(settings: Filter) -> list[SourceClass]:
+    """Of the receivers that aid; the satellites first."""
+    receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
+    altimeters = frozenset(altitude_name(sensor) for sensor in settings.altimeters)
+    tested, axes = (LEVEL, HORIZONTAL_AXES) if settings.baro else (QUANTITIES, ALL_AXES)
+    ring = Rungs(COPIES, (STEPS_OF_SEVERAL_NS if several else STEPS_NS)[settings.unit])
+    aids = dead_reckoning_names(settings)
+    others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
+    satellites = Ladder(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
+    long_ns = COPIES * STEPS_NS[settings.unit]
+    found = [SourceClass(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns, aids)]
+    if settings.baro:
+        names = names_of(receivers, HEIGHT)
+        ladder = Ladder(names | altimeters, names, HEIGHT_RUNGS)
+        monitor = SeparationMonitor(ladder, DOWN_AXIS)
+        found.append(SourceClass(HEIGHTS, receivers, HEIGHT, monitor, HEIGHT_RUNGS.max_age_ns))
+    for name in several:
+        ladder = Ladder(receiver_names(name), receiver_names(name), RECEIVER_RUNGS)
+        found.append(SourceClass(name, (name,), QUANTITIES, SeparationMonitor(ladder, ALL_AXES)))
+    return found
+
+
+def is_heard(now: Moment, names: Iterable[str]) -> bool:
+    """Whether the filter has believed one of these sources lately.
+
+    The tests of one source may have refused it, after the filter has followed it: the copies know better.
+    """
+    believed = [now.standings[name].believed_ns for name in names if name in now.standings]
+    return any(then_ns is not None and now.estimate.t_ns - then_ns <= BOUNDED_NS for then_ns in believed)
