@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 
 from fti.cli.main import main
 from fti.hil import scenario as scenarios
+from fti.nav.fallbacks import Fallbacks
 from fti.nav.navigation import Navigation
 from tests.e2e.conftest import ELSEWHERE, flown
 from tests.e2e.flights import fly_faster
@@ -57,6 +58,7 @@ def test_a_daemon_that_believes_every_receiver_fails(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Navigation, "refused", property(lambda _: frozenset()))
+    monkeypatch.setattr(Fallbacks, "refused_heights", property(lambda _: frozenset()))
     flight = fly_faster("gnss_offset", tmp_path, DURATIONS["gnss_offset"])
     assert main(["score", "gnss_offset", str(flight.session)]) == 1
     assert "0 of 1 expected flags found in time; 1 missing" in capsys.readouterr().out
