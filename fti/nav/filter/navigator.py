@@ -236,6 +236,8 @@ class Navigator:
         """
         if self._timeline is None or not isinstance(aiding, GnssPosition):
             return False
+        if max(self._timeline.newest_unsettled.estimate.sd_n[:2]) <= MOST_SD:
+            return False
         here, standings = self._timeline.newest
         standing = standings.get(aiding.name)
         if max(here.sd_n[:2]) <= MOST_SD or (standing is not None and standing.exclusion.cause is not None):

@@ -67,6 +67,11 @@ class Timeline:
         return self._moments[-1]
 
     @property
+    def newest_unsettled(self) -> Moment:
+        """The same without what came late since somebody asked: nothing is done again for it."""
+        return self._moments[-1]
+
+    @property
     def newest_ns(self) -> int:
         """Time of the newest inertial sample."""
         return self._times[-1]
