@@ -36,8 +36,8 @@ from fti.types import (
 )
 
 T = TypeVar("T", Position, Velocity, Attitude)
-#: Validities are composed so often, and repeated so often when they have not changed [ns].
-COMPOSE_NS, REPEAT_NS = SECOND_NS // 10, SECOND_NS // 2
+#: Validities are composed so often [ns], and repeated after so many of these periods when they have not changed.
+COMPOSE_NS, REPEAT_SLOTS = SECOND_NS // 10, 5
 #: A source that was heard within so long can be compared with [ns].
 HEARD_NS = 5 * SECOND_NS
 ATTITUDE, HEADING = "attitude", "heading"
@@ -60,7 +60,7 @@ class PlausibilityMonitor:
         self._signals = {name: SignalTest() for name in (config.nav.filter.gnss if config.nav.filter else ())}
         self._signs_ns = 0  # the newest time of signals and ticks
         self._events: list[Event] = []
-        self._composed_ns: int | None = None
+        self._slot: int | None = None
         self._published: dict[str, SourceValidity] = {}
 
     def wants(self, device: str, kind: type[Measurement]) -> bool:
@@ -201,15 +201,16 @@ class PlausibilityMonitor:
         self._signs_ns = max(self._signs_ns, t_ns)
         self._compare_attitudes(t_ns)
         out: list[Output | Event] = [*self.take_events()]
-        if self._composed_ns is not None and 0 <= t_ns - self._composed_ns < COMPOSE_NS:
+        slot = t_ns // COMPOSE_NS  # of a clock of its own: periods counted from ticks, which jitter, are longer
+        if slot == self._slot:
             return out
-        self._composed_ns = t_ns
+        self._slot = slot
         for name in dict.fromkeys((*self._tests, *self._attitudes)):
             validity, last = self._validity(name, t_ns), self._published.get(name)
             if validity is None:
                 continue
             is_same = last is not None and replace(last, t_ns=t_ns, t_valid_ns=validity.t_valid_ns) == validity
-            if last is None or not is_same or t_ns - last.t_ns >= REPEAT_NS:
+            if last is None or not is_same or slot - last.t_ns // COMPOSE_NS >= REPEAT_SLOTS:
                 self._published[name] = validity
                 out.append(validity)
         return out
