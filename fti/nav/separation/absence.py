@@ -45,7 +45,7 @@ class AbsenceMonitor:
         return self.began_ns is not None
 
     def is_absent(self, t_ns: int) -> bool:
-        """Whether the filter has believed no fix for longer than the oldest copy gets old."""
+        """Whether the filter has believed no fix for long."""
         return self.fix_ns is not None and self.long_ns is not None and t_ns - self.fix_ns > self.long_ns
 
     def follow(self, segment: Segment) -> bool:

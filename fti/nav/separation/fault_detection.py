@@ -42,14 +42,13 @@ from fti.nav.separation.provisional import Provisional, ProvisionalFilters
 from fti.nav.separation.readmission import Contradiction, Return
 from fti.nav.separation.source_class import (
     BOUNDED_NS,
-    COPIES,
     HEIGHT,
     HEIGHTS,
     QUANTITIES,
     SATELLITES,
     SECOND_NS,
-    STEPS_NS,
     SourceClass,
+    long_absence_ns,
     make_classes,
     names_of,
     receiver_names,
@@ -75,7 +74,7 @@ class FaultDetection:
         self._drawn_ns: int | None = None
         self._several = settings.gnss if len(settings.gnss) > 1 else ()
         self._is_restarted = False
-        self._step_ns = STEPS_NS[settings.unit]
+        self._long_absence_ns = long_absence_ns(settings.unit)
         self._provisional = ProvisionalFilters()
         self._excluded_aids = frozenset[str]()
 
@@ -258,7 +257,7 @@ class FaultDetection:
         standing = now.standings.get(f"{device}.position")
         if standing is None or standing.believed_ns is None:
             return True
-        return now.estimate.t_ns - standing.believed_ns > COPIES * self._step_ns
+        return now.estimate.t_ns - standing.believed_ns > self._long_absence_ns
 
     def _begin_anew(self) -> None:
         """The filter has begun again: what was known of its copies is not true of it; who was excluded still is."""

@@ -41,11 +41,6 @@ class Ladder:
         self._copies: deque[Copy] = deque(maxlen=rungs.copies)
 
     @property
-    def max_age_ns(self) -> int | None:
-        """Of the oldest copy [ns]; None: it is never replaced."""
-        return self._rungs.max_age_ns
-
-    @property
     def copies(self) -> Sequence[Copy]:
         """The oldest one first."""
         return self._copies

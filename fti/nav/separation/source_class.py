@@ -130,6 +130,11 @@ class SourceClass:
         self.has_returned = False
 
 
+def long_absence_ns(unit: str) -> int:
+    """What is more is a long absence of satellites: the oldest copy of one receiver gets so old [ns]."""
+    return COPIES * STEPS_NS[unit]
+
+
 def make_classes(settings: Filter) -> list[SourceClass]:
     """Of the receivers that aid; the satellites first."""
     receivers, several = settings.gnss, settings.gnss if len(settings.gnss) > 1 else ()
@@ -139,7 +144,7 @@ def make_classes(settings: Filter) -> list[SourceClass]:
     aids = dead_reckoning_names(settings)
     others = altimeters | aids | frozenset(altitude_name(device) for device in settings.baro)
     satellites = Ladder(names_of(receivers, QUANTITIES) | others, names_of(receivers, tested), ring)
-    long_ns = COPIES * STEPS_NS[settings.unit]
+    long_ns = long_absence_ns(settings.unit)
     found = [SourceClass(SATELLITES, receivers, QUANTITIES, SeparationMonitor(satellites, axes), long_ns, aids)]
     if settings.baro:
         names = names_of(receivers, HEIGHT)
