@@ -125,7 +125,7 @@ def errors(here: Estimate, truth: State, k: int, flight: Flown) -> Array:
     if model.biased:
         found[ACCEL : model.base] = flight.biases_b[k] - here.y[ACCEL_BIAS:EXTRAS]
     for extra, drift in flight.drifts.items():
-        column = model.column(extra)
+        column = model.columns.get(extra)
         assert column is not None
         found[column] = drift[k] - here.drift(extra)
     return found

@@ -39,7 +39,7 @@ def flying(heading_deg: float, vel_n: tuple[float, float, float], heading_sd_deg
 
 
 def with_extra(here: Estimate, extra: Extra, value: float) -> Estimate:
-    y, column = here.y.copy(), MODEL.column(extra)
+    y, column = here.y.copy(), MODEL.columns[extra]
     assert column is not None
     y[kernels.EXTRAS + column - MODEL.base] = value
     return dataclasses.replace(here, y=y)

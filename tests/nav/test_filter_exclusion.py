@@ -24,7 +24,7 @@ SECOND, STEP, AGL = 1_000_000_000, 0.04, 200.0
 T0 = 1_700_000_000 * SECOND
 OWN = ("laser.bias", "laser.scale")
 MODEL = Model(extras={**GNSS_DRIFTS, Extra.DEM: DEM_DRIFT, OWN[0]: ALTIMETER_BIAS, OWN[1]: ALTIMETER_SCALE})
-BIAS, SCALE = MODEL.column(OWN[0]), MODEL.column(OWN[1])
+BIAS, SCALE = MODEL.columns[OWN[0]], MODEL.columns[OWN[1]]
 Wrong = Callable[[float], float]
 
 

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fti.geodesy.one_point import ecef_from_geodetic
+from fti.nav.filter import antenna
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.states import Extra
-from fti.nav.inertial.errors import BIASED, GYRO, POS, TURN, VEL
+from fti.nav.inertial.errors import POS, TURN
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -122,19 +123,13 @@ class GnssPosition(_NothingOfItsOwn):
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = mat_ne (x_measured - x - mat_eb arm) - factor drift, in north, east, down."""
-        arm_e = here.mat_eb @ self.lever_arm_b
-        alt = here.place[2] if self.alt is None else self.alt
-        expected_e = here.y[:3] + arm_e
-        z = here.mat_en.T @ (ecef_from_geodetic(self.lat, self.lon, alt) - expected_e)
-        H = np.zeros((3, here.model.size))
-        H[:, POS : POS + 3] = here.mat_en.T
-        H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(arm_e)
-        for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)):
+        measured, rows = (self.lat, self.lon, self.alt or 0.0), 2 if self.alt is None else 3
+        sds = self.horizontal_sd, self.horizontal_sd, self.vertical_sd
+        z, H, R = antenna.position(here.y, measured, self.lever_arm_b, sds, rows, here.model.size)
+        for row, extra in enumerate((Extra.GNSS_NORTH, Extra.GNSS_EAST, Extra.GNSS_DOWN)[:rows]):
             for name in (extra, *self.own_drifts[row : row + 1]):
                 z[row] -= drifting(here, name, H[row], self.drift_factors[row // 2])
-        R = np.diag(np.square([self.horizontal_sd, self.horizontal_sd, self.vertical_sd]))
-        rows = 2 if self.alt is None else 3
-        return z[:rows], H[:rows], np.ascontiguousarray(R[:rows, :rows])
+        return z, H, R
 
     def apart(self) -> tuple[Aiding, ...]:
         """Level and height: a barometer may vouch against the one, and says nothing of the other."""
@@ -181,16 +176,9 @@ class GnssVelocity(_NothingOfItsOwn):
 
     def compute_matrices(self, here: Estimate) -> Matrices:
         """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm))."""
-        around_e = here.mat_eb @ (skew(here.rate_eb_b) @ self.lever_arm_b)
-        expected = here.mat_en.T @ (here.y[3:6] + around_e)
-        z = np.array([self.north, self.east, expected[2] if self.down is None else self.down]) - expected
-        H = np.zeros((3, here.model.size))
-        H[:, VEL : VEL + 3] = here.mat_en.T
-        H[:, TURN : TURN + 3] = -here.mat_en.T @ skew(around_e)
-        if here.model.biased:
-            H[:, GYRO:BIASED] = here.mat_nb @ skew(self.lever_arm_b)
-        rows = 2 if self.down is None else 3
-        return z[:rows], H[:rows], self.sd**2 * np.eye(rows)
+        rows, model = 2 if self.down is None else 3, here.model
+        vel_n = self.north, self.east, 0.0 if self.down is None else self.down
+        return antenna.velocity(here.y, here.felt, vel_n, self.lever_arm_b, self.sd, rows, model.size, model.biased)
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +321,7 @@ def _altitude(here: Estimate, alt: float, sd: float, extra: str) -> Matrices:
 
 def drifting(here: Estimate, extra: str, row: Array, factor: float) -> float:
     """What an extra adds to the measurement; its column is entered."""
-    column = here.model.column(extra)
+    column = here.model.columns.get(extra)
     if column is None:
         return 0.0
     row[column] = factor

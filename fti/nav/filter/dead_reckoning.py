@@ -89,7 +89,7 @@ def _enter_air(here: Estimate, row: Array, direction_n: Array) -> None:
     """What velocity and wind do to the speed through the air in a direction."""
     row[VEL : VEL + 3] = here.mat_en @ direction_n
     for extra, share in zip((Extra.WIND_NORTH, Extra.WIND_EAST), direction_n, strict=False):
-        column = here.model.column(extra)
+        column = here.model.columns.get(extra)
         if column is not None:
             row[column] = -share
 

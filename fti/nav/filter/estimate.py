@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from fti.geodesy.quaternions import quat_from_mat
 from fti.geodesy.rotations import mat_en, mat_from_rpy, rpy_from_mat
-from fti.geodesy.wgs84 import EARTH_RATE, ecef_from_geodetic
+from fti.geodesy.wgs84 import ecef_from_geodetic
 from fti.nav.filter import kernels, place
-from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS
+from fti.nav.filter.kernels import EXTRAS
 from fti.nav.filter.states import Model
 from fti.nav.inertial.errors import ACCEL, POS, TURN, VEL
 
@@ -66,19 +66,14 @@ class Estimate:
         """North, east, down [m/s]."""
         return np.asarray(self.mat_en.T @ self.y[3:6])
 
-    @property
-    def rate_eb_b(self) -> Array:
-        """Turn of the body against the Earth [rad/s]."""
-        return np.asarray(self.felt[3:] - self.y[GYRO_BIAS:EXTRAS] - self.mat_eb.T @ [0.0, 0.0, EARTH_RATE])
-
     def drift(self, extra: str) -> float:
         """An error of what aids [m]; 0 where it is no state."""
-        column = self.model.column(extra)
+        column = self.model.columns.get(extra)
         return 0.0 if column is None else float(self.y[EXTRAS + column - self.model.base])
 
     def drift_sd(self, extra: str) -> float | None:
         """Its sigma [m]; None where it is no state."""
-        column = self.model.column(extra)
+        column = self.model.columns.get(extra)
         return None if column is None else math.sqrt(max(0.0, float(self.P[column, column])))
 
     @functools.cached_property

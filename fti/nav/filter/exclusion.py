@@ -89,7 +89,7 @@ def inconsistency(here: Estimate, own: tuple[str, ...], h: Array) -> float:
     """
     error, sound, row = 0.0, 0.0, np.zeros(here.model.size)
     for name in own:
-        drift, column = here.model.extras.get(name), here.model.column(name)
+        drift, column = here.model.extras.get(name), here.model.columns.get(name)
         if drift is not None and column is not None and drift.sound_sd is not None:
             row[column] = h[column]
             error += float(h[column]) * here.drift(name)
@@ -105,7 +105,7 @@ def is_testable(here: Estimate, own: tuple[str, ...], h: Array) -> bool:
     """
     rest, prior = h.copy(), 0.0
     for name in own:
-        column = here.model.column(name)
+        column = here.model.columns.get(name)
         if column is not None:
             rest[column] = 0.0
             prior += float(h[column] * here.model.extras[name].sd) ** 2
@@ -116,7 +116,7 @@ def considered(here: Estimate, own: tuple[str, ...], z: Array, H: Array, R: Arra
     """The estimate after a measurement that corrects own states alone, and its NIS.  R : diagonal (m, m)"""
     y, P, x = here.y.copy(), here.P.copy(), np.zeros(here.model.size)
     mine = np.zeros(here.model.size)
-    mine[[column for name in own if (column := here.model.column(name)) is not None]] = 1.0
+    mine[[column for name in own if (column := here.model.columns.get(name)) is not None]] = 1.0
     nis = sum(kernels.consider(x, P, z[i], H[i], R[i, i], mine) for i in range(len(z)))
     kernels.correct(y, x, len(here.model.extras))
     return Estimate(here.t_ns, y, P, here.felt, here.model), float(nis)
@@ -126,7 +126,7 @@ def begun_anew(here: Estimate, own: tuple[str, ...]) -> Estimate:
     """The estimate with own states as at the start: unknown within their first sigma, independent of all others."""
     y, P = here.y.copy(), here.P.copy()
     for name in own:
-        column = here.model.column(name)
+        column = here.model.columns.get(name)
         if column is not None:
             y[EXTRAS + column - here.model.base] = 0.0
             P[column, :] = P[:, column] = 0.0

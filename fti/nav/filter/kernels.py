@@ -188,6 +188,31 @@ def bent(before: Array, here: Array, after: Array, last: float, following: float
 
 
 @kernel
+def resampled(times: Array, felt: Array, nodes: Array) -> tuple[Array, Array]:
+    """What is felt at nodes, by straight lines between samples, and how it is bent from each node to the next.
+
+    times : ndarray, shape (m,)   of the samples [s]; the first one is before the nodes, or at the first of them where
+            none is known before that;  felt : (m, 6);  nodes : (k,), all sample times from the second on among them
+    Returns : ndarray, shape (k, 6)       felt
+              ndarray, shape (k - 1, 6)   second derivatives, those at the last sample before; zeros where unknown
+    """
+    at_nodes, bends = np.empty((len(nodes), 6)), np.zeros((len(nodes) - 1, 6))
+    at = 1
+    for k in range(len(nodes)):
+        while at + 1 < len(times) and times[at + 1] <= nodes[k]:
+            at += 1
+        share = 0.0
+        if at + 1 < len(times):
+            last, following = times[at] - times[at - 1], times[at + 1] - times[at]
+            share = (nodes[k] - times[at]) / following
+            if k < len(bends) and last > 0.0:
+                bends[k] = bent(felt[at - 1], felt[at], felt[at + 1], last, following)
+        for j in range(6):
+            at_nodes[k, j] = felt[at, j] + (share * (felt[at + 1, j] - felt[at, j]) if share > 0.0 else 0.0)
+    return at_nodes, bends
+
+
+@kernel
 def within(felt: Array, most: Array) -> bool:
     """Whether each number is one, and smaller than the most."""
     sound = True

@@ -94,7 +94,7 @@ def _begin_anew(here: Estimate, aiding: Aiding) -> tuple[Estimate, Judgement]:
 def normalised_squared(here: Estimate, matrices: Matrices) -> float:
     """The NIS of a measurement that is not taken."""
     z, H, R = matrices
-    return float(z @ np.linalg.solve(H @ here.P @ H.T + R, z))
+    return float(kernels.fuse(np.zeros(here.model.size), here.P.copy(), z, H, R))
 
 
 def _is_doubted(standings: Standings, aiding: Aiding, t_ns: int) -> bool:

@@ -26,7 +26,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fti.nav.filter import kernels, place
+from fti.nav.filter import antenna, kernels, place
 from fti.nav.filter.aiding import Aiding, GnssHeight, GnssPosition, SlantRange
 from fti.nav.filter.aligner import Aligner
 from fti.nav.filter.estimate import Estimate, Start, widened
@@ -299,11 +299,13 @@ def warm_up() -> None:
         y, P, still, still, kernels.bent(still, still, still, 0.01, 0.01), Model().unit.table, Model().drifts, 0.01
     )
     rows = np.zeros((1, 6))
+    kernels.resampled(np.arange(2.0), np.zeros((2, 6)), np.arange(2.0))
     kernels.coast(y, P, rows, rows, rows, Model().unit.table, Model().drifts, np.full(1, 0.01))
     kernels.separate(y, P, y, P, estimate.mat_en, 0.1)
     kernels.within(np.zeros(6), MOST_FELT)
     kernels.health(y, P)
     place.warm_up()
+    antenna.warm_up()
     x = np.zeros(len(P))
     kernels.fuse(x, P, np.zeros(1), np.zeros((1, len(P))), np.eye(1))
     kernels.consider(x, P, 0.0, np.zeros(len(P)), 1.0, np.ones(len(P)))
@@ -324,8 +326,10 @@ def _conceivable(name: str, value: object) -> bool:
     """Names and what is not told are; of numbers see ``is_known``."""
     if isinstance(value, str) or value is None:
         return True
-    numbers = (value,) if isinstance(value, float) else np.ravel(np.asarray(value, dtype=np.float64)).tolist()
-    return all(abs(x) < LARGEST for x in numbers) and (not name.endswith("sd") or all(x > 0.0 for x in numbers))
+    if isinstance(value, tuple):
+        return all(_conceivable(name, x) for x in value)
+    number = float(value)  # type: ignore[arg-type]
+    return abs(number) < LARGEST and (number > 0.0 or not name.endswith("sd"))
 
 
 def _sane(estimate: Estimate) -> bool:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fti.nav.filter import kernels
 from fti.nav.filter.aiding import Aiding
 from fti.nav.filter.estimate import Estimate
 from fti.nav.filter.gate import Judgement, Standings
@@ -82,34 +83,21 @@ class Piece(NamedTuple):
 def cut(segment: Segment) -> list[Piece]:
     """The pieces of a segment, in order; only the last one may have no aid at its end."""
     origin = segment.begin_ns
-    times = np.array([m.estimate.t_ns - origin for m in segment.moments]) / SECOND_NS
-    felt = np.array([m.estimate.felt for m in segment.moments])
     ends_ns = sorted({e.t_ns for e in segment.entries} | {segment.end.estimate.t_ns})
-    nodes = np.union1d(times, np.array([t - origin for t in ends_ns]) / SECOND_NS)
-    at_nodes = np.stack([np.interp(nodes, times, felt[:, j]) for j in range(6)], axis=1)
-    step = np.searchsorted(times, nodes[:-1], side="right") - 1
-    bends = _bends(segment, times, felt)[step]
-    last = np.searchsorted(nodes, np.array([t - origin for t in ends_ns]) / SECOND_NS)
+    times_ns = [m.estimate.t_ns - origin for m in segment.moments]
+    felt = [m.estimate.felt for m in segment.moments]
+    nodes_ns = sorted({*times_ns, *(t_ns - origin for t_ns in ends_ns)})
+    before_ns, before = segment.before or (origin, felt[0])
+    nodes = np.array(nodes_ns) / SECOND_NS
+    at_nodes, bends = kernels.resampled(
+        np.array([before_ns - origin, *times_ns]) / SECOND_NS, np.stack((before, *felt)), nodes
+    )
+    seconds = np.diff(nodes)
     pieces, first = [], 0
-    for end_ns, end in zip(ends_ns, last.tolist(), strict=True):
+    for end_ns in ends_ns:
+        end = nodes_ns.index(end_ns - origin)
         entries = tuple(e for e in segment.entries if e.t_ns == end_ns)
         here = slice(first, end)
-        pieces.append(
-            Piece(at_nodes[here], at_nodes[first + 1 : end + 1], bends[here], np.diff(nodes)[here], end_ns, entries)
-        )
+        pieces.append(Piece(at_nodes[here], at_nodes[first + 1 : end + 1], bends[here], seconds[here], end_ns, entries))
         first = end
     return pieces
-
-
-def _bends(segment: Segment, times: Array, felt: Array) -> Array:
-    """Second derivatives of what is felt, of each step, shape (m, 6); zeros where no sample is known before it."""
-    found = np.zeros((len(times) - 1, 6))
-    if segment.before is not None:
-        before_ns, before = segment.before
-        times = np.concatenate((((before_ns - segment.begin_ns) / SECOND_NS,), times))
-        felt = np.concatenate((before[None], felt))
-    apart = np.diff(times)
-    slopes = np.diff(felt, axis=0) / apart[:, None]
-    known = 2.0 * np.diff(slopes, axis=0) / (apart[1:] + apart[:-1])[:, None]
-    found[len(found) - len(known) :] = known
-    return found

@@ -8,6 +8,7 @@ With nine states the two biases are left out.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -149,21 +150,22 @@ class Model:
     biased: bool = True
     extras: dict[str, Drift] = field(default_factory=dict)
 
-    @property
+    @functools.cached_property
     def base(self) -> int:
         """States before the extras."""
         return BIASED if self.biased else ACCEL
 
-    @property
+    @functools.cached_property
     def size(self) -> int:
         """States in all."""
         return self.base + len(self.extras)
 
-    def column(self, extra: str) -> int | None:
-        """Its column, None where it is no state."""
-        return self.base + list(self.extras).index(extra) if extra in self.extras else None
+    @functools.cached_property
+    def columns(self) -> dict[str, int]:
+        """Of the extras; who is not in it is no state."""
+        return {extra: self.base + at for at, extra in enumerate(self.extras)}
 
-    @property
+    @functools.cached_property
     def drifts(self) -> Array:
         """For the kernels, shape (k, 3): sd [m], 1 / period [1/s], 1 / length [1/m]."""
         return np.array([[d.sd, 1.0 / d.period_s, 1.0 / d.length_m] for d in self.extras.values()]).reshape(-1, 3)

@@ -19,6 +19,7 @@ Checked against: differences of two strapdowns, tests/nav/test_inertial_errors.p
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,14 +53,14 @@ class Triad:
     scale: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Unit:
     """One inertial measurement unit: what its data sheet says of accelerometers and gyros."""
 
     accel: Triad
     gyro: Triad
 
-    @property
+    @functools.cached_property
     def table(self) -> Array:
         """For the kernels: rows accelerometers and gyros; columns white, bias_sd, period_s, scale."""
         return np.array([[t.white, t.bias_sd, t.period_s, t.scale] for t in (self.accel, self.gyro)])

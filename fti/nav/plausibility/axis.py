@@ -280,7 +280,8 @@ class AxisTests:
         span = Span(then.seconds, max(abs(at.speed), abs(then.speed)), at.speed - then.speed, then.path)
         larger, smaller = max(fix.sigma.position, then.sigma), min(fix.sigma.position, then.sigma)
         white = larger**2 if larger > CHANGED_SIGMA * smaller else self._white_of(fix)
-        return difference_variance(replace(fix.sigma, position=larger), white, span)
+        sigma = fix.sigma if larger == fix.sigma.position else replace(fix.sigma, position=larger)
+        return difference_variance(sigma, white, span)
 
     def _white_of(self, fix: Fix) -> float:
         full = fix.sigma.position**2

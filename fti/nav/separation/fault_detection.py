@@ -317,6 +317,8 @@ class FaultDetection:
 
     def _aiding(self, watched: SourceClass) -> tuple[str, ...]:
         """Devices of a class that are not excluded."""
+        if not self._refused:
+            return watched.devices
         out = frozenset[str]().union(*(r.names for r in self._refused.values()))
         return tuple(d for d in watched.devices if not receiver_names(d, watched.quantities) <= out)
 

@@ -104,10 +104,10 @@ class SeparationMonitor:
     def _find_largest(self) -> None:
         self.ratio = 0.0
         for number, separation in enumerate(self.separations):
-            ratios = separation.ratios[self.axes]
-            at = int(np.argmax(ratios))
-            if ratios[at] > self.ratio:
-                self.ratio, self._worst = float(ratios[at]), (number, self.axes[at])
+            ratios = separation.ratios.tolist()
+            axis = max(self.axes, key=ratios.__getitem__)
+            if ratios[axis] > self.ratio:
+                self.ratio, self._worst = ratios[axis], (number, axis)
 
     def find(self, t_ns: int, refusals: Refusals) -> Finding | None:
         """Why the class is faulty; None while it is not."""

@@ -1,0 +1,111 @@
+"""What position and velocity of an antenna mean for the errors, compiled: z, H and R of ``fti.nav.filter.aiding``.
+
+Every fix is compared with the filter and with each of its copies.
+Checked against: tests/nav/test_filter_aiding.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR
+from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, matrix
+from fti.nav.filter.place import axes, geodetic
+from fti.nav.inertial.errors import GYRO, POS, TURN, VEL
+from fti.terrain.kernel import kernel
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+Matrices = tuple[Array, Array, Array]
+
+
+@kernel
+def position(y: Array, place: Vector, arm_b: Vector, sds: Vector, rows: int, size: int) -> Matrices:  # noqa: PLR0917
+    """z = mat_ne (x_measured - x - mat_eb arm), in north, east, down.
+
+    y     : an estimate's row;  place : lat, lon [rad], alt [m] as measured;  arm_b : P to the antenna [m]
+    sds   : north, east, down [m];  rows : 3, or 2 without the height, in place of which its own is taken
+    size  : number of states
+    """
+    own_lat, own_lon, own_alt = geodetic(y)
+    mat_en = axes(own_lat, own_lon)
+    measured_e = _ecef(place[0], place[1], place[2] if rows == 3 else own_alt)
+    arm_e = _rotated(matrix(y), arm_b)
+    z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
+    for i in range(rows):
+        for j in range(3):
+            z[i] += mat_en[j, i] * (measured_e[j] - y[j] - arm_e[j])
+            H[i, POS + j] = mat_en[j, i]
+        _enter_cross(H[i], TURN, arm_e, (mat_en[0, i], mat_en[1, i], mat_en[2, i]))
+        R[i, i] = sds[i] ** 2
+    return z, H, R
+
+
+@kernel
+def velocity(  # noqa: PLR0917
+    y: Array, felt: Array, vel_n: Vector, arm_b: Vector, sd: float, rows: int, size: int, biased: bool
+) -> Matrices:
+    """z = v_measured - mat_ne (v + mat_eb (omega_eb x arm)).
+
+    y, felt : of an estimate;  vel_n : north, east, down as measured [m/s];  arm_b : P to the antenna [m]
+    sd      : of each axis [m/s];  rows : 3, or 2 without the vertical;  size : number of states
+    biased  : whether gyro biases are states
+    """
+    own_lat, own_lon, _ = geodetic(y)
+    mat_en, mat_eb = axes(own_lat, own_lon), matrix(y)
+    around_b = _cross(_rate_eb_b(y, felt, mat_eb), arm_b)
+    around_e = _rotated(mat_eb, around_b)
+    z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
+    for i in range(rows):
+        axis_e = (mat_en[0, i], mat_en[1, i], mat_en[2, i])
+        z[i] = vel_n[i]
+        for j in range(3):
+            z[i] -= axis_e[j] * (y[3 + j] + around_e[j])
+            H[i, VEL + j] = axis_e[j]
+        _enter_cross(H[i], TURN, around_e, axis_e)
+        if biased:
+            _enter_cross(H[i], GYRO, _rotated(mat_eb.T, axis_e), arm_b)
+        R[i, i] = sd**2
+    return z, H, R
+
+
+@kernel
+def _ecef(lat: float, lon: float, alt: float) -> Vector:
+    normal = SEMI_MAJOR / np.sqrt(1.0 - ECC_SQ * np.sin(lat) ** 2)
+    level = (normal + alt) * np.cos(lat)
+    return level * np.cos(lon), level * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * np.sin(lat)
+
+
+@kernel
+def _rate_eb_b(y: Array, felt: Array, mat_eb: Array) -> Vector:
+    """Turn of the body against the Earth [rad/s]."""
+    rate = felt[3:] - y[GYRO_BIAS:EXTRAS] - EARTH_RATE * mat_eb[2]
+    return rate[0], rate[1], rate[2]
+
+
+@kernel
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _rotated(mat: Array, v: Vector) -> Vector:
+    return (
+        mat[0, 0] * v[0] + mat[0, 1] * v[1] + mat[0, 2] * v[2],
+        mat[1, 0] * v[0] + mat[1, 1] * v[1] + mat[1, 2] * v[2],
+        mat[2, 0] * v[0] + mat[2, 1] * v[1] + mat[2, 2] * v[2],
+    )
+
+
+@kernel
+def _enter_cross(row: Array, at: int, a: Vector, b: Vector) -> None:
+    """A x b into three columns."""
+    row[at], row[at + 1], row[at + 2] = _cross(a, b)
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    y, v = np.array([SEMI_MAJOR, *np.zeros(15)]), (0.0, 0.0, 0.0)
+    position(y, v, v, v, 3, 15)
+    velocity(y, np.zeros(6), v, v, 1.0, 3, 15, True)
