@@ -47,6 +47,7 @@ class Flown:
     """One flight.
 
     begin_ns  : FTI time at which it began
+    table     : its rows as they were read, once: the file of a flight that goes on grows
     pauses    : in which the emulator was late, in order; an accelerated flight has none
     real_time : it was flown over ports, as long as it lasted; else it was accelerated
     sent      : messages and bytes that the emulator sent on each link; nothing in older files
@@ -56,6 +57,7 @@ class Flown:
 
     file: Path
     begin_ns: int
+    table: TruthTable
     truth: Truth
     pauses: tuple[Pause, ...]
     real_time: bool = True
@@ -91,13 +93,15 @@ def read_flown(file: Path, scenario: Scenario) -> Flown:
     rows = [item for item in items if item.topic.name == TOPIC]
     if not rows:
         raise MissingError(f"{file}: has no rows: the flight did not begin")
+    table = TruthTable.of_rows(rows)
+    truth = truth_of_columns(table.seconds(table.t_ns), table.columns, _intercept_m())
     real_time = _is_real_time(head.metadata.get(FLIGHT_METADATA, {}).get(REAL_TIME_KEY), rows)
     late = [item for item in items if item.topic.name in (TOPIC, LATE_TOPIC)]
     pauses = tuple(_pauses(late, rows[0].log_time)) if real_time else ()
     attached = {name: data for name, data in head.attachments.items() if name != SCENARIO_ATTACHMENT}
     stated, sent = _end(items)
     complete = FLIGHT_METADATA not in head.metadata or stated == len(rows)
-    return Flown(file, rows[0].log_time, _truth(rows), pauses, real_time, attached, sent, complete)
+    return Flown(file, rows[0].log_time, table, truth, pauses, real_time, attached, sent, complete)
 
 
 def _end(items: Iterable[Item]) -> tuple[int, dict[str, SentOnLink]]:
@@ -152,11 +156,6 @@ def differing_keys(scenario: Scenario, flown: Mapping[str, object]) -> list[str]
 def _wrong_scenario(file: Path, head: Head, not_of: str) -> ConfigError:
     flown = _flown_scenario(file, head)
     return ConfigError(f"{file}: is the truth of {flown.get('title')!r}, seed {flown.get('seed')}, and not {not_of}")
-
-
-def _truth(rows: list[Item]) -> Truth:
-    table = TruthTable.of_rows(rows)
-    return truth_of_columns(table.seconds(table.t_ns), table.columns, _intercept_m())
 
 
 def _intercept_m() -> float:

@@ -8,11 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from fti.hil.truth import FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY
+from fti.hil.truth import END_TOPIC, FLIGHT_METADATA, LATE_TOPIC, REAL_TIME_KEY
 from fti.logger.reading.mcap_file import Item
+from fti.post.score.flown import read_flown
 from fti.post.score.judging import Score
 from fti.post.score.outcome import Outcome
+from fti.post.score.outputs.evidence import flight_evidence
+from fti.post.score.promised import promised_setup
 from fti.post.score.rows import Verdict
+from fti.post.score.said import Said
 from fti.post.score.unit_findings import MAX_BEHIND_SHARE
 from tests.post.score.doctored import DERIVED, RAW, TRUTH, Change, copied, file_of, rewrite, with_content
 from tests.post.score.flying import score_of, session_of, short
@@ -152,3 +156,25 @@ def test_an_accelerated_flight_has_no_excuse(hidden: Path) -> None:
     score = score_of(SCENARIO, hidden)
     assert verdict(score) is Verdict.MISSING
     assert (score.flown.real_time, score.flown.pauses) == (False, ())
+
+
+def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Path, tmp_path: Path) -> None:
+    session = copied(flown, tmp_path)
+    truth, seconds = file_of(session, TRUTH), in_flight(session)
+    whole = truth.read_bytes()
+    rewrite(truth, lambda item: None if item.topic.name == END_TOPIC or seconds(item) > 20.0 else item)
+    begun = read_flown(truth, SCENARIO)
+    truth.write_bytes(whole)  # the emulator has written on
+    evidence = flight_evidence(SCENARIO, promised_setup(begun, SCENARIO), begun, Said())
+    assert evidence.truth.end_s == pytest.approx(20.0, abs=0.1)
+    assert evidence.table.duration_s == pytest.approx(evidence.truth.end_s)
+
+
+def test_a_flight_without_its_end_proves_nothing(flown: Path, tmp_path: Path) -> None:
+    session = copied(flown, tmp_path)
+    seconds = in_flight(session)
+    ended = lambda item: item.topic.name == END_TOPIC or seconds(item) > 20.0  # noqa: E731
+    rewrite(file_of(session, TRUTH), lambda item: None if ended(item) else item)
+    score = score_of(SCENARIO, session)
+    assert score.outcome is Outcome.NOT_PROVED
+    assert "the end of its flight" in score.bench.text

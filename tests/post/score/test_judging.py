@@ -19,6 +19,7 @@ from fti.post.score.outcome import Outcome
 from fti.post.score.report import as_json, as_text
 from fti.post.score.rows import Verdict
 from fti.post.score.said import Said, Words
+from fti.post.score.truth_table import TruthTable
 from fti.service.binding import bind_devices
 from tests.post.score.flying import daemon_config, short
 
@@ -31,7 +32,10 @@ NOTHING: Words = frozenset()
 def flown(end_s: float = 40.0, *pauses: Pause, bank_s: tuple[float, float] = (0.0, 0.0)) -> Flown:
     t = np.arange(0.0, end_s + 0.02, 0.04)
     roll = np.where((t > bank_s[0]) & (t < bank_s[1]), math.radians(40.0), 0.0)
-    return Flown(Path("truth.mcap"), 0, Truth(t, 0 * t + 200.0, 4000.0 - 60.0 * t, 0 * t, roll, 0 * t, 0 * t), pauses)
+    table = TruthTable(np.rint(1e9 * t).astype(np.int64), {})
+    return Flown(
+        Path("truth.mcap"), 0, table, Truth(t, 0 * t + 200.0, 4000.0 - 60.0 * t, 0 * t, roll, 0 * t, 0 * t), pauses
+    )
 
 
 def said(*statements: tuple[float, str, Words]) -> Said:

@@ -52,7 +52,7 @@ def flight_evidence(scenario: Scenario, setup: Setup, flown: Flown, said: Said) 
         setup.reference or parse_reference(setup.config, setup.texts),
         Aircraft(setup.config, setup.devices, scenario),
         flown.truth,
-        TruthTable.read(flown.file),
+        flown.table,
         _sent_rates(flown),
         read_intended(flown.file),
         [(pause.from_s, pause.until_s) for pause in flown.pauses],
