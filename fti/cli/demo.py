@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         async def fly(supervisor: Supervisor) -> None:
             if not args.headless:
                 await _open_browser(supervisor)
-            begun = _ending_after(args.duration, supervisor)
+            begun = _ending_after(args.duration)
             while True:
                 await _fly_once(scenario, file, links, supervisor, begun)
 
@@ -114,18 +114,20 @@ def _free_port() -> int:
         return port
 
 
-def _ending_after(duration_s: float | None, supervisor: Supervisor) -> Callable[[], None]:
-    """What is to be called when the sensors of a flight are there: so long after the first time the session ends.
+def _ending_after(duration_s: float | None) -> Callable[[], None]:
+    """What is to be called when the sensors of a flight are there: so long after the first time this task is cancelled.
 
     Not so long after the recording begins: on a new machine the emulator compiles first, longer than a short session.
     """
     import asyncio
 
     ends: list[asyncio.TimerHandle] = []
+    flying = asyncio.current_task()
+    assert flying
 
     def begun() -> None:
         if duration_s is not None and not ends:
-            ends.append(asyncio.get_running_loop().call_later(duration_s, supervisor.stop))
+            ends.append(asyncio.get_running_loop().call_later(duration_s, flying.cancel))
 
     return begun
 

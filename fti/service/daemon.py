@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from fti.service.bulletin import Announce
     from fti.service.supervisor import Supervisor
 
-#: What else runs with the daemon, from its first recorded moment on; it is cancelled when the daemon ends.
+#: What else runs with the daemon, from its first recorded moment on; the daemon ends when it has ended.
 Companion = Callable[["Supervisor"], Awaitable[None]]
 
 
@@ -49,18 +49,26 @@ async def serve(
 
     recorder   : see ``early_recorder``
     duration_s : end after so long [s]; None runs until a signal comes
-    companion  : runs beside the daemon (the emulator of a demonstration)
+    companion  : runs beside the daemon (the emulator of a demonstration); the first signal cancels it, and when it has
+                 ended the daemon ends, so that nothing is sent that nobody records
     shows_key  : the line with the page's address has the key to command from it; for a terminal alone
     Returns True when a signal ended it.  Raises RecordingError when not everything was recorded.
     """
     # Before there is anything to be left behind; a callback of the loop, it comes when there is a supervisor.
-    signalled = _stop_on_signals(lambda: supervisor.stop())  # noqa: PLW0108
+    signalled = _stop_on_signals(lambda: stop())  # noqa: PLW0108
     from fti.clock import choose_epoch_ns  # noqa: PLC0415 - while this is loaded, the recorder starts
     from fti.service.supervisor import Supervisor  # noqa: PLC0415
 
     config = limits.fit(config, announce)
     supervisor = Supervisor(config, choose_epoch_ns(), run_dir, recorder, _never_failing(announce), shows_key=shows_key)
     beside = asyncio.create_task(_accompany(supervisor, companion), name="companion") if companion else None
+
+    def stop() -> None:
+        if beside and not beside.cancelling() and not beside.done():
+            beside.cancel()
+        else:
+            supervisor.stop()
+
     try:
         await supervisor.run(duration_s)
     finally:
@@ -103,8 +111,8 @@ def _stop_on_signals(stop_supervisor: Callable[[], None]) -> asyncio.Event:
 
 async def _accompany(supervisor: Supervisor, companion: Companion) -> None:
     """A companion that fails or ends takes the session with it."""
-    await supervisor.recording.wait()
     try:
+        await supervisor.recording.wait()
         await companion(supervisor)
     finally:
         supervisor.stop()

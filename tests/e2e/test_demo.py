@@ -13,6 +13,7 @@ from foxglove.messages import LocationFix
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
+from fti.hil.truth import END_TOPIC, TOPIC
 from tests.e2e.harness import fti
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
@@ -38,7 +39,11 @@ def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
     found = _messages(derived)
     assert {channel.topic for _, channel, _ in found} >= {f"/nav/{name}" for name in OUTPUTS}
     _assert_schemas(found)
-    assert len(_messages(truth)) > 100
+    flown = _messages(truth)
+    assert len(flown) > 100
+    assert flown[-1][1].topic == END_TOPIC  # the emulator has ended by itself, before what records it
+    rows_ns = [message.log_time for _, channel, message in flown if channel.topic == TOPIC]
+    assert max(message.log_time for _, channel, message in found if channel.topic == "/nav/nav_solution") > rows_ns[-1]
     assert fti("verify", str(session)).returncode == 0
 
 
