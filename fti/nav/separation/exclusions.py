@@ -43,7 +43,7 @@ def describe_readmission(refused: ExcludedReceiver) -> str:
     """What would let a receiver back in, or its height, as far as it is known."""
     back, command = refused.back, f"'fti readmit {refused.device}'"
     ways = ["a step back that ends the contradiction"] if back.is_known and back.is_outside else []
-    if back.is_known:
+    if back.is_resolvable:
         ways.append(f"a sigma of the filter below {back.describe_resolved()}")
     if refused.what == refused.device and (size_of(refused).level or 0.0) > 0.0:
         ways.append("agreement of an independent source")

@@ -327,7 +327,7 @@ class FaultDetection:
         aiding = self._aiding(watched)
         devices = tuple(d for d in aiding if _is_heard_since(d, watched, finding, segment.end)) or aiding
         if len(devices) > 1 and watched.what == SATELLITES and (self.is_drawn or not finding.refused):
-            devices = self._blamed(devices, finding)
+            devices = self._blamed(devices, watched)
         elif len(devices) > 1:
             devices = tuple(d for d in devices if _contradicts(d, watched, finding, segment))
         if devices:
@@ -335,27 +335,36 @@ class FaultDetection:
         else:
             self._draw(finding, t_ns)
 
-    def _blamed(self, devices: tuple[str, ...], finding: Finding) -> tuple[str, ...]:
-        """The one receiver without which the filter agrees with the copy; all where it does so without none.
+    def _blamed(self, devices: tuple[str, ...], watched: SourceClass) -> tuple[str, ...]:
+        """The one receiver without which the filter agrees with the oldest copy; all where they lie alike.
 
-        Receivers that lie alike agree with each other: without any one of them the filter still contradicts.
+        Those agree with each other, and the filter without any one of them contradicts a copy.  A young copy shows a
+        change of the velocity best, but may itself have begun behind a lie: it does not show which one is wrong alone.
         None while it is not clear, as without a copy.
         """
-        if finding.copy is None:
+        if not watched.monitor.ladder.copies:
             return ()
-        ratios = {device: self._ratio_without(device, finding) for device in devices}
-        still = tuple(device for device in devices if ratios[device] >= K_FA)
-        ending = tuple(device for device in devices if ratios[device] < 0.5 * K_FA)
+        ratios = {device: self._ratios_without(device, watched) for device in devices}
+        if self._agree(devices) and all(max(of_copies) >= K_FA for of_copies in ratios.values()):
+            return devices
+        still = tuple(device for device in devices if ratios[device][0] >= K_FA)
+        ending = tuple(device for device in devices if ratios[device][0] < 0.5 * K_FA)
         if len(still) == len(devices):
             return devices
         return ending if len(ending) == 1 and len(still) == len(devices) - 1 else ()
 
-    def _ratio_without(self, device: str, finding: Finding) -> float:
-        """|d| over sigma of the filter without one receiver from the copy without any; infinite while there is none."""
-        mine = next(watched.monitor.ladder.oldest for watched in self._classes if watched.what == device)
-        if mine is None or finding.copy is None:
-            return np.inf
-        return float(max(separate(mine.estimate, finding.copy.estimate).ratios[list(HORIZONTAL_AXES)]))
+    def _agree(self, devices: tuple[str, ...]) -> bool:
+        """Whether receivers are compared with each other, and none contradicts."""
+        monitors = [watched.monitor for watched in self._classes if watched.what in devices]
+        return all(monitor.separations and monitor.ratio < K_FA for monitor in monitors)
+
+    def _ratios_without(self, device: str, watched: SourceClass) -> list[float]:
+        """|d| over sigma of the filter without one receiver from copies without any; infinite while there is none."""
+        mine = next(each.monitor.ladder.oldest for each in self._classes if each.what == device)
+        if mine is None:
+            return [np.inf]
+        separations = [separate(mine.estimate, copy.estimate) for copy in watched.monitor.ladder.copies]
+        return [float(max(s.ratios[list(HORIZONTAL_AXES)])) for s in separations]
 
     def _exclude(
         self, devices: Sequence[str], quantities: tuple[str, ...], finding: Finding, segment: Segment, t_ns: int

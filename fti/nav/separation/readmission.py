@@ -2,17 +2,19 @@
 
 For at least 30 s and 30 fixes it is inside the gate of the filter that goes on without it, and
 
-    resolved   sigma of the filter < D / 8:  a lie of the size of the contradiction would be seen
+    resolved   sigma < D / 8:  a lie of the size of the contradiction would be seen
     closed     the contradiction ended by a step of the source itself that cancels D within 4.2 sigma, and these
                4.2 sigma are less than D / 2; they count as tolerance in the protection level until the ladder is full
     commanded  the operator says so
 
-D is the contradiction just before it ended.  Otherwise the source is unconfirmed: a filter that has coasted for long
-agrees with a lie of the same size.
+D is the contradiction just before it ended; sigma is that of what the source says beside the filter: a velocity whose
+errors last for seconds counts with several times what it states, and shows no contradiction of 0.1 m/s.  Otherwise the
+source is unconfirmed: a filter that has coasted for long agrees with a lie of the same size.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,24 +38,26 @@ class Contradiction:
 
     axes : of ``Estimate.sd_n``
     size : innovation when it was outside the gate last [m, m/s];  outside_ns : then, None: never
-    is_outside : whether it was at its last measurement
+    is_outside : whether it was at its last measurement;  noise_sd : of that, as the filter counts it [m, m/s]
     """
 
     axes: slice
     size: float = 0.0
     outside_ns: int | None = None
     is_outside: bool = False
+    noise_sd: float = 0.0
 
-    def compare(self, entry: Entry) -> None:
+    def compare(self, entry: Entry, here: Estimate) -> None:
         """Take one more measurement, which was not used."""
         assert entry.innovation is not None
+        self.noise_sd = math.sqrt(float(np.max(np.diag(entry.aiding.compute_matrices(here)[2]))))
         self.is_outside = entry.nis > LIMITS[len(entry.innovation)]
         if self.is_outside:
             self.size, self.outside_ns = float(np.linalg.norm(entry.innovation)), entry.t_ns
 
     def sd(self, here: Estimate) -> float:
-        """Of the filter on its axes."""
-        return float(np.max(here.sd_n[self.axes]))
+        """Of a measurement beside the filter, on its axes."""
+        return math.hypot(float(np.max(here.sd_n[self.axes])), self.noise_sd)
 
 
 @dataclass(slots=True)
@@ -76,7 +80,7 @@ class Return:
     def compare(self, entry: Entry, here: Estimate) -> None:
         """Take one more measurement of the source.  here : the filter at about its time"""
         self._note_pass(entry)
-        self.contradictions[entry.aiding.name].compare(entry)
+        self.contradictions[entry.aiding.name].compare(entry, here)
         if any(c.is_outside for c in self.contradictions.values()):
             self.agreed_ns, self.times, self.tolerance = None, 0, None
             return
@@ -136,10 +140,16 @@ class Return:
         """Whether it contradicts the filter at present."""
         return any(c.is_outside for c in self.contradictions.values())
 
+    @property
+    def is_resolvable(self) -> bool:
+        """Whether a filter that is certain enough would show contradictions of these sizes."""
+        return self.is_known and all(c.noise_sd < RESOLVED_SHARE * c.size for c in self._real)
+
     def describe_resolved(self) -> str:
         """Sigmas of the filter that would show its contradictions."""
-        real = {name.rpartition(".")[2]: c.size for name, c in self.contradictions.items() if c.outside_ns is not None}
-        parts = [(part, RESOLVED_SHARE * size, "m/s" if part == "velocity" else "m") for part, size in real.items()]
+        real = {name.rpartition(".")[2]: c for name, c in self.contradictions.items() if c.outside_ns is not None}
+        limits = {part: math.sqrt((RESOLVED_SHARE * c.size) ** 2 - c.noise_sd**2) for part, c in real.items()}
+        parts = [(part, limit, "m/s" if part == "velocity" else "m") for part, limit in limits.items()]
         return ", ".join(f"{limit:.1f} {unit} ({part})" for part, limit, unit in parts)
 
     def has_agreed(self, t_ns: int) -> bool:
@@ -147,7 +157,7 @@ class Return:
         return self.agreed_ns is not None and t_ns - self.agreed_ns >= AGREED_NS and self.times >= AGREED_COUNT
 
     def is_confirmed(self, here: Estimate) -> bool:
-        """Whether a step of the source ended it, or the filter would see contradictions of these sizes."""
+        """Whether a step of the source ended it, or contradictions of these sizes would be seen."""
         if self.tolerance is not None:
             return True
         return bool(self._real) and all(c.sd(here) < RESOLVED_SHARE * c.size for c in self._real)
