@@ -106,6 +106,22 @@ def test_all_quantities_must_agree() -> None:
     assert back.has_agreed(round(agree(back, 42.5, 31.0, sd=5.0) * SECOND))
 
 
+def test_a_contradiction_within_the_noise_of_the_source_is_not_ended_by_agreement() -> None:
+    """0.1 m/s from the copies, by a velocity of 0.1 m/s: inside the gate all the time, which shows nothing."""
+    back = Return(
+        {VELOCITY.name: Contradiction(QUANTITY_AXES["velocity"], 0.1, 0), POSITION.name: Contradiction(slice(0, 2))}
+    )
+    start = Start(0.8, 0.2, 700.0, (50.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.005,) * 3, (0.01,) * 3)
+    certain = start.estimate(0, np.zeros(6), Model())
+    for t in np.arange(0.2, 40.0, 0.5).tolist():
+        back.compare(Entry(round(t * SECOND), VELOCITY, nis=0.0, innovation=np.zeros(3)), certain)
+        back.compare(entry(t, 0.0, 1.0), certain)
+    assert back.has_agreed(40 * SECOND)
+    assert back.tolerance is None
+    assert not back.is_confirmed(certain)
+    assert "a sigma" not in describe_readmission(ExcludedReceiver("gnss", "gnss", 0, back))
+
+
 def test_what_would_readmit_it_is_named_as_far_as_it_is_known() -> None:
     """An eighth of 100 m; a height is confirmed by no witness; without a size the operator alone."""
     back = returning()

@@ -15,7 +15,7 @@ from fti.study import Result, faults
 from fti.study.faults import CELLS, Cell, Kind, detectable, plots
 from fti.study.faults.cells import GRADES
 from fti.study.faults.detectable import distance, is_detectable, smallest_ramp
-from fti.study.faults.flown import Found, Group, Nominal, Struck, Task, fly, nominal_flight
+from fti.study.faults.flown import Found, Group, Nominal, Struck, Task, beyond, fly, nominal_flight, strike_through
 from fti.study.faults.judgement import bound, judge, share
 from fti.study.faults.plan import plan
 from fti.study.faults.product import Calibration, Product
@@ -52,6 +52,25 @@ def test_levels_cover_a_ramp_until_the_tests_of_its_receiver_find_it() -> None:
     (struck,) = found.faults
     assert struck.refused_s is not None and struck.refused_s > 30.0
     assert (struck.misled, struck.hazardous) == (0, 0), struck.worst
+
+
+@pytest.mark.parametrize(
+    ("number", "name", "onset_s"),
+    [
+        (54, "tactical/ramp-velocity-1/2-of-2/legs", 518.3277),
+        (43, "navigation/ramp-velocity-0.5-onset-0.1/1-of-1/turns", 817.3168),
+    ],
+)
+def test_lies_that_have_misled_mislead_no_more(number: int, name: str, onset_s: float) -> None:
+    """Two receivers that drift alike, taken for a draw; a small contradiction, taken for ended when it was not."""
+    cell = CELLS[BY_NAME[name]]
+    task = Task(17, number, Group.of(cell), (BY_NAME[name],))
+    nominal, product = nominal_flight(task), Product(dataclasses.replace(cell, kind=Kind.NONE))
+    product.fly(nominal.between(0.0, onset_s))
+    flight, record = strike_through(product, nominal, cell, onset_s, task)
+    misled, _ = beyond(flight, record)
+    assert any("refused: " in text for _, text in record.events)
+    assert not misled.any(), record.events
 
 
 def test_a_heading_that_has_drifted_on_a_straight_leg_excludes_no_receiver_in_the_first_turn() -> None:
