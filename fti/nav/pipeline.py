@@ -30,7 +30,8 @@ from fti.nav.integrity.channel import make_channel
 from fti.nav.integrity.reference import Reference
 from fti.nav.navigation import Navigation, NavState, solution
 from fti.nav.plausibility.monitor import PlausibilityMonitor
-from fti.nav.protection import Protection, unstated_sigmas
+from fti.nav.protection import Protection, moved_on, unstated_sigmas
+from fti.nav.series import SECOND_NS
 from fti.nav.sources import Source
 from fti.nav.witnesses import Size, WitnessMonitor
 from fti.types import (
@@ -81,7 +82,7 @@ class Pipeline:
         )
         self._limits = roles.alert_limits
         self._protection = Protection(None, None)
-        self._protected: str | None = None  # the source of whose position it is
+        self._protected = NavState(0, None, None, None, None, None)  # whose levels these are
         self._attitude_protection = AttitudeProtection(config, self._sources)
         self._plausibility = PlausibilityMonitor(config)
         self._witnesses = WitnessMonitor(config, unstated_sigmas(config))
@@ -234,12 +235,13 @@ class Pipeline:
         self._ticks += 1
         if self._ticks % PROTECTION_TICKS == 0:
             out += [*self._navigation.compare(nav), *self._confirm(nav)]
-        if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected:
-            self._protection, self._protected = self._navigation.protection(nav), nav.position_source
-            self._approach.protect(None if self._protection.assumed else self._protection.horizontal)
+        if self._ticks % PROTECTION_TICKS == 0 or nav.position_source != self._protected.position_source:
+            self._protection, self._protected = self._navigation.protection(nav), nav
         if self._ticks % SOLUTION_TICKS == 0:
+            protection = self._protect(nav)
+            self._approach.protect(None if protection.assumed else protection.horizontal)
             tilted = self._attitude_protection.at(t_ns, nav.attitude, nav.attitude_source)
-            out.append(solution(nav, self._protection, tilted, self._limits, self._navigation.refused))
+            out.append(solution(nav, protection, tilted, self._limits, self._navigation.refused))
         if self._fallbacks:
             self._fallbacks.doubt(self._plausibility.suspected)
             fallback = self._fallbacks.tick(t_ns, nav)
@@ -249,6 +251,13 @@ class Pipeline:
                     self._attitude_protection.take_filter(solved)
             out += fallback
         return out
+
+    def _protect(self, nav: NavState) -> Protection:
+        """Protection levels of a state: those of the last comparison, and what it has stepped since."""
+        then, now = self._protected.position, nav.position
+        if then is None or now is None:
+            return self._protection
+        return moved_on(self._protection, then, now, (nav.t_ns - self._protected.t_ns) / SECOND_NS)
 
 
 def _fallbacks(config: Config) -> Fallbacks | None:

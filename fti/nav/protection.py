@@ -64,6 +64,21 @@ def unchecked(here: PositionState, assumed: tuple[float, float]) -> Protection:
     return Protection(horizontal, vertical, (Reason.NOTHING_TO_COMPARE,), is_assumed)
 
 
+def moved_on(found: Protection, then: PositionState, now: PositionState, seconds: float) -> Protection:
+    """Levels of a position that was compared with the filter so long ago, and has gone on by more than its velocity.
+
+    A fix that repeats the one before steps back by 0.2 s of flight: its error grows by that at once.
+    """
+    if Reason.NOTHING_TO_COMPARE in found.unchecked or then.north is None or then.east is None:
+        return found
+    meridian, normal = radii(then.lat)
+    north = (now.lat - then.lat) * meridian - then.north * seconds
+    east = math.remainder(now.lon - then.lon, 2.0 * math.pi) * normal * math.cos(then.lat) - then.east * seconds
+    up = 0.0 if now.alt is None or then.alt is None else now.alt - then.alt + (then.down or 0.0) * seconds
+    horizontal = None if found.horizontal is None else found.horizontal + math.hypot(north, east)
+    return found._replace(horizontal=horizontal, vertical=None if found.vertical is None else found.vertical + abs(up))
+
+
 def is_beyond(found: Protection, limits: AlertLimits) -> bool:
     """Whether a level is above its alert limit; those of an assumed sigma are of a kind and not of this source."""
     if found.assumed:

@@ -12,7 +12,17 @@ from fti.config import AlertLimits
 from fti.geodesy.wgs84 import radii
 from fti.nav.attitude_protection import AttitudeLevels
 from fti.nav.navigation import NavState, solution
-from fti.nav.protection import K_AXIS, K_RADIAL, Compared, Protection, by_filter, differences, is_beyond, unchecked
+from fti.nav.protection import (
+    K_AXIS,
+    K_RADIAL,
+    Compared,
+    Protection,
+    by_filter,
+    differences,
+    is_beyond,
+    moved_on,
+    unchecked,
+)
 from fti.nav.separation.protection import K_MD_AXIS, K_MD_RADIAL
 from fti.nav.source_check import SourceCheck
 from fti.nav.sources import AttitudeState, PositionState
@@ -52,6 +62,19 @@ def test_a_device_beside_the_filter_is_as_good_as_the_filter_and_the_difference(
     assert found[:2] == pytest.approx((55.0, 25.0), rel=1e-6)
     assert found[2:] == ((), False)
     assert by_filter(replace(liar, alt=None), FILTER).vertical is None
+
+
+def test_a_fix_that_steps_back_counts_at_once_and_flight_does_not() -> None:
+    """50 m/s north for 0.2 s: 10 m on are the flight; the same place again is 10 m off, by how much it is higher."""
+    level = Protection(15.0, 20.0)
+    assert moved_on(level, HERE, moved(10.0), 0.2)[:2] == pytest.approx((15.0, 20.0), abs=1e-3)
+    assert moved_on(level, HERE, moved(0.0), 0.2)[:2] == pytest.approx((25.0, 20.0), abs=1e-3)
+    assert moved_on(level, HERE, moved(10.0, 3.0, 2.0), 0.2)[:2] == pytest.approx((18.0, 22.0), abs=1e-3)
+    pole = replace(HERE, lat=math.pi / 2.0)
+    assert moved_on(level, pole, pole, 0.0)[:2] == pytest.approx((15.0, 20.0))
+    alone = unchecked(HERE, (5.0, 10.0))
+    assert moved_on(alone, HERE, moved(0.0), 0.2) == alone
+    assert moved_on(Protection(15.0, None), HERE, moved(10.0, up=9.0), 0.2).vertical is None
 
 
 def test_alone_it_has_the_level_of_its_own_sigma_or_of_its_kind() -> None:
