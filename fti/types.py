@@ -24,6 +24,8 @@ class RawFrame:
     data: bytes
 
 
+#: In place of the name of a device, where the operator readmits all of them.
+ALL_SOURCES = "*"
 TICK_LINK = "fti_tick"
 #: The recorder numbers a tick frame every 20 ms, so that silence has a time too.
 TICK_PERIOD_NS = 20_000_000

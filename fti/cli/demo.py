@@ -66,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
             begun = _ending_after(args.duration)
             while True:
                 await _fly_once(scenario, file, links, supervisor, begun)
+                await supervisor.readmit_all("the demonstration, behind a flight")  # the next one begins far away
 
         signalled = asyncio.run(
             serve(

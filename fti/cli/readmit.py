@@ -1,6 +1,7 @@
-"""Readmit a source of position that the tests of one source hold back as unconfirmed.
+"""Readmit a source of position that is refused, or all of them.
 
   fti readmit gnss
+  fti readmit --all        navigation begins anew: the aircraft was moved, or the emulator flies another flight
 
 After a step or a ramp of its position a source stays unconfirmed, because it agrees with itself while its position is
 still wrong.  Readmit it when you know that the contradiction has ended.  It is used again after 30 s and 30 fixes in
@@ -14,11 +15,15 @@ from __future__ import annotations
 import argparse
 
 from fti.cli._printing import print_line
+from fti.types import ALL_SOURCES
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of ``fti readmit``."""
-    parser.add_argument("source", metavar="SOURCE", help="device of nav.position, nav.filter.gnss or nav.radio")
+    which = parser.add_mutually_exclusive_group(required=True)
+    help_source = "device of nav.position, nav.filter.gnss or nav.radio"
+    which.add_argument("source", metavar="SOURCE", nargs="?", help=help_source)
+    which.add_argument("--all", action="store_true", help="forget all refusals, and begin filter and outputs anew")
     parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
 
 
@@ -26,6 +31,9 @@ def run(args: argparse.Namespace) -> int:
     """Tell the daemon."""
     from fti.service.client import ask
 
-    ask({"readmit": args.source}, args.run_dir)
-    print_line(f"{args.source}: readmitted; it is used again when its tests have passed for 30 s")
+    ask({"readmit": ALL_SOURCES if args.all else args.source}, args.run_dir)
+    if args.all:
+        print_line("all sources are readmitted; navigation begins anew")
+    else:
+        print_line(f"{args.source}: readmitted; it is used again when its tests have passed for 30 s")
     return 0

@@ -33,7 +33,7 @@ from fti.nav.integrity.reference import Reference
 from fti.service.binding import BoundDevice, bind_devices, parse_reference, read_texts
 from fti.service.chain import Chain, Products
 from fti.service.ground import load_ground
-from fti.types import RawFrame
+from fti.types import ALL_SOURCES, RawFrame
 
 Progress = Callable[[int], None]
 FLUSH_FRAMES = 5000
@@ -92,7 +92,7 @@ class Setup:
 
     def readmissions_in(self, segment: Segment) -> list[Readmission]:
         """Those of sources that this configuration has, of one navigation process."""
-        sources = position_sources(self.config.nav)
+        sources = {ALL_SOURCES, *position_sources(self.config.nav)}
         last = math.inf if segment.last is None else segment.last
         return [r for r in self.readmissions if segment.first - 1 <= r.after_seq <= last and r.source in sources]
 

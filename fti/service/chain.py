@@ -20,7 +20,7 @@ from fti.nav.pipeline import Pipeline
 from fti.nav.times.device_times import DeviceTimes
 from fti.service.binding import BoundDevice
 from fti.service.guard import Guard
-from fti.types import TICK_LINK, Event, Measurement, Output, RawFrame
+from fti.types import ALL_SOURCES, TICK_LINK, Event, Measurement, Output, RawFrame
 
 #: Why bytes are no frame that a decoder held when frames went missing, or had when it failed.
 GAP, FAILURE = "gap", "failure"
@@ -66,7 +66,9 @@ class Chain:
         for listener in self.listeners:
             self._on_link.setdefault(listener.bound.device.link, []).append(listener)
         self._times, self._mountings = DeviceTimes(config.device), Mountings(config.device)
+        self._config, self._reference = config, reference
         self._pipeline = Pipeline(config, reference)
+        self._given_ground: tuple[Ground | None] | None = None  # none was given yet
 
     def pass_gap(self) -> None:
         """Frames are missing before the next one: what decoders hold is no beginning of it, so they start afresh."""
@@ -77,6 +79,7 @@ class Chain:
     def give_ground(self, ground: Ground | None, fault: str | None, after_seq: int, t_ns: int) -> Products:
         """Behind frame ``after_seq`` at t_ns the ground was there; None: it never will be, and ``fault`` says why."""
         products = Products()
+        self._given_ground = (ground,)
         self._pipeline.give_ground(ground)
         about: dict[str, Any] = {"fault": fault or ""}
         if ground:
@@ -87,12 +90,22 @@ class Chain:
         return products
 
     def readmit(self, source: str, after_seq: int, t_ns: int) -> Products:
-        """Behind frame ``after_seq`` at t_ns the operator has confirmed a source.  Raises KeyError for no source."""
-        events = self._pipeline.readmit(source, t_ns)
+        """Behind frame ``after_seq`` at t_ns the operator has confirmed a source, or all.  Raises KeyError."""
         products = Products()
-        products.outputs += events
+        if source == ALL_SOURCES:
+            products.outputs.append(self._begin_anew(t_ns))
+        else:
+            products.outputs += self._pipeline.readmit(source, t_ns)
         products.notes.append((READMISSION_TOPIC, t_ns, {"t_ns": t_ns, "after_seq": after_seq, "source": source}))
         return products
+
+    def _begin_anew(self, t_ns: int) -> Event:
+        """Navigation forgets all that it has heard, refusals among it."""
+        self._pipeline = Pipeline(self._config, self._reference)
+        if self._given_ground:
+            self._pipeline.give_ground(*self._given_ground)
+        text = "begins anew: the operator readmits all sources"
+        return Event(t_ns=t_ns, level="info", source="nav", text=text)
 
     @property
     def refusals(self) -> list[CarriedRefusal]:

@@ -12,6 +12,7 @@ from fti.service.commands import Commander
 from fti.service.control import Message
 from fti.service.control_socket import Answer
 from fti.service.keeping import RecorderMail
+from fti.types import ALL_SOURCES
 
 
 class Desk:
@@ -59,14 +60,15 @@ class Desk:
             self._commander.begin(message["send"], who)
 
     def _readmit(self, source: Any, who: str) -> Answer:
-        """Have navigation readmit a source of position; recorded with who has said so."""
+        """Have navigation readmit a source of position, or all; recorded with who has said so."""
         sources = position_sources(self._config.nav)
-        if source not in sources:
+        if source not in (ALL_SOURCES, *sources):
             return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}
         if not self._navigate({"readmit": source}):
             return {"fault": "navigation is being started again; repeat the command when it runs"}
         now = self._clock.now_ns()
-        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": "readmit", "text": str(source)}, who)
+        text = "all sources; navigation begins anew" if source == ALL_SOURCES else str(source)
+        self._bulletin.pass_on({"t_ns": now, "level": "info", "source": "readmit", "text": text}, who)
         return {"t_ns": now}
 
     def _mark(self, command: dict[str, Any], who: str) -> Answer:

@@ -39,6 +39,7 @@ from fti.service.session_places import SessionPlaces
 from fti.service.session_result import SessionResult, save_ledger
 from fti.service.terrain_trial import TerrainTrial
 from fti.service.watchdog import Watchdog
+from fti.types import ALL_SOURCES
 
 HEALTH_PERIOD_S = 0.5
 MOST_STARTS = 2
@@ -170,6 +171,10 @@ class Supervisor:
     def stop(self) -> None:
         """End the session in good order; called again, shorten what comes after the raw file."""
         (self._ending.hurry if self._stop.is_set() else self._stop).set()
+
+    async def readmit_all(self, who: str) -> None:
+        """Have navigation begin anew: what comes next is another flight."""
+        await self._desk.obey({"readmit": ALL_SOURCES}, who)
 
     async def run(self, duration_s: float | None = None) -> None:
         """Record until stopped, or for a duration [s] counted from the first recorded moment."""

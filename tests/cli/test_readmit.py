@@ -14,7 +14,7 @@ from fti.service.rundir import RunDir
 from tests.run_dirs import running_daemon
 
 
-def readmit(run_dir: Path, source: str, answer: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
+def readmit(run_dir: Path, argument: str, answer: dict[str, Any]) -> tuple[int, list[dict[str, Any]]]:
     """Exit code of the command beside a daemon that answers, and what the daemon was asked."""
     asked: list[dict[str, Any]] = []
 
@@ -25,7 +25,7 @@ def readmit(run_dir: Path, source: str, answer: dict[str, Any]) -> tuple[int, li
     async def beside(made: RunDir) -> int:
         server = await serve_commands(made.bind(), obey, lambda unit, error: pytest.fail(f"{unit}: {error}"))
         async with server:
-            return await asyncio.to_thread(main, ["readmit", source, "--run-dir", str(run_dir)])
+            return await asyncio.to_thread(main, ["readmit", argument, "--run-dir", str(run_dir)])
 
     with running_daemon(run_dir) as made:
         return asyncio.run(beside(made)), asked
@@ -34,6 +34,11 @@ def readmit(run_dir: Path, source: str, answer: dict[str, Any]) -> tuple[int, li
 def test_the_source_reaches_the_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert readmit(tmp_path, "gnss", {"t_ns": 1}) == (0, [{"readmit": "gnss"}])
     assert capsys.readouterr().out.startswith("gnss: readmitted")
+
+
+def test_all_sources_reach_the_daemon_as_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert readmit(tmp_path, "--all", {"t_ns": 1}) == (0, [{"readmit": "*"}])
+    assert "navigation begins anew" in capsys.readouterr().out
 
 
 def test_what_the_daemon_refuses_is_a_wrong_call(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

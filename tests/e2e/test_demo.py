@@ -15,8 +15,10 @@ from mcap.records import Channel, Message, Schema
 
 from fti.hil.truth import END_TOPIC, TOPIC
 from tests.e2e.harness import fti
+from tests.helpers import ROOT
 
 pytestmark = [pytest.mark.e2e, pytest.mark.timeout(900)]
+CONFIGS = ROOT / "configs"
 LINKS = ("radalt_line", "ins_eth", "air_can", "ahrs_line", "gnss_line", "mavlink_eth", "pdu_line")
 OUTPUTS = ("nav_solution", "height_above_ground/altimeter", "clearance_integrity", "glide_slope", "location")
 
@@ -45,6 +47,30 @@ def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
     rows_ns = [message.log_time for _, channel, message in flown if channel.topic == TOPIC]
     assert max(message.log_time for _, channel, message in found if channel.topic == "/nav/nav_solution") > rows_ns[-1]
     assert fti("verify", str(session)).returncode == 0
+
+
+def test_the_next_flight_begins_far_away_and_is_navigated_again(tmp_path: Path) -> None:
+    """No aircraft flies back to the beginning of its approach in seconds: navigation begins anew between two flights."""
+    approach = (CONFIGS / "scenarios" / "nominal.toml").read_text().replace("../demo.toml", str(CONFIGS / "demo.toml"))
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(approach + '\n[flight]\nkind = "approach"\nduration_s = 9\n')
+    arguments = ("--headless", "--scenario", str(scenario), "--duration", "30", "--out", str(tmp_path / "out"))
+    done = fti("demo", *arguments, "--run-dir", str(tmp_path / "run"))
+    assert done.returncode == 0, done.stderr
+    (session,) = (tmp_path / "out").glob("demo_*")
+    (truth,) = session.glob("*_truth_001.mcap")
+    rows_ns = [message.log_time for _, channel, message in _messages(truth) if channel.topic == TOPIC]
+    assert rows_ns[-1] - rows_ns[0] > 7_000_000_000
+    solutions = [found for file in session.glob("*_derived_*.mcap") for found in _messages(file)]
+    in_flight = [
+        json.loads(message.data)
+        for _, channel, message in solutions
+        if channel.topic == "/nav/nav_solution" and rows_ns[0] + 4_000_000_000 < message.log_time < rows_ns[-1]
+    ]
+    assert len(in_flight) > 50
+    assert all(row["position_source"] == "ins" for row in in_flight)
+    begun = [message.log_time for _, channel, message in solutions if channel.topic == "/fti/readmission"]
+    assert len([t_ns for t_ns in begun if t_ns < rows_ns[0]]) == 1
 
 
 def _assert_schemas(messages: list[tuple[Schema | None, Channel, Message]]) -> None:

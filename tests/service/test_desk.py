@@ -88,6 +88,12 @@ async def test_a_source_is_readmitted_by_navigation_and_the_event_names_who(rig:
     assert (event["source"], event["text"], event["who"]) == ("readmit", "gnss", "alice")
 
 
+async def test_all_sources_are_readmitted_at_once(rig: Rig) -> None:
+    assert await rig.desk.obey({"readmit": "*"}, "alice") == {"t_ns": 7}
+    assert rig.navigation == [{"readmit": "*"}]
+    assert [event["text"] for event in rig.events] == ["all sources; navigation begins anew"]
+
+
 async def test_what_is_not_a_source_or_has_no_navigation_is_not_readmitted(rig: Rig) -> None:
     for wrong in ("radar", 7, {"a": 1}, None):
         fault = (await rig.desk.obey({"readmit": wrong}, "alice"))["fault"]

@@ -106,8 +106,9 @@ def test_without_a_fresh_start_of_decoders_a_wrong_height_would_be_valid(tmp_pat
         _assert_nothing_wrong_is_valid(world)
 
 
-def test_a_readmission_by_the_operator_is_recorded_and_repeated(tmp_path: Path) -> None:
-    commands = [b'{"readmit":"ins"}\n']
+@pytest.mark.parametrize(("source", "told"), [("ins", "nothing to readmit"), ("*", "begins anew")])
+def test_a_readmission_by_the_operator_is_recorded_and_repeated(source: str, told: str, tmp_path: Path) -> None:
+    commands = [json.dumps({"readmit": source}).encode() + b"\n"]
 
     def cost(now: float) -> float:
         if now > 2.0 and commands:
@@ -118,7 +119,9 @@ def test_a_readmission_by_the_operator_is_recorded_and_repeated(tmp_path: Path) 
     world.run()
     world.finish()
     (note,) = world.rows("/fti/readmission")
-    assert note["source"] == "ins"
+    assert note["source"] == source
+    (event,) = [event for event in world.rows("/fti/event") if told in event["message"]]
+    assert event["name"] == ("nav" if source == "*" else "ins")
     assert 450 <= note["after_seq"] < 600
     again = reprocessed(world, tmp_path / "again")
     assert outputs(again) == outputs(world.session.path)
