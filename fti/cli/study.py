@@ -4,7 +4,7 @@
   fti study device_clock
   fti study device_clock --runs 400 --seed 7 --json
   fti study slant-range --plots figures       # the results, and pictures of them
-  fti study faults --runs 1 --plots figures   # fault detection: one fault of each kind, size and unit (two hours: 11)
+  fti study faults --runs 1 --plots figures   # fault detection: one fault of each kind, size and unit (80 minutes: 11)
   fti study slant-range --scheduler tcp://10.0.0.1:8786     # its runs on a Dask cluster, not on the cores here
 
 The same seed gives the same figures.  Exit code 1 when a target is not reached.

@@ -50,7 +50,7 @@ def test_the_demonstration_leaves_what_it_promises(tmp_path: Path) -> None:
 
 
 def test_the_next_flight_begins_far_away_and_is_navigated_again(tmp_path: Path) -> None:
-    """No aircraft flies back to the beginning of its approach in seconds: navigation begins anew between two flights."""
+    """No aircraft flies back to the beginning of its approach in seconds: navigation begins anew in between."""
     approach = (CONFIGS / "scenarios" / "nominal.toml").read_text().replace("../demo.toml", str(CONFIGS / "demo.toml"))
     scenario = tmp_path / "short.toml"
     scenario.write_text(approach + '\n[flight]\nkind = "approach"\nduration_s = 9\n')
