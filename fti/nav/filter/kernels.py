@@ -111,11 +111,12 @@ def coast(  # noqa: PLR0917
 @kernel
 def separate(  # noqa: PLR0917
     y: Array, P: Array, other_y: Array, other_P: Array, mat_en: Array, min_share: float
-) -> tuple[Array, float]:
+) -> tuple[Array, Array, float]:
     """How far an estimate is from another one that has had fewer aids: y - other_y in north, east, down.
 
     Returns : ndarray, shape (3, 6)   difference of position [m] and velocity [m/s]; its sigma, from other_P - P, at
               least ``min_share`` of that of y; sigma of the other one
+              ndarray, shape (2,)     difference over sigma of position and velocity in any horizontal direction
               float   the largest sigma of the other one's horizontal position in any direction [m]
     """
     found = np.zeros((3, 6))
@@ -130,11 +131,30 @@ def separate(  # noqa: PLR0917
                 other_variance += turn * other_P[at + j, at + k] * mat_en[k, i % 3]
         found[1, i] = np.sqrt(max(other_variance - variance, min_share**2 * variance))
         found[2, i] = np.sqrt(other_variance)
-    across = 0.0
-    for j in range(3):
-        for k in range(3):
-            across += mat_en[j, 0] * other_P[j, k] * mat_en[k, 1]
-    return found, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, across)
+    across, level = 0.0, np.empty(2)
+    for part in range(2):
+        at, covariance, other_covariance = 3 * part, 0.0, 0.0
+        for j in range(3):
+            for k in range(3):
+                covariance += mat_en[j, 0] * P[at + j, at + k] * mat_en[k, 1]
+                other_covariance += mat_en[j, 0] * other_P[at + j, at + k] * mat_en[k, 1]
+        correlation = (other_covariance - covariance) / (found[1, at] * found[1, at + 1])
+        level[part] = _level_ratio(found[0, at] / found[1, at], found[0, at + 1] / found[1, at + 1], correlation)
+        if part == 0:
+            across = other_covariance
+    return found, level, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, across)
+
+
+@kernel
+def _level_ratio(north: float, east: float, correlation: float) -> float:
+    """How unlikely a difference is, each axis over its sigma, in the direction in which it is most so.
+
+    The distance of Mahalanobis, but not more than that without correlation: a difference of two covariances may be
+    wrong where it is smallest.
+    """
+    r = min(max(correlation, -0.99), 0.99)
+    distance = np.sqrt((north * north - 2.0 * r * north * east + east * east) / (1.0 - r * r))
+    return float(max(np.abs(north), np.abs(east), min(distance, np.hypot(north, east))))
 
 
 @kernel

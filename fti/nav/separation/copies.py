@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fti.nav.filter import kernels
 from fti.nav.filter.estimate import Estimate
-from fti.nav.filter.gate import LIMITS, Standings
+from fti.nav.filter.gate import LIMITS, Judgement, Standings
 from fti.nav.filter.measurement_update import normalised_squared, update_estimate
 from fti.nav.filter.segment import Entry, Moment, Piece
 
@@ -57,7 +57,7 @@ class Copy:
                 if entry.aiding.name not in self.removed:
                     found = update_estimate(self.estimate, self.standings, entry.aiding, entry.t_ns)
                     self.estimate, self.standings = found.estimate, found.standings
-                elif entry.aiding.name in tested:
+                elif entry.aiding.name in tested and entry.judgement is not Judgement.EXCLUDED:
                     self._compare(entry)
 
     def _compare(self, entry: Entry) -> None:
@@ -74,12 +74,14 @@ class Separation(NamedTuple):
 
     d, d_sd : ndarray, shape (6,)   difference of position [m] and velocity [m/s], and its sigma
     copy_sd : ndarray, shape (6,)   sigma of the copy
+    level_ratios : of position and velocity, |d| over its sigma in the horizontal direction in which that is largest
     radial_sd : the largest sigma of the copy's horizontal position in any direction [m]
     """
 
     d: Array
     d_sd: Array
     copy_sd: Array
+    level_ratios: tuple[float, float]
     radial_sd: float
 
     @property
@@ -90,8 +92,8 @@ class Separation(NamedTuple):
 
 def separate(filtered: Estimate, copy: Estimate) -> Separation:
     """How far the filter is from a copy of the same time."""
-    found, radial_sd = kernels.separate(filtered.y, filtered.P, copy.y, copy.P, filtered.mat_en, MIN_SHARE)
-    return Separation(found[0], found[1], found[2], radial_sd)
+    found, level, radial_sd = kernels.separate(filtered.y, filtered.P, copy.y, copy.P, filtered.mat_en, MIN_SHARE)
+    return Separation(found[0], found[1], found[2], (float(level[0]), float(level[1])), radial_sd)
 
 
 def largest_sd(cov: Array) -> float:

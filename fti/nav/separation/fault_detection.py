@@ -36,7 +36,7 @@ from fti.nav.separation.exclusions import (
     describe_unconfirmed,
     size_of,
 )
-from fti.nav.separation.monitor import DRAW_END_NS, HORIZONTAL_AXES, K_FA, QUANTITY_AXES, REFUSED_NS, Finding
+from fti.nav.separation.monitor import DRAW_END_NS, K_FA, QUANTITY_AXES, REFUSED_NS, Finding
 from fti.nav.separation.protection import Levels, of_filter, of_provisional
 from fti.nav.separation.provisional import Provisional, ProvisionalFilters
 from fti.nav.separation.readmission import Contradiction, Return
@@ -364,7 +364,7 @@ class FaultDetection:
         if mine is None:
             return [np.inf]
         separations = [separate(mine.estimate, copy.estimate) for copy in watched.monitor.ladder.copies]
-        return [float(max(s.ratios[list(HORIZONTAL_AXES)])) for s in separations]
+        return [max(separation.level_ratios) for separation in separations]
 
     def _exclude(
         self, devices: Sequence[str], quantities: tuple[str, ...], finding: Finding, segment: Segment, t_ns: int
@@ -376,9 +376,19 @@ class FaultDetection:
             self._tell(t_ns, "warning", describe_exclusion(device, what, finding, t_ns))
         copy = finding.copy.estimate if finding.copy else None
         self._navigator.exclude(names_of(devices, quantities), finding.onset_ns, copy)
-        for watched in self._classes:  # copies without satellites go without their heights, too
-            if quantities == QUANTITIES or watched.what != SATELLITES:
+        for watched in self._classes:
+            if watched.what != SATELLITES:
                 watched.clear()
+            elif quantities == QUANTITIES:  # copies without satellites go without their heights, too
+                self._go_on_without(watched, finding)
+
+    def _go_on_without(self, satellites: SourceClass, finding: Finding) -> None:
+        """Behind the exclusion of a receiver: where another one aids, it may be the next that the oldest copy finds."""
+        is_oldest = finding.copy is not None and finding.copy is satellites.monitor.ladder.oldest
+        if is_oldest and self._aiding(satellites):
+            satellites.go_on_from_oldest()
+        else:
+            satellites.clear()
 
     def _aids_of(self, watched: SourceClass) -> frozenset[str]:
         """What aids the filter without satellites, and is not excluded."""
@@ -516,7 +526,8 @@ def _contradiction(device: str, quantity: str, finding: Finding, segment: Segmen
     for entry in segment.entries:
         if entry.aiding.name == name and entry.judgement is Judgement.REFUSED and entry.innovation is not None:
             size = max(size, float(np.linalg.norm(entry.innovation)))
-    return Contradiction(QUANTITY_AXES[quantity], size, segment.end.estimate.t_ns if size > 0.0 else None)
+    is_real = size > 0.0
+    return Contradiction(QUANTITY_AXES[quantity], size, segment.end.estimate.t_ns if is_real else None, is_real)
 
 
 def _contradicts(device: str, watched: SourceClass, finding: Finding, segment: Segment) -> bool:

@@ -33,6 +33,7 @@ DRAW_END_NS = 60_000_000_000
 #: Axes of a separation, for texts.
 AXES = ("north", "east", "down", "velocity north", "velocity east", "velocity down")
 QUANTITY_AXES = {"position": slice(0, 2), "height": slice(2, 3), "velocity": slice(3, 6)}
+LEVEL_AXES = (0, 3)  # north of position and velocity; east follows
 HORIZONTAL_AXES, DOWN_AXIS, ALL_AXES = (0, 1, 3, 4), (2,), (0, 1, 2, 3, 4, 5)
 
 
@@ -105,6 +106,8 @@ class SeparationMonitor:
         self.ratio = 0.0
         for number, separation in enumerate(self.separations):
             ratios = separation.ratios.tolist()
+            for first, level in zip(LEVEL_AXES, separation.level_ratios, strict=True):  # both axes in any direction
+                ratios[first if ratios[first] > ratios[first + 1] else first + 1] = level
             axis = max(self.axes, key=ratios.__getitem__)
             if ratios[axis] > self.ratio:
                 self.ratio, self._worst = ratios[axis], (number, axis)
