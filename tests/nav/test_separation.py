@@ -6,6 +6,7 @@ The truth is that of ``receiver_flights``.  What a copy must be comes from the f
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -157,6 +158,21 @@ def test_a_separation_is_told_in_north_east_down() -> None:
     np.testing.assert_allclose(found.d_sd[:3], np.sqrt([3.0, 5.0, 7.0]), rtol=1e-5)
     np.testing.assert_allclose(found.ratios[:3], np.array([3.0, 4.0, 5.0]) / np.sqrt([3.0, 5.0, 7.0]), rtol=1e-3)
     assert found.radial_sd == pytest.approx(3.0, rel=1e-5)
+    assert found.level_ratios[0] == pytest.approx(np.hypot(3.0 / np.sqrt(3.0), 4.0 / np.sqrt(5.0)), rel=1e-3)
+
+
+@pytest.mark.parametrize(("correlation", "expected"), [(0.6, np.sqrt(2.0 / 1.6) * 3.0), (-0.6, np.sqrt(2.0) * 3.0)])
+def test_a_separation_counts_in_the_direction_in_which_it_is_least_likely(correlation: float, expected: float) -> None:
+    """3 sigma north and east.  Along a correlation that is what d is like; across it no more than without one."""
+    start = Start(0.0, 0.0, ALT, (60.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0,) * 3, (0.1,) * 3, (1e-3,) * 3)
+    here = start.estimate(0, np.zeros(6), MODEL)
+    meridian, normal = (float(r) for r in radii(0.0))
+    moved = replace(start, lat=-6.0 / (meridian + ALT), lon=-6.0 / (normal + ALT)).estimate(0, np.zeros(6), MODEL)
+    P = here.P.copy()  # at the equator north is e_z, east e_y
+    P[1:3, 1:3] += 4.0 * np.array([[1.0, correlation], [correlation, 1.0]])
+    found = separate(here, replace(moved, P=P))
+    np.testing.assert_allclose(found.ratios[:2], 3.0, rtol=1e-3)
+    assert found.level_ratios[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_largest_sigma_is_that_of_the_worst_direction() -> None:
