@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -56,13 +57,19 @@ async def test_an_emulator_that_stands_still_does_not_outlive_the_demonstration(
 
 
 async def test_the_time_runs_from_the_first_flight_on() -> None:
-    ended = asyncio.Event()
-    begun = demo._ending_after(0.01, cast("Supervisor", SimpleNamespace(stop=ended.set)))
+    begins: list[Callable[[], None]] = []
+
+    async def fly() -> None:
+        begins.append(demo._ending_after(0.01))
+        await asyncio.Event().wait()
+
+    flying = asyncio.create_task(fly())
     await asyncio.sleep(0.05)
-    assert not ended.is_set()  # while the emulator prepares, no time is taken from the session
+    assert not flying.done()  # while the emulator prepares, no time is taken from the session
+    (begun,) = begins
     begun()
-    await ended.wait()
-    ended.clear()
     begun()  # the next flight of the same demonstration
+    with pytest.raises(asyncio.CancelledError):
+        await flying
     await asyncio.sleep(0.05)
-    assert not ended.is_set()
+    assert flying.cancelling() == 1

@@ -53,6 +53,11 @@ def in_flight(session: Path) -> Seconds:
     return lambda item: (item.log_time - begin_ns) / SECOND_NS
 
 
+def is_later(item: Item, seconds: Seconds) -> bool:
+    """Than 20 s; the end of the flight is."""
+    return item.topic.name == END_TOPIC or seconds(item) > 20.0
+
+
 def verdict(score: Score) -> Verdict:
     return next(row.verdict for row in score.rows if "stale" in row.flag)
 
@@ -162,7 +167,7 @@ def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Pat
     session = copied(flown, tmp_path)
     truth, seconds = file_of(session, TRUTH), in_flight(session)
     whole = truth.read_bytes()
-    rewrite(truth, lambda item: None if item.topic.name == END_TOPIC or seconds(item) > 20.0 else item)
+    rewrite(truth, lambda item: None if is_later(item, seconds) else item)
     begun = read_flown(truth, SCENARIO)
     truth.write_bytes(whole)  # the emulator has written on
     evidence = flight_evidence(SCENARIO, promised_setup(begun, SCENARIO), begun, Said())
@@ -173,8 +178,7 @@ def test_a_flight_that_goes_on_is_judged_as_far_as_its_truth_was_read(flown: Pat
 def test_a_flight_without_its_end_proves_nothing(flown: Path, tmp_path: Path) -> None:
     session = copied(flown, tmp_path)
     seconds = in_flight(session)
-    ended = lambda item: item.topic.name == END_TOPIC or seconds(item) > 20.0  # noqa: E731
-    rewrite(file_of(session, TRUTH), lambda item: None if ended(item) else item)
+    rewrite(file_of(session, TRUTH), lambda item: None if is_later(item, seconds) else item)
     score = score_of(SCENARIO, session)
     assert score.outcome is Outcome.NOT_PROVED
     assert "the end of its flight" in score.bench.text
