@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import EARTH_RATE, ECC_SQ, SEMI_MAJOR
+from fti.geodesy.wgs84 import EARTH_RATE, SEMI_MAJOR
 from fti.nav.filter.kernels import EXTRAS, GYRO_BIAS, matrix
-from fti.nav.filter.place import axes, geodetic
+from fti.nav.filter.place import axes, ecef, geodetic
 from fti.nav.inertial.errors import GYRO, POS, TURN, VEL
+from fti.nav.inertial.live import cross
 from fti.terrain.kernel import kernel
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def position(y: Array, place: Vector, arm_b: Vector, sds: Vector, rows: int, siz
     """
     own_lat, own_lon, own_alt = geodetic(y)
     mat_en = axes(own_lat, own_lon)
-    measured_e = _ecef(place[0], place[1], place[2] if rows == 3 else own_alt)
+    measured_e = ecef(place[0], place[1], place[2] if rows == 3 else own_alt)
     arm_e = _rotated(matrix(y), arm_b)
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
@@ -54,8 +55,8 @@ def velocity(  # noqa: PLR0917
     """
     own_lat, own_lon, _ = geodetic(y)
     mat_en, mat_eb = axes(own_lat, own_lon), matrix(y)
-    around_b = _cross(_rate_eb_b(y, felt, mat_eb), arm_b)
-    around_e = _rotated(mat_eb, around_b)
+    rate_b = _rate_eb_b(y, felt, mat_eb)
+    around_e = _rotated(mat_eb, cross(rate_b[0], rate_b[1], rate_b[2], arm_b[0], arm_b[1], arm_b[2]))
     z, H, R = np.zeros(rows), np.zeros((rows, size)), np.zeros((rows, rows))
     for i in range(rows):
         axis_e = (mat_en[0, i], mat_en[1, i], mat_en[2, i])
@@ -71,22 +72,10 @@ def velocity(  # noqa: PLR0917
 
 
 @kernel
-def _ecef(lat: float, lon: float, alt: float) -> Vector:
-    normal = SEMI_MAJOR / np.sqrt(1.0 - ECC_SQ * np.sin(lat) ** 2)
-    level = (normal + alt) * np.cos(lat)
-    return level * np.cos(lon), level * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * np.sin(lat)
-
-
-@kernel
 def _rate_eb_b(y: Array, felt: Array, mat_eb: Array) -> Vector:
     """Turn of the body against the Earth [rad/s]."""
     rate = felt[3:] - y[GYRO_BIAS:EXTRAS] - EARTH_RATE * mat_eb[2]
     return rate[0], rate[1], rate[2]
-
-
-@kernel
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
@@ -101,7 +90,7 @@ def _rotated(mat: Array, v: Vector) -> Vector:
 @kernel
 def _enter_cross(row: Array, at: int, a: Vector, b: Vector) -> None:
     """A x b into three columns."""
-    row[at], row[at + 1], row[at + 2] = _cross(a, b)
+    row[at], row[at + 1], row[at + 2] = cross(a[0], a[1], a[2], b[0], b[1], b[2])
 
 
 def warm_up() -> None:

@@ -131,18 +131,23 @@ def separate(  # noqa: PLR0917
                 other_variance += turn * other_P[at + j, at + k] * mat_en[k, i % 3]
         found[1, i] = np.sqrt(max(other_variance - variance, min_share**2 * variance))
         found[2, i] = np.sqrt(other_variance)
-    across, level = 0.0, np.empty(2)
+    level = np.empty(2)
     for part in range(2):
-        at, covariance, other_covariance = 3 * part, 0.0, 0.0
-        for j in range(3):
-            for k in range(3):
-                covariance += mat_en[j, 0] * P[at + j, at + k] * mat_en[k, 1]
-                other_covariance += mat_en[j, 0] * other_P[at + j, at + k] * mat_en[k, 1]
-        correlation = (other_covariance - covariance) / (found[1, at] * found[1, at + 1])
+        at = 3 * part
+        covariance = _across(other_P, mat_en, at) - _across(P, mat_en, at)
+        correlation = covariance / (found[1, at] * found[1, at + 1])
         level[part] = _level_ratio(found[0, at] / found[1, at], found[0, at + 1] / found[1, at + 1], correlation)
-        if part == 0:
-            across = other_covariance
-    return found, level, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, across)
+    return found, level, largest_sd(found[2, 0] ** 2, found[2, 1] ** 2, _across(other_P, mat_en, 0))
+
+
+@kernel
+def _across(P: Array, mat_en: Array, at: int) -> float:
+    """Covariance of north and east, of the three states from ``at`` on."""
+    found = 0.0
+    for j in range(3):
+        for k in range(3):
+            found += mat_en[j, 0] * P[at + j, at + k] * mat_en[k, 1]
+    return found
 
 
 @kernel

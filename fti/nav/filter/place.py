@@ -1,7 +1,6 @@
 """Where an estimate is, compiled: what ``fti.geodesy`` does for arrays, for one point that is asked a thousand times.
 
-The formulas are those of ``fti.geodesy.wgs84`` and ``rotations``, and so are their sources; the way back is
-``fti.geodesy.one_point``, in plain numbers.
+The formulas are those of ``fti.geodesy.wgs84`` and ``rotations``, and so are their sources.
 Checked against: those, tests/nav/test_filter_place.py.
 """
 
@@ -10,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fti.geodesy.wgs84 import BOWRING_STEPS, SEMI_MAJOR
+from fti.geodesy.wgs84 import BOWRING_STEPS, ECC_SQ, SEMI_MAJOR
 from fti.nav.inertial.ellipsoid import normal_at
 from fti.terrain.kernel import kernel
 
@@ -22,6 +21,14 @@ def geodetic(y: Array) -> tuple[float, float, float]:
     """lat, lon [rad], alt above the ellipsoid [m] of the position that begins a row, e frame [m]."""
     sin_lat, cos_lat, alt = normal_at(np.hypot(y[0], y[1]), y[2], BOWRING_STEPS)
     return np.arctan2(sin_lat, cos_lat), np.arctan2(y[1], y[0]), alt
+
+
+@kernel
+def ecef(lat: float, lon: float, alt: float) -> tuple[float, float, float]:
+    """The way back: e frame [m] of lat, lon [rad], alt above the ellipsoid [m]."""
+    normal = SEMI_MAJOR / np.sqrt(1.0 - ECC_SQ * np.sin(lat) ** 2)
+    level = (normal + alt) * np.cos(lat)
+    return level * np.cos(lon), level * np.sin(lon), (normal * (1.0 - ECC_SQ) + alt) * np.sin(lat)
 
 
 @kernel

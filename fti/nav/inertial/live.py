@@ -93,17 +93,18 @@ def move(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
 
 
 @kernel
-def _cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:  # noqa: PLR0917
+def cross(a: float, b: float, c: float, x: float, y: float, z: float) -> tuple[float, float, float]:  # noqa: PLR0917
+    """The product (a, b, c) x (x, y, z)."""
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
 @kernel
 def _turned(w: float, x: float, y: float, z: float, a: float, b: float, c: float) -> tuple[float, float, float]:  # noqa: PLR0917
     """A vector turned by a quaternion of any length."""
-    p, q, r = _cross(x, y, z, a, b, c)
+    p, q, r = cross(x, y, z, a, b, c)
     p, q, r = p + w * a, q + w * b, r + w * c
     scale = 2.0 / (w * w + x * x + y * y + z * z)
-    i, j, k = _cross(x, y, z, p, q, r)
+    i, j, k = cross(x, y, z, p, q, r)
     return a + scale * i, b + scale * j, c + scale * k
 
 
@@ -116,12 +117,12 @@ def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[flo
     # alpha = w1 t + dw t^2 / 2T, f = f1 + df t / T: the integral of alpha x f term by term
     df0, df1, df2 = last[0] - first[0], last[1] - first[1], last[2] - first[2]
     dw0, dw1, dw2 = last[3] - first[3], last[4] - first[4], last[5] - first[5]
-    a0, a1, a2 = _cross(first[3], first[4], first[5], first[0], first[1], first[2])
-    b0, b1, b2 = _cross(first[3], first[4], first[5], df0, df1, df2)
-    c0, c1, c2 = _cross(dw0, dw1, dw2, first[0], first[1], first[2])
-    d0, d1, d2 = _cross(dw0, dw1, dw2, df0, df1, df2)
-    p, q, r = _cross(wx, wy, wz, fx, fy, fz)
-    e0, e1, e2 = _cross(wx, wy, wz, p, q, r)
+    a0, a1, a2 = cross(first[3], first[4], first[5], first[0], first[1], first[2])
+    b0, b1, b2 = cross(first[3], first[4], first[5], df0, df1, df2)
+    c0, c1, c2 = cross(dw0, dw1, dw2, first[0], first[1], first[2])
+    d0, d1, d2 = cross(dw0, dw1, dw2, df0, df1, df2)
+    p, q, r = cross(wx, wy, wz, fx, fy, fz)
+    e0, e1, e2 = cross(wx, wy, wz, p, q, r)
     s2, s3 = step * step, step * step * step / 6.0
     e0, e1, e2 = e0 - 0.5 * bend[0], e1 - 0.5 * bend[1], e2 - 0.5 * bend[2]
     found[0] = step * fx + s2 * (a0 / 2.0 + b0 / 3.0 + c0 / 6.0 + d0 / 8.0) + s3 * e0
@@ -133,7 +134,7 @@ def _increment(first: Array, last: Array, bend: Array, step: float) -> tuple[flo
 @kernel
 def _turn(y: Array, first: Array, last: Array, bend: Array, step: float) -> None:
     """q(-omega_ie T) q_eb q(theta), brought to unit length."""
-    c0, c1, c2 = _cross(first[3], first[4], first[5], last[3], last[4], last[5])
+    c0, c1, c2 = cross(first[3], first[4], first[5], last[3], last[4], last[5])
     t0 = 0.5 * step * (first[3] + last[3]) + step * step * (c0 - step * bend[3]) / 12.0
     t1 = 0.5 * step * (first[4] + last[4]) + step * step * (c1 - step * bend[4]) / 12.0
     t2 = 0.5 * step * (first[5] + last[5]) + step * step * (c2 - step * bend[5]) / 12.0
