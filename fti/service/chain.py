@@ -100,7 +100,7 @@ class Chain:
         return products
 
     def _begin_anew(self, t_ns: int) -> Event:
-        """Navigation forgets all that it has heard, refusals among it."""
+        """Discard all earlier measurements, the state of the filter and all refusals."""
         self._pipeline = Pipeline(self._config, self._reference)
         if self._given_ground:
             self._pipeline.give_ground(*self._given_ground)

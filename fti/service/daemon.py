@@ -49,8 +49,8 @@ async def serve(
 
     recorder   : see ``early_recorder``
     duration_s : end after so long [s]; None runs until a signal comes
-    companion  : runs beside the daemon (the emulator of a demonstration); the first signal cancels it, and when it has
-                 ended the daemon ends, so that nothing is sent that nobody records
+    companion  : runs beside the daemon (the emulator of a demonstration); the first signal cancels it, and the daemon
+                 ends after it, so that all that the companion sends is recorded
     shows_key  : the line with the page's address has the key to command from it; for a terminal alone
     Returns True when a signal ended it.  Raises RecordingError when not everything was recorded.
     """

@@ -60,7 +60,7 @@ class Desk:
             self._commander.begin(message["send"], who)
 
     def _readmit(self, source: Any, who: str) -> Answer:
-        """Have navigation readmit a source of position, or all; recorded with who has said so."""
+        """Have navigation readmit a source of position, or all sources; an event records who commanded it."""
         sources = position_sources(self._config.nav)
         if source not in (ALL_SOURCES, *sources):
             return {"fault": f"{source!r} is not a source of position; there are {', '.join(sources) or 'none'}"}

@@ -47,7 +47,7 @@ class Flown:
     """One flight.
 
     begin_ns  : FTI time at which it began
-    table     : its rows as they were read, once: the file of a flight that goes on grows
+    table     : its rows, read once: the truth file of a flight in progress grows
     pauses    : in which the emulator was late, in order; an accelerated flight has none
     real_time : it was flown over ports, as long as it lasted; else it was accelerated
     sent      : messages and bytes that the emulator sent on each link; nothing in older files
