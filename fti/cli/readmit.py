@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     help_source = "device of nav.position, nav.filter.gnss or nav.radio"
     which.add_argument("source", metavar="SOURCE", nargs="?", help=help_source)
-    which.add_argument("--all", action="store_true", help="forget all refusals, and begin filter and outputs anew")
+    which.add_argument("--all", action="store_true", help="discard all refusals, and start navigation again")
     parser.add_argument("--run-dir", metavar="DIR", help="the run directory of the daemon, when there are several")
 
 

@@ -100,7 +100,8 @@ class Chain:
         return products
 
     def _begin_anew(self, t_ns: int) -> Event:
-        """Discard all earlier measurements, the state of the filter and all refusals."""
+        """Discard all earlier measurements, the state of the filter, all refusals, and the device clocks."""
+        self._times = DeviceTimes(self._config.device)
         self._pipeline = Pipeline(self._config, self._reference)
         if self._given_ground:
             self._pipeline.give_ground(*self._given_ground)

@@ -13,7 +13,7 @@ from fti.drivers import deflection_pickups
 from fti.drivers import freeflight_ra4500 as ra
 from fti.service.binding import bind_devices
 from fti.service.chain import GAP, Chain
-from fti.types import Event, Measurement, RadioHeight, RawFrame, Stamp, SurfaceDeflection
+from fti.types import ALL_SOURCES, Event, Measurement, RadioHeight, RawFrame, Stamp, SurfaceDeflection, TimeScale
 from tests.drivers.test_deflection_pickups import FLAPS, RAW_FLAPS
 from tests.service.slow_navigation import CONFIG
 
@@ -111,6 +111,29 @@ def test_the_table_that_a_node_has_acknowledged_outlasts_a_gap(tmp_path: Path) -
     assert fed(*nodes.respond(deflection_pickups.command("insert_point", args))) == []
     chain.pass_gap()
     assert fed(*nodes.encode(seen)) == [12.0]
+
+
+@pytest.mark.parametrize(("readmitted", "states"), [(True, {"learning"}), (False, {"good", "away"})])
+def test_a_device_that_boots_before_all_is_readmitted_is_not_held_to_its_old_clock(
+    monkeypatch: pytest.MonkeyPatch, readmitted: bool, states: set[str]
+) -> None:
+    """Its time begins at zero again; what was known of it is discarded with the rest."""
+    chain = _chain()
+
+    def listened(begin_s: int, end_s: int, boot_s: int) -> set[str]:
+        """States of its clock, 10 messages a second."""
+        found = set[str]()
+        for t_rx_ns in range(begin_s * 10**9, end_s * 10**9, 10**8):
+            height = RadioHeight(stamp=Stamp(t_rx_ns, t_rx_ns - boot_s * 10**9, TimeScale.BOOT), height_agl=30.0)
+            monkeypatch.setattr(chain.listeners[0].decoder, "feed", lambda *_, found=height: [found])
+            chain.feed(RawFrame("line", 0, t_rx_ns, FRAME))
+            found |= {clock["state"] for clock in chain.clocks_of("altimeter", t_rx_ns)}
+        return found
+
+    assert listened(begin_s=100, end_s=130, boot_s=0) == {"learning", "good"}
+    if readmitted:
+        chain.readmit(ALL_SOURCES, after_seq=0, t_ns=130 * 10**9)
+    assert listened(begin_s=130, end_s=138, boot_s=130) == states
 
 
 def test_a_measurement_that_fails_takes_nothing_from_the_others_of_its_message(monkeypatch: pytest.MonkeyPatch) -> None:
