@@ -57,7 +57,7 @@ class RecorderRig:
             attachments={},
             metadata={},
         )
-        self._child = Child("recorder", order.model_dump_json().encode(), self.ring.fd)
+        self._child = Child("recorder", order.model_dump_json().encode(), self.ring.fds)
         self._channel = self._child.start()
         self.health: dict[str, Any] = {}
         self._wait(lambda: all(link["connects"] for link in self.health.get("links", {"": {"connects": 0}}).values()))

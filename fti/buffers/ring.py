@@ -1,7 +1,8 @@
 """Ring between two processes: the recorder writes and never waits, navigation reads when it can.
 
 One memory file, inherited by descriptor (``pass_fds``) and mapped by both, so that a killed process takes nothing
-with it.  Its first page is the header, 64-bit words; the rest holds records, one behind the other, around the end.
+with it.  An event descriptor (``eventfd``) beside it wakes the reader.  The first page of the file is the header, in
+words of 64 bits; the rest holds records, one behind the other, around the end.
 
     word 0     magic                     8        writer's generation g       32       reader's generation
     1          size of the data [B]      10..14   writer's state, g even      34..36   reader's state, g even
@@ -94,10 +95,14 @@ def _slot(base: int, generation: int) -> int:
 
 
 class Ring:
-    """The ring and its header; ``put_many`` and ``end`` belong to the one writer.  ``fd`` is what a child inherits."""
+    """The ring and its header; ``put_many`` and ``end`` belong to the one writer.
 
-    def __init__(self, fd: int) -> None:
-        self.fd = fd
+    fds : descriptors that a child inherits: the memory file, and the event that wakes the reader
+    """
+
+    def __init__(self, fds: tuple[int, int]) -> None:
+        self.fds = fds
+        fd, self._event = fds
         self._map = mmap.mmap(fd, 0)
         self._words = memoryview(self._map)[:PAGE].cast("Q")
         if self._words[0] != MAGIC:
@@ -118,18 +123,19 @@ class Ring:
         with mmap.mmap(fd, PAGE) as header, memoryview(header) as view, view.cast("Q") as words:
             words[SIZE] = size
             words[0] = MAGIC
-        return cls(fd)
+        return cls((fd, os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)))
 
     @classmethod
-    def attach(cls, fd: int) -> Ring:
-        """The ring behind an inherited descriptor; a restarted writer goes on where the last one ended."""
-        return cls(fd)
+    def attach(cls, fds: tuple[int, int]) -> Ring:
+        """The ring behind inherited descriptors; a restarted writer goes on where the last one ended."""
+        return cls(fds)
 
     def close(self) -> None:
-        """Give back the memory and the descriptor."""
+        """Give back the memory and the descriptors."""
         self._words.release()
         self._map.close()
-        os.close(self.fd)
+        for fd in self.fds:
+            os.close(fd)
 
     # ------------------------------------------------------------------------------------------------------- writer
 
@@ -149,6 +155,7 @@ class Ring:
             oldest = self._give_up(end + need - self._size)
         self._store(end, RECORD.pack(need - HEAD, zlib.crc32(content, end & 0xFFFF_FFFF)) + content)
         self._publish(WriterState(end + need, first_seq + len(frames), oldest, began if end else first_seq))
+        os.eventfd_write(self._event, 1)
 
     def _divide(self, links: Sequence[int], first_seq: int, times_ns: Sequence[int], frames: Sequence[bytes]) -> None:
         """Two records instead of one."""
@@ -173,6 +180,7 @@ class Ring:
     def end(self) -> None:
         """Mark the end: nothing follows."""
         self._words[ENDED] = 1
+        os.eventfd_write(self._event, 1)
 
     # ------------------------------------------------------------------------------------------------ both processes
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import select
 import zlib
 from array import array
 from collections.abc import Iterator
@@ -30,6 +33,9 @@ class RingReader:
     def __init__(self, ring: Ring) -> None:
         self._ring = ring
         self._state = ring.reader_state()
+        self._event = ring.fds[1]
+        self._poll = select.poll()
+        self._poll.register(self._event, select.POLLIN)
 
     @property
     def lost_frames(self) -> int:
@@ -45,6 +51,12 @@ class RingReader:
     def finished(self) -> bool:
         """The writer has put everything and everything has been read."""
         return self._ring.ended and self._state.position == self._ring.writer_state().end
+
+    def wait(self, limit_s: float) -> None:
+        """Until the writer has put something since the last ``wait``, or has ended; at most so long."""
+        if self._poll.poll(1e3 * limit_s):
+            with contextlib.suppress(BlockingIOError):  # a reader that was killed has taken the event
+                os.eventfd_read(self._event)
 
     def commit(self) -> None:
         """What ``read`` returned has been worked on."""

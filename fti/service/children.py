@@ -52,7 +52,7 @@ class Child:
 
     name: str
     order: bytes | None = None
-    ring_fd: int | None = None
+    ring_fds: tuple[int, int] | None = None
     arguments: Sequence[str] = ()
     has_stand_in: bool = False
     state: ProcessState = ProcessState.STOPPED
@@ -107,9 +107,9 @@ class Child:
         assert self._waiting is not None
         self.process, sock = self._waiting
         self._waiting, self._spawned = None, -math.inf  # the next stand-in need not wait
-        if self.order is not None and self.ring_fd is not None:
+        if self.order is not None and self.ring_fds is not None:
             with contextlib.suppress(OSError):  # it has just died, which ``died`` will tell
-                send_order(sock, self.order, self.ring_fd)
+                send_order(sock, self.order, self.ring_fds)
         self.channel = Channel(sock)
         self.state = ProcessState.STARTING
         self._started = time.monotonic()

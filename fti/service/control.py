@@ -99,22 +99,22 @@ def read_memory_file(fd: int) -> bytes:
         return file.read()
 
 
-def send_order(sock: socket.socket, order: bytes, ring_fd: int) -> None:
+def send_order(sock: socket.socket, order: bytes, ring_fds: tuple[int, int]) -> None:
     """Tell a new child what to do: its order and the ring."""
     fd = make_memory_file("fti_order", order)
     try:
-        socket.send_fds(sock, [ORDER_MARK], [fd, ring_fd])
+        socket.send_fds(sock, [ORDER_MARK], [fd, *ring_fds])
     finally:
         os.close(fd)
 
 
-def await_order(control_fd: int) -> tuple[Channel, bytes, int] | None:
-    """In a child: wait for the order; channel, order and descriptor of the ring, or None when nobody is there."""
+def await_order(control_fd: int) -> tuple[Channel, bytes, tuple[int, int]] | None:
+    """In a child: wait for the order; channel, order and descriptors of the ring, or None when nobody is there."""
     sock = socket.socket(fileno=control_fd)
-    mark, fds, _, _ = socket.recv_fds(sock, len(ORDER_MARK), 2)
+    mark, fds, _, _ = socket.recv_fds(sock, len(ORDER_MARK), 3)
     if mark != ORDER_MARK:
         return None
-    return Channel(sock), read_memory_file(fds[0]), fds[1]
+    return Channel(sock), read_memory_file(fds[0]), (fds[1], fds[2])
 
 
 def adopt_channel(fd: int) -> Channel:

@@ -28,7 +28,8 @@ from fti.types import TICK_LINK, Ack, Event, HeightAboveGround, HeightBelowAircr
 
 #: The order in which a process appears on the bus and in health.
 PROCESS = "navigation"
-IDLE_S = 0.004
+#: The recorder wakes it at least 50 times a second; one that stands still does not.
+IDLE_S = 0.1
 #: Few, so that it is soon seen how late they are.
 READ_LIMIT = 200
 HEALTH_PERIOD_S = 0.5
@@ -40,11 +41,11 @@ OUTPUT_MAX_AGE_MS = 500.0
 class Navigator:
     """Consumes the ring until its end mark."""
 
-    def __init__(self, order: NavigationOrder, clock: SystemClock, channel: Channel, ring_fd: int) -> None:
+    def __init__(self, order: NavigationOrder, clock: SystemClock, channel: Channel, ring_fds: tuple[int, int]) -> None:
         config = order.config
         self._clock = clock
         self._channel = channel
-        self._ring = Ring.attach(ring_fd)
+        self._ring = Ring.attach(ring_fds)
         self._reader = RingReader(self._ring)
         self._links = [link.name for link in config.link] + [TICK_LINK]
         self._devices = bind_devices(config, order.texts)
@@ -116,7 +117,8 @@ class Navigator:
                 if now > orphaned:
                     return
             self._patience.rest()
-            time.sleep(IDLE_S)
+            self._reader.wait(IDLE_S)
+        self._reader.commit()
 
     def _keep_up(self, frames: Sequence[Record]) -> None:
         """Skip what waits where it waits in vain; note what was skipped.  frames : those read last.

@@ -28,11 +28,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     _end_before_recorder()
     told = await_order(args.control_fd)
     if told:
-        channel, text, ring_fd = told
+        channel, text, ring_fds = told
         order = NavigationOrder.model_validate_json(text)
         set_file_mode(int(order.config.session.file_mode, 8))
         _load_kernels(order.config)
-        Navigator(order, SystemClock(order.epoch_ns), channel, ring_fd).run()
+        Navigator(order, SystemClock(order.epoch_ns), channel, ring_fds).run()
     return 0
 
 

@@ -13,8 +13,8 @@ from fti.types import Event
 SECOND_NS = 1_000_000_000
 #: What has waited for longer is late for every consumer, whatever is made of it.
 LONGEST_WAIT_NS = SECOND_NS // 2
-#: Navigation follows again when it has found the ring empty so often since the last skip (1 s, in pauses of 4 ms).
-ENOUGH_PAUSES = 250
+#: Navigation follows again when it has found the ring empty so often since the last skip: behind each tick of a second.
+ENOUGH_PAUSES = 50
 #: A person is told at once, and then at most so often.
 TELL_NS = 30 * SECOND_NS
 

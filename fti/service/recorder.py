@@ -37,10 +37,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     _ask_for_priority()
     told = await_order(args.control_fd)
     if told:
-        channel, text, ring_fd = told
+        channel, text, ring_fds = told
         order = RecorderOrder.model_validate_json(text)
         set_file_mode(int(order.config.session.file_mode, 8))
-        recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fd)
+        recorder = Recorder(order, SystemClock(order.epoch_ns), channel, ring_fds)
         gc.freeze()
         recorder.tell_refused(hygiene.apply(order.config.recorder))
         asyncio.run(recorder.run())

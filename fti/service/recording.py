@@ -38,11 +38,11 @@ SECOND_NS = 1_000_000_000
 class Recorder:
     """The recorder.  ``run`` returns when the supervisor says stop, or is gone, and every file is closed."""
 
-    def __init__(self, order: RecorderOrder, clock: SystemClock, channel: Channel, ring_fd: int) -> None:
+    def __init__(self, order: RecorderOrder, clock: SystemClock, channel: Channel, ring_fds: tuple[int, int]) -> None:
         self._order = order
         self._clock = clock
         self._channel = channel
-        self._ring = Ring.attach(ring_fd)
+        self._ring = Ring.attach(ring_fds)
         self._intake = Intake(self._ring, lambda call: asyncio.get_running_loop().call_soon(call))
         self._stop = asyncio.Event()
         self._ticks = TripleBuffer(TICK_BUFFER_BYTES)

@@ -142,10 +142,10 @@ class Supervisor:
 
     def _make_children(self, recorder: Child) -> list[Child]:
         config, places, bus = self._config, self._places.all, self._hub.path
-        recorder.order, recorder.ring_fd = self._preparation.recorder_order(places), self._ring.fd
+        recorder.order, recorder.ring_fds = self._preparation.recorder_order(places), self._ring.fds
         made = [
             recorder,
-            Child(NAVIGATION, self._preparation.navigation_order(places, bus), self._ring.fd),
+            Child(NAVIGATION, self._preparation.navigation_order(places, bus), self._ring.fds),
         ]
         if config.display.enabled:
             made.append(Child(DISPLAY, arguments=("--bus", str(bus), "--port", str(config.display.port))))

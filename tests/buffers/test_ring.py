@@ -219,10 +219,49 @@ def test_what_does_not_fit_is_refused(ring: Ring) -> None:
 
 
 def test_other_memory_is_refused() -> None:
-    fd = os.memfd_create("other")
-    os.ftruncate(fd, 2 * PAGE)
+    fds = os.memfd_create("other"), os.eventfd(0)
+    os.ftruncate(fds[0], 2 * PAGE)
     with pytest.raises(ValueError, match="not a ring"):
-        Ring.attach(fd)
+        Ring.attach(fds)
+
+
+WAITER = """
+import sys
+from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingReader
+reader = RingReader(Ring.attach((int(sys.argv[1]), int(sys.argv[2]))))
+print("ready", flush=True)
+waits = 0
+while not reader.finished:
+    if not reader.read():
+        waits += 1
+        reader.wait(3600)
+print(reader.next_seq, waits)
+"""
+
+
+def test_a_reader_that_waits_is_woken_by_every_frame_and_by_the_end(ring: Ring) -> None:
+    """Its limit of an hour is never reached."""
+    reader = start(WAITER, ring, out=subprocess.PIPE)
+    assert reader.stdout
+    assert reader.stdout.readline() == b"ready\n"
+    for seq in range(200):
+        put(ring, seq)
+        until(lambda seq=seq: ring.reader_state().next_seq > seq)  # type: ignore[misc]
+    ring.end()
+    assert reader.wait(timeout=30) == 0
+    frames, waits = map(int, reader.stdout.read().split())
+    reader.stdout.close()
+    assert frames == 200
+    assert 200 <= waits <= 402  # once or twice a frame: it does not poll
+
+
+def test_a_wait_ends_without_a_frame(ring: Ring) -> None:
+    reader = RingReader(ring)
+    put(ring, 1)
+    reader.wait(3600)
+    reader.wait(0.01)  # the event of the frame was taken
+    assert check(reader.read()) == [1]
 
 
 def test_end_mark(ring: Ring) -> None:
@@ -317,8 +356,8 @@ def test_process_killed_while_it_publishes_leaves_the_state_before(ring: Ring, f
 WRITER = """
 import sys
 from fti.buffers.ring import Ring
-ring = Ring.attach(int(sys.argv[1]))
-seq, last = ring.next_seq, int(sys.argv[2])
+ring = Ring.attach((int(sys.argv[1]), int(sys.argv[2])))
+seq, last = ring.next_seq, int(sys.argv[3])
 while seq < last:
     ring.put_many([seq % 7], seq, [seq * 10], [seq.to_bytes(4, "little") * (seq % 40)])
     seq += 1
@@ -329,7 +368,7 @@ READER = """
 import os, sys
 from fti.buffers.ring import Ring
 from fti.buffers.ring_reader import RingReader
-reader = RingReader(Ring.attach(int(sys.argv[1])))
+reader = RingReader(Ring.attach((int(sys.argv[1]), int(sys.argv[2]))))
 while not reader.finished:
     lines = ""
     for link, seq, t, data in reader.read(50):
@@ -342,8 +381,8 @@ print("lost", reader.lost_frames)
 
 
 def start(code: str, ring: Ring, *args: object, out: int | None = None) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-c", code, str(ring.fd), *map(str, args)]
-    return subprocess.Popen(command, pass_fds=[ring.fd], stdout=out, cwd=ROOT)
+    command = [sys.executable, "-c", code, *map(str, ring.fds), *map(str, args)]
+    return subprocess.Popen(command, pass_fds=ring.fds, stdout=out, cwd=ROOT)
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:

@@ -84,7 +84,7 @@ class Rig:
         self._reader = RingReader(self._ring)
         ports = free_ports(HOST, LINKS)
         self._topics = [f"/raw/udp{n}" for n in range(LINKS)] + ["/fti/tick"]
-        self._child = Child("recorder", self._order(ports, split_mb), self._ring.fd)
+        self._child = Child("recorder", self._order(ports, split_mb), self._ring.fds)
         self._child.prepare()
         self._flood = Flood(HOST, rate_hz, ports)
         self._next_number = [0] * LINKS

@@ -15,6 +15,7 @@ import pytest
 
 from fti import config as configuration
 from fti.buffers.ring import Ring
+from fti.buffers.ring_reader import RingReader
 from fti.clock import FakeClock
 from fti.drivers import freeflight_ra4500 as ra
 from fti.drivers.imar_ixcom.options import NUMBERS
@@ -160,8 +161,13 @@ class World:
         """As in ``time``."""
         return self.now_s
 
+    @property
+    def _until_frame_s(self) -> float:
+        """Until the next frame arrives."""
+        return (self._frames[self._next][0] - self.clock.time_ns) / SECOND_NS if self._next < self.frames else 0.0
+
     def sleep(self, seconds: float) -> None:
-        """As in ``time``; frames arrive meanwhile."""
+        """Frames arrive meanwhile."""
         self.clock.advance(seconds)
         while self._next < len(self._frames) and self._frames[self._next][0] <= self.clock.time_ns:
             t_ns, link, data = self._frames[self._next]
@@ -191,7 +197,12 @@ class World:
     def navigator(self) -> Navigator:
         """A navigation process."""
         order = self.order()
-        return Navigator(order, self.clock, Channel(self._near), os.dup(self.ring.fd))  # type: ignore[arg-type]
+        return Navigator(order, self.clock, Channel(self._near), self._own_fds())  # type: ignore[arg-type]
+
+    def _own_fds(self) -> tuple[int, int]:
+        """The ring's, as another process has them."""
+        memory, event = self.ring.fds
+        return os.dup(memory), os.dup(event)
 
     def run(self) -> Navigator:
         """Let a navigation process take all that comes, or until it is interrupted."""
@@ -208,6 +219,7 @@ class World:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(navigating, "time", self)
             patch.setattr(navigating, "READ_LIMIT", READ_LIMIT)
+            patch.setattr(RingReader, "wait", lambda _, limit_s: self.sleep(min(limit_s, self._until_frame_s)))
             patch.setattr(Chain, "feed", slow_feed)
             patch.setattr(navigating, "Publisher", lambda *_: self)
             navigator = self.navigator()

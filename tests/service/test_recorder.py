@@ -46,7 +46,7 @@ class Rig:
             metadata={"name": "rig"},
             **more,
         )
-        self.child = Child("recorder", order.model_dump_json().encode(), self.ring.fd)
+        self.child = Child("recorder", order.model_dump_json().encode(), self.ring.fds)
         self.channel = self.child.start()
         self.messages: list[dict[str, Any]] = []
         self._said = bytearray()
@@ -163,7 +163,7 @@ def test_linear_algebra_of_a_child_has_one_thread() -> None:
 
 def test_a_stand_in_that_died_is_replaced(tmp_path: Path) -> None:
     ring = Ring.create(2**16)
-    child = Child("recorder", b"{}", ring.fd)
+    child = Child("recorder", b"{}", ring.fds)
     child.prepare()
     assert child._waiting
     dead = child._waiting.process
